@@ -1,0 +1,1 @@
+"""swingid: moment of inertia and bearing friction of a swinging body, from logged angles."""

@@ -1,0 +1,39 @@
+"""The exceptions of swingid and the exit codes they stand for.
+
+Every error that a user can cause is one sentence: which file, row or key; what is wrong; what to do.
+"""
+
+from __future__ import annotations
+
+
+class SwingidError(Exception):
+    """An error that a user can act on.
+
+    `message` is one sentence, `code` a short stable slug such as ``"missing-file"`` that scripts may test,
+    `exit_code` what the command line returns.
+    """
+
+    exit_code = 70
+
+    def __init__(self, message: str, *, code: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.code = code
+
+
+class UsageError(SwingidError):
+    """The command or the function was called in a way that it does not offer (exit code 2)."""
+
+    exit_code = 2
+
+
+class InputError(SwingidError):
+    """A file, row or key cannot be used (exit code 3)."""
+
+    exit_code = 3
+
+
+class UnanswerableError(SwingidError):
+    """The data are readable but cannot answer the question (exit code 4)."""
+
+    exit_code = 4

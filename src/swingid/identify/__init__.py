@@ -1,0 +1,1 @@
+"""Identification: one method per file, sharing nodes, turning points, results, uncertainty."""

@@ -1,0 +1,1 @@
+"""The rig as equations: parameters, friction laws, motor, dynamics, energy, sensors."""

@@ -1,0 +1,1 @@
+"""Mathematics that knows no pendulum: quadrature, test functions, regression."""

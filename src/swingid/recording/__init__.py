@@ -1,0 +1,1 @@
+"""Measured channels: the Recording, one file per format, repair."""

@@ -1,0 +1,1 @@
+"""The digital twin: one closed loop, sampled controller, held voltage."""

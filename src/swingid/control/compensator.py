@@ -1,0 +1,197 @@
+"""The consecutive compensator (15)-(20): adaptive output feedback from measured angles alone.
+
+One function, `compensator_step`, is the controller of the twin's compiled loop and of `Compensator.step`.
+Between two samples the error is held, so the chain (16), the error filter of (18) and the gain (17) are
+integrated exactly: the controller is stable at every rate, and a coarse one is only late, never divergent
+by itself.
+
+Not for plants whose zeros are unstable, nor where a velocity is measured (use it then).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.control import law
+from swingid.control.law import compensator_step
+from swingid.errors import UsageError
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+
+
+def _hurwitz(polynomial: Sequence[float]) -> bool:
+    """Whether all roots of a polynomial (highest power first) lie in the open left half plane."""
+    return bool(np.all(np.roots(np.asarray(polynomial, dtype=float)).real < 0.0))
+
+
+@dataclass(frozen=True)
+class Compensator:
+    """The consecutive compensator with its gains and what it knows of the motor.
+
+    `delta0` (rad), `sigma0` (1/s), `lambda0` (1/s): (18), (19). `k_tilde0` start and `k_tilde_max` optional
+    upper bound of the gain (17). `filter_time` (s): W_f = 1/(T p + 1) of (18), 0 for none. `alpha`:
+    polynomial of order rho - 1, highest power first; `k` = (k_1, ..., k_(rho-1)) of (16). The relative
+    degree rho is `len(alpha)`. `voltage_limit` (V): saturation, None for none. `coulomb_voltage` = f3/(c1
+    eta) (V) of u1; `dead_zone_voltage` = (d2, d1)/(c1 eta) (V) of u3 (12); `back_emf_ratio` = c2/c1 (V
+    s/rad). `dead_zone_switch`: "exact" switches u3 on the sign of c1 (u1 + u2) - c2 q2', "printed" on that
+    of u1 + u2. `plant_sign`: -1 where a positive voltage drives the angle down (reaction wheel, as printed
+    in (15)), +1 where up. `differentiate_gain`: True applies alpha(p) to the product k tilde xi_1, as (20)
+    does; False is (15) to the letter, k tilde alpha(p) xi_1. They differ only while k tilde grows.
+    `wheel_filter_time` (s) smooths the wheel's sampled differences, 0 for none. `sample_time` (s) is used
+    by `step`.
+
+    Raises UsageError for gains out of range and for a chain or an alpha that is not stable.
+    """
+
+    delta0: float
+    sigma0: float
+    lambda0: float
+    k_tilde0: float = 0.0
+    k_tilde_max: float | None = None
+    filter_time: float = 0.0125
+    alpha: tuple[float, ...] = (1.0, 1.0)
+    k: tuple[float, ...] = (1.0,)
+    voltage_limit: float | None = None
+    coulomb_voltage: float = 0.0
+    dead_zone_voltage: tuple[float, float] = (0.0, 0.0)
+    back_emf_ratio: float = 0.0
+    dead_zone_switch: Literal["exact", "printed"] = "exact"
+    plant_sign: int = -1
+    differentiate_gain: bool = True
+    wheel_filter_time: float = 0.0
+    sample_time: float = 1e-3
+
+    def __post_init__(self) -> None:
+        """Refuse gains that cannot work, in one sentence that names the gain."""
+        object.__setattr__(self, "alpha", tuple(float(value) for value in self.alpha))
+        object.__setattr__(self, "k", tuple(float(value) for value in self.k))
+        for name in ("delta0", "sigma0", "lambda0", "k_tilde0", "filter_time", "wheel_filter_time"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise _refused(f"{name} must be zero or positive, and is {getattr(self, name)}")
+        if not 0.0 < self.sample_time < math.inf:
+            raise _refused(f"sample_time must be positive, and is {self.sample_time}")
+        if self.k_tilde_max is not None and not self.k_tilde_max >= self.k_tilde0:
+            raise _refused(f"k_tilde_max = {self.k_tilde_max} must not lie below k_tilde0 = {self.k_tilde0}")
+        if self.voltage_limit is not None and not self.voltage_limit > 0.0:
+            raise _refused(f"voltage_limit must be positive, and is {self.voltage_limit}")
+        if self.plant_sign not in (-1, 1):
+            raise _refused(f"plant_sign must be -1 (reaction wheel) or 1, and is {self.plant_sign}")
+        if self.dead_zone_switch not in ("exact", "printed"):
+            raise _refused(f"dead_zone_switch must be 'exact' or 'printed', not {self.dead_zone_switch!r}")
+        if len(self.alpha) != len(self.k) + 1:
+            raise _refused(
+                f"alpha has {len(self.alpha)} coefficients and k {len(self.k)}; alpha needs one more than k"
+            )
+        if self.alpha[0] <= 0.0 or not _hurwitz(self.alpha):
+            raise _refused(
+                f"alpha = {self.alpha} must begin with a positive number and have all roots in the left half plane"
+            )
+        if not _hurwitz((1.0, *reversed(self.k))):
+            raise _refused(f"k = {self.k} makes the chain (16) unstable")
+
+    @property
+    def relative_degree(self) -> int:
+        """The relative degree rho of the plant that alpha and k are made for."""
+        return len(self.alpha)
+
+    @classmethod
+    def paper(cls, rig: Rig, *, sample_time: float = 1e-3) -> Compensator:
+        """The gains of the paper's experiment (section 5) with the rig's motor compensated.
+
+        Raises UsageError for a rig without a drive.
+        """
+        return cls._for_rig(rig, 0.08, 0.1, 2.0, sample_time)
+
+    @classmethod
+    def paper_simulation(cls, rig: Rig, *, sample_time: float = 1e-4) -> Compensator:
+        """The gains of the paper's simulation (Fig. 7), for a loop of 10 kHz: at 1 kHz k never settles."""
+        return cls._for_rig(rig, 0.005, 0.01, 150.0, sample_time)
+
+    @classmethod
+    def _for_rig(
+        cls, rig: Rig, delta0: float, sigma0: float, lambda0: float, sample_time: float
+    ) -> Compensator:
+        if rig.drive.kind == "none":
+            raise _refused(f"rig {rig.name!r} has no drive to control")
+        wheel = rig.drive.kind == "reaction-wheel"
+        motor = rig.drive.motor
+        coulomb, dead_zone, back_emf_ratio, limit = 0.0, (0.0, 0.0), 0.0, None
+        if motor is not None:
+            limit = motor.voltage_limit
+        if wheel and motor is not None:
+            c1, eta = motor.torque_per_volt.value, motor.efficiency.value
+            coulomb = motor.coulomb.value / (c1 * eta)
+            dead_zone = (motor.dead_zone[0] / (c1 * eta), motor.dead_zone[1] / (c1 * eta))
+            back_emf_ratio = motor.back_emf.value / c1
+        return cls(
+            delta0=delta0,
+            sigma0=sigma0,
+            lambda0=lambda0,
+            voltage_limit=limit,
+            coulomb_voltage=coulomb,
+            dead_zone_voltage=dead_zone,
+            back_emf_ratio=back_emf_ratio,
+            plant_sign=-1 if wheel else 1,
+            sample_time=sample_time,
+        )
+
+    def initial_state(self, angle: float = 0.0, wheel_angle: float | None = None) -> NDArray[np.float64]:
+        """State before the first sample (rho + 3,): k tilde, filtered error, wheel memory, its flag, xi.
+
+        `angle` is taken for interface's sake: the chain and the filter start at zero error, as in the
+        paper. With `wheel_angle` None the first sample sets the wheel's memory.
+        """
+        del angle
+        state = np.zeros(law.XI + len(self.k))
+        state[law.K_TILDE] = self.k_tilde0
+        if wheel_angle is not None:
+            state[law.WHEEL_MEMORY], state[law.WHEEL_SEEN] = wheel_angle, 1.0
+        return state
+
+    def parameters(self, sample_time: float | None = None) -> NDArray[np.float64]:
+        """Parameter array of `compensator_step` for a sample time (s), `self.sample_time` if None."""
+        h = self.sample_time if sample_time is None else float(sample_time)
+        if not 0.0 < h < math.inf:
+            raise _refused(f"the sample time must be positive, and is {h}")
+        switched = self.back_emf_ratio if self.dead_zone_switch == "exact" else 0.0
+        head = np.zeros(law.ALPHA)
+        head[law.ORDER], head[law.SAMPLE_TIME] = len(self.k), h
+        head[law.DELTA0], head[law.LAMBDA0], head[law.SIGMA0] = self.delta0, self.lambda0, self.sigma0
+        head[law.K_TILDE_MAX] = math.inf if self.k_tilde_max is None else self.k_tilde_max
+        head[law.ERROR_DECAY] = math.exp(-h / self.filter_time) if self.filter_time > 0.0 else 0.0
+        head[law.WHEEL_DECAY] = math.exp(-h / self.wheel_filter_time) if self.wheel_filter_time > 0.0 else 0.0
+        head[law.PLANT_SIGN], head[law.DIFFERENTIATE_GAIN] = self.plant_sign, float(self.differentiate_gain)
+        head[law.LIMIT] = math.inf if self.voltage_limit is None else self.voltage_limit
+        head[law.COULOMB], head[law.BACK_EMF] = self.coulomb_voltage, switched
+        head[law.DEAD_NEGATIVE], head[law.DEAD_POSITIVE] = self.dead_zone_voltage
+        return np.concatenate([head, self.alpha, self.k])
+
+    def step(
+        self, t: float, angles: Sequence[float], state: NDArray[np.float64]
+    ) -> tuple[float, NDArray[np.float64]]:
+        """One sample: (voltage (V) held to the next, new state) for `angles` = (reference, angle, wheel_angle).
+
+        The law does not depend on `t` (s), which every controller is given. `state` is left as it is.
+        """
+        del t
+        reference, angle, wheel_angle = angles
+        moved = state.copy()
+        return float(compensator_step(reference, angle, wheel_angle, moved, _parameters(self))), moved
+
+
+@cache
+def _parameters(compensator: Compensator) -> NDArray[np.float64]:
+    """The parameter array of `step`, made once per compensator."""
+    return compensator.parameters()
+
+
+def _refused(sentence: str) -> UsageError:
+    return UsageError(f"Compensator: {sentence}.", code="bad-controller")

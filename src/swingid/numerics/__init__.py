@@ -1,1 +1,1 @@
-"""Mathematics that knows no pendulum: quadrature, test functions, regression."""
+"""Mathematics that knows no pendulum: splines, quadrature, test functions, regression."""

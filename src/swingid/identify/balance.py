@@ -1,0 +1,134 @@
+"""The balance of terms on test functions: row (I) of the model, or its form for direct drive and free decay.
+
+    a11 ∫φ'' q1 + b ∫φ sin q1 + ∫φ F = −a12 ∫φ'' q2    (reaction wheel; THEORY: the momentum projection)
+    a11 ∫φ'' q1 + b ∫φ sin q1 + ∫φ F = ∫φ τ            (direct drive)
+    a11 ∫φ'' q1 + ∫φ F = −b ∫φ sin q1                  (free decay)
+
+Only angles enter; the speed is needed only inside the friction terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.motion import Motion
+from swingid.model.rig import Rig
+from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.test_functions import project, project_impulses, project_steps
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Test functions: centres and half-lengths in s."""
+
+    centres: Array
+    half: Array
+
+    def __len__(self) -> int:
+        return len(self.centres)
+
+    def select(self, keep: NDArray[np.bool_]) -> Windows:
+        """The windows where `keep` is true."""
+        return Windows(self.centres[keep], self.half[keep])
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What the balance is made of, at the Gauss nodes of the segment; computed once for all windows."""
+
+    nodes: GaussNodes
+    angle: Array
+    sine: Array
+    speed: Array
+    wheel: Array | None
+    torque: Array | None
+    edges: Array
+    directions: Array
+    motion: Motion
+    linear: bool
+
+    @classmethod
+    def of(cls, log: Recording, rig: Rig, motion: Motion) -> Signals:
+        """Nodes of a log: two per interval at high rates, three where a swing has few samples."""
+        samples_per_swing = motion.half_period * log.rate if len(motion.turning_times) > 1 else len(log)
+        nodes = GaussNodes(log.time, 2 if samples_per_swing > 200 else 3)
+        angle = nodes.spline(log.angle)
+        torque = None
+        if rig.drive.kind == "direct" and log.torque is not None:
+            torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
+        edges, directions = motion.directions(log.time[0], log.time[-1])
+        return cls(
+            nodes=nodes,
+            angle=angle,
+            sine=np.sin(angle) if rig.axis.kind == "rotary" else np.zeros_like(angle),
+            speed=motion.speed.at_nodes(nodes),
+            wheel=None if log.wheel_angle is None else nodes.spline(log.wheel_angle),
+            torque=torque,
+            edges=edges,
+            directions=directions,
+            motion=motion,
+            linear=rig.axis.kind == "linear",
+        )
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One equation per window: the integrals of every term, each of shape (windows,).
+
+    inertia ∫φ'' q1 (= ∫φ q1''), gravity ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction terms coulomb ∫φ sgn v,
+    viscous ∫φ v, quadratic ∫φ v|v|, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction.
+    """
+
+    windows: Windows
+    inertia: Array
+    gravity: Array
+    wheel: Array
+    torque: Array
+    friction: dict[str, Array]
+
+    def select(self, keep: NDArray[np.bool_]) -> Rows:
+        """The rows where `keep` is true."""
+        return Rows(
+            self.windows.select(keep),
+            self.inertia[keep],
+            self.gravity[keep],
+            self.wheel[keep],
+            self.torque[keep],
+            {name: column[keep] for name, column in self.friction.items()},
+        )
+
+
+def rows_of(signals: Signals, windows: Windows) -> Rows:
+    """Project the balance on `windows`, which must lie inside the log."""
+    angle, speed = signals.angle, signals.speed
+    columns = [(angle, 2), (signals.sine, 0), (-angle, 1), (speed * np.abs(speed), 0), (np.abs(speed), 0)]
+    if signals.wheel is not None:
+        columns.append((signals.wheel, 2))
+    elif signals.torque is not None:
+        columns.append((signals.torque, 0))
+    integrals = project(signals.nodes, columns, windows.centres, windows.half)
+    zero = np.zeros(len(windows))
+    last = integrals[:, -1]
+    motion = signals.motion
+    friction = {
+        "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
+        "viscous": integrals[:, 2],
+        "quadratic": integrals[:, 3],
+        "offset": windows.half * (32 / 35),
+        "viscous_even": integrals[:, 4],
+        "memory": project_impulses(motion.turning_times, -motion.sides, windows.centres, windows.half),
+    }
+    return Rows(
+        windows,
+        integrals[:, 0],
+        integrals[:, 1],
+        last if signals.wheel is not None else zero,
+        last if signals.torque is not None and signals.wheel is None else zero,
+        friction,
+    )

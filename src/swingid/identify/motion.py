@@ -1,0 +1,172 @@
+"""The motion as the angles show it: a smoothed speed, turning points, swings, and the part worth using.
+
+Nothing here knows the reference or the controller; everything is found in the measured angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UnanswerableError
+from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+
+Array = NDArray[np.float64]
+
+SMALLEST_SWING = 0.02
+"""A swing below this share of the largest one is noise or rest, not a swing."""
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Smoothed speed of the axis on a grid of instants (s), with the noise of its values (rad/s or m/s).
+
+    The half-width of the local cubic is the largest for which halving it changes nothing but noise
+    (Lepski's principle), so it follows the sensor and the motion by itself.
+    """
+
+    grid: Array
+    angle: Array
+    speed: Array
+    half_width: float
+    noise: float
+
+    def at(self, instants: Array) -> Array:
+        """Speed at rising `instants`, by a cubic spline over the grid."""
+        return spline_at(self.grid, self.speed, spline_slopes(self.grid, self.speed), instants, 0)
+
+    def at_nodes(self, nodes: GaussNodes) -> Array:
+        """Speed at Gauss nodes, shape (n−1, points)."""
+        instants = nodes.instants
+        return self.at(instants.ravel()).reshape(instants.shape)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Speed, and the turning points between swings of some size: instants (s), angles, +1 upper / −1 lower.
+
+    `rests` (k, 2): begin and end of the intervals in which the axis stands still longer than a reversal takes.
+    """
+
+    speed: Speed
+    turning_times: Array
+    turning_angles: Array
+    sides: Array
+    rests: Array
+
+    @property
+    def swing_sizes(self) -> Array:
+        """Angle covered between successive turning points."""
+        return np.abs(np.diff(self.turning_angles))
+
+    @property
+    def half_period(self) -> float:
+        """Median time between turning points in s."""
+        return float(np.median(np.diff(self.turning_times)))
+
+    def directions(self, start: float, stop: float) -> tuple[Array, Array]:
+        """Edges (s) of the swings from `start` to `stop` and the sign of the speed in each, as `project_steps` takes them.
+
+        Intervals of rest carry 0: what friction does there is not told by the speed.
+        """
+        edges = np.concatenate([[start], self.turning_times, [stop]])
+        if len(self.sides):
+            signs = np.concatenate([self.sides[:1], -self.sides])
+        else:
+            signs = np.array([np.sign(np.mean(self.speed.speed))])
+        for begin, end in self.rests:
+            before = int(np.searchsorted(edges, begin, side="right")) - 1
+            after = int(np.searchsorted(edges, end, side="right")) - 1
+            edges = np.concatenate([edges[: before + 1], [begin, end], edges[after + 1 :]])
+            signs = np.concatenate([signs[: before + 1], [0.0], signs[after:]])
+        return edges, signs
+
+
+def smooth_speed(time: Array, angle: Array, noise: float) -> Speed:
+    """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample."""
+    step = float(np.median(np.diff(time)))
+    width = 3.5 * step
+    best = _speed_on_grid(time, angle, width, noise)
+    longest = (time[-1] - time[0]) / 8
+    while width * 1.4 < longest:
+        width *= 1.4
+        wider = _speed_on_grid(time, angle, width, noise)
+        change = wider.speed - best.at(wider.grid)
+        if np.sqrt(np.mean(change**2)) > 1.1 * max(best.noise, 1e-9 * np.abs(best.speed).max()):
+            break
+        best = wider
+    return best
+
+
+def _speed_on_grid(time: Array, angle: Array, width: float, noise: float) -> Speed:
+    count = max(int(np.ceil((time[-1] - time[0]) / (width / 3))), 4)
+    grid = np.linspace(time[0], time[-1], count + 1)
+    fitted = local_cubic(time, angle, grid, width)
+    reached = np.isfinite(fitted[:, 0])
+    grid, fitted = grid[reached], fitted[reached]
+    step = float(np.median(np.diff(time)))
+    # variance of the slope of a cubic fitted to 2w/h samples of white noise: 18.75 σ²/(n w²)
+    deviation = noise * np.sqrt(9.375 * step / width**3)
+    return Speed(grid, np.ascontiguousarray(fitted[:, 0]), np.ascontiguousarray(fitted[:, 1]), width, float(deviation))
+
+
+def find_motion(time: Array, angle: Array, noise: float) -> Motion:
+    """Speed and turning points of a log; noise: standard deviation of one angle sample.
+
+    A reversal counts as a turning point when the swings on both sides are larger than the noise and than
+    2 % of the largest swing, so that a noisy axis at rest has none. Raises UnanswerableError without motion.
+    """
+    speed = smooth_speed(time, angle, noise)
+    fine = np.linspace(speed.grid[0], speed.grid[-1], 4 * len(speed.grid))
+    v = speed.at(fine)
+    q = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), fine, 0)
+    size = float(q.max() - q.min())
+    if not size > 12 * noise or size == 0.0:
+        raise UnanswerableError(
+            f"the angle moves by {size:.2g} only, not more than its noise and resolution; record a swing.",
+            code="no-motion",
+        )
+    crossings = np.nonzero(np.sign(v[:-1]) * np.sign(v[1:]) < 0)[0]
+    instants = fine[crossings] + (fine[1] - fine[0]) * v[crossings] / (v[crossings] - v[crossings + 1])
+    angles = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), instants, 0)
+    keep = _extremes(np.concatenate([[q[0]], angles, [q[-1]]]), max(SMALLEST_SWING * size, 8 * noise))
+    keep = keep[(keep > 0) & (keep <= len(angles))] - 1
+    instants, angles = instants[keep], angles[keep]
+    sides = np.sign(v[np.searchsorted(fine, instants) - 1]) if len(instants) else np.empty(0)
+    return Motion(speed, instants, angles, sides, _rests(speed, fine, v))
+
+
+def _extremes(values: Array, threshold: float) -> NDArray[np.int64]:
+    """Indices of the alternating extremes of `values` that differ by more than `threshold` (hysteresis)."""
+    kept: list[int] = []
+    low = high = 0
+    direction = 0
+    for k, value in enumerate(values):
+        if value > values[high]:
+            high = k
+        if value < values[low]:
+            low = k
+        if direction >= 0 and values[high] - value > threshold:
+            kept.append(high)
+            direction, low = -1, k
+            high = k
+        elif direction <= 0 and value - values[low] > threshold:
+            kept.append(low)
+            direction, high = 1, k
+            low = k
+    return np.array(kept, dtype=np.int64)
+
+
+def _rests(speed: Speed, instants: Array, v: Array) -> Array:
+    """Intervals in which |v| stays within its noise for longer than three passages through zero take."""
+    threshold = max(4 * speed.noise, 2e-3 * float(np.abs(v).max()))
+    still = np.concatenate([[False], np.abs(v) < threshold, [False]])
+    begins, ends = np.nonzero(~still[:-1] & still[1:])[0], np.nonzero(still[:-1] & ~still[1:])[0] - 1
+    acceleration = np.sqrt(np.mean(np.gradient(v, instants) ** 2))
+    passage = 2 * threshold / max(acceleration, 1e-300)
+    long = instants[ends] - instants[begins] > 3 * passage + 2 * speed.half_width
+    result: Array = np.column_stack([instants[begins[long]], instants[ends[long]]])
+    return result

@@ -1,0 +1,107 @@
+"""Cubic splines through samples at any instants, and local polynomial smoothing.
+
+Own code because the common path of a command must not pay for importing ``scipy.interpolate``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.numerics.compiled import njit
+
+Array = NDArray[np.float64]
+
+
+@njit
+def spline_slopes(time: Array, values: Array) -> Array:
+    """First derivatives at the knots of the natural cubic spline through `values` at strictly rising `time`.
+
+    Thomas algorithm on the continuity of the second derivative, O(n). Needs at least two knots.
+    """
+    n = len(time)
+    slopes = np.empty(n)
+    if n == 2:
+        slopes[:] = (values[1] - values[0]) / (time[1] - time[0])
+        return slopes
+    upper = np.empty(n)
+    h = time[1] - time[0]
+    upper[0] = 0.5
+    slopes[0] = 1.5 * (values[1] - values[0]) / h
+    for k in range(1, n):
+        h_before = time[k] - time[k - 1]
+        if k < n - 1:
+            h_after = time[k + 1] - time[k]
+            left, right = h_after / (h_before + h_after), h_before / (h_before + h_after)
+            rise = left * (values[k] - values[k - 1]) / h_before + right * (values[k + 1] - values[k]) / h_after
+        else:
+            left, right = 1.0, 0.0
+            rise = (values[k] - values[k - 1]) / h_before
+        pivot = 2.0 - left * upper[k - 1]
+        upper[k] = right / pivot
+        slopes[k] = (3.0 * rise - left * slopes[k - 1]) / pivot
+    for k in range(n - 2, -1, -1):
+        slopes[k] -= upper[k] * slopes[k + 1]
+    return slopes
+
+
+@njit
+def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Array:
+    """Value and first derivative at each instant of `at`, from a cubic fitted to the samples within `half_width`.
+
+    Returns shape (len(at), 2); NaN where fewer than five samples lie in reach. The samples may be irregular;
+    near an end of the log the window is one-sided. (Savitzky and Golay 1964 for regular samples.)
+    """
+    result = np.full((len(at), 2), np.nan)
+    gram = np.empty((4, 4))
+    moments = np.empty(4)
+    powers = np.empty(4)
+    first = 0
+    for i in range(len(at)):
+        while first < len(time) and time[first] < at[i] - half_width:
+            first += 1
+        gram[:] = 0.0
+        moments[:] = 0.0
+        count = 0
+        k = first
+        while k < len(time) and time[k] <= at[i] + half_width:
+            s = (time[k] - at[i]) / half_width
+            powers[0] = 1.0
+            powers[1] = s
+            powers[2] = s * s
+            powers[3] = s * s * s
+            for a in range(4):
+                moments[a] += powers[a] * values[k]
+                for c in range(a + 1):
+                    gram[a, c] += powers[a] * powers[c]
+            count += 1
+            k += 1
+        if count < 5:
+            continue
+        for a in range(4):
+            for c in range(a + 1, 4):
+                gram[a, c] = gram[c, a]
+        fitted = np.linalg.solve(gram, moments)
+        result[i, 0] = fitted[0]
+        result[i, 1] = fitted[1] / half_width
+    return result
+
+
+@njit
+def spline_at(time: Array, values: Array, slopes: Array, at: Array, derivative: int) -> Array:
+    """Cubic Hermite interpolant of `values` and `slopes` (or its first derivative) at rising instants `at`."""
+    result = np.empty(len(at))
+    k = 0
+    for i in range(len(at)):
+        while k < len(time) - 2 and at[i] >= time[k + 1]:
+            k += 1
+        h = time[k + 1] - time[k]
+        s = (at[i] - time[k]) / h
+        rise = values[k + 1] - values[k]
+        c2 = 3 * rise - h * (2 * slopes[k] + slopes[k + 1])
+        c3 = h * (slopes[k] + slopes[k + 1]) - 2 * rise
+        if derivative == 0:
+            result[i] = values[k] + s * (h * slopes[k] + s * (c2 + s * c3))
+        else:
+            result[i] = slopes[k] + s * (2 * c2 + 3 * s * c3) / h
+    return result

@@ -1,0 +1,132 @@
+"""Test functions with compact support, and the projections of sampled signals on them.
+
+φ(t) = (1 − s²)^m, s = (t − c)/L: zero with its first m − 1 derivatives at c ± L, so that integration by parts
+moves the derivatives of a signal on φ and leaves nothing at the ends.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.numerics.compiled import njit
+from swingid.numerics.quadrature import GaussNodes, gauss_rule
+
+Array = NDArray[np.float64]
+
+POWER = 3
+"""m of φ. With m = 3 φ'' is continuous; a larger m weights the window's middle more and passes more noise."""
+
+
+@njit
+def phi(s: float, order: int) -> float:
+    """φ, dφ/ds or d²φ/ds² at s in [−1, 1] (m = 3)."""
+    p = 1.0 - s * s
+    if order == 0:
+        return p * p * p
+    if order == 1:
+        return -6.0 * s * p * p
+    return -6.0 * p * (p - 4.0 * s * s)
+
+
+@njit
+def phi_integral(s: float) -> float:
+    """∫φ ds from −1 to s (m = 3); 32/35 at s = 1 and beyond."""
+    s = min(1.0, max(-1.0, s))
+    return s - s**3 + 0.6 * s**5 - s**7 / 7.0 + 16.0 / 35.0
+
+
+@njit
+def _lagrange(fractions: Array, row: Array, signal: int, s: float) -> float:
+    """Signal at fraction `s` of an interval from its values at the interval's nodes."""
+    value = 0.0
+    for j in range(len(fractions)):
+        factor = row[j, signal]
+        for i in range(len(fractions)):
+            if i != j:
+                factor *= (s - fractions[i]) / (fractions[j] - fractions[i])
+        value += factor
+    return value
+
+
+@njit
+def _project(
+    time: Array, nodes: Array, orders: Array, centres: Array, half: Array, fractions: Array, weights: Array
+) -> Array:
+    """See `project`. nodes: (n−1, points, signals)."""
+    points, signals = nodes.shape[1], nodes.shape[2]
+    result = np.zeros((len(centres), signals))
+    values = np.empty(3)
+    for i in range(len(centres)):
+        c, big_l = centres[i], half[i]
+        start, stop = c - big_l, c + big_l
+        k = np.searchsorted(time, start, side="right") - 1
+        while k < len(time) - 1 and time[k] < stop:
+            t0, t1 = max(time[k], start), min(time[k + 1], stop)
+            h = time[k + 1] - time[k]
+            whole = t0 == time[k] and t1 == time[k + 1]
+            for j in range(points):
+                t = t0 + (t1 - t0) * fractions[j]
+                s = (t - c) / big_l
+                w = (t1 - t0) * weights[j]
+                values[0] = w * phi(s, 0)
+                values[1] = w * phi(s, 1) / big_l
+                values[2] = w * phi(s, 2) / (big_l * big_l)
+                for g in range(signals):
+                    x = nodes[k, j, g] if whole else _lagrange(fractions, nodes[k], g, (t - time[k]) / h)
+                    result[i, g] += values[orders[g]] * x
+            k += 1
+    return result
+
+
+def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array, half: Array) -> Array:
+    """Integrals ∫φ^(d) x dt of each (x, d) of `signals` for windows at `centres` with half-lengths `half` (s).
+
+    x is given at the nodes, shape (n−1, points); d is 0, 1 or 2. Returns (windows, signals). An interval that a
+    window's end cuts is integrated over its part inside (x is continued by the polynomial through its nodes).
+    The windows must lie inside the log.
+    """
+    stacked = np.ascontiguousarray(np.stack([x for x, _ in signals], axis=-1))
+    orders = np.array([d for _, d in signals])
+    fractions, weights = gauss_rule(nodes.points)
+    return _project(nodes.time, stacked, orders, centres, half, fractions, weights)
+
+
+@njit
+def superpose(instants: Array, centres: Array, half: Array, factors: Array, order: int) -> Array:
+    """Σ_i factors_i φ_i^(order)(t) at rising `instants`: the adjoint of `project`, one value per instant."""
+    result = np.zeros(len(instants))
+    for i in range(len(centres)):
+        scale = factors[i] / half[i] ** order
+        k = np.searchsorted(instants, centres[i] - half[i])
+        while k < len(instants) and instants[k] < centres[i] + half[i]:
+            result[k] += scale * phi((instants[k] - centres[i]) / half[i], order)
+            k += 1
+    return result
+
+
+@njit
+def project_steps(edges: Array, levels: Array, centres: Array, half: Array) -> Array:
+    """∫φ x dt of a piecewise constant x, exactly: `levels[j]` holds from `edges[j]` to `edges[j+1]`, 0 outside."""
+    result = np.zeros(len(centres))
+    for i in range(len(centres)):
+        c, big_l = centres[i], half[i]
+        j = max(0, np.searchsorted(edges, c - big_l) - 1)
+        while j < len(levels) and edges[j] < c + big_l:
+            result[i] += (
+                levels[j] * big_l * (phi_integral((edges[j + 1] - c) / big_l) - phi_integral((edges[j] - c) / big_l))
+            )
+            j += 1
+    return result
+
+
+@njit
+def project_impulses(instants: Array, strengths: Array, centres: Array, half: Array) -> Array:
+    """Σ_j strengths_j φ(t_j): the projection of impulses at rising `instants`."""
+    result = np.zeros(len(centres))
+    for i in range(len(centres)):
+        j = np.searchsorted(instants, centres[i] - half[i])
+        while j < len(instants) and instants[j] < centres[i] + half[i]:
+            result[i] += strengths[j] * phi((instants[j] - centres[i]) / half[i], 0)
+            j += 1
+    return result

@@ -1,0 +1,218 @@
+"""From a rig's columns, units, zeros and signs (`rig.log`) to the model's channels, and back for saving."""
+
+from __future__ import annotations
+
+import difflib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from swingid.model.rig import Rig
+    from swingid.recording.formats.table import Table
+
+    Channels = dict[str, NDArray[np.float64]]
+
+TURN = 2.0 * np.pi
+
+#: Column names of a file written without a rig, which are also the defaults of [log].
+DEFAULT_COLUMNS = {
+    "time": "t",
+    "angle": "q1",
+    "wheel_angle": "q2",
+    "voltage": "u",
+    "torque": "tau",
+    "reference": "ym",
+    "adaptive_gain": "k",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """One channel's convention: model value = factor * logged value + offset.
+
+    The factor holds the sign. `turn` is one turn in logged units, None where there are no turns (linear axis, voltage).
+    """
+
+    factor: float = 1.0
+    offset: float = 0.0
+    turn: float | None = None
+
+    def to_model(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Logged values in the model's convention; exact when the factor is 1 or -1 and the offset 0."""
+        scaled = values if self.factor == 1.0 else values * self.factor
+        return scaled if self.offset == 0.0 else scaled + self.offset
+
+    def to_log(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The inverse of `to_model`."""
+        shifted = values if self.offset == 0.0 else values - self.offset
+        return shifted if self.factor == 1.0 else shifted / self.factor
+
+
+@dataclass(frozen=True)
+class Conventions:
+    """What a rig's [log] says, resolved: a column and a Scale for each channel, and how the wheel is read.
+
+    `rate` is set where the log has no time column; `wheel_is_absolute` where the wheel's angle is against the
+    room; `stated` holds the keys of [log] that the rig file sets itself.
+    """
+
+    columns: dict[str, str]
+    scales: dict[str, Scale]
+    rate: float | None
+    wheel_is_absolute: bool
+    drive_held: bool
+    drive_kind: str | None
+    stated: frozenset[str]
+
+    @classmethod
+    def plain(cls) -> Conventions:
+        """SI units, t, q1, q2, u, tau, ym, k: what a file written without a rig uses."""
+        turn = Scale(turn=TURN)
+        scales = {"angle": turn, "wheel_angle": turn, "reference": turn}
+        return cls(dict(DEFAULT_COLUMNS), scales, None, False, True, None, frozenset())
+
+    @classmethod
+    def of(cls, rig: Rig) -> Conventions:
+        """The conventions of `rig.log`; InputError for one that is unsupported or lacks a constant it needs."""
+        log = rig.log
+        kind = rig.drive.kind
+        columns = {name: getattr(log, name, None) or default for name, default in DEFAULT_COLUMNS.items()}
+        zero = np.pi if log.angle_zero == "up" and rig.axis.kind == "rotary" else 0.0
+        unit, turn = _unit(rig, log.angle_unit, "angle")
+        angle = Scale(log.angle_sign * unit, zero, turn)
+        scales = {"angle": angle, "reference": Scale(angle.factor, zero, turn)}
+        scales["voltage"] = Scale(float(log.voltage_sign))
+        scales["torque"] = Scale(float(log.torque_gain) * log.torque_sign)
+        if kind == "reaction-wheel":
+            if log.wheel_speed is not None:
+                message = (
+                    f"{rig.source}: [log] wheel_speed is not supported; swingid needs wheel_angle, the angle"
+                )
+                raise InputError(f"{message} of the wheel", code="needs-wheel-angle")
+            unit, turn = _unit(rig, log.wheel_angle_unit, "wheel")
+            scales["wheel_angle"] = Scale(log.wheel_angle_sign * unit * float(log.wheel_scale), 0.0, turn)
+        stated = frozenset(log.model_fields_set)
+        absolute = log.wheel_angle_is == "absolute"
+        return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated)
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """The channels that a log of this rig may have, time apart."""
+        drive = {
+            "reaction-wheel": ("wheel_angle", "voltage"),
+            "direct": ("torque",),
+            "none": (),
+            None: ("wheel_angle", "voltage", "torque"),
+        }[self.drive_kind]
+        return ("angle", *drive, "reference", "adaptive_gain")
+
+    def to_model(self, logged: Mapping[str, NDArray[np.float64]]) -> Channels:
+        """Channels in the model's units and signs; an angle counted from the top comes within half a turn of 0.
+
+        `logged` holds "time" and, in logged units, any of the channels; angles must be continuous.
+        """
+        model = {name: self.scales.get(name, Scale()).to_model(values) for name, values in logged.items()}
+        if self.scales["angle"].offset:
+            turns = TURN * np.round(np.median(model["angle"]) / TURN)
+            for name in ("angle", "reference"):
+                if name in model and turns:
+                    model[name] = model[name] - turns
+        if self.wheel_is_absolute and "wheel_angle" in model:
+            model["wheel_angle"] = model["wheel_angle"] - model["angle"]
+        return model
+
+    def to_log(self, model: Mapping[str, NDArray[np.float64]]) -> Channels:
+        """The inverse of `to_model`: columns of a file by their names, time included where the log has it."""
+        channels = dict(model)
+        if self.wheel_is_absolute and "wheel_angle" in channels:
+            channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
+        return {self.columns[n]: self.scales.get(n, Scale()).to_log(v) for n, v in channels.items()}
+
+    def describe(self) -> dict[str, object]:
+        """Everything that changes numbers, as JSON values: kept in saved files, compared on loading."""
+        described: dict[str, object] = {
+            "drive_held": self.drive_held,
+            "wheel_is_absolute": self.wheel_is_absolute,
+        }
+        for name in self.channels:
+            if name in self.scales:
+                described[name] = [self.scales[name].factor, self.scales[name].offset]
+        return described
+
+
+def gather(
+    table: Table, conventions: Conventions, name: str
+) -> tuple[Channels, dict[str, list[tuple[int, str]]]]:
+    """The rig's channels out of a file's table, in logged units, and the texts that stood among the numbers.
+
+    Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and the
+    key of [log] that sets it), for columns of unequal length, and for a column without numbers.
+    """
+    logged: Channels = {}
+    texts: dict[str, list[tuple[int, str]]] = {}
+    wanted = ("time", *conventions.channels) if conventions.rate is None else conventions.channels
+    for channel in wanted:
+        column = conventions.columns[channel]
+        if column not in table.columns:
+            if channel in ("reference", "voltage", "adaptive_gain") and channel not in conventions.stated:
+                continue
+            raise _missing(table, channel, conventions, name)
+        if channel == "adaptive_gain" and not table.metadata:
+            continue  # in a file of other origin a column "k" may be anything
+        logged[channel], texts[channel] = table.numbers(column)
+        if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
+            message = f"{name}: column {column!r} holds no numbers; set [log] {channel} in the rig file to the column"
+            raise InputError(f"{message} that holds the {channel}", code="no-numbers")
+    rows = len(logged["angle"])
+    for channel, values in logged.items():
+        if len(values) != rows:
+            columns = conventions.columns
+            message = (
+                f"{name}: {columns[channel]!r} has {len(values)} values but {columns['angle']!r} has {rows}"
+            )
+            raise InputError(f"{message}; a log needs one value of each per row", code="unequal-length")
+    if conventions.rate is not None:
+        logged = {"time": np.arange(rows) / conventions.rate, **logged}
+    return logged, texts
+
+
+def _unit(rig: Rig, unit: str, which: str) -> tuple[float, float | None]:
+    """Radians (metres) per logged unit, and logged units per turn (None on a linear axis)."""
+    if rig.axis.kind == "linear" and which == "angle":
+        return {"m": 1.0, "mm": 1e-3}.get(unit, 1.0), None
+    counts = rig.sensors.counts_per_turn
+    if which == "wheel" and rig.sensors.wheel is not None and rig.sensors.wheel.counts_per_turn is not None:
+        counts = rig.sensors.wheel.counts_per_turn
+    if unit == "counts":
+        if counts is None:
+            key = "wheel_angle_unit" if which == "wheel" else "angle_unit"
+            message = f'{rig.source}: [log] {key} = "counts" needs counts_per_turn in [sensors]'
+            raise InputError(message, code="needs-counts-per-turn")
+        return TURN / float(counts), float(counts)
+    per_turn = {"rad": TURN, "deg": 360.0, "turns": 1.0}[unit]
+    return TURN / per_turn, per_turn
+
+
+def _missing(table: Table, channel: str, conventions: Conventions, name: str) -> InputError:
+    """The error for a column that is not there: what there is, and what to set."""
+    column = conventions.columns[channel]
+    names = list(table.columns)
+    near = difflib.get_close_matches(column.lower(), [n.lower() for n in names], n=3, cutoff=0.5)
+    shown = [n for n in names if n.lower() in near] or names[:8]
+    listed = ", ".join(repr(n[:40]) for n in shown) + (", ..." if len(shown) < len(names) else "")
+    message = (
+        f"{name} has no column {column!r} but {listed}; set [log] {channel} in the rig file to the right one"
+    )
+    if channel == "time":
+        message += " (or [log] rate where rows are evenly spaced)"
+    if channel in ("wheel_angle", "torque"):
+        message += f', or another [drive] kind than "{conventions.drive_kind}"'
+    return InputError(message, code="missing-column")

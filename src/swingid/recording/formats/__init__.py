@@ -1,0 +1,35 @@
+"""One file per format: each reads bytes into a Table of named columns, some write one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swingid.errors import InputError
+from swingid.recording.formats import csv, matlab, parquet
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from swingid.recording.formats.table import Table
+
+READERS: tuple[ModuleType, ...] = (parquet, matlab, csv)
+WRITERS: tuple[ModuleType, ...] = (parquet, csv)
+
+
+def read_table(content: bytes, name: str) -> Table:
+    """The table in a file's bytes: by its first bytes where they tell, else by the ending of `name`."""
+    by_magic = [f for f in READERS if f.MAGIC and content.startswith(f.MAGIC)]
+    by_ending = [f for f in READERS if Path(name).suffix.lower() in f.ENDINGS]
+    reader = (by_magic + by_ending + [csv])[0]
+    table: Table = reader.read(content, name)
+    return table
+
+
+def writer_for(path: Path) -> ModuleType:
+    """The format module that writes files with this ending; InputError for any other."""
+    for module in WRITERS:
+        if path.suffix.lower() in module.ENDINGS:
+            return module
+    endings = " or ".join(module.ENDINGS[0] for module in WRITERS)
+    raise InputError(f"cannot write {path}: a recording is written as {endings}", code="unknown-ending")

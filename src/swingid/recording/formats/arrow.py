@@ -1,0 +1,51 @@
+"""From an Arrow table to swingid's Table; shared by the formats that pyarrow reads."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.formats.table import Table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def table_from_arrow(table: Any, name: str, raw_metadata: str, unreadable_rows: int = 0) -> Table:
+    """Named columns of a pyarrow.Table; names lose the blanks around them.
+
+    Raises InputError when two columns have one name, or the file has columns and no row.
+    """
+    names = [str(column).strip() for column in table.column_names]
+    for column in names:
+        if names.count(column) > 1:
+            raise InputError(
+                f"{name} has two columns named {column!r}; rename one of them", code="double-column"
+            )
+    if names and table.num_rows == 0:
+        raise InputError(f"{name} has a header but no rows of numbers", code="empty-file")
+    columns = {column: _array(table.column(k)) for k, column in enumerate(names)}
+    return Table(columns, parse_metadata(raw_metadata), unreadable_rows)
+
+
+def parse_metadata(raw: str) -> dict[str, object]:
+    """The JSON object that swingid wrote into a file; empty for anything else, since metadata are no data."""
+    try:
+        parsed = json.loads(raw)
+    except (ValueError, RecursionError):
+        return {}
+    return parsed if isinstance(parsed, dict) else {}
+
+
+def _array(column: Any) -> NDArray[np.float64] | NDArray[np.object_]:
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_integer(kind) or pa.types.is_floating(kind):
+        return np.asarray(column.to_numpy(), dtype=np.float64)
+    if pa.types.is_decimal(kind):
+        return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
+    return np.array([None if cell is None else str(cell) for cell in column.to_pylist()], dtype=object)

@@ -1,0 +1,159 @@
+"""Text tables: comma, semicolon (also with decimal comma), tab or blanks between the cells.
+
+swingid's own files open with one comment line, ``# swingid: {json}``; other comment lines on top are skipped.
+"""
+
+from __future__ import annotations
+
+import csv as quoting
+import io
+import json
+import re
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.formats.arrow import table_from_arrow
+from swingid.recording.formats.table import METADATA_KEY, Table
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+ENDINGS = (".csv", ".txt", ".tsv", ".dat")
+MAGIC = b""
+
+#: First bytes of files that people hand over by mistake.
+_OTHER_KINDS = {
+    b"\x89PNG": "a PNG image",
+    b"\xff\xd8\xff": "a JPEG image",
+    b"GIF8": "a GIF image",
+    b"%PDF": "a PDF",
+    b"PK\x03\x04": "an Excel workbook or a zip archive",
+    b"\xd0\xcf\x11\xe0": "an old Excel or Word file",
+    b"\x1f\x8b": "a gzip archive",
+    b"\x89HDF": "an HDF5 file",
+    b"{": "JSON",
+    b"[": "JSON",
+    b"<": "HTML or XML",
+}
+_DECIMAL_COMMA = re.compile(rb"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
+
+
+def read(content: bytes, name: str) -> Table:
+    """The table in the bytes of a text file; InputError naming the file when they are none."""
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+    content = _as_text(content, name)
+    raw_metadata, body = _split_comments(content)
+    lines = [line for line in body[:100_000].splitlines() if line.strip()][:20]
+    if not lines:
+        raise InputError(
+            f"{name} is empty; a log needs a header line with column names and rows of numbers",
+            code="empty-file",
+        )
+    delimiter = _delimiter(lines[0])
+    if delimiter == b" ":
+        body = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", body))
+    cells = [cell for line in lines[1:] for cell in line.split(delimiter)]
+    decimal = "," if delimiter != b"," and any(map(_DECIMAL_COMMA.match, cells)) else "."
+    if all(_is_number(cell, decimal) for cell in lines[0].split(delimiter)):
+        message = f"{name} has no header line; put the column names into its first line"
+        raise InputError(message, code="no-header")
+    ragged = _RaggedRows()
+    try:
+        table = pc.read_csv(
+            io.BytesIO(body),
+            read_options=pc.ReadOptions(
+                block_size=min(max(len(body) + 1, 1 << 16), 1 << 30)
+            ),  # types from all rows
+            parse_options=pc.ParseOptions(delimiter=delimiter.decode(), invalid_row_handler=ragged),
+            convert_options=pc.ConvertOptions(decimal_point=decimal, strings_can_be_null=True),
+        )
+    except pa.ArrowException:
+        message = f"{name} is not a table: its lines do not split into the columns that its header names"
+        raise InputError(message, code="not-a-table") from None
+    return table_from_arrow(table, name, raw_metadata, ragged.count)
+
+
+def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+    """The bytes of a CSV file: metadata comment, header, rows. Numbers read back bit for bit."""
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
+    header = io.StringIO()
+    quoting.writer(header, lineterminator="\n").writerow(columns)
+    sink = pa.BufferOutputStream()
+    sink.write(f"# {METADATA_KEY}: {json.dumps(metadata)}\n{header.getvalue()}".encode())
+    pc.write_csv(pa.table(dict(columns)), sink, pc.WriteOptions(include_header=False))
+    return bytes(sink.getvalue())
+
+
+class _RaggedRows:
+    """Counts rows with too many or too few cells, and has them left out."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self, row: Any) -> Literal["skip"]:
+        self.count += 1
+        return "skip"
+
+
+def _as_text(content: bytes, name: str) -> bytes:
+    """The content as UTF-8 without a byte order mark; InputError when it is no text."""
+    for magic, kind in _OTHER_KINDS.items():
+        if content.lstrip().startswith(magic):
+            raise InputError(
+                f"{name} is not a table but {kind}; export the log as CSV or Parquet", code="not-a-table"
+            )
+    try:
+        if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+            return content.decode("utf-16").encode()
+        if content.startswith(b"\xef\xbb\xbf"):
+            content = content[3:]
+        if b"\0" in content:
+            raise ValueError
+        content.decode("utf-8")
+    except ValueError:
+        printable = np.frombuffer(content, np.uint8)
+        if (
+            np.mean((printable >= 32) & (printable < 127) | np.isin(printable, (9, 10, 13))) > 0.95
+            and 0 not in printable
+        ):
+            return content.decode("latin-1").encode()  # such as a degree sign in a header, from an old logger
+        raise InputError(
+            f"{name} is not a table but binary data; export the log as CSV or Parquet", code="not-a-table"
+        ) from None
+    return content
+
+
+def _split_comments(content: bytes) -> tuple[str, bytes]:
+    """The metadata of swingid from the comment lines on top, and what follows them."""
+    metadata, mark = "{}", f"# {METADATA_KEY}:".encode()
+    while content.startswith(b"#"):
+        line, _, rest = content.partition(b"\n")
+        if line.startswith(mark):
+            metadata = line[len(mark) :].decode("utf-8", "replace")
+        elif _is_number(re.split(rb"[,;\s]", rest.lstrip(b" "), maxsplit=1)[0], "."):
+            return metadata, content[1:].lstrip(b" \t")  # numpy.savetxt puts the header itself behind the #
+        content = rest
+    return metadata, content
+
+
+def _delimiter(line: bytes) -> bytes:
+    for delimiter in (b"\t", b";", b","):
+        if delimiter in line:
+            return delimiter
+    return b" " if len(line.split()) > 1 else b","
+
+
+def _is_number(cell: bytes, decimal: str) -> bool:
+    try:
+        float(cell.replace(decimal.encode(), b"."))
+    except ValueError:
+        return False
+    return True

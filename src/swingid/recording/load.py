@@ -1,0 +1,80 @@
+"""From a file to a Recording: read, gather the rig's columns, repair, convert, judge."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swingid.errors import InputError
+from swingid.recording.conventions import Conventions, gather
+from swingid.recording.formats import read_table
+from swingid.recording.recording import Finding, Recording, Source
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+    from swingid.recording.formats.table import Table
+
+
+def load(path: str | Path, rig: Rig) -> Recording:
+    """See `Recording.load`."""
+    content = _read_bytes(path)
+    name = str(path)
+    table = read_table(content, name)
+    conventions = Conventions.of(rig)
+    _check_origin(table, conventions, name)
+    logged, _texts = gather(table, conventions, name)
+    metadata = table.metadata.get("metadata")
+    return Recording(
+        **conventions.to_model(logged),
+        drive_held=conventions.drive_held,
+        metadata=metadata if isinstance(metadata, dict) else {},
+        findings=_saved_findings(table),
+        source=Source(name, hashlib.sha256(content).hexdigest()),
+    )
+
+
+def _read_bytes(path: str | Path) -> bytes:
+    """The file's bytes; InputError that says which of the ways in which a path can be wrong it is."""
+    try:
+        content = Path(path).read_bytes()
+    except FileNotFoundError:
+        raise InputError(f"{path} does not exist; give the path of a log", code="missing-file") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder; give the path of one log in it", code="is-a-folder") from None
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+        raise InputError(f"{path} cannot be read: {reason}", code="unreadable-file") from None
+    if not content.strip():
+        raise InputError(
+            f"{path} is empty; a log needs a header line with column names and rows of numbers",
+            code="empty-file",
+        )
+    return content
+
+
+def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
+    """Refuse a file that swingid wrote in other conventions than those it is now to be read in."""
+    kind = table.metadata.get("drive")
+    if kind is not None and kind != conventions.drive_kind:
+        message = f'{name} was written for a rig with [drive] kind "{kind}", this rig has "{conventions.drive_kind}"'
+        raise InputError(f"{message}; use the rig that belongs to the log", code="other-drive")
+    written, wanted = table.metadata.get("log"), conventions.describe()
+    if not isinstance(written, dict):
+        return
+    for key, value in wanted.items():
+        if key in written and written[key] != value:
+            message = (
+                f"{name} was written with another convention of [log] for its {key} than this rig states"
+            )
+            raise InputError(f"{message}; use the rig that it was written with", code="other-conventions")
+
+
+def _saved_findings(table: Table) -> tuple[Finding, ...]:
+    """What had been found in the log before swingid wrote this file."""
+    saved = table.metadata.get("findings")
+    found = []
+    for entry in saved if isinstance(saved, list) else []:
+        if isinstance(entry, dict) and entry.get("level") in ("note", "warning"):
+            found.append(Finding(str(entry.get("code")), str(entry.get("message")), entry["level"]))
+    return tuple(found)

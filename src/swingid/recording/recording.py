@@ -1,0 +1,154 @@
+"""The Recording: what a rig logged, in the model's units and conventions, read-only."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from swingid.errors import InputError, UnanswerableError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from swingid.model.rig import Rig
+
+CHANNELS = ("time", "angle", "wheel_angle", "voltage", "torque", "reference", "adaptive_gain")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that was noticed in a log: a `code` for scripts, a sentence for people.
+
+    A ``"warning"`` makes a result doubtful; a ``"note"`` states what was done or assumed.
+    """
+
+    code: str
+    message: str
+    level: Literal["note", "warning"]
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a recording came from: the path as given and the SHA-256 of the file; None for data made in memory."""
+
+    path: str | None = None
+    sha256: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Measured channels of one run, all of one length, float64 and not writeable.
+
+    time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging, positive
+    counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous. voltage: V.
+    torque: N m (N), what the direct drive applied. reference: as angle; adaptive_gain: k tilde of the controller;
+    these two may hold NaN. drive_held: True when row k's voltage or torque acts from t_k to t_(k+1), False when it
+    is a measurement at t_k.
+
+    Velocities are not stored: who needs one says how it got it.
+    Raises InputError when the channels do not fit together.
+    """
+
+    time: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    wheel_angle: NDArray[np.float64] | None = None
+    voltage: NDArray[np.float64] | None = None
+    torque: NDArray[np.float64] | None = None
+    reference: NDArray[np.float64] | None = None
+    adaptive_gain: NDArray[np.float64] | None = None
+    drive_held: bool = True
+    metadata: dict[str, object] = field(default_factory=dict)
+    findings: tuple[Finding, ...] = ()
+    source: Source = Source()
+
+    def __post_init__(self) -> None:
+        for name in CHANNELS:
+            values = getattr(self, name)
+            if values is not None:
+                object.__setattr__(
+                    self, name, _frozen(name, values, None if name == "time" else len(self.time))
+                )
+        for name in CHANNELS[:5]:
+            values = getattr(self, name)
+            if values is not None and not np.isfinite(values).all():
+                raise InputError(
+                    f"the recording's {name} holds NaN or infinity; drop those rows first", code="not-finite"
+                )
+        if not (np.diff(self.time) > 0).all():
+            raise InputError(
+                "the recording's time does not increase from row to row; sort it first", code="time-order"
+            )
+        object.__setattr__(self, "metadata", dict(self.metadata))
+        object.__setattr__(self, "findings", tuple(self.findings))
+
+    def __len__(self) -> int:
+        """Number of rows."""
+        return len(self.time)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last, s."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def rate(self) -> float:
+        """Median number of rows per second, 1/s; UnanswerableError when there are fewer than two rows."""
+        if len(self) < 2:
+            raise UnanswerableError("a recording of one row has no rate; log a longer run", code="too-short")
+        return float(1.0 / np.median(np.diff(self.time)))
+
+    def segment(self, start: float, stop: float) -> Recording:
+        """The rows with start <= time <= stop (s), as a recording of its own.
+
+        Raises UnanswerableError when there are none.
+        """
+        first, last = np.searchsorted(self.time, start, "left"), np.searchsorted(self.time, stop, "right")
+        if last <= first:
+            message = f"no rows between {start:g} s and {stop:g} s; the log runs from {self.time[0]:g} s to {self.time[-1]:g} s"
+            raise UnanswerableError(message, code="empty-segment")
+        cut = {name: values[first:last] for name in CHANNELS if (values := getattr(self, name)) is not None}
+        return replace(self, **cut)
+
+    @classmethod
+    def load(cls, path: str | Path, rig: Rig) -> Recording:
+        """Read a log (CSV, Parquet or MATLAB v5) by the conventions of `rig.log`, repair what is plainly a fault.
+
+        What was repaired stands in `findings`. Raises InputError for a file that cannot be used and
+        UnanswerableError for one without motion or with too few rows.
+        """
+        from swingid.recording.load import load
+
+        return load(path, rig)
+
+    def save(self, path: str | Path, rig: Rig | None = None) -> Path:
+        """Write CSV or Parquet (by the ending), metadata inside, so that ``load(path, rig)`` gives it back.
+
+        Columns, units and signs are those of `rig.log`; without a rig t, q1, q2, u, tau, ym, k in SI units.
+        Raises InputError when the ending is another or the file cannot be written.
+        """
+        from swingid.recording.save import save
+
+        return save(self, path, rig)
+
+    def __repr__(self) -> str:
+        names = [f.name for f in fields(self) if f.name in CHANNELS and getattr(self, f.name) is not None]
+        return f"Recording({len(self)} rows, {', '.join(names)}, source={self.source.path!r})"
+
+
+def _frozen(name: str, values: ArrayLike, length: int | None) -> NDArray[np.float64]:
+    """An own, read-only float64 copy of one channel, checked for its shape."""
+    try:
+        array = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"the recording's {name} is not an array of numbers", code="bad-channel") from None
+    if array.ndim != 1 or array.size == 0 or (length is not None and array.size != length):
+        wanted = "one value per row" if length is None else f"{length} values, one per row"
+        raise InputError(
+            f"the recording's {name} has shape {array.shape}; it needs {wanted}", code="bad-channel"
+        )
+    array.flags.writeable = False
+    return array

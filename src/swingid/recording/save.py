@@ -1,0 +1,66 @@
+"""From a Recording to a file that loads back as the same Recording."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.conventions import Conventions
+from swingid.recording.formats import writer_for
+from swingid.recording.recording import CHANNELS, Recording
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+
+
+def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
+    """See `Recording.save`. The file appears whole or not at all."""
+    target = Path(path)
+    module = writer_for(target)
+    conventions = Conventions.plain() if rig is None else Conventions.of(rig)
+    kept = ("time", *conventions.channels)
+    channels = {n: v for n in CHANNELS if n in kept and (v := getattr(recording, n)) is not None}
+    if conventions.rate is not None:
+        _check_even(recording, conventions.rate, target)
+        del channels["time"]
+    metadata = {
+        "metadata": _plain(recording.metadata),
+        "log": {**conventions.describe(), "drive_held": recording.drive_held},
+        "findings": [{"code": f.code, "message": f.message, "level": f.level} for f in recording.findings],
+    }
+    if rig is not None:
+        metadata["drive"] = rig.drive.kind
+    content: bytes = module.write(conventions.to_log(channels), metadata)
+    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        partial.write_bytes(content)
+        partial.replace(target)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(f"cannot write {target}: {error.strerror}", code="cannot-write") from None
+    return target
+
+
+def _check_even(recording: Recording, rate: float, target: Path) -> None:
+    """A rig without a time column can only hold evenly spaced rows."""
+    even = recording.time[0] + np.arange(len(recording)) / rate
+    if np.abs(recording.time - even).max() > 1e-3 / rate:
+        message = (
+            f"cannot write {target}: the rig's [log] has rate = {rate:g} and no time column, but the rows"
+        )
+        raise InputError(f"{message} are not spaced so; set [log] time instead", code="uneven-rows")
+
+
+def _plain(value: object) -> object:
+    """`value` as JSON can hold it: numpy numbers and arrays as numbers and lists, anything unknown as its text."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    return value if isinstance(value, str | int | float | bool) or value is None else str(value)

@@ -38,7 +38,7 @@ DEFAULT_COLUMNS = {
 class Scale:
     """One channel's convention: model value = factor * logged value + offset.
 
-    The factor holds the sign. `turn` is one turn in logged units, None where there are no turns (linear axis, voltage).
+    The factor holds the sign. `turn` is one turn in logged units, None where there are no turns.
     """
 
     factor: float = 1.0
@@ -81,7 +81,7 @@ class Conventions:
 
     @classmethod
     def of(cls, rig: Rig) -> Conventions:
-        """The conventions of `rig.log`; InputError for one that is unsupported or lacks a constant it needs."""
+        """The conventions of `rig.log`; InputError for one that lacks what it needs."""
         log = rig.log
         kind = rig.drive.kind
         columns = {name: getattr(log, name, None) or default for name, default in DEFAULT_COLUMNS.items()}
@@ -115,7 +115,7 @@ class Conventions:
         return ("angle", *drive, "reference", "adaptive_gain")
 
     def to_model(self, logged: Mapping[str, NDArray[np.float64]]) -> Channels:
-        """Channels in the model's units and signs; an angle counted from the top comes within half a turn of 0.
+        """Channels in the model's units and signs; an angle counted from the top comes back near 0.
 
         `logged` holds "time" and, in logged units, any of the channels; angles must be continuous.
         """
@@ -138,10 +138,7 @@ class Conventions:
 
     def describe(self) -> dict[str, object]:
         """Everything that changes numbers, as JSON values: kept in saved files, compared on loading."""
-        described: dict[str, object] = {
-            "drive_held": self.drive_held,
-            "wheel_is_absolute": self.wheel_is_absolute,
-        }
+        described: dict[str, object] = {"wheel_is_absolute": self.wheel_is_absolute}
         for name in self.channels:
             if name in self.scales:
                 described[name] = [self.scales[name].factor, self.scales[name].offset]
@@ -153,8 +150,8 @@ def gather(
 ) -> tuple[Channels, dict[str, list[tuple[int, str]]]]:
     """The rig's channels out of a file's table, in logged units, and the texts that stood among the numbers.
 
-    Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and the
-    key of [log] that sets it), for columns of unequal length, and for a column without numbers.
+    Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and
+    the key of [log] that sets it), for columns of unequal length, and for a column without numbers.
     """
     logged: Channels = {}
     texts: dict[str, list[tuple[int, str]]] = {}
@@ -169,7 +166,7 @@ def gather(
             continue  # in a file of other origin a column "k" may be anything
         logged[channel], texts[channel] = table.numbers(column)
         if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
-            message = f"{name}: column {column!r} holds no numbers; set [log] {channel} in the rig file to the column"
+            message = f"{name}: column {column!r} holds no numbers; set [log] {channel} to the column"
             raise InputError(f"{message} that holds the {channel}", code="no-numbers")
     rows = len(logged["angle"])
     for channel, values in logged.items():

@@ -27,7 +27,7 @@ def load(path: str | Path, rig: Rig) -> Recording:
     metadata = table.metadata.get("metadata")
     return Recording(
         **conventions.to_model(logged),
-        drive_held=conventions.drive_held,
+        drive_held=_drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
         findings=_saved_findings(table),
         source=Source(name, hashlib.sha256(content).hexdigest()),
@@ -57,7 +57,7 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
     """Refuse a file that swingid wrote in other conventions than those it is now to be read in."""
     kind = table.metadata.get("drive")
     if kind is not None and kind != conventions.drive_kind:
-        message = f'{name} was written for a rig with [drive] kind "{kind}", this rig has "{conventions.drive_kind}"'
+        message = f'{name} was written for [drive] kind "{kind}", this rig has "{conventions.drive_kind}"'
         raise InputError(f"{message}; use the rig that belongs to the log", code="other-drive")
     written, wanted = table.metadata.get("log"), conventions.describe()
     if not isinstance(written, dict):
@@ -68,6 +68,13 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
                 f"{name} was written with another convention of [log] for its {key} than this rig states"
             )
             raise InputError(f"{message}; use the rig that it was written with", code="other-conventions")
+
+
+def _drive_held(table: Table, conventions: Conventions) -> bool:
+    """Whether the drive was held: a file written by swingid knows, else the rig says."""
+    written = table.metadata.get("log")
+    held = written.get("drive_held") if isinstance(written, dict) else None
+    return held if isinstance(held, bool) else conventions.drive_held
 
 
 def _saved_findings(table: Table) -> tuple[Finding, ...]:

@@ -33,7 +33,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a recording came from: the path as given and the SHA-256 of the file; None for data made in memory."""
+    """Where a recording came from: path as given, SHA-256 of the file; None for data made in memory."""
 
     path: str | None = None
     sha256: str | None = None
@@ -43,11 +43,11 @@ class Source:
 class Recording:
     """Measured channels of one run, all of one length, float64 and not writeable.
 
-    time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging, positive
-    counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous. voltage: V.
-    torque: N m (N), what the direct drive applied. reference: as angle; adaptive_gain: k tilde of the controller;
-    these two may hold NaN. drive_held: True when row k's voltage or torque acts from t_k to t_(k+1), False when it
-    is a measurement at t_k.
+    time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging,
+    positive counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous.
+    voltage: V. torque: N m (N), what the direct drive applied. reference: as angle; adaptive_gain: k tilde of
+    the controller; these two may hold NaN. drive_held: True when row k's voltage or torque acts from t_k to
+    t_(k+1), False when it is a measurement at t_k.
 
     Velocities are not stored: who needs one says how it got it.
     Raises InputError when the channels do not fit together.
@@ -108,14 +108,15 @@ class Recording:
         """
         first, last = np.searchsorted(self.time, start, "left"), np.searchsorted(self.time, stop, "right")
         if last <= first:
-            message = f"no rows between {start:g} s and {stop:g} s; the log runs from {self.time[0]:g} s to {self.time[-1]:g} s"
+            message = f"no rows between {start:g} s and {stop:g} s"
+            message += f"; the log runs from {self.time[0]:g} s to {self.time[-1]:g} s"
             raise UnanswerableError(message, code="empty-segment")
         cut = {name: values[first:last] for name in CHANNELS if (values := getattr(self, name)) is not None}
         return replace(self, **cut)
 
     @classmethod
     def load(cls, path: str | Path, rig: Rig) -> Recording:
-        """Read a log (CSV, Parquet or MATLAB v5) by the conventions of `rig.log`, repair what is plainly a fault.
+        """Read a log (CSV, Parquet, MATLAB v5) by the conventions of `rig.log`, and repair plain faults.
 
         What was repaired stands in `findings`. Raises InputError for a file that cannot be used and
         UnanswerableError for one without motion or with too few rows.

@@ -56,7 +56,7 @@ def _check_even(recording: Recording, rate: float, target: Path) -> None:
 
 
 def _plain(value: object) -> object:
-    """`value` as JSON can hold it: numpy numbers and arrays as numbers and lists, anything unknown as its text."""
+    """`value` as JSON can hold it: numpy as numbers and lists, anything unknown as its text."""
     if isinstance(value, dict):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

@@ -18,10 +18,10 @@ METADATA_KEY = "swingid"
 
 @dataclass(frozen=True)
 class Table:
-    """Columns of a file by name, each a float64 array or, where cells hold text, an object array of str and None.
+    """Columns of a file by name, float64 arrays or, where cells hold text, object arrays (str and None).
 
-    `metadata` is what swingid wrote into the file, empty for other files; `unreadable_rows` counts rows with the wrong
-    number of cells, which the reader left out.
+    `metadata` is what swingid wrote into the file, empty for other files; `unreadable_rows` counts rows with
+    the wrong number of cells, which the reader left out.
     """
 
     columns: Mapping[str, NDArray[np.float64] | NDArray[np.object_]]
@@ -29,7 +29,7 @@ class Table:
     unreadable_rows: int = 0
 
     def numbers(self, name: str) -> tuple[NDArray[np.float64], list[tuple[int, str]]]:
-        """Column `name` as float64, NaN where a cell is empty or no number; and those texts with their row (from 0)."""
+        """Column `name` as float64, NaN where a cell is no number; and the texts with their row (from 0)."""
         column = self.columns[name]
         if column.dtype != object:
             return column.astype(np.float64, copy=False), []

@@ -92,7 +92,7 @@ class Compensator:
             )
         if self.alpha[0] <= 0.0 or not _hurwitz(self.alpha):
             raise _refused(
-                f"alpha = {self.alpha} must begin with a positive number and have all roots in the left half plane"
+                f"alpha = {self.alpha} must start positive and have its roots in the left half plane"
             )
         if not _hurwitz((1.0, *reversed(self.k))):
             raise _refused(f"k = {self.k} makes the chain (16) unstable")
@@ -177,9 +177,10 @@ class Compensator:
     def step(
         self, t: float, angles: Sequence[float], state: NDArray[np.float64]
     ) -> tuple[float, NDArray[np.float64]]:
-        """One sample: (voltage (V) held to the next, new state) for `angles` = (reference, angle, wheel_angle).
+        """One sample: (voltage (V) held to the next, new state).
 
-        The law does not depend on `t` (s), which every controller is given. `state` is left as it is.
+        `angles` = (reference, angle, wheel_angle) in rad (m), wheel_angle 0 without a wheel. The law does
+        not depend on `t` (s), which every controller is given. `state` is left as it is.
         """
         del t
         reference, angle, wheel_angle = angles

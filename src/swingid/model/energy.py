@@ -1,0 +1,40 @@
+"""Kinetic and potential energy and the powers, from the same constants that move the rig.
+
+Along (I), (II) d/dt (T + Pi) is the drive's power less the power F q1' of the axis' friction and that of
+the motor's; (1) and (2) are its integrals. With LuGre, F q1' also stores 1/2 sigma0 z^2 in the bristles.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.model.motor import motor_friction, motor_torque
+from swingid.model.parameters import A11, A12, A22, DIRECT, GEAR, B
+from swingid.numerics.compiled import njit
+
+
+@njit
+def kinetic_energy(v1: float, v2: float, p: NDArray[np.float64]) -> float:
+    """T = 1/2 (a11 q1'^2 + 2 a12 q1' q2' + a22 q2'^2) (J)."""
+    return float(0.5 * (p[A11] * v1 * v1 + 2.0 * p[A12] * v1 * v2 + p[A22] * v2 * v2))
+
+
+@njit
+def potential_energy(q1: float, p: NDArray[np.float64]) -> float:
+    """Pi = b (1 - cos q1) (J), (4) and (5)."""
+    return float(p[B] * (1.0 - math.cos(q1)))
+
+
+@njit
+def drive_power(u: float, v1: float, v2: float, p: NDArray[np.float64]) -> float:
+    """Power (W) of the motor torque on the wheel, N M q2', or of a direct drive's torque, u q1'."""
+    return float(p[DIRECT] * u * v1 + p[GEAR] * motor_torque(u, v2, p) * v2)
+
+
+@njit
+def motor_friction_power(v2: float, s2: int, p: NDArray[np.float64]) -> float:
+    """Power (W) lost in motor and gearbox while the wheel turns towards side s2."""
+    return float(p[GEAR]) * motor_friction(v2, s2, p) * v2

@@ -1,0 +1,86 @@
+"""Friction of the axis, F(q1'), as it stands on the left of row (I): positive against positive motion.
+
+Sliding friction is smooth on each side of rest, so the side s = +1 or -1 is an argument: an integrator that
+knows on which side it is sees no jump. Rest is no value of F but a state of its own, in which friction is
+whatever holds the axis, up to the release torque (`release_margin`); nothing here smooths a sign.
+
+Static curve: s (Fc + (Fs - Fc) exp(-(v/vs)^2)) + viscous v + quadratic v|v| + cubic v^3 + offset. LuGre
+(Canudas de Wit et al. 1995) replaces the first term by sigma0 z + sigma1 z' with the bristle deflection z.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.model.parameters import (
+    COULOMB_N,
+    COULOMB_P,
+    CUBIC,
+    OFFSET,
+    QUADRATIC,
+    SIGMA0,
+    SIGMA1,
+    STATIC_N,
+    STATIC_P,
+    STRIBECK_SPEED,
+    VISCOUS_N,
+    VISCOUS_P,
+)
+from swingid.numerics.compiled import njit
+
+
+@njit
+def dry_level(v: float, s: int, p: NDArray[np.float64]) -> float:
+    """Coulomb and Stribeck level g(v) >= 0 (N m) on side s at speed v (rad/s)."""
+    coulomb, static = p[COULOMB_N], p[STATIC_N]
+    if s > 0:
+        coulomb, static = p[COULOMB_P], p[STATIC_P]
+    if static == coulomb or p[STRIBECK_SPEED] == 0.0:
+        return float(coulomb)
+    x = v / p[STRIBECK_SPEED]
+    return float(coulomb + (static - coulomb) * math.exp(-x * x))
+
+
+@njit
+def wet_friction(v: float, s: int, p: NDArray[np.float64]) -> float:
+    """Viscous, quadratic, cubic and offset torque (N m) on side s at speed v (rad/s)."""
+    viscous = p[VISCOUS_P] if s > 0 else p[VISCOUS_N]
+    return float(v * (viscous + v * (s * p[QUADRATIC] + v * p[CUBIC])) + p[OFFSET])
+
+
+@njit
+def bristle_rate(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
+    """Z' = v - sigma0 |v| z / g(v) (rad/s) of LuGre; 0 where the rig has no bristles."""
+    if p[SIGMA0] == 0.0:
+        return 0.0
+    return float(v - p[SIGMA0] * s * v * z / dry_level(v, s, p))
+
+
+@njit
+def sliding_friction(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
+    """F (N m) of an axis that slides towards side s at speed v (rad/s) with bristle deflection z (rad)."""
+    if p[SIGMA0] == 0.0:
+        return s * dry_level(v, s, p) + wet_friction(v, s, p)
+    return float(p[SIGMA0] * z + p[SIGMA1] * bristle_rate(v, s, z, p) + wet_friction(v, s, p))
+
+
+@njit
+def static_curve(v: float, p: NDArray[np.float64]) -> float:
+    """F (N m) in steady sliding at speed v (rad/s); at v = 0 the offset alone, as sign 0 = 0.
+
+    For plots and comparisons, and for laws without memory; LuGre's curve is the one it settles to.
+    """
+    if v == 0.0:
+        return float(p[OFFSET])
+    s = 1 if v > 0.0 else -1
+    return s * dry_level(v, s, p) + wet_friction(v, s, p)
+
+
+@njit
+def release_margin(hold: float, p: NDArray[np.float64]) -> float:
+    """How far (N m) a resting axis is from release when friction must supply `hold` (N m); < 0: it slides."""
+    dry = hold - p[OFFSET]
+    return float(min(p[STATIC_P] - dry, p[STATIC_N] + dry))

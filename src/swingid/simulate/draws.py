@@ -1,0 +1,87 @@
+"""What one run of the twin draws by its seed: constants, encoders, read times, noise, lost rows.
+
+Each kind of draw has a random stream of its own, so that turning one imperfection on leaves the draws of
+the others as they were.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.model.parameters import constants
+from swingid.model.sensors import Encoder
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.model.rig import Rig
+
+STREAMS = ("constants", "nonlinearity", "latency", "jitter", "noise", "dropouts")
+SIGNED = ("axis.gravity_torque", "axis.friction.offset")
+CHANNELS = ("angle", "wheel")
+
+
+@dataclass(frozen=True)
+class Draws:
+    """What a run is made with, in the order angle, wheel where it concerns encoders.
+
+    values: constants by rig.toml key (SI). delays (2, rows): read time minus row time (s). noise (2, rows)
+    (rad). kept (rows,): rows that reach the log.
+    """
+
+    values: dict[str, float]
+    encoders: tuple[Encoder, Encoder]
+    latencies: tuple[float, float]
+    delays: NDArray[np.float64]
+    noise: NDArray[np.float64]
+    kept: NDArray[np.bool_]
+
+
+def stream(seed: int, name: str) -> np.random.Generator:
+    """The random stream of one kind of draw."""
+    return np.random.default_rng([seed, STREAMS.index(name)])
+
+
+def draw_constants(rig: Rig, seed: int) -> dict[str, float]:
+    """Every constant drawn from N(value, std); those that can't be negative drawn again until they are not.
+
+    Constants without a stated uncertainty keep their value, and use up a draw all the same.
+    """
+    values = {}
+    generator = stream(seed, "constants")
+    for key, quantity in constants(rig).items():
+        std = quantity.std or 0.0
+        retry = generator.spawn(1)[0]
+        value = quantity.value + std * generator.standard_normal()
+        while std > 0.0 and value < 0.0 and key not in SIGNED:
+            value = quantity.value + std * retry.standard_normal()
+        values[key] = float(value)
+    return values
+
+
+def draw(rig: Rig, rows: int, seed: int, *, constants_too: bool = False) -> Draws:
+    """All draws of a run of `rows` rows; `constants_too`: also the constants, else they have their values.
+
+    A row is read as a whole: both encoders share a row's jitter and are lost together.
+    """
+    sensors = [rig.sensors.of(name) for name in CHANNELS]
+    nonlinearity = stream(seed, "nonlinearity").standard_normal((2, 2))
+    latency = stream(seed, "latency").standard_normal(2)
+    jitter = stream(seed, "jitter").standard_normal(rows)
+    noise = stream(seed, "noise").standard_normal((2, rows))
+    lost = stream(seed, "dropouts").random(rows) < max(sensor.dropouts for sensor in sensors)
+    encoders, latencies, delays = [], [], np.zeros((2, rows))
+    for i, sensor in enumerate(sensors):
+        alpha, beta = sensor.nonlinearity * nonlinearity[i]
+        encoders.append(Encoder(sensor.resolution, float(alpha), float(beta)))
+        latencies.append(float(sensor.latency.value + (sensor.latency.std or 0.0) * latency[i]))
+        delays[i] = latencies[i] + sensor.jitter * jitter
+        noise[i] *= sensor.noise
+    if constants_too:
+        values = draw_constants(rig, seed)
+    else:
+        values = {key: quantity.value for key, quantity in constants(rig).items()}
+    return Draws(values, (encoders[0], encoders[1]), (latencies[0], latencies[1]), delays, noise, ~lost)

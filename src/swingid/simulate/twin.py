@@ -1,0 +1,257 @@
+"""The digital twin: from a rig, a controller or a list of commands, and a seed, to what would be logged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.control.compensator import Compensator
+from swingid.errors import UsageError
+from swingid.model.integrator import Q1, Q2, STATES, V1, V2, Z
+from swingid.model.motion import EVENTS, GUARDED, STEPS
+from swingid.model.parameters import vector
+from swingid.recording.recording import Recording
+from swingid.simulate import draws
+from swingid.simulate.loop import COMPENSATOR, OPEN_LOOP, closed_loop
+from swingid.simulate.provenance import describe, metadata
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from swingid.model.rig import Rig
+
+Reference = Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true motion behind a recording, for tests and plots only: no method may see it.
+
+    time (n,) (s): instants of all rows, lost ones too, or those asked for; angle, speed, wheel_angle,
+    wheel_speed (rad, rad/s), bristle (rad). command (rows,): held from row to row (V; direct drive N m).
+    parameters: the vector of `swingid.model.parameters`. draws: what the seed drew. steps, mode_changes,
+    guarded_steps: counts of the integration.
+    """
+
+    time: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    wheel_angle: NDArray[np.float64]
+    wheel_speed: NDArray[np.float64]
+    bristle: NDArray[np.float64]
+    command: NDArray[np.float64]
+    parameters: NDArray[np.float64]
+    draws: draws.Draws
+    steps: int
+    mode_changes: int
+    guarded_steps: int
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recording and the truth behind it."""
+
+    recording: Recording
+    truth: Truth
+
+
+def simulate(
+    rig: Rig,
+    reference: Reference | None = None,
+    controller: Compensator | None = None,
+    *,
+    duration: float,
+    rate: float = 1000.0,
+    seed: int = 0,
+    initial_angle: float = 0.0,
+    initial_speed: float = 0.0,
+    drive: ArrayLike | None = None,
+    draw: bool = False,
+) -> Recording:
+    """What the rig would log in `duration` (s) at `rate` (1/s): rows at 0, 1/rate, ..., duration.
+
+    With a `reference` (a function of times (s), giving rad) the `controller` moves the rig, by default the
+    compensator with the gains of the paper's experiment. With `drive`, an array of one command per row (V;
+    direct drive N m), the loop is open. With neither the command is zero: a free decay from `initial_angle`
+    (rad or m) and `initial_speed`. The encoders of `rig.sensors` always apply, drawn by `seed`; with `draw`
+    so are all constants with a stated uncertainty, and the rig is only about what it says it is.
+
+    Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
+    """
+    return simulate_run(
+        rig,
+        reference,
+        controller,
+        duration=duration,
+        rate=rate,
+        seed=seed,
+        initial_angle=initial_angle,
+        initial_speed=initial_speed,
+        drive=drive,
+        draw=draw,
+    ).recording
+
+
+def simulate_run(
+    rig: Rig,
+    reference: Reference | None = None,
+    controller: Compensator | None = None,
+    *,
+    duration: float,
+    rate: float = 1000.0,
+    seed: int = 0,
+    initial_angle: float = 0.0,
+    initial_speed: float = 0.0,
+    drive: ArrayLike | None = None,
+    draw: bool = False,
+    truth_times: ArrayLike | None = None,
+) -> Run:
+    """As `simulate`, with the truth beside the recording, at the rows' instants or at `truth_times` (s)."""
+    rows = _rows(duration, rate)
+    made = draws.draw(rig, rows, seed, constants_too=draw)
+    wanted = np.arange(rows) / rate if truth_times is None else np.asarray(truth_times, dtype=np.float64)
+    reads = np.arange(rows) / rate + made.delays
+    instants, places = np.unique(np.concatenate([reads[0], reads[1], wanted]), return_inverse=True)
+    times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
+    inputs, open_loop = _inputs(rig, reference, controller, drive, times[:-1], rows)
+    state, gains = np.zeros(1), np.zeros(1)
+    if not open_loop:
+        controller = controller or Compensator.paper(rig)
+        state, gains = controller.initial_state(initial_angle, 0.0), controller.parameters(1.0 / rate)
+    noise = np.zeros((2, len(inputs)))
+    noise[:, :rows] = made.noise
+    p = vector(made.values, rig.drive.kind)
+    seen, log = np.zeros((len(instants), STATES)), np.zeros((rows, 4))
+    counts = closed_loop(
+        times,
+        inputs,
+        OPEN_LOOP if open_loop else COMPENSATOR,
+        state,
+        gains,
+        _limit(rig),
+        np.array([initial_angle, initial_speed, 0.0, 0.0, 0.0]),
+        p,
+        np.array([encoder.array() for encoder in made.encoders]),
+        noise,
+        instants,
+        places[: 2 * rows].reshape(2, rows),
+        seen,
+        log,
+    )
+    how: dict[str, object] = {
+        "duration": duration,
+        "rate": rate,
+        "seed": seed,
+        "drawn": draw,
+        "initial_angle": initial_angle,
+        "initial_speed": initial_speed,
+        "controller": "open loop" if open_loop else repr(controller),
+        "reference": describe(reference),
+    }
+    recording = _recording(rig, times, inputs, open_loop, log, made, metadata(rig, how, made))
+    return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts))
+
+
+def _rows(duration: float, rate: float) -> int:
+    """Number of rows; UsageError unless duration and rate are positive numbers and give at least two."""
+    for name, value in (("duration", duration), ("rate", rate)):
+        if not 0.0 < value < math.inf:
+            raise UsageError(f"{name} must be a positive number, and is {value}", code="bad-duration")
+    rows = math.floor(duration * rate + 1e-9) + 1
+    if rows < 2:
+        raise UsageError(
+            f"{duration:g} s at {rate:g} rows per second is less than two rows; simulate longer",
+            code="too-short",
+        )
+    return rows
+
+
+def _inputs(
+    rig: Rig,
+    reference: Reference | None,
+    controller: Compensator | None,
+    drive: ArrayLike | None,
+    times: NDArray[np.float64],
+    rows: int,
+) -> tuple[NDArray[np.float64], bool]:
+    """(reference or commands at `times`, whether the loop is open); UsageError where they contradict."""
+    kind = rig.drive.kind
+    if kind == "none" and (reference is not None or drive is not None):
+        raise UsageError(f"rig {rig.name!r} has no drive, so it can't follow anything", code="no-drive")
+    if drive is not None:
+        if reference is not None or controller is not None:
+            raise UsageError("give either drive or reference and controller, not both", code="two-drives")
+        commands = np.asarray(drive, dtype=np.float64)
+        if commands.ndim != 1 or len(commands) < rows - 1 or not np.isfinite(commands).all():
+            raise UsageError(
+                f"drive must hold one finite number per row, {rows}, and has shape {commands.shape}",
+                code="bad-drive",
+            )
+        return commands[np.minimum(np.arange(len(times)), len(commands) - 1)], True
+    if reference is None:
+        if controller is not None:
+            raise UsageError("a controller needs a reference to follow; give one", code="no-reference")
+        return np.zeros(len(times)), True
+    wanted = np.asarray(reference(times), dtype=np.float64)
+    if wanted.shape != times.shape or not np.isfinite(wanted).all():
+        raise UsageError("the reference must give one finite number per instant", code="bad-reference")
+    return wanted, False
+
+
+def _limit(rig: Rig) -> float:
+    """The rig's voltage limit (V), infinite where it has none."""
+    motor = rig.drive.motor if rig.drive.kind == "reaction-wheel" else None
+    return math.inf if motor is None or motor.voltage_limit is None else float(motor.voltage_limit)
+
+
+def _recording(
+    rig: Rig,
+    times: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    open_loop: bool,
+    log: NDArray[np.float64],
+    made: draws.Draws,
+    data: dict[str, object],
+) -> Recording:
+    """The rows that were not lost, as a Recording in the model's conventions."""
+    kept = np.flatnonzero(made.kept)
+    wheel = rig.drive.kind == "reaction-wheel"
+    return Recording(
+        time=times[kept],
+        angle=log[kept, 0],
+        wheel_angle=log[kept, 1] if wheel else None,
+        voltage=log[kept, 2] if wheel else None,
+        torque=log[kept, 2] if rig.drive.kind == "direct" else None,
+        reference=None if open_loop else inputs[kept],
+        adaptive_gain=None if open_loop else log[kept, 3],
+        drive_held=True,
+        metadata=data,
+    )
+
+
+def _truth(
+    wanted: NDArray[np.float64],
+    true: NDArray[np.float64],
+    commands: NDArray[np.float64],
+    p: NDArray[np.float64],
+    made: draws.Draws,
+    counts: NDArray[np.int64],
+) -> Truth:
+    return Truth(
+        time=wanted,
+        angle=true[:, Q1],
+        speed=true[:, V1],
+        wheel_angle=true[:, Q2],
+        wheel_speed=true[:, V2],
+        bristle=true[:, Z],
+        command=commands,
+        parameters=p,
+        draws=made,
+        steps=int(counts[STEPS]),
+        mode_changes=int(counts[EVENTS]),
+        guarded_steps=int(counts[GUARDED]),
+    )

@@ -1,0 +1,144 @@
+"""Reference motions from text, as in ``--reference "sine 0.8 rad 8.5 rad/s"``.
+
+Grammar: a kind, then numbers each followed by a unit (none = SI). Frequencies in rad/s, Hz, or any unit of
+angle per time; angles in rad, deg, ..., or lengths for a linear axis.
+
+    sine       AMPLITUDE FREQUENCY [PHASE]
+    multisine  AMPLITUDE FREQUENCY [PHASE] + AMPLITUDE FREQUENCY [PHASE] + ...
+    strokes    AMPLITUDE STROKE-TIME [DWELL]
+    triangle   AMPLITUDE FREQUENCY [CORNER-TIME]
+    chirp      AMPLITUDE FROM-FREQUENCY TO-FREQUENCY SWEEP-TIME
+    file       PATH.csv
+
+The file has time (s) and position (rad or m) in its first two columns.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+from swingid.control.references.base import Reference
+from swingid.control.references.chirp import Chirp
+from swingid.control.references.multisine import Multisine
+from swingid.control.references.sampled import Sampled
+from swingid.control.references.sine import Sine
+from swingid.control.references.strokes import Strokes
+from swingid.control.references.triangle import Triangle
+from swingid.errors import InputError, UsageError
+
+EXAMPLES = {
+    "sine": "sine 0.8 rad 8.5 rad/s",
+    "multisine": "multisine 0.5 rad 5 rad/s + 0.3 rad 8.5 rad/s",
+    "strokes": "strokes 0.8 rad 0.5 s 0.2 s",
+    "triangle": "triangle 45 deg 1 Hz 0.1 s",
+    "chirp": "chirp 0.5 rad 0.5 Hz 2 Hz 20 s",
+    "file": "file motion.csv",
+}
+TERM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d+.-][^\s+]*)?(?=\s|$)")
+
+Term = tuple[str, str]
+
+
+def parse_reference(text: str) -> Reference:
+    """The reference motion that `text` names, after the grammar of this module.
+
+    Raises UsageError for text outside the grammar, with an example, and InputError for an unusable file.
+    """
+    kind, _, rest = text.strip().partition(" ")
+    if kind == "file":
+        if not rest.strip():
+            raise _bad(text, kind, "the path is missing")
+        return Sampled.load(rest.strip())
+    if kind not in EXAMPLES:
+        raise _bad(text, "sine", f"it must begin with one of {', '.join(EXAMPLES)}")
+    if kind == "multisine":
+        return Multisine(tuple(_sine(text, kind, part) for part in re.split(r"\s\+\s", rest)))
+    return _BUILDERS[kind](text, kind, rest)
+
+
+def _sine(text: str, kind: str, rest: str) -> Sine:
+    amplitude, unit, terms = _terms(text, kind, rest, 1, 2)
+    phase = _angle(text, kind, terms[1]) if len(terms) > 1 else 0.0
+    return Sine(amplitude, _frequency(text, kind, terms[0]), phase, unit)
+
+
+def _strokes(text: str, kind: str, rest: str) -> Strokes:
+    amplitude, unit, terms = _terms(text, kind, rest, 1, 2)
+    times = [_time(text, kind, term) for term in terms]
+    return Strokes(amplitude, times[0], times[1] if len(times) > 1 else 0.0, unit)
+
+
+def _triangle(text: str, kind: str, rest: str) -> Triangle:
+    amplitude, unit, terms = _terms(text, kind, rest, 1, 2)
+    corner = _time(text, kind, terms[1]) if len(terms) > 1 else None
+    return Triangle(amplitude, _frequency(text, kind, terms[0]), corner, unit)
+
+
+def _chirp(text: str, kind: str, rest: str) -> Chirp:
+    amplitude, unit, terms = _terms(text, kind, rest, 3, 3)
+    band = [_frequency(text, kind, term) for term in terms[:2]]
+    return Chirp(amplitude, band[0], band[1], _time(text, kind, terms[2]), unit)
+
+
+_BUILDERS: dict[str, Callable[[str, str, str], Reference]] = {
+    "sine": _sine,
+    "strokes": _strokes,
+    "triangle": _triangle,
+    "chirp": _chirp,
+}
+
+
+def _terms(text: str, kind: str, rest: str, fewest: int, most: int) -> tuple[float, str, list[Term]]:
+    """Amplitude with its unit, and between `fewest` and `most` further terms (number, unit) of `rest`."""
+    terms, place = [], 0
+    while place < len(rest.rstrip()):
+        match = TERM.match(rest, place)
+        if match is None:
+            raise _bad(text, kind, f"{rest[place:].strip()!r} is not a number with a unit")
+        terms.append((match[1], match[2] or ""))
+        place = match.end()
+    if not fewest <= len(terms) - 1 <= most:
+        raise _bad(text, kind, f"{len(terms)} numbers are not what {kind} needs")
+    if terms[0][1] != "m":
+        try:
+            return _value(text, kind, terms[0], "rad"), "rad", terms[1:]
+        except UsageError:
+            pass  # not an angle: a length, or the error of the next line
+    return _value(text, kind, terms[0], "m"), "m", terms[1:]
+
+
+def _angle(text: str, kind: str, term: Term) -> float:
+    return _value(text, kind, term, "rad")
+
+
+def _time(text: str, kind: str, term: Term) -> float:
+    return _value(text, kind, term, "s")
+
+
+def _frequency(text: str, kind: str, term: Term) -> float:
+    """Angular frequency (rad/s). Cycles are counted here, since a unit system takes Hz for 1/s."""
+    if term[1].endswith("Hz"):
+        return 2.0 * math.pi * _value(text, kind, term, "Hz")
+    return _value(text, kind, term, "rad/s")
+
+
+def _value(text: str, kind: str, term: Term, unit: str) -> float:
+    """The number of a term in `unit`."""
+    number, given = term
+    if not math.isfinite(float(number)):
+        raise _bad(text, kind, f"{number} is too large")
+    if given in ("", unit):
+        return float(number)
+    from swingid.units import parse_quantity
+
+    try:
+        return float(parse_quantity(f"{number} {given}", unit, kind).value)
+    except InputError as error:
+        raise _bad(text, kind, f"{number} {given} cannot be read in {unit}") from error
+
+
+def _bad(text: str, kind: str, reason: str) -> UsageError:
+    sentence = f"Reference {text.strip()!r}: {reason}; write for example {EXAMPLES[kind]!r}."
+    return UsageError(sentence, code="bad-reference")

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from swingid.identify.motion import Motion
 from swingid.model.rig import Rig
 from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import project, project_impulses, project_steps
 from swingid.recording.recording import Recording
 
@@ -47,6 +48,7 @@ class Signals:
     sine: Array
     speed: Array
     wheel: Array | None
+    wheel_values: Array | None
     torque: Array | None
     edges: Array
     directions: Array
@@ -58,7 +60,11 @@ class Signals:
         """Nodes of a log: two per interval at high rates, three where a swing has few samples."""
         samples_per_swing = motion.half_period * log.rate if len(motion.turning_times) > 1 else len(log)
         nodes = GaussNodes(log.time, 2 if samples_per_swing > 200 else 3)
+        late = rig.sensors.of("angle").latency.value
         angle = nodes.spline(log.angle)
+        wheel_values = None
+        if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
+            wheel_values = _moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value - late)
         torque = None
         if rig.drive.kind == "direct" and log.torque is not None:
             torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
@@ -68,13 +74,21 @@ class Signals:
             angle=angle,
             sine=np.sin(angle) if rig.axis.kind == "rotary" else np.zeros_like(angle),
             speed=motion.speed.at_nodes(nodes),
-            wheel=None if log.wheel_angle is None else nodes.spline(log.wheel_angle),
+            wheel=None if wheel_values is None else nodes.spline(wheel_values),
+            wheel_values=wheel_values,
             torque=torque,
             edges=edges,
             directions=directions,
             motion=motion,
             linear=rig.axis.kind == "linear",
         )
+
+
+def _moved(time: Array, values: Array, late: float) -> Array:
+    """A channel read `late` seconds after its stamps, on the stamps (declared latencies only; usually 0)."""
+    if late == 0.0:
+        return values
+    return spline_at(time, values, spline_slopes(time, values), time - late, 0)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,9 @@ from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 
 Array = NDArray[np.float64]
 
+WIDTHS = (3.5, 1.4)
+"""Half-width of the narrowest local cubic in sample steps, and the factor from one width to the next."""
+
 SMALLEST_SWING = 0.02
 """A swing below this share of the largest one is noise or rest, not a swing."""
 
@@ -67,8 +70,14 @@ class Motion:
         """Median time between turning points in s."""
         return float(np.median(np.diff(self.turning_times)))
 
+    def within(self, start: float, stop: float) -> Motion:
+        """The same motion with the turning points and rests between two instants only."""
+        inside = (self.turning_times > start) & (self.turning_times < stop)
+        rests = self.rests[(self.rests[:, 1] > start) & (self.rests[:, 0] < stop)].clip(start, stop)
+        return Motion(self.speed, self.turning_times[inside], self.turning_angles[inside], self.sides[inside], rests)
+
     def directions(self, start: float, stop: float) -> tuple[Array, Array]:
-        """Edges (s) of the swings from `start` to `stop` and the sign of the speed in each, as `project_steps` takes them.
+        """Edges (s) of the swings from `start` to `stop`, and the sign of the speed in each, for `project_steps`.
 
         Intervals of rest carry 0: what friction does there is not told by the speed.
         """
@@ -88,29 +97,35 @@ class Motion:
 def smooth_speed(time: Array, angle: Array, noise: float) -> Speed:
     """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample."""
     step = float(np.median(np.diff(time)))
-    width = 3.5 * step
-    best = _speed_on_grid(time, angle, width, noise)
+    width = WIDTHS[0] * step
     longest = (time[-1] - time[0]) / 8
-    while width * 1.4 < longest:
-        width *= 1.4
-        wider = _speed_on_grid(time, angle, width, noise)
-        change = wider.speed - best.at(wider.grid)
-        if np.sqrt(np.mean(change**2)) > 1.1 * max(best.noise, 1e-9 * np.abs(best.speed).max()):
+    # the search looks at some hundred places of the log, the speed itself is computed everywhere
+    places = np.linspace(time[0] + width, time[-1] - width, 300)
+    speeds = local_cubic(time, angle, places, width)[:, 1]
+    scale = np.nanmax(np.abs(speeds))
+    while width * WIDTHS[1] < longest:
+        wider = local_cubic(time, angle, places, width * WIDTHS[1])[:, 1]
+        change = np.sqrt(np.nanmean((wider - speeds) ** 2))
+        if change > 1.1 * max(_slope_noise(noise, step, width), 1e-9 * scale):
             break
-        best = wider
-    return best
-
-
-def _speed_on_grid(time: Array, angle: Array, width: float, noise: float) -> Speed:
-    count = max(int(np.ceil((time[-1] - time[0]) / (width / 3))), 4)
-    grid = np.linspace(time[0], time[-1], count + 1)
+        width, speeds = width * WIDTHS[1], wider
+    grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / 3))), 4) + 1)
     fitted = local_cubic(time, angle, grid, width)
     reached = np.isfinite(fitted[:, 0])
-    grid, fitted = grid[reached], fitted[reached]
-    step = float(np.median(np.diff(time)))
-    # variance of the slope of a cubic fitted to 2w/h samples of white noise: 18.75 σ²/(n w²)
-    deviation = noise * np.sqrt(9.375 * step / width**3)
-    return Speed(grid, np.ascontiguousarray(fitted[:, 0]), np.ascontiguousarray(fitted[:, 1]), width, float(deviation))
+    angles, slopes = np.ascontiguousarray(fitted[reached, 0]), np.ascontiguousarray(fitted[reached, 1])
+    return Speed(grid[reached], angles, slopes, width, _slope_noise(noise, step, width))
+
+
+def _slope_noise(noise: float, step: float, width: float) -> float:
+    """Standard deviation of the slope of a cubic fitted to 2w/h samples of white noise: 18.75 σ²/(n w²)."""
+    return float(noise * np.sqrt(9.375 * step / width**3))
+
+
+def sample_noise(values: Array) -> float:
+    """Standard deviation of white noise in a smooth sampled signal, from its sixth differences (robust)."""
+    if len(values) < 20:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, 6))) / (0.6745 * np.sqrt(924)))
 
 
 def find_motion(time: Array, angle: Array, noise: float) -> Motion:

@@ -68,7 +68,7 @@ class BudgetEntry:
 
 @dataclass(frozen=True)
 class SwingSeries:
-    """One inertia per swing: instants of the turning points (s), +1 upper / −1 lower, values and standard uncertainties."""
+    """One inertia per swing: instants of the turning points (s), +1 upper / −1 lower, values, uncertainties."""
 
     times: Array
     sides: Array

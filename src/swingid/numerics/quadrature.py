@@ -43,7 +43,7 @@ def _hermite(time: Array, values: Array, slopes: Array, fractions: Array, deriva
 
 @dataclass(frozen=True)
 class GaussNodes:
-    """The Gauss nodes of all intervals of `time` (n stamps, strictly rising, in s); arrays of nodes are (n−1, points)."""
+    """Gauss nodes of all intervals of `time` (n stamps, strictly rising, in s); arrays of nodes are (n−1, points)."""
 
     time: Array
     points: int = 2

@@ -130,3 +130,54 @@ def project_impulses(instants: Array, strengths: Array, centres: Array, half: Ar
             result[i] += strengths[j] * phi((instants[j] - centres[i]) / half[i], 0)
             j += 1
     return result
+
+
+def curvature_overlap(distance: Array) -> Array:
+    """∫φ''(s) φ''(s − d) ds: the correlation that white noise gives two windows d half-lengths apart."""
+    d = np.minimum(np.abs(distance), 2.0)[..., None]
+    x, w = gauss_rule(6)
+    s = d - 1 + (2 - d) * x
+    result: Array = ((2 - d) * w * _curvature(s) * _curvature(s - d)).sum(axis=-1)
+    return result
+
+
+def _curvature(s: Array) -> Array:
+    p = 1 - s * s
+    return -6 * p * (p - 4 * s * s)
+
+
+@njit
+def _project_hats(
+    time: Array, nodes: Array, knots: Array, centres: Array, half: Array, fractions: Array, weights: Array
+) -> Array:
+    points = nodes.shape[1]
+    place = np.empty(nodes.shape, np.int64)
+    share = np.empty(nodes.shape)
+    for k in range(nodes.shape[0]):
+        for j in range(points):
+            at = min(max(np.searchsorted(knots, nodes[k, j]) - 1, 0), len(knots) - 2)
+            place[k, j] = at
+            share[k, j] = min(max((nodes[k, j] - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
+    result = np.zeros((len(centres), len(knots)))
+    for i in range(len(centres)):
+        k = max(np.searchsorted(time, centres[i] - half[i]) - 1, 0)
+        while k < len(time) - 1 and time[k] < centres[i] + half[i]:
+            h = time[k + 1] - time[k]
+            for j in range(points):
+                s = (time[k] + h * fractions[j] - centres[i]) / half[i]
+                if abs(s) < 1.0:
+                    w = h * weights[j] * phi(s, 0)
+                    result[i, place[k, j]] += w * (1.0 - share[k, j])
+                    result[i, place[k, j] + 1] += w * share[k, j]
+            k += 1
+    return result
+
+
+def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
+    """∫φ Λ_j(x) dt for the hat functions Λ_j on rising `knots`; returns (windows, knots).
+
+    The projection of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
+    Values of x beyond the knots count for the outermost one.
+    """
+    fractions, weights = gauss_rule(nodes.points)
+    return _project_hats(nodes.time, signal, knots, centres, half, fractions, weights)

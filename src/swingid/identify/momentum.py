@@ -1,0 +1,220 @@
+"""The symmetric momentum method: inertia and friction from angles alone; no motor constant, no speed, no law.
+
+Row (I) holds no motor torque. Multiplied by a test function with compact support and integrated by parts twice it
+reads a11 ∫φ'' q1 + a12 ∫φ'' q2 + b ∫φ sin q1 + ∫φ F = 0: linear in a11 and in the terms of friction, with
+nothing but angles. The paper's mirror motions (3) are its even windows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.agreement import drift_with_length, unexplained
+from swingid.identify.balance import Signals, rows_of
+from swingid.identify.checks import check_answer, check_motor, check_sign
+from swingid.identify.friction import FrictionLaw, fit_friction
+from swingid.identify.imperfections import Imperfection, imperfections
+from swingid.identify.motion import Motion, find_motion, sample_noise
+from swingid.identify.motor_balance import motor_balance
+from swingid.identify.parameters import friction_parameters, friction_units
+from swingid.identify.provenance import exact_constants, provenance
+from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
+from swingid.identify.scale import Scale, require_channels
+from swingid.identify.segment import usable_part
+from swingid.identify.windows import (
+    BASIS,
+    Noise,
+    WindowFit,
+    choose_law,
+    even_windows,
+    fit_rows,
+    known_side,
+    swing_windows,
+)
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """All fits of one log: the chosen law windows, those of other lengths, and the other kinds."""
+
+    law: WindowFit
+    tried: dict[float, WindowFit]
+    swing: WindowFit | None
+    even: WindowFit | None
+    friction: FrictionLaw
+
+
+def momentum(log: Recording, rig: Rig) -> Result:
+    """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
+
+    The answer is that of the "law" windows (see `windows`); "swing" and "even" windows judge it. Type A comes from
+    the scatter of the rows, from the declared sensors and from disagreement between windows; type B from rig.toml.
+
+    Raises InputError where a channel is missing, UnanswerableError where the motion cannot tell.
+    """
+    scale = Scale.of(rig)
+    require_channels(log, rig)
+    noise = _noise(log, rig)
+    whole = find_motion(log.time, log.angle, noise.angle)
+    start, stop, segment_note = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+    used = log.segment(start, stop)
+    motion = whole.within(float(used.time[0]), float(used.time[-1]))
+    signals = Signals.of(used, rig, motion)
+    estimate = _estimate(signals, scale, noise)
+    check_sign(estimate.law, scale, log.source.path or "the log")
+    perturbations = imperfections(rig, scale, signals, estimate.law)
+    budget, parameters = _answer(estimate, perturbations, scale)
+    amplitude = float(np.max(np.abs(motion.turning_angles)))
+    warnings, notes = check_answer(parameters, budget, estimate.law, scale, amplitude)
+    balance = motor_balance(used, rig, signals, estimate.law.rows.windows)
+    motor_warnings, motor_notes = check_motor(balance, signals)
+    extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
+    notes = [segment_note, *exact_constants(_exact(rig)), *notes, *motor_notes]
+    warnings = [*warnings, *motor_warnings]
+    for finding in log.findings:
+        (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+    return Result(
+        method="momentum",
+        status="warning" if warnings else "ok",
+        parameters=parameters,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+        budget=tuple(budget),
+        provenance=provenance(log, rig),
+        details=replace(_details(estimate, signals, scale, noise, motion, (start, stop)), extra=extra),
+    )
+
+
+def _noise(log: Recording, rig: Rig) -> Noise:
+    """Noise of the channels: what the rig declares or what the samples show, whichever is more."""
+    levels = []
+    for name, values in (("angle", log.angle), ("wheel", log.wheel_angle)):
+        sensor = rig.sensors.of(name)
+        declared = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))
+        levels.append(max(float(declared), 0.0 if values is None else sample_noise(values)))
+    return Noise(levels[0], levels[1], 1 / log.rate)
+
+
+def _estimate(signals: Signals, scale: Scale, noise: Noise) -> _Estimate:
+    law, tried = choose_law(signals, scale, noise)
+    swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
+    even = fit_rows(rows_of(signals, even_windows(signals, signals.motion.half_period / 2)), scale, noise, ("offset",))
+    left = known_side(law.rows, scale) - law.a11 * law.rows.inertia - law.value("gravity_torque") * law.rows.gravity
+    friction = fit_friction(signals, law, left)
+    if even is not None:
+        even = _with_asymmetry(even, law)
+    return _Estimate(law, tried, swing, even, friction)
+
+
+def _with_asymmetry(even: WindowFit, law: WindowFit) -> WindowFit:
+    """The even fit with the bias that imperfect symmetry lets friction cause, bounded by the fitted friction."""
+    torque = sum(law.value(name) * even.rows.friction[name] for name in ("coulomb", "viscous", "quadratic", "memory"))
+    covariance = even.covariance.copy()
+    covariance[0, 0] += float(even.fit.influence[0] @ torque) ** 2
+    return replace(even, covariance=covariance)
+
+
+def _answer(
+    estimate: _Estimate, perturbations: list[Imperfection], scale: Scale
+) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
+    """Parameters with their budgets."""
+    law, friction = estimate.law, estimate.friction
+    budget: list[BudgetEntry] = []
+    values = {"inertia": (law.a11 - scale.carried, scale.unit)}
+    budget += _type_a(estimate)
+    influences = {"inertia": law.fit.influence[0]}
+    if scale.b is None:
+        values["gravity_torque"] = law.value("gravity_torque"), scale.torque_unit
+        influences["gravity_torque"] = law.fit.influence[1]
+        budget.append(_scatter("gravity_torque", law.uncertainty("gravity_torque")))
+    units = friction_units(scale.linear)
+    for name, weights in friction_parameters(friction).items():
+        values[name] = float(weights @ friction.values), units[name]
+        influences[name] = weights @ (
+            friction.influence - np.outer(friction.influence @ law.rows.inertia, law.fit.influence[0])
+        )
+        spread = np.hypot(np.sqrt(weights @ friction.covariance @ weights), (weights @ friction.slope) * law.u)
+        budget.append(_scatter(name, float(spread)))
+    for item in perturbations:
+        for name, influence in influences.items():
+            slope = float(influence @ item.rows) + (item.direct if name == "inertia" else 0.0)
+            if slope != 0.0:
+                budget.append(BudgetEntry(item.source, "B", name, abs(slope) * item.std, slope, item.shared_id))
+    parameters = {name: Parameter.of(value, combined(budget, name), unit) for name, (value, unit) in values.items()}
+    if "static" in parameters:
+        parameters["stribeck_speed"] = Parameter.of(friction.stribeck_speed, None, units["stribeck_speed"])
+    return budget, parameters
+
+
+def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
+    """Type A entries of the inertia: scatter, drift with the windows' length, disagreement of the kinds."""
+    law = estimate.law
+    entries = [_scatter("inertia", law.u)]
+    drift = drift_with_length(law, estimate.tried)
+    if drift > 0:
+        entries.append(BudgetEntry("drift with the length of the windows", "A", "inertia", drift))
+    for name, other in (("swing", estimate.swing), ("even", estimate.even)):
+        gap = 0.0 if other is None else unexplained(law, other, nested=False)
+        if gap > 0:
+            entries.append(BudgetEntry(f'disagreement of "{name}" windows', "A", "inertia", gap))
+    return entries
+
+
+def _scatter(parameter: str, uncertainty: float) -> BudgetEntry:
+    return BudgetEntry("scatter of the windows and sensor noise", "A", parameter, uncertainty)
+
+
+def _exact(rig: Rig) -> list[str]:
+    """Constants that this method uses and the rig gives without uncertainty."""
+    used = {
+        "drive.wheel.inertia",
+        "drive.motor.rotor_inertia",
+        "drive.motor.gear_ratio",
+        "axis.gravity_torque",
+    }
+    return [key for key in rig.constants_without_uncertainty() if key in used]
+
+
+def _details(
+    estimate: _Estimate,
+    signals: Signals,
+    scale: Scale,
+    noise: Noise,
+    motion: Motion,
+    part: tuple[float, float],
+) -> Details:
+    law = estimate.law
+    kinds = {"law": law, "swing": estimate.swing, "even": estimate.even}
+    return Details(
+        start=part[0],
+        stop=part[1],
+        turning_times=motion.turning_times,
+        turning_angles=motion.turning_angles,
+        window=law.half,
+        swings=_per_swing(estimate, signals, scale, noise),
+        friction=estimate.friction.curve,
+        estimates={name: (fit.a11 - scale.carried, fit.u) for name, fit in kinds.items() if fit is not None},
+        residual_times=law.rows.windows.centres,
+        residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
+    )
+
+
+def _per_swing(estimate: _Estimate, signals: Signals, scale: Scale, noise: Noise) -> SwingSeries:
+    """One inertia per turning point: its even window with the fitted friction taken off."""
+    law = estimate.law
+    rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
+    others = sum((law.value(name) * rows.friction[name] for name in law.unknowns if name in rows.friction), 0.0)
+    known = known_side(rows, scale) - law.value("gravity_torque") * rows.gravity - others
+    values = known / rows.inertia - scale.carried
+    power = (law.a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
+    sensor = np.sqrt(1024 / 35 * power * noise.step / rows.windows.half**3) / np.abs(rows.inertia)
+    spread = 1.4826 * np.median(np.abs(values - np.median(values))) if len(values) else 0.0
+    sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
+    return SwingSeries(rows.windows.centres, sides, values, np.maximum(sensor, spread))

@@ -1,0 +1,79 @@
+"""What sets the scale of the answer: the wheel's inertia, the measured torque, or gravity.
+
+Row (I) is homogeneous, so the angles alone give ratios only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from swingid.errors import InputError, UnanswerableError
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Known constants of row (I).
+
+    a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, what a11 holds beside J1; b the gravity torque
+    (N m), None where it is to be identified.
+    """
+
+    drive: Literal["reaction-wheel", "direct", "none"]
+    linear: bool
+    a12: float
+    carried: float
+    b: float | None
+
+    @classmethod
+    def of(cls, rig: Rig) -> Scale:
+        """Scale of a rig. Raises UnanswerableError where nothing sets it."""
+        gravity = rig.axis.gravity_torque
+        b = None if isinstance(gravity, str) else gravity.value
+        linear = rig.axis.kind == "linear"
+        if rig.drive.kind == "none" and not b:
+            what = "unknown" if b is None else "0"
+            raise UnanswerableError(
+                f"rig {rig.name}: axis.gravity_torque is {what}, but in a free decay gravity alone sets the scale; "
+                "give axis.gravity_torque.",
+                code="no-scale",
+            )
+        a12 = carried = 0.0
+        if rig.drive.kind == "reaction-wheel":
+            assert rig.drive.wheel is not None
+            rotor = 0.0 if rig.drive.motor is None else rig.drive.motor.rotor_inertia.value
+            a12, carried = rig.drive.a12, rig.drive.wheel.inertia.value + rotor
+            if a12 == 0:
+                raise UnanswerableError(
+                    f"rig {rig.name}: drive.wheel.inertia is 0, but the wheel's inertia sets the scale; give it.",
+                    code="no-scale",
+                )
+        return cls(rig.drive.kind, linear, a12, carried, b)
+
+    @property
+    def unit(self) -> str:
+        """Unit of the inertia."""
+        return "kg" if self.linear else "kg m^2"
+
+    @property
+    def torque_unit(self) -> str:
+        """Unit of friction torque or force."""
+        return "N" if self.linear else "N m"
+
+
+def require_channels(log: Recording, rig: Rig) -> None:
+    """Raise InputError where the log lacks what the rig's drive needs."""
+    if rig.drive.kind == "reaction-wheel" and log.wheel_angle is None:
+        raise InputError(
+            f"{log.source.path or 'the log'} has no wheel angle, but the rig's drive is a reaction wheel; "
+            "name its column as wheel_angle under [log], or use a rig of another drive kind.",
+            code="missing-wheel-angle",
+        )
+    if rig.drive.kind == "direct" and log.torque is None:
+        raise InputError(
+            f"{log.source.path or 'the log'} has no torque, but the rig's drive is direct; "
+            "name its column as torque under [log], or use a rig of another drive kind.",
+            code="missing-torque",
+        )

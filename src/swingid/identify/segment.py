@@ -1,0 +1,67 @@
+"""The part of a log worth using: the steady motion of a driven axis, the free decay of a released one."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from swingid.errors import UnanswerableError
+from swingid.identify.motion import Motion
+from swingid.identify.result import Message
+
+FEWEST_TURNS = 4
+
+
+def usable_part(motion: Motion, drive: str, start: float, stop: float) -> tuple[float, float, Message]:
+    """Start and stop (s) of the part to use, and a note that names it.
+
+    Raises UnanswerableError where fewer than four turning points are found.
+    """
+    if len(motion.turning_times) < FEWEST_TURNS:
+        raise UnanswerableError(
+            f"the angle shows {len(motion.turning_times)} turning points from {start:.6g} to {stop:.6g} s, "
+            f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro.",
+            code="no-turning-points",
+        )
+    used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop)
+    text = f"used the part from {used[0]:.4g} to {used[1]:.4g} s of a log from {start:.4g} to {stop:.4g} s"
+    reason = "the free decay" if drive == "none" else "after the transient"
+    whole = used[1] - used[0] > 0.98 * (stop - start)
+    return *used, Message("segment", f"{text}." if whole else f"{text}: {reason}.")
+
+
+def _steady(motion: Motion, start: float, stop: float) -> tuple[float, float]:
+    """From the first swing after which the sizes of swings keep within the range of the log's second half."""
+    sizes = motion.swing_sizes
+    settled = sizes[len(sizes) // 2 :]
+    low, high = settled.min(), settled.max()
+    margin = 0.05 * high
+    outside = np.nonzero((sizes < low - margin) | (sizes > high + margin))[0]
+    if len(outside) == 0:
+        return start, stop
+    return float(motion.turning_times[outside[-1] + 1]), stop
+
+
+def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
+    """From the turning point after the release to where the swings end or something drives the axis again.
+
+    In a free decay each swing is smaller than the one before; the run of that kind with the most motion is it. At
+    its first turning point a hand may still hold the body, so the part starts when half of the first swing is done.
+    """
+    sizes, times = motion.swing_sizes, motion.turning_times
+    shrinking = np.concatenate([[False], sizes[1:] < 1.002 * sizes[:-1], [False]])
+    edges = np.nonzero(~shrinking[1:] | ~shrinking[:-1])[0]
+    begin, end = max(
+        pairwise(edges),
+        key=lambda run: float(sizes[run[0] : run[1]].sum()),
+        default=(0, len(sizes) - 1),
+    )
+    end = min(end, len(sizes) - 1)
+    if end - begin + 2 < FEWEST_TURNS:
+        raise UnanswerableError(
+            "no free decay of three shrinking swings or more was found; release the body and leave it alone.",
+            code="no-free-decay",
+        )
+    released = (times[begin] + times[begin + 1]) / 2
+    return max(start, float(released)), min(stop, float(times[end + 1]))

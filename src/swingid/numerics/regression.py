@@ -1,0 +1,54 @@
+"""Linear least squares whose uncertainties survive correlated residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearFit:
+    """Solution of X θ ≈ y: values (p,), residuals (n,), influence K (p, n) with θ = K y, and the condition number.
+
+    The condition is that of X with columns scaled to unit length, so units do not matter.
+    """
+
+    values: Array
+    residuals: Array
+    influence: Array
+    condition: float
+
+    def covariance(self, lag: int) -> Array:
+        """Newey–West covariance of the values: residuals may be correlated over up to `lag` neighbouring rows.
+
+        (Newey and West 1987, Bartlett weights; small-sample factor from the number of rows that do not overlap.)
+        """
+        scores = self.influence * self.residuals
+        covariance = scores @ scores.T
+        for k in range(1, min(lag, scores.shape[1] - 1) + 1):
+            cross = scores[:, k:] @ scores[:, :-k].T
+            covariance += (1 - k / (lag + 1)) * (cross + cross.T)
+        independent = self.influence.shape[1] / max(1.0, lag / 2)
+        spare = max(independent - len(self.values), 1.0)
+        result: Array = covariance * independent / spare
+        return result
+
+
+def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> LinearFit:
+    """Least squares by SVD of the column-scaled matrix; directions below `smallest` of the largest are dropped.
+
+    columns (n, p), target (n,). A column of zeros gets the value 0.
+    """
+    scale = np.linalg.norm(columns, axis=0)
+    scale[scale == 0] = 1.0
+    u, s, vt = np.linalg.svd(columns / scale, full_matrices=False)
+    seen = s > smallest * s[0]
+    inverse = np.where(seen, 1 / np.where(seen, s, 1.0), 0.0)
+    influence = ((vt.T * inverse) @ u.T) / scale[:, None]
+    values = influence @ target
+    condition = float(s[0] / s[-1]) if s[-1] > 0 else float("inf")
+    return LinearFit(values, target - columns @ values, influence, condition)

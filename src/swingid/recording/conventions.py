@@ -33,6 +33,20 @@ DEFAULT_COLUMNS = {
     "adaptive_gain": "k",
 }
 
+#: Keys of [log] that change numbers, with their defaults.
+DEFAULT_KEYS: dict[str, object] = {
+    "angle_unit": "rad",
+    "angle_zero": "down",
+    "angle_sign": 1,
+    "wheel_angle_unit": "rad",
+    "wheel_angle_sign": 1,
+    "wheel_angle_is": "relative",
+    "wheel_scale": 1.0,
+    "voltage_sign": 1,
+    "torque_gain": 1.0,
+    "torque_sign": 1,
+}
+
 
 @dataclass(frozen=True, slots=True)
 class Scale:
@@ -61,7 +75,8 @@ class Conventions:
     """What a rig's [log] says, resolved: a column and a Scale for each channel, and how the wheel is read.
 
     `rate` is set where the log has no time column; `wheel_is_absolute` where the wheel's angle is against the
-    room; `stated` holds the keys of [log] that the rig file sets itself.
+    room; `stated` holds the keys of [log] that the rig file sets itself, `keys` the values of those that change
+    numbers: kept in saved files and compared on loading.
     """
 
     columns: dict[str, str]
@@ -71,13 +86,14 @@ class Conventions:
     drive_held: bool
     drive_kind: str | None
     stated: frozenset[str]
+    keys: dict[str, object]
 
     @classmethod
     def plain(cls) -> Conventions:
         """SI units, t, q1, q2, u, tau, ym, k: what a file written without a rig uses."""
         turn = Scale(turn=TURN)
         scales = {"angle": turn, "wheel_angle": turn, "reference": turn}
-        return cls(dict(DEFAULT_COLUMNS), scales, None, False, True, None, frozenset())
+        return cls(dict(DEFAULT_COLUMNS), scales, None, False, True, None, frozenset(), dict(DEFAULT_KEYS))
 
     @classmethod
     def of(cls, rig: Rig) -> Conventions:
@@ -93,15 +109,19 @@ class Conventions:
         scales["torque"] = Scale(float(log.torque_gain) * log.torque_sign)
         if kind == "reaction-wheel":
             if log.wheel_speed is not None:
-                message = (
-                    f"{rig.source}: [log] wheel_speed is not supported; swingid needs wheel_angle, the angle"
-                )
+                message = f"{rig.source}: [log] wheel_speed is not supported; swingid needs wheel_angle, the angle"
                 raise InputError(f"{message} of the wheel", code="needs-wheel-angle")
             unit, turn = _unit(rig, log.wheel_angle_unit, "wheel")
             scales["wheel_angle"] = Scale(log.wheel_angle_sign * unit * float(log.wheel_scale), 0.0, turn)
         stated = frozenset(log.model_fields_set)
         absolute = log.wheel_angle_is == "absolute"
-        return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated)
+        prefixes = {
+            "reaction-wheel": ("angle_", "wheel_", "voltage_"),
+            "direct": ("angle_", "torque_"),
+            "none": ("angle_",),
+        }
+        keys = {key: getattr(log, key) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
+        return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated, keys)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -136,25 +156,15 @@ class Conventions:
             channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
         return {self.columns[n]: self.scales.get(n, Scale()).to_log(v) for n, v in channels.items()}
 
-    def describe(self) -> dict[str, object]:
-        """Everything that changes numbers, as JSON values: kept in saved files, compared on loading."""
-        described: dict[str, object] = {"wheel_is_absolute": self.wheel_is_absolute}
-        for name in self.channels:
-            if name in self.scales:
-                described[name] = [self.scales[name].factor, self.scales[name].offset]
-        return described
 
-
-def gather(
-    table: Table, conventions: Conventions, name: str
-) -> tuple[Channels, dict[str, list[tuple[int, str]]]]:
-    """The rig's channels out of a file's table, in logged units, and the texts that stood among the numbers.
+def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels, dict[str, str]]:
+    """The rig's channels out of a file's table, in logged units, and the first text among the numbers.
 
     Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and
     the key of [log] that sets it), for columns of unequal length, and for a column without numbers.
     """
     logged: Channels = {}
-    texts: dict[str, list[tuple[int, str]]] = {}
+    texts: dict[str, str] = {}
     wanted = ("time", *conventions.channels) if conventions.rate is None else conventions.channels
     for channel in wanted:
         column = conventions.columns[channel]
@@ -164,7 +174,9 @@ def gather(
             raise _missing(table, channel, conventions, name)
         if channel == "adaptive_gain" and not table.metadata:
             continue  # in a file of other origin a column "k" may be anything
-        logged[channel], texts[channel] = table.numbers(column)
+        logged[channel], text = table.numbers(column)
+        if text is not None:
+            texts[channel] = text
         if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
             message = f"{name}: column {column!r} holds no numbers; set [log] {channel} to the column"
             raise InputError(f"{message} that holds the {channel}", code="no-numbers")
@@ -172,9 +184,7 @@ def gather(
     for channel, values in logged.items():
         if len(values) != rows:
             columns = conventions.columns
-            message = (
-                f"{name}: {columns[channel]!r} has {len(values)} values but {columns['angle']!r} has {rows}"
-            )
+            message = f"{name}: {columns[channel]!r} has {len(values)} values but {columns['angle']!r} has {rows}"
             raise InputError(f"{message}; a log needs one value of each per row", code="unequal-length")
     if conventions.rate is not None:
         logged = {"time": np.arange(rows) / conventions.rate, **logged}
@@ -205,9 +215,7 @@ def _missing(table: Table, channel: str, conventions: Conventions, name: str) ->
     near = difflib.get_close_matches(column.lower(), [n.lower() for n in names], n=3, cutoff=0.5)
     shown = [n for n in names if n.lower() in near] or names[:8]
     listed = ", ".join(repr(n[:40]) for n in shown) + (", ..." if len(shown) < len(names) else "")
-    message = (
-        f"{name} has no column {column!r} but {listed}; set [log] {channel} in the rig file to the right one"
-    )
+    message = f"{name} has no column {column!r} but {listed}; set [log] {channel} in the rig file to the right one"
     if channel == "time":
         message += " (or [log] rate where rows are evenly spaced)"
     if channel in ("wheel_angle", "torque"):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions, gather
 from swingid.recording.formats import read_table
+from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
+from swingid.recording.repair import MANY, repair
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -23,13 +26,16 @@ def load(path: str | Path, rig: Rig) -> Recording:
     table = read_table(content, name)
     conventions = Conventions.of(rig)
     _check_origin(table, conventions, name)
-    logged, _texts = gather(table, conventions, name)
+    logged, texts = gather(table, conventions, name)
+    logged, findings = repair(logged, conventions, texts, name)
+    channels = conventions.to_model(logged)
+    findings += judge(channels, rig, name)
     metadata = table.metadata.get("metadata")
     return Recording(
-        **conventions.to_model(logged),
+        **channels,
         drive_held=_drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
-        findings=_saved_findings(table),
+        findings=(*_saved_findings(table), *_unreadable(table, name), *findings),
         source=Source(name, hashlib.sha256(content).hexdigest()),
     )
 
@@ -59,15 +65,26 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
     if kind is not None and kind != conventions.drive_kind:
         message = f'{name} was written for [drive] kind "{kind}", this rig has "{conventions.drive_kind}"'
         raise InputError(f"{message}; use the rig that belongs to the log", code="other-drive")
-    written, wanted = table.metadata.get("log"), conventions.describe()
-    if not isinstance(written, dict):
-        return
-    for key, value in wanted.items():
-        if key in written and written[key] != value:
+    written = table.metadata.get("log")
+    for key, value in conventions.keys.items():
+        if isinstance(written, dict) and key in written and written[key] != value:
             message = (
-                f"{name} was written with another convention of [log] for its {key} than this rig states"
+                f"{name} was written with [log] {key} = {json.dumps(written[key])}, this rig has {json.dumps(value)}"
             )
             raise InputError(f"{message}; use the rig that it was written with", code="other-conventions")
+
+
+def _unreadable(table: Table, name: str) -> tuple[Finding, ...]:
+    """What to say of rows that do not split into the table's columns; InputError when most do not."""
+    lost = table.unreadable_rows
+    if lost == 0:
+        return ()
+    rows = lost + max(map(len, table.columns.values()), default=0)
+    if lost > rows / 2:
+        message = f"{name} is not a table: {lost} of {rows} lines do not have the cells that its header names"
+        raise InputError(message, code="not-a-table")
+    message = f"{lost} of {rows} rows left out: they do not have the cells that the header names"
+    return (Finding("unreadable-rows", message, "warning" if lost > MANY * rows else "note"),)
 
 
 def _drive_held(table: Table, conventions: Conventions) -> bool:

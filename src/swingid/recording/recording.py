@@ -69,9 +69,7 @@ class Recording:
         for name in CHANNELS:
             values = getattr(self, name)
             if values is not None:
-                object.__setattr__(
-                    self, name, _frozen(name, values, None if name == "time" else len(self.time))
-                )
+                object.__setattr__(self, name, _frozen(name, values, None if name == "time" else len(self.time)))
         for name in CHANNELS[:5]:
             values = getattr(self, name)
             if values is not None and not np.isfinite(values).all():
@@ -79,9 +77,7 @@ class Recording:
                     f"the recording's {name} holds NaN or infinity; drop those rows first", code="not-finite"
                 )
         if not (np.diff(self.time) > 0).all():
-            raise InputError(
-                "the recording's time does not increase from row to row; sort it first", code="time-order"
-            )
+            raise InputError("the recording's time does not increase from row to row; sort it first", code="time-order")
         object.__setattr__(self, "metadata", dict(self.metadata))
         object.__setattr__(self, "findings", tuple(self.findings))
 
@@ -148,8 +144,6 @@ def _frozen(name: str, values: ArrayLike, length: int | None) -> NDArray[np.floa
         raise InputError(f"the recording's {name} is not an array of numbers", code="bad-channel") from None
     if array.ndim != 1 or array.size == 0 or (length is not None and array.size != length):
         wanted = "one value per row" if length is None else f"{length} values, one per row"
-        raise InputError(
-            f"the recording's {name} has shape {array.shape}; it needs {wanted}", code="bad-channel"
-        )
+        raise InputError(f"the recording's {name} has shape {array.shape}; it needs {wanted}", code="bad-channel")
     array.flags.writeable = False
     return array

@@ -29,7 +29,7 @@ def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
         del channels["time"]
     metadata = {
         "metadata": _plain(recording.metadata),
-        "log": {**conventions.describe(), "drive_held": recording.drive_held},
+        "log": {**conventions.keys, "drive_held": recording.drive_held},
         "findings": [{"code": f.code, "message": f.message, "level": f.level} for f in recording.findings],
     }
     if rig is not None:
@@ -49,9 +49,7 @@ def _check_even(recording: Recording, rate: float, target: Path) -> None:
     """A rig without a time column can only hold evenly spaced rows."""
     even = recording.time[0] + np.arange(len(recording)) / rate
     if np.abs(recording.time - even).max() > 1e-3 / rate:
-        message = (
-            f"cannot write {target}: the rig's [log] has rate = {rate:g} and no time column, but the rows"
-        )
+        message = f"cannot write {target}: the rig's [log] has rate = {rate:g} and no time column, but the rows"
         raise InputError(f"{message} are not spaced so; set [log] time instead", code="uneven-rows")
 
 

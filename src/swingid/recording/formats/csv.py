@@ -67,9 +67,7 @@ def read(content: bytes, name: str) -> Table:
     try:
         table = pc.read_csv(
             io.BytesIO(body),
-            read_options=pc.ReadOptions(
-                block_size=min(max(len(body) + 1, 1 << 16), 1 << 30)
-            ),  # types from all rows
+            read_options=pc.ReadOptions(block_size=min(max(len(body) + 1, 1 << 16), 1 << 30)),  # types from all rows
             parse_options=pc.ParseOptions(delimiter=delimiter.decode(), invalid_row_handler=ragged),
             convert_options=pc.ConvertOptions(decimal_point=decimal, strings_can_be_null=True),
         )
@@ -107,9 +105,7 @@ def _as_text(content: bytes, name: str) -> bytes:
     """The content as UTF-8 without a byte order mark; InputError when it is no text."""
     for magic, kind in _OTHER_KINDS.items():
         if content.lstrip().startswith(magic):
-            raise InputError(
-                f"{name} is not a table but {kind}; export the log as CSV or Parquet", code="not-a-table"
-            )
+            raise InputError(f"{name} is not a table but {kind}; export the log as CSV or Parquet", code="not-a-table")
     try:
         if content.startswith((b"\xff\xfe", b"\xfe\xff")):
             return content.decode("utf-16").encode()

@@ -23,8 +23,8 @@ MAGIC = b"MATLAB "
 def read(content: bytes, name: str) -> Table:
     """Vectors by their name, fields of a struct as ``s.field``, columns of a matrix as ``name(:,2)``.
 
-    Scalars are left out. Raises InputError for v7.3 (HDF5) and v4 files, damaged ones, and files that hold only
-    objects such as timeseries, which SciPy cannot read.
+    Scalars are left out. Raises InputError for v7.3 (HDF5) and v4 files, damaged ones, and files that hold
+    only objects such as timeseries, which SciPy cannot read.
     """
     if b"\x89HDF\r\n\x1a\n" in content[:1024]:
         message = f"{name} is a MATLAB v7.3 file (HDF5), which is not read; save it with the option '-v7'"
@@ -51,9 +51,7 @@ def _variables(content: bytes, name: str) -> dict[str, Any]:
             warnings.simplefilter("ignore")
             found: dict[str, Any] = loadmat(stream, squeeze_me=True)
     except Exception:  # the parser meets damaged bytes with errors of every kind; all mean one thing here
-        message = (
-            f"{name} is not a whole MATLAB file: damaged, or cut off while it was written; save it again"
-        )
+        message = f"{name} is not a whole MATLAB file: damaged, or cut off while it was written; save it again"
         raise InputError(message, code="not-a-table") from None
     return found
 

@@ -28,17 +28,16 @@ class Table:
     metadata: Mapping[str, object] = field(default_factory=dict)
     unreadable_rows: int = 0
 
-    def numbers(self, name: str) -> tuple[NDArray[np.float64], list[tuple[int, str]]]:
-        """Column `name` as float64, NaN where a cell is no number; and the texts with their row (from 0)."""
+    def numbers(self, name: str) -> tuple[NDArray[np.float64], str | None]:
+        """Column `name` as float64, NaN where a cell is no number; and the first text among the numbers."""
         column = self.columns[name]
         if column.dtype != object:
-            return column.astype(np.float64, copy=False), []
+            return column.astype(np.float64, copy=False), None
         values = np.full(len(column), np.nan)
-        texts: list[tuple[int, str]] = []
+        first_text: str | None = None
         for row, cell in enumerate(column):
             try:
                 values[row] = float(cell) if cell is not None else np.nan
             except (TypeError, ValueError):
-                if str(cell).strip():
-                    texts.append((row, str(cell).strip()))
-        return values, texts
+                first_text = first_text or str(cell).strip()[:40] or None
+        return values, first_text

@@ -1,0 +1,193 @@
+"""Plain faults of a log's rows: no number, out of order, stamped twice. What is done is counted and told.
+
+Stamps are kept as they are: nothing is resampled, and uneven steps or missing rows are no fault.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.recording import Finding
+from swingid.recording.spikes import find_spikes
+from swingid.recording.unwrap import is_wrapped, unwrap
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from swingid.recording.conventions import Channels, Conventions
+
+MANY = 0.01  # of all rows: what is a slip below, and a log that may not be what it seems above
+OPTIONAL = ("reference", "adaptive_gain")  # for pictures only: a gap in them costs no row
+ANGLES = ("angle", "wheel_angle")
+PASSES = 3  # a spike beside another shows when the first one is gone
+
+
+def repair(
+    logged: Channels, conventions: Conventions, texts: Mapping[str, str], name: str
+) -> tuple[Channels, list[Finding]]:
+    """The channels (logged units, with "time") without faulty rows, angles continuous, and what was found.
+
+    `texts` holds, by channel, the first text that stood in the place of a number; `name` is the file's, for
+    messages. Raises InputError where a log is not one run of rows in time with a few slips, but something
+    else.
+    """
+    columns = conventions.columns
+    turns = {channel: scale.turn for channel, scale in conventions.scales.items()}
+    findings: list[Finding] = []
+    channels = _drop_rows_without_numbers(logged, columns, texts, name, findings)
+    channels = _sort(channels, columns, name, findings)
+    channels = _drop_repeated(channels, columns, name, findings)
+    channels = _make_continuous(channels, turns, columns, name, findings)
+    channels = _drop_spikes(channels, columns, name, findings)
+    _note_gaps(channels["time"], columns["time"], name, findings)
+    return channels, findings
+
+
+def _drop_rows_without_numbers(
+    channels: Channels,
+    columns: Mapping[str, str],
+    texts: Mapping[str, str],
+    name: str,
+    findings: list[Finding],
+) -> Channels:
+    needed = [channel for channel in channels if channel not in OPTIONAL]
+    good = np.isfinite(channels[needed[0]])
+    for channel in needed[1:]:
+        good &= np.isfinite(channels[channel])
+    if good.all():
+        return channels
+    rows = len(good)
+    faults = {channel: rows - int(np.isfinite(channels[channel]).sum()) for channel in needed}
+    worst = max(faults, key=lambda channel: faults[channel])
+    first = int(np.argmin(np.isfinite(channels[worst])))
+    sample = f", such as {texts[worst]!r}" if worst in texts else ""
+    where = f"column {columns[worst]!r} in {faults[worst]} of {rows} rows (the first is row {first + 1}{sample})"
+    if faults[worst] > rows / 2:
+        raise InputError(f"{name} has no number in {where}; give [log] {worst} a column of numbers", code="no-numbers")
+    dropped = rows - int(good.sum())
+    level = _level(dropped, rows)
+    findings.append(Finding("rows-without-numbers", f"{dropped} rows left out: no number in {where}", level))
+    return _take(channels, good)
+
+
+def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
+    """Rows in order of time. A few rows may stand in the wrong place; then sorting makes the motion smoother.
+
+    Where many do, or the sorted motion is rougher (two runs in one file, a clock that was reset), the order
+    of the rows means something else than a late row, and no guess is made.
+    """
+    time = channels["time"]
+    steps_back = np.flatnonzero(np.diff(time) < 0)
+    if steps_back.size == 0:
+        return channels
+    rows = len(time)
+    where = f"{name}: column {columns['time']!r} runs backwards after {steps_back.size} of {rows} rows"
+    where += f" (the first is row {steps_back[0] + 1})"
+    order = np.argsort(time, kind="stable")
+    angle = channels["angle"]
+    smoother = np.abs(np.diff(angle[order])).sum() <= np.abs(np.diff(angle)).sum()
+    if steps_back.size > max(3, MANY * rows) or not smoother:
+        message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time"
+        raise InputError(message, code="unsorted")
+    findings.append(Finding("unsorted", f"{where}; the rows were sorted by time", "warning"))
+    return _take(channels, order)
+
+
+def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
+    """One row per stamp: exact copies of a row go, and of few that contradict each other the first stays."""
+    time = channels["time"]
+    repeated = np.concatenate(([False], np.diff(time) == 0))
+    if not repeated.any():
+        return channels
+    copy = repeated.copy()
+    for values in channels.values():
+        copy[1:] &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    conflicting = repeated & ~copy
+    rows, conflicts = len(time), int(conflicting.sum())
+    column = columns["time"]
+    if conflicts > max(3, MANY * rows):
+        message = f"{name}: {conflicts} of {rows} rows have the time of the row before in column {column!r}"
+        message += " but other values; log the time with more digits, or set [log] rate"
+        raise InputError(message, code="repeated-times")
+    if copy.any():
+        message = f"{int(copy.sum())} of {rows} rows left out: exact copies of the row before"
+        findings.append(Finding("repeated-rows", message, "note"))
+    if conflicts:
+        first = int(np.argmax(conflicting)) + 1
+        message = f"{conflicts} of {rows} rows left out: their time is that of the row before, their values differ"
+        findings.append(Finding("repeated-times", f"{message} (the first is row {first})", "warning"))
+    return _take(channels, ~repeated)
+
+
+def _make_continuous(
+    channels: Channels,
+    turns: Mapping[str, float | None],
+    columns: Mapping[str, str],
+    name: str,
+    findings: list[Finding],
+) -> Channels:
+    """Angles that were logged within one turn as angles that go on over turns."""
+    spikes = np.zeros(len(channels["time"]), dtype=bool)
+    for channel in ANGLES:
+        turn = turns.get(channel)
+        if channel not in channels or turn is None or not is_wrapped(channels[channel], turn):
+            continue
+        result = unwrap(channels["time"], channels[channel], turn)
+        channels = {**channels, channel: result.values}
+        spikes |= result.spikes
+        if channel == "angle" and "reference" in channels:
+            apart = channels["reference"] - result.values
+            channels["reference"] = result.values + apart - turn * np.round(apart / turn)
+        message = f"column {columns[channel]!r} was logged within one turn and was made continuous"
+        findings.append(Finding("unwrapped", message, "note"))
+        if result.ambiguous:
+            message = f"column {columns[channel]!r} moves too far between rows to count its turns with certainty"
+            message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns"
+            findings.append(Finding("ambiguous-turns", message, "warning"))
+    return _tell_spikes(channels, spikes, findings) if spikes.any() else channels
+
+
+def _drop_spikes(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
+    """The rows without single samples that fit neither neighbour."""
+    for _ in range(PASSES):
+        spikes = np.zeros(len(channels["time"]), dtype=bool)
+        for channel in ANGLES:
+            if channel in channels:
+                spikes |= find_spikes(channels["time"], channels[channel])
+        if not spikes.any():
+            break
+        channels = _tell_spikes(channels, spikes, findings)
+    return channels
+
+
+def _tell_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding]) -> Channels:
+    times = channels["time"][spikes]
+    shown = ", ".join(f"{t:g}" for t in times[:5]) + (", ..." if times.size > 5 else "")
+    message = f"{times.size} of {len(spikes)} rows left out: isolated spikes of an angle at {shown} s"
+    findings.append(Finding("spikes", message, "warning"))
+    return _take(channels, ~spikes)
+
+
+def _note_gaps(time: NDArray[np.float64], column: str, name: str, findings: list[Finding]) -> None:
+    steps = np.diff(time)
+    if steps.size == 0:
+        return
+    usual = float(np.median(steps))
+    gaps = int(np.count_nonzero(steps > 1.5 * usual))
+    if gaps:
+        message = f"{gaps} steps of column {column!r} are longer than 1.5 times the usual {usual:.6g} s"
+        message += f" (the longest {steps.max():.6g} s); the stamps were used as they are"
+        findings.append(Finding("gaps", message, "note"))
+
+
+def _level(count: int, rows: int) -> Literal["note", "warning"]:
+    return "warning" if count > MANY * rows else "note"
+
+
+def _take(channels: Channels, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Channels:
+    return {channel: values[rows] for channel, values in channels.items()}

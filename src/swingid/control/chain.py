@@ -30,24 +30,25 @@ def exponential(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     while size > 0.5:
         size *= 0.5
         squarings += 1
-    scaled = matrix * 0.5**squarings
     result = np.eye(n)
     for term in range(TAYLOR_TERMS, 0, -1):
-        result = np.eye(n) + multiply(scaled, result) / term
+        result = multiply(matrix, result, 0.5**squarings / term)
+        for i in range(n):
+            result[i, i] += 1.0
     for _ in range(squarings):
-        result = multiply(result, result)
+        result = multiply(result, result, 1.0)
     return result
 
 
 @njit
-def multiply(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Product of two small square matrices, without BLAS."""
+def multiply(a: NDArray[np.float64], b: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+    """Product of two small square matrices and a factor, without BLAS."""
     n = a.shape[0]
     c = np.zeros((n, n))
     for i in range(n):
         for j in range(n):
             for m in range(n):
-                c[i, j] += a[i, m] * b[m, j]
+                c[i, j] += factor * a[i, m] * b[m, j]
     return c
 
 
@@ -105,7 +106,8 @@ def chain_output(
         sigma0 * slope * slope,
     )
     series = np.zeros((n, n + 1))  # series[j, i]: coefficient of t^i of xi_(j+1)
-    series[:, 0] = xi
+    for j in range(n):
+        series[j, 0] = xi[j]
     for i in range(n):
         for j in range(n):
             for m in range(min(i, 2) + 1):

@@ -47,9 +47,7 @@ def require_positive(motion: str, **values: float) -> None:
 def require_unit(motion: str, unit: str) -> None:
     """Raise UsageError unless `unit` is one that angles or positions have here."""
     if unit not in UNITS:
-        raise UsageError(
-            f"Reference {motion}: the unit must be rad or m, not {unit!r}.", code="bad-reference"
-        )
+        raise UsageError(f"Reference {motion}: the unit must be rad or m, not {unit!r}.", code="bad-reference")
 
 
 def inside(times: Array, duration: float) -> Array:
@@ -144,9 +142,7 @@ def _reversals(values: Array, swing: float) -> list[int]:
     return found
 
 
-def _middle_of_extreme(
-    y: Callable[[Array], Array], times: Array, values: Array, k: int, flat: float
-) -> float:
+def _middle_of_extreme(y: Callable[[Array], Array], times: Array, values: Array, k: int, flat: float) -> float:
     """Time of the extreme near sample k: the middle of its plateau, or where the motion is level."""
     first = last = k
     while first > 0 and abs(values[first - 1] - values[k]) <= flat:

@@ -62,9 +62,7 @@ class Multisine:
 
     def _crossings(self, order: int, duration: float) -> Array:
         """Sign changes of a derivative; its own derivatives are bounded by the sum of the parts'."""
-        slope, bend = (
-            sum(part.amplitude * part.frequency ** (order + more) for part in self.parts) for more in (1, 2)
-        )
+        slope, bend = (sum(part.amplitude * part.frequency ** (order + more) for part in self.parts) for more in (1, 2))
         return crossings(
             lambda t: self._derivative(t, order),
             lambda t: self._derivative(t, order + 1),

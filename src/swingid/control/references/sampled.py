@@ -57,9 +57,7 @@ class Sampled:
             except (ValueError, IndexError) as error:
                 if number == 1:
                     continue
-                sentence = (
-                    f"Reference file {str(path)!r}, row {number}: needs a time and a position as numbers."
-                )
+                sentence = f"Reference file {str(path)!r}, row {number}: needs a time and a position as numbers."
                 raise InputError(sentence, code="bad-reference-file") from error
         table = np.array(points).reshape(-1, 2)
         try:
@@ -118,9 +116,7 @@ class Motion:
     does not return one finite position for each time.
     """
 
-    def __init__(
-        self, function: Callable[[Array], Array], name: str = "callable", step: float = 1e-3
-    ) -> None:
+    def __init__(self, function: Callable[[Array], Array], name: str = "callable", step: float = 1e-3) -> None:
         """Keep the function; it is called first when a position is asked for."""
         require_positive(name, step=step)
         self.function, self.name, self.step = function, name, step

@@ -1,0 +1,194 @@
+"""Numbers as people write them, "1134 ± 5 g*cm^2", into SI values with a standard uncertainty.
+
+Value, ± and unit are split here; pint sees the unit alone (it reads "1134 ± 5" as a product), and is imported
+only when there is a unit that differs from the expected one. Only at the door: inside, everything is SI.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from swingid.errors import InputError
+
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
+_QUANTITY = re.compile(
+    rf"(?P<open>\()?\s*(?P<value>{_NUMBER})\s*"
+    rf"(?:(?:±|\+/-|\+-)\s*(?P<std>{_NUMBER})\s*(?P<percent>%)?\s*)?"
+    r"(?(open)\))\s*(?P<unit>.*)",
+    re.DOTALL,
+)
+# Names, integer powers, products and quotients: pint would also evaluate 9^9^9^9, so it never sees other text.
+_NAME = r"(?:[A-Za-zµμΩ]+(?:\s*(?:\^|\*\*)\s*\(?[+-]?[1-9]\)?)?)"
+_UNIT = re.compile(rf"(?:1\s*/\s*)?\(?{_NAME}(?:\s*[*/ ]\s*\(?{_NAME}\)?)*\)?")
+_LONGEST = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """An SI value with its standard uncertainty `std`; None: none was stated, the value counts as exact."""
+
+    value: float
+    std: float | None = None
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        return repr(self.value) if self.std is None else f"{self.value!r} ± {self.std!r}"
+
+
+def parse_quantity(raw: object, unit: str, key: str) -> Quantity:
+    """The SI Quantity that `raw` states, where `unit` is the SI unit expected ("" for a pure number).
+
+    `raw` is a number (SI already), text such as "1134 ± 5 g*cm^2" (also "+/-" and "+-", "(1134 ± 5) g*cm^2",
+    and "78e-3 ± 0.5 % N*m", where the uncertainty is relative to the value), a table {value=, std=, unit=}
+    (std in the same unit), or a Quantity. What follows ± is one standard uncertainty. Pure numbers take "%" as
+    a unit, angles rad, deg (°) and turns.
+
+    Raises InputError that names `key`, for text that is no quantity, for values that are not finite, negative
+    uncertainties, and units that are unknown or of another dimension. With key "" its message is the predicate
+    of a sentence, for callers that know better how to name the place.
+    """
+    try:
+        return _read(raw, unit)
+    except _UnusableError as problem:
+        raise InputError(f"{key} {problem.message}".strip(), code=problem.code) from None
+
+
+class _UnusableError(Exception):
+    """What is wrong with a quantity, as a predicate without its subject."""
+
+    def __init__(self, code: str, message: str) -> None:
+        super().__init__(message)
+        self.code = code
+        self.message = message
+
+
+def _read(raw: object, unit: str) -> Quantity:
+    if isinstance(raw, Quantity):
+        value, std, given = raw.value, raw.std, ""
+    elif isinstance(raw, str):
+        value, std, given = _split(raw, unit)
+    elif isinstance(raw, Mapping):
+        value, std, given = _from_table(raw, unit)
+    else:
+        value, std, given = _number(raw, unit), None, ""
+    if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
+        raise _UnusableError("not-finite", f"must be finite, not {_shown(raw)}")
+    if std is not None and std < 0:
+        raise _UnusableError(
+            "negative-uncertainty", f"has the uncertainty {std:g}; give one standard uncertainty, which is not negative"
+        )
+    factor = _factor(given, unit)
+    value, std = value * factor, None if std is None else std * factor
+    if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
+        raise _UnusableError("not-finite", f"must be finite in {unit or 'its unit'}, not {_shown(raw)}")
+    return Quantity(value, std)
+
+
+def _split(text: str, unit: str) -> tuple[float, float | None, str]:
+    """Value, uncertainty and unit as text."""
+    match = _QUANTITY.fullmatch(text.strip().replace("−", "-")) if len(text) <= _LONGEST else None
+    if match is None:
+        raise _UnusableError("not-a-quantity", f"is {_shown(text)}, which is no quantity; {_advice(unit)}")
+    value = float(match["value"])
+    std = None if match["std"] is None else float(match["std"])
+    if match["percent"]:
+        assert std is not None
+        # "5 ± 1 %" of a pure number could mean 5 % ± 1 %: ask rather than guess.
+        if unit == "":
+            raise _UnusableError(
+                "not-a-quantity", f"is {_shown(text)}, where % may belong to both numbers; write both without %"
+            )
+        std *= abs(value) / 100
+    return value, std, match["unit"].strip()
+
+
+def _from_table(raw: Mapping[Any, object], unit: str) -> tuple[float, float | None, str]:
+    strange = [str(key) for key in raw if key not in ("value", "std", "unit")]
+    if strange or "value" not in raw:
+        problem = f"has the unknown key {strange[0][:40]!r}" if strange else "lacks value"
+        raise _UnusableError("not-a-quantity", f"{problem}; a quantity's table is {{value=…, std=…, unit=…}}")
+    given = raw.get("unit", "")
+    if not isinstance(given, str):
+        raise _UnusableError("not-a-quantity", f"has the unit {_shown(given)}, which is not text; {_advice(unit)}")
+    std = None if raw.get("std") is None else _number(raw["std"], unit)
+    return _number(raw["value"], unit), std, given.strip()
+
+
+def _number(raw: object, unit: str) -> float:
+    if isinstance(raw, bool) or not isinstance(raw, int | float):
+        raise _UnusableError("not-a-quantity", f"is {_shown(raw)}, which is no number; {_advice(unit)}")
+    try:
+        return float(raw)
+    except OverflowError:
+        raise _UnusableError("not-finite", "is too large a number") from None
+
+
+@cache
+def _factor(given: str, expected: str) -> float:
+    """How many `expected` one `given` is; 1 where no unit is given, without pint where both read the same."""
+    if given in ("", expected):
+        return 1.0
+    if expected == "":
+        if given == "%":
+            return 0.01
+        raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is a pure number without a unit")
+    text = re.sub(r"°(?![CF])", "deg", given.replace("·", "*").replace("⋅", "*"))
+    text = text.replace("²", "^2").replace("³", "^3")
+    if _UNIT.fullmatch(text) is None or text.count("(") != text.count(")"):
+        raise _UnusableError(
+            "wrong-unit", f"has {given[:40]!r} for a unit, which cannot be read; expected is {expected}"
+        )
+    if "rad" in expected and re.search(r"Hz|hertz", text):
+        raise _UnusableError(
+            "wrong-unit", f"is given in {given!r}, but is an angular speed; write rad/s, deg/s or turns/s"
+        )
+    return _ask_pint(text, given, expected)
+
+
+def _ask_pint(text: str, given: str, expected: str) -> float:
+    import pint
+
+    registry = _registry()
+    try:
+        unit = registry.parse_units(text)
+        alike = unit.dimensionality == registry.parse_units(expected).dimensionality
+        # Logarithmic units and offset temperatures are no factors: their zero is not zero.
+        alike = alike and float(registry.convert(0.0, unit, expected)) == 0.0
+        factor = float(registry.convert(1.0, unit, expected)) if alike else math.nan
+    except (pint.errors.PintError, AttributeError, ValueError, TypeError):
+        # pint's ways of saying that a name is no unit
+        message = f"has the unknown unit {given[:40]!r}; expected is {expected}"
+        raise _UnusableError("wrong-unit", message) from None
+    if not math.isfinite(factor) or factor == 0.0:
+        raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is expected in {expected}")
+    return factor
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    registry: Any = pint.UnitRegistry()
+    # How motors' data sheets write it; pint knows only the product.
+    registry.define("newton_metre = newton * meter = Nm")
+    return registry
+
+
+def _advice(unit: str) -> str:
+    return f'write a number, or text like "1.2 ± 0.1{" " + unit if unit else ""}"'
+
+
+def _shown(raw: object) -> str:
+    if isinstance(raw, bool):
+        return str(raw).lower()
+    if isinstance(raw, int):
+        return "a large whole number" if abs(raw) >= 10**20 else str(raw)
+    text = repr(raw)
+    return text if len(text) <= 50 else text[:47] + "..."

@@ -1,0 +1,56 @@
+# make demo       a twin's log, identified by two methods, and a report        (under a minute after installation)
+# make test       style, types, layers, the installed wheel, the quick tests  (under ten minutes)
+# make test-long  the tests that take minutes
+# make bench      accuracy and speed as tables
+# make venv       only set up .venv (every target does that first)
+
+BIN := .venv/bin
+STAMP := .venv/.installed
+
+.PHONY: demo test test-long bench venv format style types layers wheel unit clean
+
+demo: $(STAMP)
+	@$(BIN)/python examples/demo.py
+
+test: style types layers wheel unit
+
+test-long: $(STAMP)
+	@echo "== long tests"
+	@$(BIN)/python -m pytest -m long --durations=10
+
+bench: $(STAMP)
+	@set -e; for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python "$$script"; done
+
+venv: $(STAMP)
+
+format: $(STAMP)
+	@$(BIN)/ruff check --fix .
+	@$(BIN)/ruff format .
+
+style: $(STAMP)
+	@echo "== style (ruff)"
+	@$(BIN)/ruff check .
+	@$(BIN)/ruff format --check .
+
+types: $(STAMP)
+	@echo "== types (mypy)"
+	@$(BIN)/mypy
+
+layers: $(STAMP)
+	@echo "== layers (import-linter)"
+	@$(BIN)/lint-imports
+
+wheel: $(STAMP)
+	@echo "== the wheel, installed in an empty environment"
+	@bash tests/check_wheel.sh $(abspath $(BIN)/python)
+
+unit: $(STAMP)
+	@echo "== tests (pytest)"
+	@$(BIN)/python -m pytest -n 2
+
+clean:
+	rm -rf .venv build dist out .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache
+
+$(STAMP): pyproject.toml tools/venv.sh
+	@bash tools/venv.sh .venv
+	@touch $@

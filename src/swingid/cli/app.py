@@ -1,0 +1,65 @@
+"""The commands as one typer application; what each does is imported when it is called."""
+
+from __future__ import annotations
+
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from swingid.cli.failure import exit_code, settle_output
+from swingid.cli.identify import identify
+from swingid.cli.init import init
+from swingid.cli.output import flush
+from swingid.cli.simulate import simulate
+
+app = typer.Typer(
+    name="swingid",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+app.command()(init)
+app.command()(simulate)
+app.command()(identify)
+
+
+def _version(wanted: bool) -> None:
+    if wanted:
+        import swingid
+
+        typer.echo(f"swingid {swingid.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _swingid(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version and exit.")
+    ] = False,
+) -> None:
+    """Moment of inertia and bearing friction of a swinging body, from logged angles.
+
+    Exit codes: 0 fine, 2 wrong usage, 3 unusable input, 4 the data cannot answer, 70 a bug of swingid.
+    """
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit code. Only KeyboardInterrupt gets out."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        code = app(args=given, prog_name="swingid", standalone_mode=False)
+        flush(sys.stdout)
+        return int(code or 0)
+    except Exception as error:
+        return exit_code(error, given)
+    finally:
+        settle_output()

@@ -1,0 +1,89 @@
+"""From an exception to one sentence on standard error and an exit code; no traceback reaches a user."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import tempfile
+import traceback
+from collections.abc import Sequence
+from contextlib import suppress
+
+import typer
+
+from swingid.cli.output import flush, say
+from swingid.errors import SwingidError
+
+INTERRUPTED, CLOSED_PIPE, BUG = 130, 141, 70
+"""128 + SIGINT, 128 + SIGPIPE, and EX_SOFTWARE of sysexits.h."""
+
+_WrongUsage: type[Exception] = typer.BadParameter.__mro__[2]
+"""click's ClickException, which newer versions of typer hold inside and older ones import."""
+
+
+def exit_code(error: Exception, arguments: Sequence[str]) -> int:
+    """Say in one sentence what went wrong; returns the exit code that stands for it."""
+    if isinstance(error, SwingidError):
+        say(error.message)
+        return error.exit_code
+    if isinstance(error, _WrongUsage):
+        say(_usage(error))
+        return 2
+    if isinstance(error, typer.Abort):
+        return interrupted()
+    if isinstance(error, BrokenPipeError):
+        return CLOSED_PIPE
+    path = _keep_traceback(error, arguments)
+    what = f"{type(error).__name__}" + (f" ({error})" if str(error) else "")
+    where = f"please report it with the file {path}" if path else "please report it with the command you gave"
+    say(f"this is a bug of swingid, {what}; {where}")
+    return BUG
+
+
+def interrupted() -> int:
+    """Say that the user stopped the run; returns the exit code."""
+    say("interrupted")
+    return INTERRUPTED
+
+
+def settle_output() -> None:
+    """Give up standard output where it takes nothing any more; the interpreter would complain at its end."""
+    try:
+        flush(sys.stdout)
+    except (OSError, SwingidError):
+        with suppress(OSError, ValueError, AttributeError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _usage(error: Exception) -> str:
+    """One sentence out of typer's, with the way to the help."""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "swingid"
+    message = error.format_message() if hasattr(error, "format_message") else str(error)
+    sentence = " ".join(message.split()).rstrip(".")
+    return f"{sentence[:1].lower()}{sentence[1:]}; see {command} --help"
+
+
+def _keep_traceback(error: Exception, arguments: Sequence[str]) -> str | None:
+    """Write what a bug report needs to the temporary folder; returns the path, None where that fails."""
+    import swingid
+
+    try:
+        version = swingid.__version__
+    except Exception:
+        version = "unknown"
+    lines = [
+        f"swingid {version}, Python {platform.python_version()}, {platform.platform()}",
+        f"swingid {' '.join(arguments)}",
+        "",
+        *traceback.format_exception(error),
+    ]
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="swingid-bug-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
+        ) as file:
+            file.write("\n".join(lines))
+    except OSError:
+        return None
+    return file.name

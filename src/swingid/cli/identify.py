@@ -1,0 +1,131 @@
+"""``swingid identify``: the inertia and the friction that a log shows."""
+
+from __future__ import annotations
+
+import os
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from swingid.errors import SwingidError, UsageError
+
+if TYPE_CHECKING:
+    from swingid.identify.result import Result
+
+Provenance = dict[str, object]
+
+
+class Method(StrEnum):
+    """How the inertia is found."""
+
+    MOMENTUM = "momentum"
+    ENERGY = "energy"
+
+
+class Variant(StrEnum):
+    """Forms of the energy method."""
+
+    PRINTED = "printed"
+    BETTER = "better"
+
+
+def identify(
+    logs: Annotated[list[str], typer.Argument(metavar="LOG", help="Log of the rig: .csv, .parquet or .mat.")],
+    rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
+    method: Annotated[Method, typer.Option(help="How the inertia is found.")] = Method.MOMENTUM,
+    variant: Annotated[
+        Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
+    ] = None,
+    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write a report as one HTML file.")] = None,
+) -> None:
+    """Identify the moment of inertia and the friction that LOG shows, with their uncertainties."""
+    _check_usage(logs, rig, method, variant, json, report)
+    options = {} if variant is None else {"variant": variant.value}
+    provenance: Provenance = {"log": logs[0], "rig_source": rig, "options": options}
+    try:
+        result = _identify(logs[0], rig, method.value, options, provenance, json, report)
+    except Exception as error:
+        if json is not None:
+            _write_refusal(json, method.value, error, provenance)
+        raise
+    from swingid.cli.output import say, tell, write_json
+
+    if json is not None:
+        write_json(result.to_json(), json)
+    tell(result.summary(), to_error=json == "-")
+    if report is not None:
+        say(f"wrote {report}")
+
+
+def _check_usage(
+    logs: list[str], rig: str, method: Method, variant: Variant | None, json: str | None, report: str | None
+) -> None:
+    """Raise UsageError for a combination of options that makes no sense or would overwrite an input."""
+    if len(logs) > 1:
+        raise UsageError(f"{len(logs)} logs were given; identify takes one at a time", code="several-logs")
+    if variant is not None and method is not Method.ENERGY:
+        raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
+    if report == "-":
+        raise UsageError("--report needs the name of a file; only --json can go to standard output", code="bad-target")
+    used = {os.path.realpath(logs[0]): "the log", os.path.realpath(rig): "the rig file"}
+    for option, target in (("--json", json), ("--report", report)):
+        if target is None or target == "-":
+            continue
+        path = os.path.realpath(target)
+        if path in used:
+            raise UsageError(f"{option} {target} would overwrite {used[path]}; give another name", code="overwrite")
+        used[path] = f"what --{option.strip('-')} writes"
+
+
+def _identify(
+    log: str,
+    rig: str,
+    method: str,
+    options: dict[str, str],
+    provenance: Provenance,
+    json: str | None,
+    report: str | None,
+) -> Result:
+    """From files to the result, and to its report; `provenance` gains what becomes known on the way."""
+    from swingid.cli.output import check_target
+
+    for target in (json, report):
+        if target is not None and target != "-":
+            check_target(Path(target))
+    from swingid.cli.kernels import announce_compilation
+    from swingid.identify import identify as run
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+
+    plant = Rig.load(rig)
+    provenance |= {"rig": plant.name, "rig_source": plant.source}
+    recording = Recording.load(log, plant)
+    provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
+    announce_compilation("identify")
+    result = run(recording, plant, method, **options)
+    if report is not None:
+        from swingid.report import write_report
+
+        write_report(result, recording, plant, Path(report))
+    return result
+
+
+def _write_refusal(target: str, method: str, error: Exception, provenance: Provenance) -> None:
+    """Write the JSON that says why there is no number; a second error while doing so gives way to the first."""
+    from swingid.cli.output import write_json
+    from swingid.identify.result import refusal
+
+    if not isinstance(error, SwingidError):
+        error = SwingidError(f"a bug of swingid: {type(error).__name__}", code="bug")
+    import swingid
+
+    provenance["versions"] = {"swingid": swingid.__version__}
+    try:
+        write_json(refusal(method, error, provenance).to_json(), target)
+    except SwingidError:
+        return

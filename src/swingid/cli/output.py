@@ -1,0 +1,100 @@
+"""What a command says and writes: people read standard error and output, scripts read JSON and files."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import suppress
+from pathlib import Path
+from typing import TextIO
+
+from swingid.errors import InputError
+
+
+def say(message: str) -> None:
+    """One line on standard error, for people."""
+    sentence = " ".join(str(message).split())
+    end = "" if sentence.endswith((".", "!", "?", "…")) else "."
+    tell(f"swingid: {sentence}{end}", to_error=True)
+
+
+def tell(text: str, *, to_error: bool = False) -> None:
+    """Text on standard output, or on standard error where the output belongs to JSON."""
+    line = text.rstrip("\n") + "\n"
+    if to_error:
+        with suppress(OSError, InputError):  # a broken standard error is no reason to fail
+            _write(sys.stderr, line)
+    else:
+        _write(sys.stdout, line)
+
+
+def write_json(text: str, target: str) -> None:
+    """Write JSON text (UTF-8) to a file, or to standard output where `target` is "-"."""
+    content = text.encode("utf-8", "backslashreplace")
+    if target != "-":
+        write_file(Path(target), content)
+        return
+    if sys.stdout is None:
+        raise InputError("cannot write to standard output: it is closed", code="cannot-write")
+    flush(sys.stdout)
+    try:
+        sys.stdout.buffer.write(content)
+        sys.stdout.buffer.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise InputError(f"cannot write to standard output: {error.strerror}", code="cannot-write") from None
+
+
+def write_file(path: Path, content: bytes) -> None:
+    """Write a file that appears whole or not at all (devices and pipes are written as they are)."""
+    path = Path(os.path.realpath(path))
+    partial = path.with_name(f".{path.name[:100]}.{os.getpid()}.part")
+    try:
+        if path.exists() and not path.is_file():
+            path.write_bytes(content)
+            return
+        try:
+            partial.write_bytes(content)
+            partial.replace(path)
+        finally:
+            partial.unlink(missing_ok=True)
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise cannot_write(path, error.strerror or str(error)) from None
+
+
+def check_target(path: Path) -> None:
+    """Raise InputError now where writing `path` would fail after the work is done."""
+    folder = path.parent
+    if path.is_dir():
+        raise cannot_write(path, "it is a folder, so give a file name in it")
+    if not folder.exists():
+        raise cannot_write(path, f"the folder {folder} does not exist, so make it first")
+    if not folder.is_dir():
+        raise cannot_write(path, f"{folder} is not a folder")
+    if not os.access(path if path.exists() else folder, os.W_OK):
+        raise cannot_write(path, "permission denied")
+
+
+def flush(stream: TextIO | None) -> None:
+    """Write out what a stream buffers; InputError where the disk is full or the like."""
+    _write(stream, "")
+
+
+def _write(stream: TextIO | None, text: str) -> None:
+    if stream is None:
+        return
+    try:
+        stream.write(text)
+        stream.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise InputError(f"cannot write to standard output: {error.strerror}", code="cannot-write") from None
+
+
+def cannot_write(path: Path, reason: str) -> InputError:
+    """The error that names the file which cannot be written and why."""
+    return InputError(f"cannot write {path}: {reason}", code="cannot-write")

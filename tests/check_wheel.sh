@@ -1,0 +1,45 @@
+#!/usr/bin/env bash
+# Build the wheel with the Python $1, install it in an empty environment, and identify a twin's log with it,
+# outside the checkout: finds files missing from the wheel and dependencies missing from its list.
+set -euo pipefail
+
+python=$1
+checkout=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
+place=$(mktemp -d)
+trap 'rm -rf "$place"' EXIT
+unset PYTHONPATH VIRTUAL_ENV NUMBA_CACHE_DIR
+export XDG_CACHE_HOME="$place/cache" PIP_DISABLE_PIP_VERSION_CHECK=1
+
+"$python" -m build --wheel --outdir "$place/dist" "$checkout" > "$place/build.log" 2>&1 || {
+    cat "$place/build.log" >&2
+    exit 1
+}
+"$python" -m venv "$place/env"
+"$place/env/bin/python" -m pip install --quiet "$place"/dist/swingid-*.whl
+export PATH="$place/env/bin:$PATH"
+
+mkdir "$place/work"
+cd "$place/work"
+swingid init lab
+swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 25 --rate 1000 --out run.parquet
+start=$(date +%s)
+swingid identify run.parquet --rig paper --json result.json --report report.html
+echo "first identify, with compilation: $(($(date +%s) - start)) s"
+python - "$checkout" << 'END'
+import json
+import pathlib
+import sys
+
+import swingid
+
+home = pathlib.Path(swingid.__file__).resolve()
+assert not home.is_relative_to(pathlib.Path(sys.argv[1]) / "src"), f"{home} is the checkout, not the wheel"
+result = json.loads(pathlib.Path("result.json").read_text(encoding="utf-8"))
+inertia = result["parameters"]["inertia"]
+assert result["status"] in ("ok", "warning"), result
+assert abs(inertia["value"] / 302.2e-5 - 1) < 2e-4, inertia
+assert inertia["standard_uncertainty"] > 0, inertia
+swingid.Rig.load("lab/rig.toml")
+assert pathlib.Path("report.html").stat().st_size > 10_000
+print(f"the wheel {home.parent.name} {swingid.__version__} finds {inertia['value']:.6g} kg m^2 of 0.003022")
+END

@@ -1,0 +1,75 @@
+"""What is imported when: the package and its help must stay light, and heavy packages wait for their use."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+HEAVY = {"numpy", "scipy", "numba", "pint", "matplotlib", "pyarrow", "jinja2", "pydantic"}
+
+
+def imported(code: str, folder: Path) -> set[str]:
+    """Names of all modules that a new process has imported after running `code`."""
+    program = f"import sys, json\n{code}\nprint('\\n' + json.dumps(sorted(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=folder)
+    return set(json.loads(done.stdout.splitlines()[-1]))
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import swingid",
+        "from swingid.cli import main; assert main(['--help']) == 0",
+        "from swingid.cli import main; assert main(['identify', '--help']) == 0",
+        "from swingid.cli import main; assert main(['simulate', '--help']) == 0",
+    ],
+)
+def test_import_and_help_are_light(code: str, tmp_path: Path) -> None:
+    assert imported(code, tmp_path) & HEAVY == set()
+
+
+def test_import_alone_does_not_even_import_typer(tmp_path: Path) -> None:
+    loaded = imported("import swingid; dir(swingid); swingid.__version__", tmp_path)
+    assert loaded & {"typer", "rich"} == set()
+    assert {name for name in loaded if name.startswith("swingid")} == {"swingid"}
+
+
+def test_momentum_imports_only_what_it_needs(short_log: Path) -> None:
+    code = f"from swingid.cli import main; assert main(['identify', {str(short_log)!r}, '--rig', 'paper']) == 0"
+    loaded = imported(code, short_log.parent)
+    assert "swingid.identify.momentum" in loaded
+    assert loaded & {"scipy.signal", "scipy.optimize", "matplotlib", "jinja2", "pint", "swingid.identify.energy"} == set()
+
+
+def test_verbs_are_functions_and_packages_in_any_order_of_imports(tmp_path: Path) -> None:
+    for first in ("import swingid.identify.run", "from swingid.simulate import simulate", "pass"):
+        code = f"""
+{first}
+import pickle, inspect
+import swingid as sw
+import swingid.identify.run as run, swingid.simulate.twin as twin
+assert callable(sw.identify) and callable(sw.simulate)
+assert inspect.signature(sw.identify) == inspect.signature(run.identify)
+assert inspect.signature(sw.simulate) == inspect.signature(twin.simulate)
+assert pickle.loads(pickle.dumps(sw.simulate)) is sw.simulate
+assert sw.identify.METHODS is run.METHODS
+try:
+    sw.identify(None, None, method="magic")
+except sw.errors.UsageError as error:
+    assert "magic" in str(error)
+else:
+    raise AssertionError
+"""
+        imported(code, tmp_path)
+
+
+def test_unknown_names_are_attribute_errors_and_all_names_exist() -> None:
+    import swingid
+
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = swingid.nonsense  # type: ignore[attr-defined]
+    for name in swingid.__all__:
+        assert getattr(swingid, name) is not None
+        assert name in dir(swingid)

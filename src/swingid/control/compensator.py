@@ -110,7 +110,7 @@ class Compensator:
     def paper_simulation(cls, rig: Rig, *, sample_time: float = 1e-4) -> Compensator:
         """The gains of the paper's simulation (Fig. 7), for a loop of 10 kHz that reads ideal angles.
 
-        At 1 kHz, or with 14-bit encoders at any rate, k tilde never settles and the voltage chatters between its
+        At 1 kHz, or with 14-bit encoders at 10 kHz too, k tilde never settles and the voltage chatters between its
         limits: a step of the error is answered with k tilde sigma, 4e6 V/rad, at once. Raises UsageError for a rig
         without a drive.
         """

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from swingid.cli.failure import exit_code, settle_output
+from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.init import init
 from swingid.cli.output import flush
@@ -58,8 +58,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     try:
         code = app(args=given, prog_name="swingid", standalone_mode=False)
         flush(sys.stdout)
-        return int(code or 0)
+        return interrupted() if code == INTERRUPTED else int(code or 0)
     except Exception as error:
         return exit_code(error, given)
+    except SystemExit:  # typer's way to end when a pipe is closed
+        return CLOSED_PIPE
     finally:
         settle_output()

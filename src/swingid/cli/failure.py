@@ -34,6 +34,9 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
         return interrupted()
     if isinstance(error, BrokenPipeError):
         return CLOSED_PIPE
+    if isinstance(error, OSError) and (broken := _broken_output()) is not None:
+        say(broken.message)
+        return broken.exit_code
     path = _keep_traceback(error, arguments)
     what = f"{type(error).__name__}" + (f" ({error})" if str(error) else "")
     where = f"please report it with the file {path}" if path else "please report it with the command you gave"
@@ -45,6 +48,17 @@ def interrupted() -> int:
     """Say that the user stopped the run; returns the exit code."""
     say("interrupted")
     return INTERRUPTED
+
+
+def _broken_output() -> SwingidError | None:
+    """What standard output, when what was written to it still waits, refuses to take; None if it takes all."""
+    try:
+        flush(sys.stdout)
+    except BrokenPipeError:
+        return None
+    except SwingidError as error:
+        return error
+    return None
 
 
 def settle_output() -> None:

@@ -1,0 +1,349 @@
+"""The command line: exit codes, JSON in every case, one sentence for every failure, never a traceback."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from swingid.cli import main
+from swingid.cli.identify import Method
+
+SINE = ["--reference", "sine 0.8 rad 8.5 rad/s"]
+Run = Callable[..., "Outcome"]
+
+
+class Outcome:
+    """What a command left: exit code, standard output and error."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    def sentence(self) -> str:
+        """The one line on standard error, after checking that it is one and no traceback."""
+        lines = self.err.splitlines()
+        assert len(lines) == 1, self.err
+        assert lines[0].startswith("swingid: ")
+        assert lines[0].endswith(".")
+        return lines[0]
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Run:
+    """Run the command line in this process."""
+
+    def call(*arguments: str) -> Outcome:
+        capfd.readouterr()
+        code = main([str(argument) for argument in arguments])
+        out, err = capfd.readouterr()
+        assert "Traceback" not in out + err
+        lines = err.splitlines(keepends=True)
+        kept = [line for line in lines if "compiling kernels" not in line]
+        return Outcome(code, out, "".join(kept))
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """12 s of the paper's rig."""
+    path = tmp_path_factory.mktemp("log") / "run.csv"
+    assert main(["simulate", "--rig", "paper", *SINE, "--duration", "12", "--out", str(path)]) == 0
+    return path
+
+
+def refused(path: Path) -> dict[str, Any]:
+    """The error of a JSON file that holds a refusal."""
+    data = json.loads(path.read_text(encoding="utf-8"))
+    assert data["schema"] == "swingid.result/1"
+    assert (data["status"], data["parameters"]) == ("refused", {})
+    assert set(data["error"]) == {"code", "message"}
+    error: dict[str, Any] = data["error"]
+    return error
+
+
+def test_identify_finds_the_inertia_and_writes_json(run: Run, log: Path, tmp_path: Path) -> None:
+    done = run("identify", log, "--rig", "paper", "--json", tmp_path / "r.json")
+    assert done.code == 0
+    data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    inertia = data["parameters"]["inertia"]
+    assert inertia["value"] == pytest.approx(302.2e-5, rel=2e-4)
+    assert inertia["interval95"][0] < 302.2e-5 < inertia["interval95"][1]
+    assert data["error"] is None
+    assert data["provenance"]["log"] == str(log)
+    assert "inertia" in done.out
+    assert done.err == ""
+
+
+def test_json_is_alone_on_standard_output(run: Run, log: Path) -> None:
+    done = run("identify", log, "--rig", "paper", "--json", "-")
+    assert done.code == 0
+    assert json.loads(done.out)["method"] == "momentum"
+    assert "inertia" in done.err
+
+
+def test_refusal_is_alone_on_standard_output(run: Run, tmp_path: Path) -> None:
+    done = run("identify", tmp_path / "none.csv", "--rig", "paper", "--json", "-")
+    assert done.code == 3
+    assert json.loads(done.out)["status"] == "refused"
+    assert "none.csv" in done.sentence()
+
+
+def test_methods_of_the_command_are_those_of_the_library() -> None:
+    from swingid.identify import METHODS
+
+    assert [method.value for method in Method] == list(METHODS)
+
+
+def test_energy_takes_the_printed_variant(run: Run, log: Path, tmp_path: Path) -> None:
+    done = run(
+        "identify", log, "--rig", "paper", "--method", "energy", "--variant", "printed", "--json", tmp_path / "r.json"
+    )
+    assert done.code == 0
+    data = json.loads((tmp_path / "r.json").read_text(encoding="utf-8"))
+    assert data["method"] == "energy"
+    assert data["provenance"]["options"] == {"variant": "printed"}
+
+
+@pytest.mark.parametrize(
+    ("content", "code"),
+    [(None, 3), ("", 3), ("t,q1\n0,0\n", 3), ("t,q1,q2,u\n0,0,0,0\n", 4)],
+    ids=["missing", "empty", "no wheel", "one row"],
+)
+def test_bad_logs_give_a_sentence_and_a_refusal(run: Run, tmp_path: Path, content: str | None, code: int) -> None:
+    path = tmp_path / "log.csv"
+    if content is not None:
+        path.write_text(content)
+    done = run("identify", path, "--rig", "paper", "--json", tmp_path / "r.json")
+    assert done.code == code
+    assert refused(tmp_path / "r.json")["message"].rstrip(".") in done.sentence()
+
+
+def test_constant_angles_are_exit_4(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "still.csv"
+    path.write_text("t,q1,q2,u\n" + "".join(f"{k / 1000},0.1,0.2,0\n" for k in range(5000)))
+    done = run("identify", path, "--rig", "paper", "--json", tmp_path / "r.json")
+    assert done.code == 4
+    assert done.sentence()
+    refused(tmp_path / "r.json")
+
+
+def test_a_missing_rig_is_exit_3_with_json(run: Run, log: Path, tmp_path: Path) -> None:
+    done = run("identify", log, "--rig", tmp_path / "none.toml", "--json", tmp_path / "r.json")
+    assert done.code == 3
+    assert "none.toml" in done.sentence()
+    refused(tmp_path / "r.json")
+
+
+def test_a_refusal_replaces_an_older_result(run: Run, log: Path, tmp_path: Path) -> None:
+    target = tmp_path / "r.json"
+    assert run("identify", log, "--rig", "paper", "--json", target).code == 0
+    assert run("identify", tmp_path / "gone.csv", "--rig", "paper", "--json", target).code == 3
+    assert refused(target)["code"] == "missing-file"
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["weigh"],
+        ["identify"],
+        ["identify", "a.csv"],
+        ["identify", "a.csv", "b.csv", "--rig", "paper"],
+        ["identify", "a.csv", "--rig", "paper", "--method", "magic"],
+        ["identify", "a.csv", "--rig", "paper", "--variant", "printed"],
+        ["identify", "a.csv", "--rig", "paper", "--report", "-"],
+        ["identify", "a.csv", "--rig", "paper", "--json", "./a.csv"],
+        ["identify", "a.csv", "--rig", "paper", "--json", "x", "--report", "./x"],
+        ["identify", "a.csv", "--rig", "paper", "--colour", "red"],
+        ["simulate", "--rig", "paper", "--duration", "1"],
+        ["simulate", "--rig", "paper", "--duration", "1", "--out", "a.csv"],
+        ["simulate", "--rig", "paper", "--duration", "1", "--out", "a.csv", "--delta0", "0.1", "--initial-angle", "1"],
+        ["simulate", "--rig", "paper", "--duration", "1", "--out", "a.csv", "--initial-angle", "3 kg"],
+        ["simulate", "--rig", "paper", "--duration", "1", "--out", "a.csv", "--reference", "wiggle 3"],
+        ["simulate", "--rig", "paper", "--duration", "soon", "--out", "a.csv", *SINE],
+        ["simulate", "--rig", "paper", "--duration", "-1", "--out", "a.csv", *SINE],
+        ["simulate", "--rig", "paper", "--duration", "nan", "--out", "a.csv", *SINE],
+        ["simulate", "--rig", "paper", "--duration", "1e9", "--out", "a.csv", *SINE],
+        ["simulate", "--rig", "paper", "--duration", "1", "--out", "a.csv", *SINE, "--seed", "-1"],
+        ["simulate", "--rig", "paper", "--duration", "1", "--out", "a.csv", *SINE, "--sigma0", "-1"],
+        ["init"],
+    ],
+)
+def test_wrong_usage_is_one_sentence_and_exit_2(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments)
+    assert done.code == 2
+    assert done.out == ""
+    assert done.sentence()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_help_and_version_are_exit_0(run: Run) -> None:
+    for arguments in (["--help"], ["-h"], ["identify", "--help"], ["simulate", "--help"], ["init", "--help"]):
+        done = run(*arguments)
+        assert (done.code, done.err) == (0, "")
+        assert done.out.startswith("Usage: swingid")
+    assert run("--version").out.startswith("swingid ")
+
+
+@pytest.mark.parametrize("option", ["--json", "--report"])
+@pytest.mark.parametrize("place", ["missing/r.x", "folder", "file/r.x"])
+def test_unwritable_outputs_are_exit_3_and_named(run: Run, log: Path, tmp_path: Path, option: str, place: str) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").write_text("")
+    done = run("identify", log, "--rig", "paper", option, tmp_path / place)
+    assert done.code == 3
+    assert place in done.sentence()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_an_unwritable_report_leaves_a_refusal(run: Run, log: Path, tmp_path: Path) -> None:
+    done = run(
+        "identify", log, "--rig", "paper", "--report", tmp_path / "missing/r.html", "--json", tmp_path / "r.json"
+    )
+    assert done.code == 3
+    assert refused(tmp_path / "r.json")["code"] == "cannot-write"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("arguments", [["identify", "LOG", "--rig", "paper", "--json", "-"], ["--help"]])
+def test_a_full_disk_is_exit_3(log: Path, arguments: list[str]) -> None:
+    command = [sys.executable, "-m", "swingid", *(str(log) if word == "LOG" else word for word in arguments)]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 3
+    assert done.stderr.count("\n") == 1 + done.stderr.count("compiling kernels")
+    assert "standard output" in done.stderr
+
+
+def test_a_closed_pipe_is_silent(log: Path) -> None:
+    command = [sys.executable, "-m", "swingid", "identify", str(log), "--rig", "paper"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    err = process.stderr.read()
+    process.stderr.close()
+    assert process.wait() == 141
+    assert err.replace("compiling kernels", "") == err or err.count("\n") == 1
+
+
+def test_an_interrupt_is_one_line_and_130(tmp_path: Path) -> None:
+    fifo = tmp_path / "log.csv"
+    os.mkfifo(fifo)
+    command = [sys.executable, "-m", "swingid", "identify", str(fifo), "--rig", "paper"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    time.sleep(2.0)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert err == "swingid: interrupted.\n"
+
+
+def test_our_own_bug_is_70_with_a_file_to_report(
+    run: Run, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("on purpose")
+
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", None)
+    monkeypatch.setattr("swingid.identify.momentum.momentum", broken)
+    done = run("identify", log, "--rig", "paper", "--json", tmp_path / "r.json")
+    assert done.code == 70
+    (kept,) = tmp_path.glob("swingid-bug-*.txt")
+    assert str(kept) in done.sentence()
+    assert "ZeroDivisionError: on purpose" in kept.read_text(encoding="utf-8")
+    assert refused(tmp_path / "r.json")["code"] == "bug"
+
+
+def test_strange_names_of_files_do_no_harm(run: Run, tmp_path: Path) -> None:
+    name = os.fsdecode(b"bad\xff[red]\n.csv")
+    done = run("identify", str(tmp_path / name), "--rig", "paper", "--json", tmp_path / "r.json")
+    assert done.code == 3
+    assert "[red]" in done.sentence()
+    refused(tmp_path / "r.json")
+
+
+def test_an_output_without_unicode_is_served(log: Path) -> None:
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    command = [sys.executable, "-m", "swingid", "identify", str(log), "--rig", "paper"]
+    done = subprocess.run(command, env=environment, capture_output=True)
+    assert done.returncode == 0
+    assert b"inertia" in done.stdout
+
+
+def test_init_writes_a_rig_that_loads_and_works(run: Run, log: Path, tmp_path: Path) -> None:
+    from swingid.model.rig import Rig
+
+    done = run("init", tmp_path / "lab/here")
+    path = tmp_path / "lab/here/rig.toml"
+    assert done.code == 0
+    assert str(path) in done.out
+    assert Rig.load(path).drive.kind == "reaction-wheel"
+    assert run("identify", log, "--rig", path).code == 0
+
+
+def test_init_never_overwrites(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text("mine")
+    done = run("init", tmp_path)
+    assert done.code == 3
+    assert "rig.toml" in done.sentence()
+    assert (tmp_path / "rig.toml").read_text() == "mine"
+    assert run("init", tmp_path / "rig.toml").code == 3
+
+
+def test_simulate_is_repeatable_and_seeded(run: Run, tmp_path: Path) -> None:
+    def text(name: str, seed: int) -> str:
+        path = tmp_path / name
+        assert run(*simulate, "--seed", seed, "--draw", "--out", path).code == 0
+        return "\n".join(line for line in path.read_text().splitlines() if not line.startswith("#"))
+
+    rig = tmp_path / "rig.toml"
+    assert run("init", tmp_path).code == 0
+    simulate = ["simulate", "--rig", rig, *SINE, "--duration", "6"]
+    assert text("a.csv", 1) == text("b.csv", 1)
+    assert text("a.csv", 1) != text("c.csv", 2)
+
+
+def test_simulate_free_decay_and_direct_drive(run: Run, tmp_path: Path) -> None:
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+
+    free = tmp_path / "free.toml"
+    free.write_text(
+        'name = "free"\n[axis]\nkind = "rotary"\ngravity_torque = 0.078\ninertia = 0.003\n[drive]\nkind = "none"\n'
+    )
+    out = tmp_path / "free.parquet"
+    assert run("simulate", "--rig", free, "--initial-angle", "30 deg", "--duration", "5", "--out", out).code == 0
+    decay = Recording.load(out, Rig.load(free))
+    assert decay.angle[0] == pytest.approx(0.5235987755982988, abs=1e-9)
+    refused_motion = run("simulate", "--rig", free, *SINE, "--duration", "5", "--out", out)
+    assert refused_motion.code == 2
+    assert refused_motion.sentence()
+
+    direct = tmp_path / "direct.toml"
+    direct.write_text(
+        'name = "direct"\n[axis]\nkind = "rotary"\ninertia = 0.003\n[axis.friction]\nviscous = 0.002\n'
+        '[drive]\nkind = "direct"\n[log]\ntorque = "tau"\n'
+    )
+    gains = ["--k-tilde0", "0.5", "--sigma0", "400", "--delta0", "1"]
+    out = tmp_path / "direct.csv"
+    done = run(
+        "simulate", "--rig", direct, "--reference", "sine 0.5 rad 3 rad/s", *gains, "--duration", "8", "--out", out
+    )
+    assert done.code == 0
+    followed = Recording.load(out, Rig.load(direct))
+    assert followed.torque is not None
+    assert 0.3 < abs(followed.angle[-4000:]).max() < 0.8

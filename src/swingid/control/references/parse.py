@@ -100,7 +100,8 @@ def _terms(text: str, kind: str, rest: str, fewest: int, most: int) -> tuple[flo
         terms.append((match[1], match[2] or ""))
         place = match.end()
     if not fewest <= len(terms) - 1 <= most:
-        raise _bad(text, kind, f"{len(terms)} numbers are not what {kind} needs")
+        wanted = f"{fewest + 1}" if fewest == most else f"{fewest + 1} to {most + 1}"
+        raise _bad(text, kind, f"{kind} takes {wanted} quantities, not {len(terms)}")
     if terms[0][1] != "m":
         try:
             return _value(text, kind, terms[0], "rad"), "rad", terms[1:]

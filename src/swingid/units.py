@@ -10,7 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from swingid.errors import InputError
@@ -23,8 +23,8 @@ _QUANTITY = re.compile(
     re.DOTALL,
 )
 # Names, integer powers, products and quotients: pint would also evaluate 9^9^9^9, so it never sees other text.
-_NAME = r"(?:[A-Za-zµμΩ]+(?:\s*(?:\^|\*\*)\s*\(?[+-]?[1-9]\)?)?)"
-_UNIT = re.compile(rf"(?:1\s*/\s*)?\(?{_NAME}(?:\s*[*/ ]\s*\(?{_NAME}\)?)*\)?")
+_NAME = r"(?:[A-Za-zµμΩ]+(?: ?(?:\^|\*\*) ?\(?[+-]?[1-9]\)?)?)"
+_UNIT = re.compile(rf"(?:1 ?/ ?)?\(?{_NAME}(?:(?: ?[*/] ?| )\(?{_NAME}\)?)*\)?")
 _LONGEST = 200
 
 
@@ -130,7 +130,7 @@ def _number(raw: object, unit: str) -> float:
         raise _UnusableError("not-finite", "is too large a number") from None
 
 
-@cache
+@lru_cache(maxsize=512)
 def _factor(given: str, expected: str) -> float:
     """How many `expected` one `given` is; 1 where no unit is given, without pint where both read the same."""
     if given in ("", expected):
@@ -140,11 +140,9 @@ def _factor(given: str, expected: str) -> float:
             return 0.01
         raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is a pure number without a unit")
     text = re.sub(r"°(?![CF])", "deg", given.replace("·", "*").replace("⋅", "*"))
-    text = text.replace("²", "^2").replace("³", "^3")
+    text = " ".join(text.replace("²", "^2").replace("³", "^3").split())
     if _UNIT.fullmatch(text) is None or text.count("(") != text.count(")"):
-        raise _UnusableError(
-            "wrong-unit", f"has {given[:40]!r} for a unit, which cannot be read; expected is {expected}"
-        )
+        raise _UnusableError("wrong-unit", f"has the unreadable unit {given[:40]!r}; expected is {expected}")
     if "rad" in expected and re.search(r"Hz|hertz", text):
         raise _UnusableError(
             "wrong-unit", f"is given in {given!r}, but is an angular speed; write rad/s, deg/s or turns/s"
@@ -191,4 +189,4 @@ def _shown(raw: object) -> str:
     if isinstance(raw, int):
         return "a large whole number" if abs(raw) >= 10**20 else str(raw)
     text = repr(raw)
-    return text if len(text) <= 50 else text[:47] + "..."
+    return text if len(text) <= 50 else f"{text[:47]}..."

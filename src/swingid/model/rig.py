@@ -1,389 +1,244 @@
-"""The rig: what is known of a pendulum, its drive, its sensors and its log, as rig.toml says it.
+"""The Rig: what rig.toml says about an axis, its drive, its sensors and its logs, checked and in SI.
 
-Values are SI quantities with their standard uncertainties. `axis.inertia` and `axis.friction` are the twin's truth
-and no method reads them.
+A constant without uncertainty counts as exact. `axis.inertia` and `axis.friction` are the twin's truth and the
+start of searches, never knowledge of a method that identifies them.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Self
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationInfo, model_validator
+from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
-from swingid.errors import InputError
-from swingid.model.rig_file import BUILT_IN, read_builtin, read_file, tables_of, validate
-from swingid.units import Quantity, parse_quantity
+from swingid.errors import InputError, UsageError
+from swingid.model.rig_errors import describe
+from swingid.model.rig_fields import Column, Table, refuse, stated
+from swingid.model.rig_log import LogConventions
+from swingid.model.rig_sensors import Encoder, Sensor, Sensors
+from swingid.model.rig_tables import Axis, Drive, Friction, Lugre, Motor, Wheel
+from swingid.units import Quantity
 
+__all__ = [
+    "BUILTIN_RIGS",
+    "Axis",
+    "Drive",
+    "Encoder",
+    "Friction",
+    "LogConventions",
+    "Lugre",
+    "Motor",
+    "Rig",
+    "Sensor",
+    "Sensors",
+    "Wheel",
+]
 
-@dataclass(frozen=True)
-class _Unit:
-    """Expected unit on a rotary and on a linear axis, and the range that values must keep."""
-
-    rotary: str
-    linear: str | None = None
-    least: float = -math.inf
-    above: float = -math.inf
-    most: float = math.inf
-
-    def quantity(self, raw: object, info: ValidationInfo) -> Quantity:
-        """Parse and check; a ValueError's text is the sentence after the key."""
-        if isinstance(raw, Quantity):
-            return raw
-        linear = bool(info.context and info.context.get("linear"))
-        unit = self.linear if linear and self.linear is not None else self.rotary
-        try:
-            quantity = parse_quantity(raw, unit, "")
-        except InputError as error:
-            raise ValueError(error.message.removeprefix(": ")) from error
-        if quantity.value < self.least:
-            raise ValueError(f"{quantity.value:g} is {_below(self.least)}; give a value of at least {self.least:g}.")
-        if quantity.value <= self.above:
-            raise ValueError(f"{quantity.value:g} is not positive; give a value above {self.above:g}.")
-        if quantity.value > self.most:
-            raise ValueError(f"{quantity.value:g} is too large; give a value of at most {self.most:g}.")
-        return quantity
-
-    def number(self, raw: object, info: ValidationInfo) -> float:
-        """As `quantity`, for keys that are themselves a spread or a count and carry no uncertainty."""
-        if isinstance(raw, int | float) and not isinstance(raw, bool) and type(raw) is float and math.isinf(raw):
-            raise ValueError("it is not finite.")
-        quantity = self.quantity(raw, info)
-        if quantity.std is not None:
-            raise ValueError("it carries no uncertainty; give the value alone.")
-        return quantity.value
+BUILTIN_RIGS = ("paper", "paper-body")
 
 
-def _below(least: float) -> str:
-    return "negative" if least == 0 else "too small"
+class Rig(Table):
+    """One rig. Read it with `Rig.load`, `Rig.builtin` or `Rig.from_text`, vary it with `changed`.
 
-
-def _quantity(rotary: str, linear: str | None = None, **limits: float) -> Any:
-    return BeforeValidator(_Unit(rotary, linear, **limits).quantity)
-
-
-def _number(rotary: str, linear: str | None = None, **limits: float) -> Any:
-    return BeforeValidator(_Unit(rotary, linear, **limits).number)
-
-
-Inertia = Annotated[Quantity, _quantity("kg*m**2", "kg", above=0.0)]
-WheelInertia = Annotated[Quantity, _quantity("kg*m**2", above=0.0)]
-RotorInertia = Annotated[Quantity, _quantity("kg*m**2", least=0.0)]
-Torque = Annotated[Quantity, _quantity("N*m", "N")]
-Friction0 = Annotated[Quantity, _quantity("N*m", "N", least=0.0)]
-Friction1 = Annotated[Quantity, _quantity("N*m*s", "N*s/m", least=0.0)]
-Friction2 = Annotated[Quantity, _quantity("N*m*s**2", "N*s**2/m**2", least=0.0)]
-Friction3 = Annotated[Quantity, _quantity("N*m*s**3", "N*s**3/m**3", least=0.0)]
-Speed = Annotated[Quantity, _quantity("rad/s", "m/s", above=0.0)]
-Stiffness = Annotated[Quantity, _quantity("N*m/rad", "N/m", above=0.0)]
-TorquePerVolt = Annotated[Quantity, _quantity("N*m/V", least=0.0)]
-MotorViscous = Annotated[Quantity, _quantity("N*m*s", least=0.0)]
-MotorTorque = Annotated[Quantity, _quantity("N*m", least=0.0)]
-Ratio = Annotated[Quantity, _quantity("", above=0.0)]
-Share = Annotated[Quantity, _quantity("", above=0.0, most=1.0)]
-Gain = Annotated[Quantity, _quantity("")]
-Seconds = Annotated[Quantity, _quantity("s")]
-AngleStd = Annotated[float, _number("rad", "m", least=0.0)]
-TimeStd = Annotated[float, _number("s", least=0.0)]
-Counts = Annotated[float, _number("", above=0.0)]
-Fraction = Annotated[float, _number("", least=0.0, most=0.9)]
-Volts = Annotated[float, _number("V", above=0.0)]
-Hertz = Annotated[float, _number("Hz", above=0.0)]
-Factor = Annotated[float, _number("")]
-TorqueEdge = Annotated[float, _number("N*m")]
-Sign = Literal[1, -1]
-
-
-class Section(BaseModel):
-    """A table of rig.toml: frozen, and every unknown key an error."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
-
-
-class Lugre(Section):
-    """LuGre bristles: stiffness sigma0 (N m/rad or N/m) and damping sigma1 (N m s or N s/m)."""
-
-    bristle_stiffness: Stiffness
-    bristle_damping: Friction1 = Quantity(0.0)
-
-
-class Friction(Section):
-    """Friction of the axis, the twin's truth: any of these terms, None where absent."""
-
-    viscous: Friction1 | None = None
-    coulomb: Friction0 | None = None
-    static: Friction0 | None = None
-    stribeck_speed: Speed | None = None
-    quadratic: Friction2 | None = None
-    cubic: Friction3 | None = None
-    viscous_positive: Friction1 | None = None
-    viscous_negative: Friction1 | None = None
-    coulomb_positive: Friction0 | None = None
-    coulomb_negative: Friction0 | None = None
-    offset: Torque | None = None
-    lugre: Lugre | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        for name in ("viscous", "coulomb"):
-            directed = [getattr(self, f"{name}_{side}") for side in ("positive", "negative")]
-            if getattr(self, name) is not None and any(directed):
-                raise ValueError(f"{name} and {name}_positive or {name}_negative exclude each other; give one kind.")
-            if (directed[0] is None) != (directed[1] is None):
-                raise ValueError(f"{name}_positive and {name}_negative come together; give both.")
-        levels = [q.value for q in (self.coulomb, self.coulomb_positive, self.coulomb_negative) if q is not None]
-        if self.static is not None and levels and self.static.value < max(levels):
-            raise ValueError(f"static {self.static.value:g} is below coulomb {max(levels):g}; it is the larger one.")
-        return self
-
-
-class Axis(Section):
-    """The swinging body: kind, gravity torque b (N m; "unknown" = identify it), and the twin's truth."""
-
-    kind: Literal["rotary", "linear"] = "rotary"
-    gravity_torque: Literal["unknown"] | Torque = Quantity(0.0)
-    inertia: Inertia | None = None
-    friction: Friction = Friction()
-
-
-class Wheel(Section):
-    """The reaction wheel: central inertia J2 (kg m²)."""
-
-    inertia: WheelInertia
-
-
-def _dead_zone(raw: object, info: ValidationInfo) -> tuple[float, float]:
-    if not isinstance(raw, list | tuple) or len(raw) != 2:
-        raise ValueError("it is not a pair; give [d2, d1] with d2 <= 0 <= d1 in N*m.")
-    low, high = (_Unit("N*m").number(edge, info) for edge in raw)
-    if not low <= 0 <= high:
-        raise ValueError(f"[{low:g}, {high:g}] is not in order; give [d2, d1] with d2 <= 0 <= d1 in N*m.")
-    return low, high
-
-
-class Motor(Section):
-    """Motor and gear of the wheel: Jr, N, c1, c2, f2, f3, η, the dead zone (d2, d1), and the voltage limit."""
-
-    rotor_inertia: RotorInertia = Quantity(0.0)
-    gear_ratio: Ratio = Quantity(1.0)
-    torque_per_volt: TorquePerVolt = Quantity(0.0)
-    back_emf: MotorViscous = Quantity(0.0)
-    viscous: MotorViscous = Quantity(0.0)
-    coulomb: MotorTorque = Quantity(0.0)
-    efficiency: Share = Quantity(1.0)
-    dead_zone: Annotated[tuple[float, float], BeforeValidator(_dead_zone)] = (0.0, 0.0)
-    voltage_limit: Volts | None = None
-
-
-class Drive(Section):
-    """What moves the axis: a reaction wheel with its motor, a direct drive (torque known), or nothing."""
-
-    kind: Literal["reaction-wheel", "direct", "none"]
-    wheel: Wheel | None = None
-    motor: Motor | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.kind == "reaction-wheel" and self.wheel is None:
-            raise ValueError('kind is "reaction-wheel" but there is no [drive.wheel]; give its inertia there.')
-        if self.kind != "reaction-wheel" and (self.wheel or self.motor):
-            section = "wheel" if self.wheel else "motor"
-            raise ValueError(f'kind is "{self.kind}", which has no [drive.{section}]; remove it or change kind.')
-        return self
-
-    @property
-    def a12(self) -> float:
-        """a12 = J2 + N Jr (kg m²), reaction wheel only."""
-        return self._coupled(1)
-
-    @property
-    def a22(self) -> float:
-        """a22 = J2 + N² Jr (kg m²), reaction wheel only."""
-        return self._coupled(2)
-
-    def _coupled(self, power: int) -> float:
-        if self.wheel is None:
-            raise ValueError("only a reaction wheel has a12 and a22")
-        rotor = 0.0 if self.motor is None else self.motor.gear_ratio.value**power * self.motor.rotor_inertia.value
-        return self.wheel.inertia.value + rotor
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """One resolved channel: resolution, nonlinearity, noise in rad or m (0 = ideal), latency and jitter in s.
-
-    Row k holds the angle at t_k + latency (positive = read late) + jitter drawn per row. nonlinearity is the standard
-    deviation of α and β in measured = q + α cos q + β sin q; dropouts the fraction of rows lost.
+    `source` is the path or "built-in paper", `text` the TOML as read (for hashes and provenance).
     """
 
-    resolution: float
-    nonlinearity: float
-    noise: float
-    latency: Quantity
-    jitter: float
-    dropouts: float
-
-
-class Channel(Section):
-    """Sensor keys of one channel; None where not given."""
-
-    counts_per_turn: Counts | None = None
-    resolution: AngleStd | None = None
-    nonlinearity: AngleStd | None = None
-    noise: AngleStd | None = None
-    latency: Seconds | None = None
-    jitter: TimeStd | None = None
-    dropouts: Fraction | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.counts_per_turn is not None and self.resolution is not None:
-            raise ValueError("counts_per_turn and resolution exclude each other; give one of them.")
-        return self
-
-
-class Sensors(Channel):
-    """The axis' encoder, and under [sensors.wheel] what differs on the wheel's."""
-
-    wheel: Channel | None = None
-
-    def of(self, name: str) -> Sensor:
-        """The channel "angle" or "wheel", resolved; the wheel inherits what it does not give."""
-        own: Channel = self.wheel if name == "wheel" and self.wheel is not None else self
-
-        def given(key: str) -> Any:
-            value = getattr(own, key)
-            return getattr(self, key) if value is None else value
-
-        source = own if own.counts_per_turn is not None or own.resolution is not None else self
-        resolution = source.resolution or 0.0
-        if source.counts_per_turn is not None:
-            resolution = 2 * math.pi / source.counts_per_turn
-        return Sensor(
-            resolution,
-            given("nonlinearity") or 0.0,
-            given("noise") or 0.0,
-            given("latency") or Quantity(0.0),
-            given("jitter") or 0.0,
-            given("dropouts") or 0.0,
-        )
-
-
-AngleUnit = Literal["rad", "deg", "turns", "counts", "m"]
-
-
-class LogConventions(Section):
-    """Columns, units and signs of this rig's logs ([log]); see docs/rig.md."""
-
-    time: str | None = "t"
-    rate: Hertz | None = None
-    angle: str = "q1"
-    angle_unit: AngleUnit = "rad"
-    angle_zero: Literal["down", "up"] = "down"
-    angle_sign: Sign = 1
-    wheel_angle: str = "q2"
-    wheel_angle_unit: Literal["rad", "deg", "turns", "counts"] = "rad"
-    wheel_angle_sign: Sign = 1
-    wheel_angle_is: Literal["relative", "absolute"] = "relative"
-    wheel_scale: Factor = 1.0
-    wheel_speed: str | None = None
-    wheel_speed_unit: str = "rad/s"
-    voltage: str = "u"
-    voltage_sign: Sign = 1
-    torque: str = "tau"
-    torque_gain: Gain = Quantity(1.0)
-    torque_sign: Sign = 1
-    reference: str = "ym"
-    drive_held: bool = True
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        if self.rate is not None and "time" in self.model_fields_set and self.time is not None:
-            raise ValueError("time and rate exclude each other; keep time where the log has a time column.")
-        if self.wheel_scale == 0 or self.torque_gain.value == 0:
-            raise ValueError("wheel_scale and torque_gain must not be 0.")
-        return self
-
-
-class Rig(Section):
-    """A rig: name, axis, drive, sensors and log conventions. Load one with `Rig.load`.
-
-    source: path or "built-in NAME"; text: the TOML it was read from.
-    """
-
-    name: str
+    name: Column
     axis: Axis = Axis()
     drive: Drive
-    sensors: Sensors = Sensors()
-    log: LogConventions = LogConventions()
-    source: str = Field(default="", exclude=True)
-    text: str = Field(default="", exclude=True, repr=False)
+    sensors: Sensors = Field(default_factory=Sensors)
+    log: LogConventions = Field(default_factory=LogConventions)
+    _source: str = PrivateAttr("")
+    _text: str = PrivateAttr("")
+
+    @property
+    def source(self) -> str:
+        """Where the rig came from: a path, or "built-in paper"."""
+        return self._source
+
+    @property
+    def text(self) -> str:
+        """The TOML text as read."""
+        return self._text
 
     @classmethod
-    def load(cls, rig: str | Path) -> Rig:
-        """Rig from a path that ends in .toml or from a built-in name.
+    def load(cls, path_or_builtin: str | Path) -> Rig:
+        """The rig of a file ending in .toml, or a built-in one by its name ("paper", "paper-body").
 
-        Raises UsageError for a name that is no built-in, InputError for a file that is not a rig.
+        Raises InputError for a file that is missing, unreadable, no TOML or no rig, and UsageError for a name that is
+        neither.
         """
-        if isinstance(rig, str) and rig in BUILT_IN:
-            return cls.builtin(rig)
-        path, text = read_file(rig)
-        return cls.from_text(text, str(path))
+        if str(path_or_builtin) in BUILTIN_RIGS:
+            return cls.builtin(str(path_or_builtin))
+        path = Path(path_or_builtin)
+        if path.suffix.lower() != ".toml":
+            inside = path / "rig.toml"
+            try:
+                hint = f"; did you mean {inside}?" if inside.is_file() else ""
+            except (OSError, ValueError):
+                hint = ""
+            message = (
+                f"no rig {str(path_or_builtin)!r}: give a path ending in .toml or one of {', '.join(BUILTIN_RIGS)}"
+            )
+            raise UsageError(message + hint, code="unknown-rig")
+        return cls.from_text(_read(path), str(path_or_builtin), default_name=path.stem)
 
     @classmethod
     def builtin(cls, name: str) -> Rig:
-        """One of the built-in rigs: "paper", and "paper-body" with the test body."""
-        return cls.from_text(read_builtin(name), f"built-in {name}")
+        """A built-in rig: "paper" (section 5) or "paper-body" (with the test body); UsageError for others."""
+        if name not in BUILTIN_RIGS:
+            message = f"no built-in rig {name!r}; there are {', '.join(BUILTIN_RIGS)}"
+            raise UsageError(message, code="unknown-rig")
+        from importlib.resources import files
+
+        text = (files("swingid.model") / "rigs" / f"{name}.toml").read_text(encoding="utf-8")
+        return cls.from_text(text, f"built-in {name}")
 
     @classmethod
-    def from_text(cls, text: str, source: str = "rig.toml") -> Rig:
-        """Rig from TOML text; `source` names it in messages. Raises InputError naming the key."""
-        tables = tables_of(text, source)
-        axis = tables.get("axis")
-        linear = isinstance(axis, dict) and axis.get("kind") == "linear"
-        return validate(cls, tables, {"linear": linear}, source, text)
+    def from_text(cls, text: str, source: str = "rig.toml", *, default_name: str = "rig") -> Rig:
+        """The rig of TOML text; `source` names it in errors. InputError for text that is no rig."""
+        try:
+            document = tomllib.loads(text.removeprefix("\ufeff"))
+        except (ValueError, RecursionError) as error:
+            # RecursionError: brackets nested thousands deep
+            problem = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
+            raise InputError(f"{source} is not TOML: {problem[:200]}", code="not-toml") from None
+        return cls._validated({"name": default_name, **document}, source, text)
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Self:
-        linear = self.axis.kind == "linear"
-        if linear and self.drive.kind == "reaction-wheel":
-            raise ValueError("drive.kind: a reaction wheel turns, but axis.kind is linear; use a direct drive.")
-        if linear and self.axis.gravity_torque != Quantity(0.0):
-            raise ValueError("axis.gravity_torque: a linear axis has none here; remove it.")
-        if (self.log.angle_unit == "m") != linear and "angle_unit" in self.log.model_fields_set:
-            raise ValueError(f'log.angle_unit: "{self.log.angle_unit}" does not fit a {self.axis.kind} axis; change it.')
-        for unit, key, channel in (
-            (self.log.angle_unit, "angle_unit", self.sensors),
-            (self.log.wheel_angle_unit, "wheel_angle_unit", self.sensors.wheel or self.sensors),
-        ):
-            if unit == "counts" and (channel.counts_per_turn or self.sensors.counts_per_turn) is None:
-                raise ValueError(f'log.{key}: "counts" needs sensors.counts_per_turn; give it.')
-        self._reachable()
-        return self
+    @classmethod
+    def _validated(cls, document: Mapping[str, Any], source: str, text: str) -> Rig:
+        axis = document.get("axis")
+        kind = axis.get("kind", "rotary") if isinstance(axis, dict) else "rotary"
+        try:
+            rig = cls.model_validate(document, context={"kind": kind})
+        except ValidationError as error:
+            code, problem = describe(error, cls)
+            raise InputError(f"{source}: {problem}", code=code) from None
+        rig._source, rig._text = source, text
+        return rig
 
-    def _reachable(self) -> None:
-        """The mass matrix must be positive definite: a12² < a11 a22."""
-        if self.drive.wheel is None or self.axis.inertia is None:
-            return
-        rotor = 0.0 if self.drive.motor is None else self.drive.motor.rotor_inertia.value
-        a11 = self.axis.inertia.value + self.drive.wheel.inertia.value + rotor
-        if self.drive.a12**2 >= a11 * self.drive.a22:
-            raise ValueError(
-                f"axis.inertia: {self.axis.inertia.value:g} kg m^2 with this wheel, rotor and gear gives "
-                f"a12^2 >= a11 a22, which no body has; check drive.motor.gear_ratio and the inertias."
-            )
+    def changed(self, values: Mapping[str, object]) -> Rig:
+        """The same rig with other values at dotted keys, checked like a file; None takes a key away.
+
+        `rig.changed({"axis.friction.coulomb": "2 mN*m", "sensors.noise": 1e-3})`. A Quantity is a value too. The
+        `text` of the new rig says what was changed. Raises InputError as `from_text`.
+        """
+        from swingid.model.rig_text import to_toml, with_values
+
+        document = with_values(tomllib.loads(self.text.removeprefix("\ufeff")), values)
+        return self.from_text(to_toml(document), self.source, default_name=self.name)
 
     def constants_without_uncertainty(self) -> tuple[str, ...]:
-        """Dotted keys of the known constants that state no uncertainty and so count as exact."""
-        keys: list[str] = []
-        if isinstance(self.axis.gravity_torque, Quantity):
-            stated = "gravity_torque" in self.axis.model_fields_set
-            keys += ["axis.gravity_torque"] if stated and self.axis.gravity_torque.std is None else []
-        for path, section in (("drive.wheel", self.drive.wheel), ("drive.motor", self.drive.motor), ("log", self.log)):
-            for field in sorted(section.model_fields_set, key=list(type(section).model_fields).index) if section else ():
-                value = getattr(section, field)
-                if isinstance(value, Quantity) and value.std is None:
-                    keys.append(f"{path}.{field}")
-        return tuple(keys)
+        """Dotted keys of constants that identification may lean on and that count as exact, in file order.
+
+        The motor's and the sensors' count where the file states them (what is not stated is not known either).
+        """
+        found: dict[str, object] = {}
+        if self.axis.kind == "rotary":
+            found["axis.gravity_torque"] = self.axis.gravity_torque
+        if self.drive.wheel is not None:
+            found["drive.wheel.inertia"] = self.drive.wheel.inertia
+        if self.drive.motor is not None:
+            motor = self.drive.motor
+            found |= {f"drive.motor.{k}": getattr(motor, k) for k in _MOTOR_CONSTANTS if stated(motor, k)}
+        if stated(self.sensors, "latency"):
+            found["sensors.latency"] = self.sensors.latency
+        if self.sensors.wheel is not None and stated(self.sensors.wheel, "latency"):
+            found["sensors.wheel.latency"] = self.sensors.wheel.latency
+        if self.drive.kind == "direct":
+            found["log.torque_gain"] = self.log.torque_gain
+        return tuple(key for key, value in found.items() if isinstance(value, Quantity) and value.std is None)
+
+    @model_validator(mode="after")
+    def _tables_fit_together(self) -> Self:
+        if self.axis.kind == "linear":
+            self._check_linear()
+        elif self.log.angle_unit in ("m", "mm"):
+            refuse("contradiction", f"is {self.log.angle_unit!r}, but axis.kind is 'rotary'", "log.angle_unit")
+        if self.drive.kind != "reaction-wheel":
+            self._check_no_wheel()
+        elif stated(self.log, "torque"):
+            refuse("contradiction", "belongs to drive.kind = 'direct'; the wheel's motor has log.voltage", "log.torque")
+        if self.drive.kind != "direct":
+            for key in ("torque_gain", "torque_sign"):
+                if stated(self.log, key):
+                    refuse("contradiction", f"belongs to drive.kind = 'direct', not {self.drive.kind!r}", f"log.{key}")
+        self._check_counts()
+        self._check_reachable()
+        return self
+
+    def _check_linear(self) -> None:
+        if self.drive.kind == "reaction-wheel":
+            refuse("contradiction", "is 'reaction-wheel', which turns, but axis.kind is 'linear'", "drive.kind")
+        for key in ("counts_per_turn", "nonlinearity"):
+            if stated(self.sensors, key):
+                refuse("contradiction", "is per turn, but axis.kind is 'linear'", f"sensors.{key}")
+        if stated(self.log, "angle_unit") and self.log.angle_unit not in ("m", "mm"):
+            refuse("contradiction", f"is {self.log.angle_unit!r}, but axis.kind is 'linear'", "log.angle_unit")
+        if self.log.angle_zero == "up":
+            refuse("contradiction", "is 'up', which a linear axis does not have", "log.angle_zero")
+
+    def _check_no_wheel(self) -> None:
+        if self.sensors.wheel is not None:
+            refuse("contradiction", f"is given, but drive.kind is {self.drive.kind!r}", "sensors.wheel")
+        other = ["torque"] if self.drive.kind == "none" else []
+        for key in [k for k in LogConventions.model_fields if k.startswith(("wheel", "voltage"))] + other:
+            if stated(self.log, key):
+                refuse("contradiction", f"is given, but drive.kind is {self.drive.kind!r}", f"log.{key}")
+
+    def _check_counts(self) -> None:
+        wheel = self.sensors.wheel
+        own = wheel is not None and (stated(wheel, "counts_per_turn") or stated(wheel, "resolution"))
+        wheel_counts = wheel.counts_per_turn if own and wheel is not None else self.sensors.counts_per_turn
+        needed = (
+            ("angle_unit", "counts", "sensors", self.sensors.counts_per_turn),
+            ("wheel_angle_unit", "counts", "sensors.wheel", wheel_counts),
+            ("wheel_speed_unit", "counts/s", "sensors.wheel", wheel_counts),
+        )
+        for key, unit, table, counts in needed:
+            if getattr(self.log, key) == unit and counts is None:
+                refuse("missing-key", f"is missing, but log.{key} is '{unit}'", f"{table}.counts_per_turn")
+
+    def _check_reachable(self) -> None:
+        """a11 a22 > a12²: the kinetic energy (4) of any motion is positive."""
+        if self.axis.inertia is None or self.drive.wheel is None or self.drive.motor is None:
+            return
+        a12, a22 = self.drive.a12, self.drive.a22
+        a11 = self.axis.inertia.value + self.drive.wheel.inertia.value + self.drive.motor.rotor_inertia.value
+        if not a12**2 < a11 * a22:
+            refuse(
+                "unreachable-inertias",
+                f"is {self.axis.inertia.value:g}, an unreachable combination with drive.wheel.inertia and "
+                f"drive.motor: a12^2 = {a12**2:.6g} must be below a11 a22 = {a11 * a22:.6g}",
+                "axis.inertia",
+            )
+
+
+_MOTOR_CONSTANTS = (
+    "rotor_inertia",
+    "gear_ratio",
+    "torque_per_volt",
+    "back_emf",
+    "viscous",
+    "coulomb",
+    "efficiency",
+)
+
+
+def _read(path: Path) -> str:
+    """The text of a rig file, or InputError that says why there is none."""
+    try:
+        return path.read_bytes().decode("utf-8")
+    except UnicodeDecodeError as error:
+        message = f"{path} is not UTF-8 text (byte {error.start}); save it as UTF-8"
+        raise InputError(message, code="not-utf8") from None
+    except FileNotFoundError:
+        message = f"{path} does not exist; 'swingid init DIR' writes a rig.toml to start from"
+        raise InputError(message, code="missing-file") from None
+    except IsADirectoryError:
+        raise InputError(f"{path} is a folder; give the rig file in it", code="not-a-file") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{str(path)!r} cannot be read: {reason}", code="unreadable-file") from None

@@ -1,0 +1,86 @@
+"""From pydantic's findings to one sentence that names the key and says what to do."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+
+def describe(error: ValidationError, root: type[BaseModel]) -> tuple[str, str]:
+    """(code, sentence) of the finding that most likely caused the others: an unknown key before all."""
+    findings: list[Any] = sorted(error.errors(), key=lambda finding: finding["type"] != "extra_forbidden")
+    finding = findings[0]
+    place = tuple(str(part) for part in finding["loc"])
+    context = finding.get("ctx", {})
+    match finding["type"]:
+        case "swingid":
+            key = (*place, context["key"]) if context["key"] else place
+            return context["slug"], f"{dotted(key)} {context['problem']}"
+        case "extra_forbidden":
+            return "unknown-key", _unknown_key(place, root)
+        case "missing":
+            return "missing-key", f"{dotted(place)} is missing"
+        case "literal_error":
+            return "wrong-value", f"{dotted(place)} must be {context['expected']}, not {_shown(finding['input'])}"
+        case "model_type" | "model_attributes_type":
+            return "wrong-value", f"{dotted(place)} must be a table, not {_shown(finding['input'])}"
+        case _:
+            wanted = {
+                "string_type": "text",
+                "string_too_short": "text that is not empty",
+                "int_type": "a whole number",
+                "int_parsing": "a whole number",
+                "greater_than": "positive",
+            }.get(finding["type"])
+            if wanted is None:
+                return "wrong-value", f"{dotted(place)}: {finding['msg']}"
+            return "wrong-value", f"{dotted(place)} must be {wanted}, not {_shown(finding['input'])}"
+
+
+def dotted(place: tuple[str, ...]) -> str:
+    """drive.wheel.inertia."""
+    return ".".join(part[:60] for part in place) or "the file"
+
+
+def known_keys(table: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Every key of a table and of the tables inside it, as paths."""
+    keys = []
+    for name, field in table.model_fields.items():
+        keys.append((*prefix, name))
+        inner = _table_of(field.annotation)
+        if inner is not None:
+            keys += known_keys(inner, (*prefix, name))
+    return keys
+
+
+def _unknown_key(place: tuple[str, ...], root: type[BaseModel]) -> str:
+    table, key = place[:-1], place[-1]
+    everywhere = known_keys(root)
+    siblings = [path[-1] for path in everywhere if path[:-1] == table]
+    near = difflib.get_close_matches(key.lower(), siblings, n=1, cutoff=0.6)
+    if near:
+        return f"{dotted(place)} is not a known key; did you mean {dotted((*table, near[0]))}?"
+    elsewhere = difflib.get_close_matches(key.lower(), sorted({path[-1] for path in everywhere}), n=1, cutoff=0.75)
+    if elsewhere:
+        found = next(path for path in everywhere if path[-1] == elsewhere[0])
+        return f"{dotted(place)} is not a known key; did you mean {dotted(found)}?"
+    where = f"[{dotted(table)}]" if table else "a rig file"
+    near = difflib.get_close_matches(key.lower(), siblings, n=1, cutoff=0.0)
+    hint = f" (nearest: {near[0]})" if near else ""
+    return f"{dotted(place)} is not a known key{hint}; {where} has {', '.join(siblings)}"
+
+
+def _table_of(annotation: Any) -> type[BaseModel] | None:
+    for candidate in (annotation, *get_args(annotation)):
+        if isinstance(candidate, type) and issubclass(candidate, BaseModel):
+            return candidate
+    return None
+
+
+def _shown(raw: object) -> str:
+    if isinstance(raw, bool):
+        return str(raw).lower()
+    text = repr(raw)
+    return text if len(text) <= 50 else f"{text[:47]}..."

@@ -1,0 +1,183 @@
+"""The tables [axis] and [drive] of rig.toml.
+
+Units in comments are those of a rotary axis; a linear axis takes kg, N, m in place of kg m², N m, rad.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, PlainValidator, ValidationInfo, model_validator
+
+from swingid.model.rig_fields import Table, given, plain_number, quantity, read_quantity, refuse
+from swingid.units import Quantity
+
+Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
+Force = Annotated[Quantity, quantity("N*m", "N", least=0)]
+AnyForce = Annotated[Quantity, quantity("N*m", "N")]
+Viscous = Annotated[Quantity, quantity("N*m*s", "N*s/m", least=0)]
+Torque = Annotated[Quantity, quantity("N*m", least=0)]
+
+
+class Lugre(Table):
+    """Bristles of the LuGre model, σ0 and σ1; the friction levels are `coulomb` (and `static`)."""
+
+    bristle_stiffness: Annotated[Quantity, quantity("N*m/rad", "N/m", above=0)]
+    bristle_damping: Viscous = Quantity(0.0)
+
+
+class Friction(Table):
+    """The friction of the suspension, F(q1'), as a sum of the laws given; the twin's truth, never knowledge.
+
+    Direction-dependent coefficients are given for both directions, in the place of the two-sided one.
+    """
+
+    viscous: Viscous | None = None
+    coulomb: Force | None = None
+    static: Force | None = None
+    stribeck_speed: Annotated[Quantity, quantity("rad/s", "m/s", above=0)] | None = None
+    quadratic: Annotated[Quantity, quantity("N*m*s^2", "N*s^2/m^2", least=0)] | None = None
+    cubic: Annotated[Quantity, quantity("N*m*s^3", "N*s^3/m^3", least=0)] | None = None
+    viscous_positive: Viscous | None = None
+    viscous_negative: Viscous | None = None
+    coulomb_positive: Force | None = None
+    coulomb_negative: Force | None = None
+    offset: AnyForce | None = None
+    lugre: Lugre | None = None
+
+    @model_validator(mode="after")
+    def _laws_fit_together(self) -> Self:
+        for name in ("viscous", "coulomb"):
+            sides = {side: getattr(self, f"{name}_{side}") for side in ("positive", "negative")}
+            if getattr(self, name) is not None and given(*sides.values()):
+                refuse("contradiction", f"is given beside {name}_positive or {name}_negative; keep one kind", name)
+            for side, other in (("positive", "negative"), ("negative", "positive")):
+                if sides[side] is None and sides[other] is not None:
+                    refuse("missing-key", f"is missing beside {name}_{other}; give both directions", f"{name}_{side}")
+        levels = [q.value for q in (self.coulomb, self.coulomb_positive, self.coulomb_negative) if q is not None]
+        if self.static is not None and self.static.value < max(levels, default=0.0):
+            refuse(
+                "contradiction",
+                f"is {self.static.value:g}, below the Coulomb friction {max(levels):g}; it is the friction at rest",
+                "static",
+            )
+        if self.stribeck_speed is not None and self.static is None:
+            refuse("missing-key", "is missing beside stribeck_speed; add the friction at rest", "static")
+        if self.lugre is not None and max(levels, default=0.0) <= 0:
+            refuse("missing-key", "is needed (and positive) beside lugre; add the friction level", "coulomb")
+        return self
+
+
+def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
+    if raw == "unknown":
+        return "unknown"
+    found = read_quantity(raw, info, "N*m", "N")
+    if found.value < 0:
+        refuse(
+            "out-of-range",
+            f"is {found.value:g}, but must not be negative: angles count from hanging (see log.angle_zero)",
+        )
+    return found
+
+
+class Axis(Table):
+    """What swings: its kind, gravity's amplitude b (0: balanced), and what only the twin knows.
+
+    `inertia` is the paper's J1 with a wheel, the whole axis without.
+    """
+
+    kind: Literal["rotary", "linear"] = "rotary"
+    gravity_torque: Annotated[Quantity | Literal["unknown"], PlainValidator(_gravity_torque)] = Quantity(0.0)
+    inertia: Inertia | None = None
+    friction: Friction = Friction()
+
+    @model_validator(mode="after")
+    def _linear_has_no_gravity(self) -> Self:
+        if self.kind == "linear" and self.gravity_torque != Quantity(0.0):
+            refuse(
+                "contradiction",
+                "has no meaning on a linear axis; a constant force is axis.friction.offset",
+                "gravity_torque",
+            )
+        return self
+
+
+class Wheel(Table):
+    """The reaction wheel: its central inertia J2."""
+
+    inertia: Annotated[Quantity, quantity("kg*m^2", above=0)]
+
+
+def _dead_zone(raw: object, info: ValidationInfo) -> tuple[float, float]:
+    if not isinstance(raw, list | tuple) or len(raw) != 2:
+        refuse("not-a-quantity", "must be two torques, [d2, d1] with d2 <= 0 <= d1")
+    found = [read_quantity(edge, info, "N*m") for edge in raw]
+    if any(edge.std is not None for edge in found):
+        refuse("uncertainty-unused", "takes no uncertainties; write two numbers")
+    low, high = (edge.value for edge in found)
+    if not low <= 0 <= high:
+        refuse("out-of-range", f"is [{low:g}, {high:g}], but must be [d2, d1] with d2 <= 0 <= d1")
+    return low, high
+
+
+class Motor(Table):
+    """Motor and gear of (8) and (9): M = deadzone(η (c1 u − c2 q2')), friction f2, f3; N is `gear_ratio`.
+
+    Defaults are a motor that adds nothing: massless rotor, no gear, no torque.
+    """
+
+    rotor_inertia: Annotated[Quantity, quantity("kg*m^2", least=0)] = Quantity(0.0)
+    gear_ratio: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
+    torque_per_volt: Annotated[Quantity, quantity("N*m/V", least=0)] = Quantity(0.0)
+    back_emf: Annotated[Quantity, quantity("N*m*s", least=0)] = Quantity(0.0)
+    viscous: Annotated[Quantity, quantity("N*m*s", least=0)] = Quantity(0.0)
+    coulomb: Torque = Quantity(0.0)
+    efficiency: Annotated[Quantity, quantity("", above=0, most=1)] = Quantity(1.0)
+    dead_zone: Annotated[tuple[float, float], PlainValidator(_dead_zone)] = (0.0, 0.0)
+    voltage_limit: Annotated[float, plain_number("V", above=0)] | None = None
+
+
+class Drive(Table):
+    """What moves the axis: a reaction wheel (with its motor), a known torque or force, or nothing."""
+
+    kind: Literal["reaction-wheel", "direct", "none"] = Field()
+    wheel: Wheel | None = None
+    motor: Motor | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _wheel_has_a_motor(cls, raw: object) -> object:
+        if isinstance(raw, dict) and raw.get("kind") == "reaction-wheel" and "motor" not in raw:
+            return {**raw, "motor": Motor()}
+        return raw
+
+    @model_validator(mode="after")
+    def _sections_fit_the_kind(self) -> Self:
+        if self.kind == "reaction-wheel":
+            if self.wheel is None:
+                refuse("missing-key", "is missing: kind = 'reaction-wheel' needs its inertia", "wheel")
+            return self
+        for key in ("wheel", "motor"):
+            if getattr(self, key) is not None:
+                refuse("contradiction", f"belongs to kind = 'reaction-wheel', not to {self.kind!r}", key)
+        return self
+
+    @property
+    def a12(self) -> float:
+        """J2 + N Jr in kg m², the coupling in (I); InputError without a wheel."""
+        wheel, rotor, gear = self._inertias()
+        return wheel + gear * rotor
+
+    @property
+    def a22(self) -> float:
+        """J2 + N² Jr in kg m², the wheel's side of (II); InputError without a wheel."""
+        wheel, rotor, gear = self._inertias()
+        return wheel + gear**2 * rotor
+
+    def _inertias(self) -> tuple[float, float, float]:
+        from swingid.errors import InputError
+
+        if self.wheel is None or self.motor is None:
+            message = f"a12 and a22 belong to a reaction wheel, but drive.kind is {self.kind!r}"
+            raise InputError(message, code="no-wheel")
+        return self.wheel.inertia.value, self.motor.rotor_inertia.value, self.motor.gear_ratio.value

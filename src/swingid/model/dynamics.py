@@ -18,22 +18,22 @@ from numpy.typing import NDArray
 from swingid.model.friction import sliding_friction
 from swingid.model.motor import branch_torque, motor_friction
 from swingid.model.parameters import A11, A12, A22, DIRECT, GEAR, B
-from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
 
 
-@njit
+@njit_inlined
 def axis_load(q1: float, u: float, p: NDArray[np.float64]) -> float:
     """Right-hand side of (I) without friction (N m): gravity, and the torque u of a direct drive."""
     return float(p[DIRECT] * u - p[B] * math.sin(q1))
 
 
-@njit
+@njit_inlined
 def wheel_load(u: float, v2: float, s2: int, branch: int, p: NDArray[np.float64]) -> float:
     """Right-hand side of (II) (N m); with s2 = 0 and v2 = 0 the torque that would turn a resting wheel."""
     return float(p[GEAR] * (branch_torque(u, v2, branch, p) - motor_friction(v2, s2, p)))
 
 
-@njit
+@njit_inlined
 def accelerations(
     q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: NDArray[np.float64]
 ) -> tuple[float, float]:
@@ -53,7 +53,7 @@ def accelerations(
     return 0.0, 0.0
 
 
-@njit
+@njit_inlined
 def holding_torques(
     q1: float, v2: float, a1: float, a2: float, s2: int, branch: int, u: float, p: NDArray[np.float64]
 ) -> tuple[float, float]:

@@ -29,10 +29,10 @@ from swingid.model.parameters import (
     VISCOUS_N,
     VISCOUS_P,
 )
-from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
 
 
-@njit
+@njit_inlined
 def dry_level(v: float, s: int, p: NDArray[np.float64]) -> float:
     """Coulomb and Stribeck level g(v) >= 0 (N m) on side s at speed v (rad/s)."""
     coulomb, static = p[COULOMB_N], p[STATIC_N]
@@ -44,14 +44,14 @@ def dry_level(v: float, s: int, p: NDArray[np.float64]) -> float:
     return float(coulomb + (static - coulomb) * math.exp(-x * x))
 
 
-@njit
+@njit_inlined
 def wet_friction(v: float, s: int, p: NDArray[np.float64]) -> float:
     """Viscous, quadratic, cubic and offset torque (N m) on side s at speed v (rad/s)."""
     viscous = p[VISCOUS_P] if s > 0 else p[VISCOUS_N]
     return float(v * (viscous + v * (s * p[QUADRATIC] + v * p[CUBIC])) + p[OFFSET])
 
 
-@njit
+@njit_inlined
 def bristle_rate(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
     """Z' = v - sigma0 |v| z / g(v) (rad/s) of LuGre; 0 where the rig has no bristles."""
     if p[SIGMA0] == 0.0:
@@ -59,7 +59,7 @@ def bristle_rate(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
     return float(v - p[SIGMA0] * s * v * z / dry_level(v, s, p))
 
 
-@njit
+@njit_inlined
 def sliding_friction(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
     """F (N m) of an axis that slides towards side s at speed v (rad/s) with bristle deflection z (rad)."""
     if p[SIGMA0] == 0.0:
@@ -67,7 +67,7 @@ def sliding_friction(v: float, s: int, z: float, p: NDArray[np.float64]) -> floa
     return float(p[SIGMA0] * z + p[SIGMA1] * bristle_rate(v, s, z, p) + wet_friction(v, s, p))
 
 
-@njit
+@njit_inlined
 def static_curve(v: float, p: NDArray[np.float64]) -> float:
     """F (N m) in steady sliding at speed v (rad/s); at v = 0 the offset alone, as sign 0 = 0.
 
@@ -79,7 +79,7 @@ def static_curve(v: float, p: NDArray[np.float64]) -> float:
     return s * dry_level(v, s, p) + wet_friction(v, s, p)
 
 
-@njit
+@njit_inlined
 def release_margin(hold: float, p: NDArray[np.float64]) -> float:
     """How far (N m) a resting axis is from release when friction must supply `hold` (N m); < 0: it slides."""
     dry = hold - p[OFFSET]

@@ -13,69 +13,63 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.model.integrator import FIRST, LAST, NEW, Q1, Q2, STATES, V1, V2, Z, derivative, quintic, step
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, STATES, V1, V2, Mode, Z, derivative, quintic, step
 from swingid.model.sticking import choose_mode, first_dip, locate, margin, stop_reversed
 from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
 
 LONGEST = 1e-3  # s: no step is longer, so that two reversals seldom fall into one
 STRETCH = 1.0 + 1e-6
+EASY = 0.9**5 / 5.0**5  # an error ratio that allows steps five times as long
 SHORTEST = 1e-12  # s: a step this short is taken whatever its error estimate
 MANY_EVENTS, GUARD = 64, 1e-6
 # Places in `counts`.
 STEPS, EVENTS, GUARDED, PROBES, COUNTS = 0, 1, 2, 3, 4
 
 
-@njit
+@njit_inlined
 def fill_probes(
     t: float,
     h: float,
     until: float,
-    y: NDArray[np.float64],
     work: NDArray[np.float64],
     instants: NDArray[np.float64],
     seen: NDArray[np.float64],
     counts: NDArray[np.int64],
 ) -> None:
-    """State at all of the sorted `instants` up to `until` (s) in the step of h from (t, y) to work[NEW]."""
-    i, k, kh, new = counts[PROBES], work[FIRST], work[LAST], work[NEW]
+    """State at all of the sorted `instants` up to `until` (s), in the step of h from row NOW at t to row NEW."""
+    i = counts[PROBES]
     while i < len(instants) and instants[i] <= until:
         x = (instants[i] - t) / h
-        seen[i, Q1], seen[i, V1] = quintic(x, h, y[Q1], y[V1], k[V1], new[Q1], new[V1], kh[V1])
-        seen[i, Q2], seen[i, V2] = quintic(x, h, y[Q2], y[V2], k[V2], new[Q2], new[V2], kh[V2])
-        rise = new[Z] - y[Z]
-        start, end = h * k[Z] - rise, rise - h * kh[Z]
-        seen[i, Z] = y[Z] + x * (rise + (1.0 - x) * ((1.0 - x) * start + x * end))
+        start, end = (work[NOW, Q1], work[NOW, V1], work[FIRST, V1]), (work[NEW, Q1], work[NEW, V1], work[LAST, V1])
+        seen[i, Q1], seen[i, V1] = quintic(x, h, start, end)
+        start, end = (work[NOW, Q2], work[NOW, V2], work[FIRST, V2]), (work[NEW, Q2], work[NEW, V2], work[LAST, V2])
+        seen[i, Q2], seen[i, V2] = quintic(x, h, start, end)
+        rise = work[NEW, Z] - work[NOW, Z]
+        d0, d1 = h * work[FIRST, Z] - rise, rise - h * work[LAST, Z]
+        seen[i, Z] = work[NOW, Z] + x * (rise + (1.0 - x) * ((1.0 - x) * d0 + x * d1))
         i += 1
     counts[PROBES] = i
 
 
-@njit
+@njit_inlined
 def try_step(
-    t: float,
-    t_end: float,
-    u: float,
-    y: NDArray[np.float64],
-    mode: NDArray[np.int64],
-    p: NDArray[np.float64],
-    work: NDArray[np.float64],
-    longest: NDArray[np.float64],
-) -> float:
-    """Step from y that its error estimate allows, at most to t_end; returns its length (s).
+    left: float, tried: float, work: NDArray[np.float64], mode: Mode, u: float, p: NDArray[np.float64]
+) -> tuple[float, float]:
+    """Step from row NOW that its error estimate allows, at most `left` (s); the length tried first is `tried`.
 
-    longest[0] is the length tried first, and becomes the one to try next.
+    Returns the length of the step and the one to try next.
     """
-    left = t_end - t
     # A rest of rounding size is not worth a step of its own.
-    h = float(left if left <= longest[0] * STRETCH else longest[0])
+    h = left if left <= tried * STRETCH else tried
     while True:
-        error = step(y, h, mode, u, p, work)
-        factor = min(5.0, max(0.2, 0.9 * error ** (-0.2))) if error > 0.0 else 5.0
+        error = step(work, h, mode, u, p)
+        factor = 5.0 if error < EASY else max(0.2, 0.9 * error ** (-0.2))
         if error <= 1.0 or h <= SHORTEST:
-            if h < left or factor < 1.0:
-                longest[0] = min(h * factor, LONGEST)
-            else:
-                longest[0] = min(max(h * factor, longest[0]), LONGEST)
-            return h
+            following = h * factor
+            if h >= left and factor >= 1.0:
+                following = max(following, tried)
+            return h, min(following, LONGEST)
         h *= min(factor, 0.9)
 
 
@@ -84,52 +78,48 @@ def advance(
     t: float,
     t_end: float,
     u: float,
-    y: NDArray[np.float64],
-    mode: NDArray[np.int64],
-    p: NDArray[np.float64],
     work: NDArray[np.float64],
-    longest: NDArray[np.float64],
+    tried: float,
+    p: NDArray[np.float64],
     instants: NDArray[np.float64],
     seen: NDArray[np.float64],
     counts: NDArray[np.int64],
-) -> None:
-    """Move y and `mode` from t to t_end (s) under the held command u (V; direct drive N m), in place.
+) -> float:
+    """Move row NOW of `work` from t to t_end (s) under the held command u (V; direct drive N m), in place.
 
-    `seen` (n, 5) receives the state at the sorted `instants` (n,) passed on the way. Scratch: `work` (9,
-    5), `longest` (1,) > 0 the step length carried on, `counts` (4,) steps, mode changes, guarded steps,
-    probes.
+    `tried` is the length of the first step (s), and the length to try in the next call is returned. `seen` (n, 5)
+    receives the state at the sorted `instants` (n,) passed on the way; `counts` (4,) sums up steps, mode changes,
+    guarded steps and instants passed.
     """
-    choose_mode(y, mode, u, p)
-    derivative(y, mode, u, p, work[FIRST])
+    mode = choose_mode(work, u, p)
+    derivative(work, NOW, FIRST, mode, u, p)
     events = 0
     while t < t_end:
-        h = try_step(t, t_end, u, y, mode, p, work, longest)
-        ended = margin(work[NEW], work[LAST], mode, u, p) < 0.0
+        h, tried = try_step(t_end - t, tried, work, mode, u, p)
+        ended = margin(work, NEW, LAST, mode, u, p) < 0.0
         if not ended:
-            low = first_dip(y, h, mode, work)
+            low = first_dip(work, h, mode)
             if low < h:
-                step(y, low, mode, u, p, work)
-                ended = margin(work[NEW], work[LAST], mode, u, p) < 0.0
+                step(work, low, mode, u, p)
+                ended = margin(work, NEW, LAST, mode, u, p) < 0.0
                 h = low
         if ended:
             floor = min(h, GUARD) if events >= MANY_EVENTS else 0.0
-            h = locate(y, h, mode, u, p, work)
+            h = locate(work, h, mode, u, p)
             if h < floor:
                 h = floor
-                step(y, h, mode, u, p, work)
+                step(work, h, mode, u, p)
                 counts[GUARDED] += 1
-        whole = not ended and h >= t_end - t
-        until = t_end if whole else t + h
-        fill_probes(t, h, until, y, work, instants, seen, counts)
+        until = t_end if not ended and h >= t_end - t else t + h
+        fill_probes(t, h, until, work, instants, seen, counts)
         counts[STEPS] += 1
         t = until
         for i in range(STATES):
-            y[i] = work[NEW, i]
+            work[NOW, i], work[FIRST, i] = work[NEW, i], work[LAST, i]
         if ended:
             events += 1
             counts[EVENTS] += 1
-            stop_reversed(y, mode)
-            choose_mode(y, mode, u, p)
-            derivative(y, mode, u, p, work[FIRST])
-        else:
-            work[FIRST] = work[LAST]
+            stop_reversed(work, mode)
+            mode = choose_mode(work, u, p)
+            derivative(work, NOW, FIRST, mode, u, p)
+    return tried

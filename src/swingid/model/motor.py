@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.model.parameters import C1, C2, D1, D2, ETA, F2, F3, GEAR
-from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
 
 
-@njit
+@njit_inlined
 def ideal_torque(u: float, v2: float, p: NDArray[np.float64]) -> float:
     """Eta M2 = eta (c1 u - c2 q2') (N m): the torque before the dead zone, u in V, v2 = q2' in rad/s."""
     return float(p[ETA] * (p[C1] * u - p[C2] * v2))
 
 
-@njit
+@njit_inlined
 def motor_branch(u: float, v2: float, p: NDArray[np.float64]) -> int:
     """Branch of (8): +1 above the dead zone, -1 below, 0 inside; always +1 where there is no dead zone."""
     if p[D1] == 0.0 and p[D2] == 0.0:
@@ -32,7 +32,7 @@ def motor_branch(u: float, v2: float, p: NDArray[np.float64]) -> int:
     return 0
 
 
-@njit
+@njit_inlined
 def branch_margin(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> float:
     """How far (N m) the torque is inside its branch of (8); < 0: it has left it."""
     if p[D1] == 0.0 and p[D2] == 0.0:
@@ -45,7 +45,7 @@ def branch_margin(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> f
     return float(min(p[D1] - torque, torque - p[D2]))
 
 
-@njit
+@njit_inlined
 def branch_torque(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> float:
     """M (N m) of one branch of (8), smooth in v2."""
     if branch > 0:
@@ -55,13 +55,13 @@ def branch_torque(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> f
     return 0.0
 
 
-@njit
+@njit_inlined
 def motor_torque(u: float, v2: float, p: NDArray[np.float64]) -> float:
     """M (N m) of (8) at voltage u (V) and wheel speed v2 (rad/s)."""
     return branch_torque(u, v2, motor_branch(u, v2, p), p)
 
 
-@njit
+@njit_inlined
 def motor_friction(v2: float, s: int, p: NDArray[np.float64]) -> float:
     """f2 N q2' + f3 s (N m) on the rotor of a wheel that turns towards side s (rest is its own state)."""
     return float(p[F2] * p[GEAR] * v2 + p[F3] * s)

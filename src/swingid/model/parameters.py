@@ -58,15 +58,9 @@ PARAMETERS: tuple[ParameterRecord, ...] = (
     ParameterRecord("D2", "d2", "N m", "lower edge of the dead zone, <= 0"),
     ParameterRecord("F2", "f2", "N m s", "viscous friction of motor and gearbox"),
     ParameterRecord("F3", "f3", "N m", "Coulomb friction of motor and gearbox"),
-    ParameterRecord(
-        "WHEEL_STATIC", "N f3", "N m", "torque on the wheel that releases it; infinite without a wheel"
-    ),
-    ParameterRecord(
-        "AXIS_STICKS", "", "1", "1 where the axis can stick (some Coulomb or static friction, no LuGre)"
-    ),
-    ParameterRecord(
-        "VISCOUS_P", "", "N m s", "viscous coefficient of the axis for q1' > 0 (the paper's f1 N)"
-    ),
+    ParameterRecord("WHEEL_STATIC", "N f3", "N m", "torque on the wheel that releases it; infinite without a wheel"),
+    ParameterRecord("AXIS_STICKS", "", "1", "1 where the axis can stick (some Coulomb or static friction, no LuGre)"),
+    ParameterRecord("VISCOUS_P", "", "N m s", "viscous coefficient of the axis for q1' > 0 (the paper's f1 N)"),
     ParameterRecord("VISCOUS_N", "", "N m s", "viscous coefficient of the axis for q1' < 0"),
     ParameterRecord("COULOMB_P", "Fc", "N m", "Coulomb friction of the axis for q1' > 0"),
     ParameterRecord("COULOMB_N", "Fc", "N m", "Coulomb friction of the axis for q1' < 0"),

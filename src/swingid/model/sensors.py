@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
 
 # Places in an encoder's array.
 RESOLUTION, ALPHA, BETA, ZERO = 0, 1, 2, 3
 
 
-@njit
+@njit_inlined
 def encoder_reading(q: float, encoder: NDArray[np.float64], noise: float) -> float:
     """Reading (rad or m) of the true angle q with one draw of noise; `encoder` from `Encoder.array`."""
     reading = q + encoder[ZERO] + noise
@@ -48,9 +48,7 @@ class Encoder:
         """The array (4,) that `encoder_reading` takes."""
         return np.array([self.resolution, self.alpha, self.beta, self.zero])
 
-    def read(
-        self, angles: NDArray[np.float64], noise: NDArray[np.float64] | None = None
-    ) -> NDArray[np.float64]:
+    def read(self, angles: NDArray[np.float64], noise: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Readings (rad or m) of true angles (n,), with noise (n,) added before the counts are taken."""
         draws = np.zeros(len(angles)) if noise is None else noise
         array = self.array()

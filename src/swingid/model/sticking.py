@@ -16,59 +16,65 @@ from numpy.typing import NDArray
 
 from swingid.model.dynamics import accelerations, holding_torques
 from swingid.model.friction import release_margin
-from swingid.model.integrator import BRANCH, FIRST, LAST, NEW, Q1, S1, S2, V1, V2, Z, step
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, Z, step
 from swingid.model.motor import branch_margin, motor_branch
 from swingid.model.parameters import AXIS_STICKS, WHEEL_STATIC
 from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
 
 ROUNDING = 1e-9  # rad/s^2: an acceleration of the wrong side, but below this, is rounding
 RESOLUTION = 1e-14  # s: reversals and releases are located to this
 MOST_TRIALS = 200
 
 
-@njit
+@njit_inlined
 def wheel_margin(hold: float, p: NDArray[np.float64]) -> float:
     """How far (N m) a resting wheel is from release when friction must supply `hold` (N m)."""
     return float(p[WHEEL_STATIC] - abs(hold))
 
 
-@njit
+@njit_inlined
 def margin(
-    y: NDArray[np.float64],
-    slope: NDArray[np.float64],
-    mode: NDArray[np.int64],
+    work: NDArray[np.float64],
+    state: int,
+    slope: int,
+    mode: Mode,
     u: float,
     p: NDArray[np.float64],
 ) -> float:
-    """Smallest of the quantities that must not be negative for `mode` to hold at y with y' = `slope`.
+    """Smallest of the quantities that must not be negative for `mode` to hold at row `state`, y' in `slope`.
 
     Speeds times their side, distances to release, distance to the edge of the dead zone.
     """
-    least = branch_margin(u, y[V2], mode[BRANCH], p)
-    if mode[S1] != 0:
-        least = min(least, mode[S1] * y[V1])
-    if mode[S2] != 0:
-        least = min(least, mode[S2] * y[V2])
-    if mode[S1] == 0 or mode[S2] == 0:
-        hold1, hold2 = holding_torques(y[Q1], y[V2], slope[V1], slope[V2], mode[S2], mode[BRANCH], u, p)
-        if mode[S1] == 0:
+    v1, v2 = work[state, V1], work[state, V2]
+    s1, s2, branch = mode
+    least = branch_margin(u, v2, branch, p)
+    if s1 != 0:
+        least = min(least, s1 * v1)
+    if s2 != 0:
+        least = min(least, s2 * v2)
+    if s1 == 0 or s2 == 0:
+        hold1, hold2 = holding_torques(work[state, Q1], v2, work[slope, V1], work[slope, V2], s2, branch, u, p)
+        if s1 == 0:
             least = min(least, release_margin(hold1, p))
-        if mode[S2] == 0:
+        if s2 == 0:
             least = min(least, wheel_margin(hold2, p))
     return float(least)
 
 
 @njit
-def agrees(y: NDArray[np.float64], s1: int, s2: int, branch: int, u: float, p: NDArray[np.float64]) -> bool:
-    """Whether a mode agrees with itself at y, for those of axis and wheel that have no speed."""
-    a1, a2 = accelerations(y[Q1], y[V1], y[V2], y[Z], s1, s2, branch, u, p)
-    hold1, hold2 = holding_torques(y[Q1], y[V2], a1, a2, s2, branch, u, p)
-    if y[V1] == 0.0:
+def agrees(
+    q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: NDArray[np.float64]
+) -> bool:
+    """Whether a mode agrees with itself, for those of axis and wheel that have no speed."""
+    a1, a2 = accelerations(q1, v1, v2, z, s1, s2, branch, u, p)
+    hold1, hold2 = holding_torques(q1, v2, a1, a2, s2, branch, u, p)
+    if v1 == 0.0:
         if s1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, p) < 0.0):
             return False
         if s1 != 0 and s1 * a1 < -ROUNDING:
             return False
-    if y[V2] == 0.0:
+    if v2 == 0.0:
         if s2 == 0 and (p[WHEEL_STATIC] == 0.0 or wheel_margin(hold2, p) < 0.0):
             return False
         if s2 != 0 and s2 * a2 < -ROUNDING:
@@ -77,40 +83,54 @@ def agrees(y: NDArray[np.float64], s1: int, s2: int, branch: int, u: float, p: N
 
 
 @njit
-def choose_mode(y: NDArray[np.float64], mode: NDArray[np.int64], u: float, p: NDArray[np.float64]) -> None:
-    """Set `mode` for the state y under the command u: sides of what moves, rest or side of what has no speed.
+def mode_at_rest(q1: float, v1: float, v2: float, z: float, moving: Mode, u: float, p: NDArray[np.float64]) -> Mode:
+    """The mode in which what has no speed rests, or goes to a side; `moving` has a 0 for each such side.
 
-    Should no mode agree (rounding), what has no speed is taken to rest, or to go where its load points.
+    Should no mode agree (rounding), what has no speed rests, or goes where its load points.
     """
-    branch = motor_branch(u, y[V2], p)
-    side1, side2 = int(np.sign(y[V1])), int(np.sign(y[V2]))
-    mode[S1], mode[S2], mode[BRANCH] = side1, side2, branch
-    if side1 != 0 and side2 != 0:
-        return
+    side1, side2, branch = moving
     for i in range(3 if side1 == 0 else 1):
         s1 = side1 if side1 != 0 else (i if i < 2 else -1)
         for j in range(3 if side2 == 0 and p[WHEEL_STATIC] < math.inf else 1):
             s2 = side2 if side2 != 0 else (j if j < 2 else -1)
-            if agrees(y, s1, s2, branch, u, p):
-                mode[S1], mode[S2] = s1, s2
-                return
-    hold1, hold2 = holding_torques(y[Q1], y[V2], 0.0, 0.0, side2, branch, u, p)
+            if agrees(q1, v1, v2, z, s1, s2, branch, u, p):
+                return s1, s2, branch
+    hold1, hold2 = holding_torques(q1, v2, 0.0, 0.0, side2, branch, u, p)
     if side1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, p) < 0.0):
-        mode[S1] = 1 if hold1 > 0.0 else -1
+        side1 = 1 if hold1 > 0.0 else -1
     if side2 == 0 and wheel_margin(hold2, p) < 0.0:
-        mode[S2] = 1 if hold2 > 0.0 else -1
+        side2 = 1 if hold2 > 0.0 else -1
+    return side1, side2, branch
 
 
-@njit
-def stop_reversed(y: NDArray[np.float64], mode: NDArray[np.int64]) -> None:
-    """Set speeds that have passed zero against their side to exactly zero."""
-    if mode[S1] * y[V1] < 0.0:
-        y[V1] = 0.0
-    if mode[S2] * y[V2] < 0.0:
-        y[V2] = 0.0
+@njit_inlined
+def choose_mode(work: NDArray[np.float64], u: float, p: NDArray[np.float64]) -> Mode:
+    """The mode of row NOW under the command u: sides of what moves, rest or side of what has no speed."""
+    v1, v2 = work[NOW, V1], work[NOW, V2]
+    moving = (side(v1), side(v2), motor_branch(u, v2, p))
+    if v1 == 0.0 or v2 == 0.0:
+        return mode_at_rest(work[NOW, Q1], v1, v2, work[NOW, Z], moving, u, p)
+    return moving
 
 
-@njit
+@njit_inlined
+def side(v: float) -> int:
+    """Sign of a speed: 1, -1 or 0."""
+    if v > 0.0:
+        return 1
+    return -1 if v < 0.0 else 0
+
+
+@njit_inlined
+def stop_reversed(work: NDArray[np.float64], mode: Mode) -> None:
+    """Set speeds of row NOW that have passed zero against their side to exactly zero."""
+    if mode[0] * work[NOW, V1] < 0.0:
+        work[NOW, V1] = 0.0
+    if mode[1] * work[NOW, V2] < 0.0:
+        work[NOW, V2] = 0.0
+
+
+@njit_inlined
 def dip(v: float, a: float, vh: float, ah: float, h: float) -> float:
     """Where in a step of h (s) a speed that is positive at both ends is lowest, if below zero there; else h.
 
@@ -127,34 +147,26 @@ def dip(v: float, a: float, vh: float, ah: float, h: float) -> float:
     return h
 
 
-@njit
-def first_dip(y: NDArray[np.float64], h: float, mode: NDArray[np.int64], work: NDArray[np.float64]) -> float:
+@njit_inlined
+def first_dip(work: NDArray[np.float64], h: float, mode: Mode) -> float:
     """Time into the step (s) at which a speed has gone against its side unseen at the ends; h if none has."""
-    s1, s2, k, kh, new = mode[S1], mode[S2], work[FIRST], work[LAST], work[NEW]
-    low = h
+    s1, s2, low = mode[0], mode[1], h
     if s1 != 0:
-        low = min(low, dip(s1 * y[V1], s1 * k[V1], s1 * new[V1], s1 * kh[V1], h))
+        low = min(low, dip(s1 * work[NOW, V1], s1 * work[FIRST, V1], s1 * work[NEW, V1], s1 * work[LAST, V1], h))
     if s2 != 0:
-        low = min(low, dip(s2 * y[V2], s2 * k[V2], s2 * new[V2], s2 * kh[V2], h))
+        low = min(low, dip(s2 * work[NOW, V2], s2 * work[FIRST, V2], s2 * work[NEW, V2], s2 * work[LAST, V2], h))
     return low
 
 
 @njit
-def locate(
-    y: NDArray[np.float64],
-    h: float,
-    mode: NDArray[np.int64],
-    u: float,
-    p: NDArray[np.float64],
-    work: NDArray[np.float64],
-) -> float:
-    """Length (s) of the step from y after which `mode` has only just ceased to hold; the state in work[NEW].
+def locate(work: NDArray[np.float64], h: float, mode: Mode, u: float, p: NDArray[np.float64]) -> float:
+    """Length (s) of the step from row NOW after which `mode` has only just ceased to hold; leaves row NEW there.
 
-    `h` is a length after which it does not hold. Regula falsi (Illinois) on the length of a whole step, so
-    the located state is as accurate as any; bisection while the margin at the near end is not yet positive.
+    `h` is a length after which it does not hold, already in row NEW. Regula falsi (Illinois) on the length of
+    a whole step, so the located state is as accurate as any; bisection while the near end is on the brink.
     """
     low, high = 0.0, h
-    at_low, at_high = margin(y, work[FIRST], mode, u, p), margin(work[NEW], work[LAST], mode, u, p)
+    at_low, at_high = margin(work, NOW, FIRST, mode, u, p), margin(work, NEW, LAST, mode, u, p)
     last = 0
     for trial in range(MOST_TRIALS):
         if high - low <= RESOLUTION:
@@ -163,8 +175,8 @@ def locate(
         if at_low > 0.0 and trial % 4 != 3:
             middle = (low * at_high - high * at_low) / (at_high - at_low)
             middle = min(max(middle, low + 0.25 * RESOLUTION), high - 0.25 * RESOLUTION)
-        step(y, middle, mode, u, p, work)
-        at_middle = margin(work[NEW], work[LAST], mode, u, p)
+        step(work, middle, mode, u, p)
+        at_middle = margin(work, NEW, LAST, mode, u, p)
         if at_middle < 0.0:
             high, at_high = middle, at_middle
             at_low *= 0.5 if last > 0 else 1.0
@@ -173,5 +185,5 @@ def locate(
             low, at_low = middle, at_middle
             at_high *= 0.5 if last < 0 else 1.0
             last = -1
-    step(y, high, mode, u, p, work)
+    step(work, high, mode, u, p)
     return high

@@ -7,7 +7,7 @@ the others as they were.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 STREAMS = ("constants", "nonlinearity", "latency", "jitter", "noise", "dropouts")
 SIGNED = ("axis.gravity_torque", "axis.friction.offset")
-CHANNELS = ("angle", "wheel")
+CHANNELS: tuple[Literal["angle"], Literal["wheel"]] = ("angle", "wheel")
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def draw(rig: Rig, rows: int, seed: int, *, constants_too: bool = False) -> Draw
     lost = stream(seed, "dropouts").random(rows) < max(sensor.dropouts for sensor in sensors)
     encoders, latencies, delays = [], [], np.zeros((2, rows))
     for i, sensor in enumerate(sensors):
-        alpha, beta = sensor.nonlinearity * nonlinearity[i]
+        alpha, beta = sensor.nonlinearity * nonlinearity[i] + 0.0  # + 0.0: no -0.0
         encoders.append(Encoder(sensor.resolution, float(alpha), float(beta)))
         latencies.append(float(sensor.latency.value + (sensor.latency.std or 0.0) * latency[i]))
         delays[i] = latencies[i] + sensor.jitter * jitter

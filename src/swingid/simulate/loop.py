@@ -6,16 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.control.law import compensator_step
-from swingid.model.integrator import Q1, Q2, ROWS, STATES, V1, V2
+from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2
 from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
 from swingid.model.sensors import encoder_reading
 from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
 
 # Kinds of controller.
 OPEN_LOOP, COMPENSATOR = 0, 1
 
 
-@njit
+@njit_inlined
 def command(
     kind: int,
     k: int,
@@ -36,7 +37,7 @@ def command(
 @njit
 def before_start(
     start: float,
-    y: NDArray[np.float64],
+    work: NDArray[np.float64],
     instants: NDArray[np.float64],
     seen: NDArray[np.float64],
     counts: NDArray[np.int64],
@@ -44,9 +45,10 @@ def before_start(
     """State at the instants before the start (s), which early readings ask for: uniform motion up to it."""
     i = 0
     while i < len(instants) and instants[i] < start:
-        seen[i] = y
-        seen[i, Q1] += y[V1] * (instants[i] - start)
-        seen[i, Q2] += y[V2] * (instants[i] - start)
+        for state in range(STATES):
+            seen[i, state] = work[NOW, state]
+        seen[i, Q1] += work[NOW, V1] * (instants[i] - start)
+        seen[i, Q2] += work[NOW, V2] * (instants[i] - start)
         i += 1
     counts[PROBES] = i
 
@@ -70,32 +72,32 @@ def closed_loop(
 ) -> NDArray[np.int64]:
     """Run the loop over the sample instants `times` (n + 1,) (s); returns the counts of `advance`.
 
-    inputs (n,): reference (rad), or the command where the loop is open. y (5,): initial state, left at the
-    end. encoders (2, 4): arrays of angle and wheel for `encoder_reading`; noise (2, n) (rad). instants
-    (m,): sorted times at which the motion is wanted; its state goes to seen (m, 5). log (rows <= n, 4)
-    receives angle, wheel angle, command and the controller's state[0]; reads (2, rows): which instant is
-    row k's reading. A reading that is later than its sample is logged late; the controller, which can't
-    wait for it, is given that of the sample's own instant.
+    inputs (n,): reference (rad), or the command where the loop is open. y (5,): initial state. encoders (2, 4):
+    arrays of angle and wheel for `encoder_reading`; noise (2, n) (rad). instants (m,): sorted times at which the
+    motion is wanted; its state goes to seen (m, 5). log (rows <= n, 4) receives angle, wheel angle, command and the
+    controller's state[0]; reads (2, rows): which instant is row k's reading. A reading that is later than its sample
+    is logged late; the controller, which can't wait for it, is given that of the sample's own instant.
     """
     rows = len(log)
-    mode, counts = np.zeros(3, np.int64), np.zeros(COUNTS, np.int64)
-    work, longest = np.zeros((ROWS, STATES)), np.full(1, LONGEST)
-    before_start(times[0], y, instants, seen, counts)
+    counts, work, tried = np.zeros(COUNTS, np.int64), np.zeros((ROWS, STATES)), LONGEST
+    work[NOW] = y
+    angle_encoder, wheel_encoder = encoders[0], encoders[1]
+    before_start(times[0], work, instants, seen, counts)
     for k in range(len(inputs)):
         t = times[k]
-        q1, q2 = y[Q1], y[Q2]
+        q1, q2 = work[NOW, Q1], work[NOW, Q2]
         if k < rows and instants[reads[0, k]] < t:
             q1 = seen[reads[0, k], Q1]
         if k < rows and instants[reads[1, k]] < t:
             q2 = seen[reads[1, k], Q2]
-        angle = encoder_reading(q1, encoders[0], noise[0, k])
-        wheel_angle = encoder_reading(q2, encoders[1], noise[1, k])
+        angle = encoder_reading(q1, angle_encoder, noise[0, k])
+        wheel_angle = encoder_reading(q2, wheel_encoder, noise[1, k])
         u = command(kind, k, inputs, angle, wheel_angle, state, parameters, limit)
         if k < rows:
             log[k, 2] = u
             log[k, 3] = state[0]
-        advance(t, times[k + 1], u, y, mode, p, work, longest, instants, seen, counts)
+        tried = advance(t, times[k + 1], u, work, tried, p, instants, seen, counts)
     for k in range(rows):
-        log[k, 0] = encoder_reading(seen[reads[0, k], Q1], encoders[0], noise[0, k])
-        log[k, 1] = encoder_reading(seen[reads[1, k], Q2], encoders[1], noise[1, k])
+        log[k, 0] = encoder_reading(seen[reads[0, k], Q1], angle_encoder, noise[0, k])
+        log[k, 1] = encoder_reading(seen[reads[1, k], Q2], wheel_encoder, noise[1, k])
     return counts

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -106,11 +106,13 @@ class Conventions:
         angle = Scale(log.angle_sign * unit, zero, turn)
         scales = {"angle": angle, "reference": Scale(angle.factor, zero, turn)}
         scales["voltage"] = Scale(float(log.voltage_sign))
-        scales["torque"] = Scale(float(log.torque_gain) * log.torque_sign)
+        scales["torque"] = Scale(log.torque_gain.value * log.torque_sign)
         if kind == "reaction-wheel":
             if log.wheel_speed is not None:
-                message = f"{rig.source}: [log] wheel_speed is not supported; swingid needs wheel_angle, the angle"
-                raise InputError(f"{message} of the wheel", code="needs-wheel-angle")
+                message = (
+                    f"{rig.source}: [log] wheel_speed is not enough yet; swingid needs wheel_angle, the logged angle"
+                )
+                raise InputError(f"{message} of the wheel.", code="needs-wheel-angle")
             unit, turn = _unit(rig, log.wheel_angle_unit, "wheel")
             scales["wheel_angle"] = Scale(log.wheel_angle_sign * unit * float(log.wheel_scale), 0.0, turn)
         stated = frozenset(log.model_fields_set)
@@ -121,6 +123,8 @@ class Conventions:
             "none": ("angle_",),
         }
         keys = {key: getattr(log, key) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
+        if "torque_gain" in keys:
+            keys["torque_gain"] = log.torque_gain.value
         return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated, keys)
 
     @property
@@ -179,31 +183,25 @@ def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels,
             texts[channel] = text
         if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
             message = f"{name}: column {column!r} holds no numbers; set [log] {channel} to the column"
-            raise InputError(f"{message} that holds the {channel}", code="no-numbers")
+            raise InputError(f"{message} that holds the {channel}.", code="no-numbers")
     rows = len(logged["angle"])
     for channel, values in logged.items():
         if len(values) != rows:
             columns = conventions.columns
             message = f"{name}: {columns[channel]!r} has {len(values)} values but {columns['angle']!r} has {rows}"
-            raise InputError(f"{message}; a log needs one value of each per row", code="unequal-length")
+            raise InputError(f"{message}; a log needs one value of each per row.", code="unequal-length")
     if conventions.rate is not None:
         logged = {"time": np.arange(rows) / conventions.rate, **logged}
     return logged, texts
 
 
-def _unit(rig: Rig, unit: str, which: str) -> tuple[float, float | None]:
+def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float, float | None]:
     """Radians (metres) per logged unit, and logged units per turn (None on a linear axis)."""
-    if rig.axis.kind == "linear" and which == "angle":
-        return {"m": 1.0, "mm": 1e-3}.get(unit, 1.0), None
-    counts = rig.sensors.counts_per_turn
-    if which == "wheel" and rig.sensors.wheel is not None and rig.sensors.wheel.counts_per_turn is not None:
-        counts = rig.sensors.wheel.counts_per_turn
+    if rig.axis.kind == "linear":
+        return {"mm": 1e-3}.get(unit, 1.0), None
     if unit == "counts":
-        if counts is None:
-            key = "wheel_angle_unit" if which == "wheel" else "angle_unit"
-            message = f'{rig.source}: [log] {key} = "counts" needs counts_per_turn in [sensors]'
-            raise InputError(message, code="needs-counts-per-turn")
-        return TURN / float(counts), float(counts)
+        count = rig.sensors.of(which).resolution  # a Rig with this unit has counts_per_turn
+        return count, float(round(TURN / count))
     per_turn = {"rad": TURN, "deg": 360.0, "turns": 1.0}[unit]
     return TURN / per_turn, per_turn
 
@@ -220,4 +218,4 @@ def _missing(table: Table, channel: str, conventions: Conventions, name: str) ->
         message += " (or [log] rate where rows are evenly spaced)"
     if channel in ("wheel_angle", "torque"):
         message += f', or another [drive] kind than "{conventions.drive_kind}"'
-    return InputError(message, code="missing-column")
+    return InputError(f"{message}.", code="missing-column")

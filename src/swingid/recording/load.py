@@ -26,6 +26,7 @@ def load(path: str | Path, rig: Rig) -> Recording:
     table = read_table(content, name)
     conventions = Conventions.of(rig)
     _check_origin(table, conventions, name)
+    unreadable = _unreadable(table, name)
     logged, texts = gather(table, conventions, name)
     logged, findings = repair(logged, conventions, texts, name)
     channels = conventions.to_model(logged)
@@ -35,7 +36,7 @@ def load(path: str | Path, rig: Rig) -> Recording:
         **channels,
         drive_held=_drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
-        findings=(*_saved_findings(table), *_unreadable(table, name), *findings),
+        findings=(*_saved_findings(table), *unreadable, *findings),
         source=Source(name, hashlib.sha256(content).hexdigest()),
     )
 
@@ -45,15 +46,15 @@ def _read_bytes(path: str | Path) -> bytes:
     try:
         content = Path(path).read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path} does not exist; give the path of a log", code="missing-file") from None
+        raise InputError(f"{path} does not exist; give the path of a log.", code="missing-file") from None
     except IsADirectoryError:
-        raise InputError(f"{path} is a folder; give the path of one log in it", code="is-a-folder") from None
+        raise InputError(f"{path} is a folder; give the path of one log in it.", code="is-a-folder") from None
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputError(f"{path} cannot be read: {reason}", code="unreadable-file") from None
+        raise InputError(f"{path} cannot be read: {reason}.", code="unreadable-file") from None
     if not content.strip():
         raise InputError(
-            f"{path} is empty; a log needs a header line with column names and rows of numbers",
+            f"{path} is empty; a log needs a header line with column names and rows of numbers.",
             code="empty-file",
         )
     return content
@@ -64,14 +65,14 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
     kind = table.metadata.get("drive")
     if kind is not None and kind != conventions.drive_kind:
         message = f'{name} was written for [drive] kind "{kind}", this rig has "{conventions.drive_kind}"'
-        raise InputError(f"{message}; use the rig that belongs to the log", code="other-drive")
+        raise InputError(f"{message}; use the rig that belongs to the log.", code="other-drive")
     written = table.metadata.get("log")
     for key, value in conventions.keys.items():
         if isinstance(written, dict) and key in written and written[key] != value:
             message = (
                 f"{name} was written with [log] {key} = {json.dumps(written[key])}, this rig has {json.dumps(value)}"
             )
-            raise InputError(f"{message}; use the rig that it was written with", code="other-conventions")
+            raise InputError(f"{message}; use the rig that it was written with.", code="other-conventions")
 
 
 def _unreadable(table: Table, name: str) -> tuple[Finding, ...]:
@@ -81,9 +82,9 @@ def _unreadable(table: Table, name: str) -> tuple[Finding, ...]:
         return ()
     rows = lost + max(map(len, table.columns.values()), default=0)
     if lost > rows / 2:
-        message = f"{name} is not a table: {lost} of {rows} lines do not have the cells that its header names"
+        message = f"{name} is not a table: {lost} of {rows} lines do not have the cells that its header names."
         raise InputError(message, code="not-a-table")
-    message = f"{lost} of {rows} rows left out: they do not have the cells that the header names"
+    message = f"{lost} of {rows} rows left out: they do not have the cells that the header names."
     return (Finding("unreadable-rows", message, "warning" if lost > MANY * rows else "note"),)
 
 

@@ -33,11 +33,11 @@ def judge(channels: Channels, rig: Rig, name: str) -> list[Finding]:
     """
     time, angle = channels["time"], channels["angle"]
     if time.size < FEWEST_ROWS:
-        message = f"{name} has {time.size} usable rows, too few to tell a motion; log some swings"
+        message = f"{name} has {time.size} usable rows, too few to tell a motion; log some swings."
         raise UnanswerableError(message, code="too-short")
     column = f"column {rig.log.angle!r} (the angle)"
     if np.ptp(angle) == 0.0:
-        message = f"{name}: {column} does not change; log a motion, or set [log] angle to the right column"
+        message = f"{name}: {column} does not change; log a motion, or set [log] angle to the right column."
         raise UnanswerableError(message, code="no-motion")
     _refuse_impossible_swings(angle, rig, f"{name}: {column}")
     findings = []
@@ -47,7 +47,7 @@ def judge(channels: Channels, rig: Rig, name: str) -> list[Finding]:
         findings.append(Finding("wheel-still", message, "warning"))
     step = float(np.median(np.diff(time)))
     if step > SLOWEST_STEP:
-        message = f"one row in {step:g} s is too slow for a swing; is the time in ms? It has to be in seconds"
+        message = f"one row in {step:g} s is too slow for a swing; the time has to be in seconds, is it in ms?"
         findings.append(Finding("slow-rows", message, "warning"))
     return findings
 
@@ -64,9 +64,5 @@ def _refuse_impossible_swings(angle: NDArray[np.float64], rig: Rig, column: str)
     passes = np.count_nonzero(np.diff(side[side != 0]))
     if passes >= TO_AND_FRO:
         message = f"{column} swings to and fro over {turns:.1f} turns, which gravity does not allow"
-        fix = (
-            'set [log] angle_unit = "deg" if it is in degrees'
-            if rig.log.angle_unit == "rad"
-            else "check [log] angle_unit"
-        )
-        raise InputError(f"{message}; {fix}", code="implausible-angle")
+        fix = 'set [log] angle_unit = "deg" if it is in degrees, or check [log] angle'
+        raise InputError(f"{message}; {fix}.", code="implausible-angle")

@@ -73,11 +73,11 @@ class Recording:
         for name in CHANNELS[:5]:
             values = getattr(self, name)
             if values is not None and not np.isfinite(values).all():
-                raise InputError(
-                    f"the recording's {name} holds NaN or infinity; drop those rows first", code="not-finite"
-                )
+                raise InputError(f"the recording's {name} has NaN or infinity; drop those rows.", code="not-finite")
         if not (np.diff(self.time) > 0).all():
-            raise InputError("the recording's time does not increase from row to row; sort it first", code="time-order")
+            raise InputError(
+                "the recording's time does not increase from row to row; sort it first.", code="time-order"
+            )
         object.__setattr__(self, "metadata", dict(self.metadata))
         object.__setattr__(self, "findings", tuple(self.findings))
 
@@ -94,7 +94,7 @@ class Recording:
     def rate(self) -> float:
         """Median number of rows per second, 1/s; UnanswerableError when there are fewer than two rows."""
         if len(self) < 2:
-            raise UnanswerableError("a recording of one row has no rate; log a longer run", code="too-short")
+            raise UnanswerableError("a recording of one row has no rate; log a longer run.", code="too-short")
         return float(1.0 / np.median(np.diff(self.time)))
 
     def segment(self, start: float, stop: float) -> Recording:
@@ -105,7 +105,7 @@ class Recording:
         first, last = np.searchsorted(self.time, start, "left"), np.searchsorted(self.time, stop, "right")
         if last <= first:
             message = f"no rows between {start:g} s and {stop:g} s"
-            message += f"; the log runs from {self.time[0]:g} s to {self.time[-1]:g} s"
+            message += f"; the log runs from {self.time[0]:g} s to {self.time[-1]:g} s."
             raise UnanswerableError(message, code="empty-segment")
         cut = {name: values[first:last] for name in CHANNELS if (values := getattr(self, name)) is not None}
         return replace(self, **cut)
@@ -141,9 +141,9 @@ def _frozen(name: str, values: ArrayLike, length: int | None) -> NDArray[np.floa
     try:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"the recording's {name} is not an array of numbers", code="bad-channel") from None
+        raise InputError(f"the recording's {name} is not an array of numbers.", code="bad-channel") from None
     if array.ndim != 1 or array.size == 0 or (length is not None and array.size != length):
         wanted = "one value per row" if length is None else f"{length} values, one per row"
-        raise InputError(f"the recording's {name} has shape {array.shape}; it needs {wanted}", code="bad-channel")
+        raise InputError(f"the recording's {name} has shape {array.shape}; it needs {wanted}.", code="bad-channel")
     array.flags.writeable = False
     return array

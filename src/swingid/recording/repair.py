@@ -68,10 +68,10 @@ def _drop_rows_without_numbers(
     sample = f", such as {texts[worst]!r}" if worst in texts else ""
     where = f"column {columns[worst]!r} in {faults[worst]} of {rows} rows (the first is row {first + 1}{sample})"
     if faults[worst] > rows / 2:
-        raise InputError(f"{name} has no number in {where}; give [log] {worst} a column of numbers", code="no-numbers")
+        raise InputError(f"{name} has no number in {where}; give [log] {worst} a column of numbers.", code="no-numbers")
     dropped = rows - int(good.sum())
     level = _level(dropped, rows)
-    findings.append(Finding("rows-without-numbers", f"{dropped} rows left out: no number in {where}", level))
+    findings.append(Finding("rows-without-numbers", f"{dropped} rows left out: no number in {where}.", level))
     return _take(channels, good)
 
 
@@ -92,9 +92,9 @@ def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: l
     angle = channels["angle"]
     smoother = np.abs(np.diff(angle[order])).sum() <= np.abs(np.diff(angle)).sum()
     if steps_back.size > max(3, MANY * rows) or not smoother:
-        message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time"
+        message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time."
         raise InputError(message, code="unsorted")
-    findings.append(Finding("unsorted", f"{where}; the rows were sorted by time", "warning"))
+    findings.append(Finding("unsorted", f"{where}; the rows were sorted by time.", "warning"))
     return _take(channels, order)
 
 
@@ -112,15 +112,15 @@ def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, fi
     column = columns["time"]
     if conflicts > max(3, MANY * rows):
         message = f"{name}: {conflicts} of {rows} rows have the time of the row before in column {column!r}"
-        message += " but other values; log the time with more digits, or set [log] rate"
+        message += " but other values; log the time with more digits, or set [log] rate."
         raise InputError(message, code="repeated-times")
     if copy.any():
-        message = f"{int(copy.sum())} of {rows} rows left out: exact copies of the row before"
+        message = f"{int(copy.sum())} of {rows} rows left out: exact copies of the row before."
         findings.append(Finding("repeated-rows", message, "note"))
     if conflicts:
         first = int(np.argmax(conflicting)) + 1
         message = f"{conflicts} of {rows} rows left out: their time is that of the row before, their values differ"
-        findings.append(Finding("repeated-times", f"{message} (the first is row {first})", "warning"))
+        findings.append(Finding("repeated-times", f"{message} (the first is row {first}).", "warning"))
     return _take(channels, ~repeated)
 
 
@@ -143,11 +143,11 @@ def _make_continuous(
         if channel == "angle" and "reference" in channels:
             apart = channels["reference"] - result.values
             channels["reference"] = result.values + apart - turn * np.round(apart / turn)
-        message = f"column {columns[channel]!r} was logged within one turn and was made continuous"
+        message = f"column {columns[channel]!r} was logged within one turn and was made continuous."
         findings.append(Finding("unwrapped", message, "note"))
         if result.ambiguous:
             message = f"column {columns[channel]!r} moves too far between rows to count its turns with certainty"
-            message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns"
+            message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
             findings.append(Finding("ambiguous-turns", message, "warning"))
     return _tell_spikes(channels, spikes, findings) if spikes.any() else channels
 
@@ -168,7 +168,7 @@ def _drop_spikes(channels: Channels, columns: Mapping[str, str], name: str, find
 def _tell_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding]) -> Channels:
     times = channels["time"][spikes]
     shown = ", ".join(f"{t:g}" for t in times[:5]) + (", ..." if times.size > 5 else "")
-    message = f"{times.size} of {len(spikes)} rows left out: isolated spikes of an angle at {shown} s"
+    message = f"{times.size} of {len(spikes)} rows left out: isolated spikes of an angle at {shown} s."
     findings.append(Finding("spikes", message, "warning"))
     return _take(channels, ~spikes)
 
@@ -181,7 +181,7 @@ def _note_gaps(time: NDArray[np.float64], column: str, name: str, findings: list
     gaps = int(np.count_nonzero(steps > 1.5 * usual))
     if gaps:
         message = f"{gaps} steps of column {column!r} are longer than 1.5 times the usual {usual:.6g} s"
-        message += f" (the longest {steps.max():.6g} s); the stamps were used as they are"
+        message += f" (the longest {steps.max():.6g} s); the stamps were used as they are."
         findings.append(Finding("gaps", message, "note"))
 
 

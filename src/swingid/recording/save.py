@@ -41,7 +41,7 @@ def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
         partial.replace(target)
     except OSError as error:
         partial.unlink(missing_ok=True)
-        raise InputError(f"cannot write {target}: {error.strerror}", code="cannot-write") from None
+        raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
     return target
 
 
@@ -50,7 +50,7 @@ def _check_even(recording: Recording, rate: float, target: Path) -> None:
     even = recording.time[0] + np.arange(len(recording)) / rate
     if np.abs(recording.time - even).max() > 1e-3 / rate:
         message = f"cannot write {target}: the rig's [log] has rate = {rate:g} and no time column, but the rows"
-        raise InputError(f"{message} are not spaced so; set [log] time instead", code="uneven-rows")
+        raise InputError(f"{message} are not spaced so; set [log] time instead.", code="uneven-rows")
 
 
 def _plain(value: object) -> object:

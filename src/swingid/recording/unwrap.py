@@ -37,7 +37,7 @@ def is_wrapped(values: Floats, turn: float) -> bool:
     low, high = np.quantile(values, (0.005, 0.995))
     if high - low > turn:
         return False
-    if jumps.size > 0.1 * values.size:
+    if jumps.size > max(10, 0.1 * values.size):
         return True
     before = np.abs(_remainder(steps[jumps] - steps[jumps - 1], turn))
     after = np.abs(_remainder(steps[jumps + 1] - steps[jumps], turn))

@@ -32,4 +32,4 @@ def writer_for(path: Path) -> ModuleType:
         if path.suffix.lower() in module.ENDINGS:
             return module
     endings = " or ".join(module.ENDINGS[0] for module in WRITERS)
-    raise InputError(f"cannot write {path}: a recording is written as {endings}", code="unknown-ending")
+    raise InputError(f"cannot write {path}: a recording is written as {endings}.", code="unknown-ending")

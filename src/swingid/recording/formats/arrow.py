@@ -22,9 +22,9 @@ def table_from_arrow(table: Any, name: str, raw_metadata: str, unreadable_rows: 
     names = [str(column).strip() for column in table.column_names]
     for column in names:
         if names.count(column) > 1:
-            raise InputError(f"{name} has two columns named {column!r}; rename one of them", code="double-column")
+            raise InputError(f"{name} has two columns named {column!r}; rename one of them.", code="double-column")
     if names and table.num_rows == 0:
-        raise InputError(f"{name} has a header but no rows of numbers", code="empty-file")
+        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
     columns = {column: _array(table.column(k)) for k, column in enumerate(names)}
     return Table(columns, parse_metadata(raw_metadata), unreadable_rows)
 

@@ -52,7 +52,7 @@ def read(content: bytes, name: str) -> Table:
     lines = [line for line in body[:100_000].splitlines() if line.strip()][:20]
     if not lines:
         raise InputError(
-            f"{name} is empty; a log needs a header line with column names and rows of numbers",
+            f"{name} is empty; a log needs a header line with column names and rows of numbers.",
             code="empty-file",
         )
     delimiter = _delimiter(lines[0])
@@ -61,7 +61,7 @@ def read(content: bytes, name: str) -> Table:
     cells = [cell for line in lines[1:] for cell in line.split(delimiter)]
     decimal = "," if delimiter != b"," and any(map(_DECIMAL_COMMA.match, cells)) else "."
     if all(_is_number(cell, decimal) for cell in lines[0].split(delimiter)):
-        message = f"{name} has no header line; put the column names into its first line"
+        message = f"{name} has no header line; put the column names into its first line."
         raise InputError(message, code="no-header")
     ragged = _RaggedRows()
     try:
@@ -72,7 +72,7 @@ def read(content: bytes, name: str) -> Table:
             convert_options=pc.ConvertOptions(decimal_point=decimal, strings_can_be_null=True),
         )
     except pa.ArrowException:
-        message = f"{name} is not a table: its lines do not split into the columns that its header names"
+        message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
     return table_from_arrow(table, name, raw_metadata, ragged.count)
 
@@ -103,9 +103,10 @@ class _RaggedRows:
 
 def _as_text(content: bytes, name: str) -> bytes:
     """The content as UTF-8 without a byte order mark; InputError when it is no text."""
+    start = content[:64].lstrip()
     for magic, kind in _OTHER_KINDS.items():
-        if content.lstrip().startswith(magic):
-            raise InputError(f"{name} is not a table but {kind}; export the log as CSV or Parquet", code="not-a-table")
+        if start.startswith(magic):
+            raise InputError(f"{name} is not a table but {kind}; export the log as CSV or Parquet.", code="not-a-table")
     try:
         if content.startswith((b"\xff\xfe", b"\xfe\xff")):
             return content.decode("utf-16").encode()
@@ -115,15 +116,12 @@ def _as_text(content: bytes, name: str) -> bytes:
             raise ValueError
         content.decode("utf-8")
     except ValueError:
-        printable = np.frombuffer(content, np.uint8)
-        if (
-            np.mean((printable >= 32) & (printable < 127) | np.isin(printable, (9, 10, 13))) > 0.95
-            and 0 not in printable
-        ):
+        letters = np.frombuffer(content, np.uint8)
+        plain = (letters >= 32) & (letters < 127) | np.isin(letters, (9, 10, 13))
+        if plain.mean() > 0.95 and 0 not in letters:
             return content.decode("latin-1").encode()  # such as a degree sign in a header, from an old logger
-        raise InputError(
-            f"{name} is not a table but binary data; export the log as CSV or Parquet", code="not-a-table"
-        ) from None
+        message = f"{name} is not a table but binary data; export the log as CSV or Parquet."
+        raise InputError(message, code="not-a-table") from None
     return content
 
 

@@ -27,10 +27,10 @@ def read(content: bytes, name: str) -> Table:
     only objects such as timeseries, which SciPy cannot read.
     """
     if b"\x89HDF\r\n\x1a\n" in content[:1024]:
-        message = f"{name} is a MATLAB v7.3 file (HDF5), which is not read; save it with the option '-v7'"
+        message = f"{name} is a MATLAB v7.3 file (HDF5), which is not read; save it with the option '-v7'."
         raise InputError(message, code="matlab-v73")
     if not content.startswith(b"MATLAB 5.0"):
-        message = f"{name} is not a MATLAB v5 file; save it in MATLAB with the option '-v7', or export CSV"
+        message = f"{name} is not a MATLAB v5 file; save it in MATLAB with the option '-v7', or export CSV."
         raise InputError(message, code="not-a-table")
     columns: Columns = {}
     for key, value in _variables(content, name).items():
@@ -38,7 +38,7 @@ def read(content: bytes, name: str) -> Table:
             _collect(columns, key, value)
     if not columns:
         message = f"{name} holds no vectors of numbers, only scalars or objects such as timeseries"
-        raise InputError(f"{message}; save plain arrays in MATLAB", code="not-a-table")
+        raise InputError(f"{message}; save plain arrays in MATLAB.", code="not-a-table")
     return Table(columns)
 
 
@@ -51,7 +51,7 @@ def _variables(content: bytes, name: str) -> dict[str, Any]:
             warnings.simplefilter("ignore")
             found: dict[str, Any] = loadmat(stream, squeeze_me=True)
     except Exception:  # the parser meets damaged bytes with errors of every kind; all mean one thing here
-        message = f"{name} is not a whole MATLAB file: damaged, or cut off while it was written; save it again"
+        message = f"{name} is not a whole MATLAB file: damaged, or cut off while it was written; save it again."
         raise InputError(message, code="not-a-table") from None
     return found
 

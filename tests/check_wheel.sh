@@ -15,7 +15,7 @@ export XDG_CACHE_HOME="$place/cache" PIP_DISABLE_PIP_VERSION_CHECK=1
     exit 1
 }
 "$python" -m venv "$place/env"
-"$place/env/bin/python" -m pip install --quiet "$place"/dist/swingid-*.whl
+"$place/env/bin/python" -m pip install -qq "$place"/dist/swingid-*.whl
 export PATH="$place/env/bin:$PATH"
 
 mkdir "$place/work"

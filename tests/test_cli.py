@@ -115,7 +115,7 @@ def test_energy_takes_the_printed_variant(run: Run, log: Path, tmp_path: Path) -
 
 @pytest.mark.parametrize(
     ("content", "code"),
-    [(None, 3), ("", 3), ("t,q1\n0,0\n", 3), ("t,q1,q2,u\n0,0,0,0\n", 4)],
+    [(None, 3), ("", 3), ("t,q1,ym\n0,0,0\n", 3), ("t,q1,q2,u,ym\n0,0,0,0,0\n", 4)],
     ids=["missing", "empty", "no wheel", "one row"],
 )
 def test_bad_logs_give_a_sentence_and_a_refusal(run: Run, tmp_path: Path, content: str | None, code: int) -> None:
@@ -129,7 +129,7 @@ def test_bad_logs_give_a_sentence_and_a_refusal(run: Run, tmp_path: Path, conten
 
 def test_constant_angles_are_exit_4(run: Run, tmp_path: Path) -> None:
     path = tmp_path / "still.csv"
-    path.write_text("t,q1,q2,u\n" + "".join(f"{k / 1000},0.1,0.2,0\n" for k in range(5000)))
+    path.write_text("t,q1,q2,u,ym\n" + "".join(f"{k / 1000},0.1,0.2,0,0\n" for k in range(5000)))
     done = run("identify", path, "--rig", "paper", "--json", tmp_path / "r.json")
     assert done.code == 4
     assert done.sentence()

@@ -31,4 +31,4 @@ if [ ! -x "$folder/bin/python" ] || ! new_enough "$folder/bin/python"; then
     fi
 fi
 echo "== installing the package and its tools into $folder (the first time takes a minute)"
-"$folder/bin/python" -m pip install --quiet --disable-pip-version-check --editable ".[dev]"
+"$folder/bin/python" -m pip install -qq --disable-pip-version-check --editable ".[dev]"

@@ -9,8 +9,11 @@ from swingid.identify.format import interval, number, percent, plus_minus
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, combined
 
 WIDTH = 100
-MOST_ENTRIES = 10
+MOST_ENTRIES, MOST_LAWS = 10, 6
 """Budget entries and friction laws beyond this many are counted, not listed."""
+
+NEGLIGIBLE = 0.01
+"""Share of the whole uncertainty below which an entry of the budget is not worth a line."""
 
 KNOWN_REASONS = {"stribeck_speed": "it is found by a search over trial speeds, not by the linear fit"}
 
@@ -84,20 +87,28 @@ def _rig_text(provenance: dict[str, object]) -> str | None:
 def _parameters(result: Result) -> list[str]:
     lines: list[str] = []
     unknown: list[str] = []
-    width = max((len(name) for name in result.parameters), default=0) + 1
+    values = {n: plus_minus(p.value, p.standard_uncertainty, p.unit) for n, p in result.parameters.items()}
+    names, wide = max(map(len, values), default=0) + 1, max(map(len, values.values()), default=0)
     for name, parameter in result.parameters.items():
-        text = (
-            f"    {name + ':':<{width}} {plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit)}"
-        )
+        text = f"    {name + ':':<{names}} {values[name]:<{wide}}"
         if parameter.standard_uncertainty is None:
             text += "  (uncertainty unknown)"
             unknown += _wrapped(f"{name} has no uncertainty: {why_unknown(result, name)}", "      ")
-        elif parameter.value:
-            text += f"  ({percent(parameter.standard_uncertainty / abs(parameter.value))})"
+        else:
+            text += f"  {'(' + relative(parameter) + ')':<10}"
         if parameter.interval95 is not None:
             text += f"  95 %: {interval(parameter.interval95)}"
-        lines.append(text)
+        lines.append(text.rstrip())
     return lines + unknown
+
+
+def relative(parameter: Parameter) -> str:
+    """Standard uncertainty as a share of the value; "" where it is unknown."""
+    if parameter.standard_uncertainty is None:
+        return ""
+    if parameter.standard_uncertainty > abs(parameter.value):
+        return "> 100 %"
+    return percent(parameter.standard_uncertainty / abs(parameter.value))
 
 
 def _budget(result: Result) -> list[str]:
@@ -105,15 +116,14 @@ def _budget(result: Result) -> list[str]:
     entries = sorted_budget(result.budget, "inertia")
     if inertia is None or not entries:
         return []
-    width = min(max(len(entry.source) for entry in entries[:MOST_ENTRIES]), 60)
+    shown, rest = folded(entries, MOST_ENTRIES)
+    left = f"{len(rest)} smaller ones together"
+    width = min(max(len(left), *(len(entry.source) for entry in shown)), 60)
     lines = [
-        f"    {entry.type}  {entry.source:<{width}}  {_share(entry.standard_uncertainty, inertia)}"
-        for entry in entries[:MOST_ENTRIES]
+        f"    {entry.type}  {entry.source:<{width}}  {_share(entry.standard_uncertainty, inertia)}" for entry in shown
     ]
-    if len(entries) > MOST_ENTRIES:
-        rest = combined(entries[MOST_ENTRIES:], "inertia")
-        left = f"{len(entries) - MOST_ENTRIES} smaller ones together"
-        lines.append(f"       {left:<{width}}  {_share(rest, inertia)}")
+    if rest:
+        lines.append(f"       {left:<{width}}  {_share(combined(rest, 'inertia'), inertia)}")
     totals = [(kind, [e for e in entries if e.type == kind]) for kind in ("A", "B")]
     words = {"A": "from the data", "B": "from the rig's constants"}
     text = "; ".join(
@@ -125,6 +135,13 @@ def _budget(result: Result) -> list[str]:
 def sorted_budget(budget: Iterable[BudgetEntry], parameter: str) -> list[BudgetEntry]:
     """The entries of one parameter, largest first."""
     return sorted((e for e in budget if e.parameter == parameter), key=lambda e: -e.standard_uncertainty)
+
+
+def folded(entries: list[BudgetEntry], most: int) -> tuple[list[BudgetEntry], list[BudgetEntry]]:
+    """Sorted entries of one parameter in those to list, and two or more that are too many or too small to."""
+    limit = NEGLIGIBLE * combined(entries, entries[0].parameter) if entries else 0.0
+    count = max(1, sum(entry.standard_uncertainty >= limit for entry in entries[:most]))
+    return (entries, []) if len(entries) - count < 2 else (entries[:count], entries[count:])
 
 
 def _share(uncertainty: float, parameter: Parameter) -> str:
@@ -142,11 +159,11 @@ def _friction(details: Details | None) -> list[str]:
     if len(ranked) > 1:
         lines[0] += " (lowest information criterion; differences to it:)"
         best = ranked[0][1]
-        shown = ranked[1:6]
+        shown = ranked[1:MOST_LAWS]
         width = max(len(name) for name, _ in shown)
         lines += [f"      {name:<{width}}  +{score - best:.1f}" for name, score in shown]
-        if len(ranked) > 6:
-            lines.append(f"      and {_count(len(ranked) - 6, 'law')} further off")
+        if len(ranked) > MOST_LAWS:
+            lines.append(f"      and {_count(len(ranked) - MOST_LAWS, 'law')} further off")
     return lines
 
 
@@ -158,7 +175,9 @@ def _kinds(result: Result) -> list[str]:
     lines = []
     for name, (value, uncertainty) in details.estimates.items():
         text = f"    {name:<{width}}  {plus_minus(value, uncertainty, inertia.unit)}"
-        if inertia.value:
+        if value == inertia.value:
+            text += "  (the answer)"
+        elif inertia.value:
             text += f"  ({percent(value / inertia.value - 1, sign=True)} from the answer)"
         lines.append(text)
     return lines

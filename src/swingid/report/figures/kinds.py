@@ -1,0 +1,53 @@
+"""Estimates that rest on different assumptions, side by side."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.identify.format import percent
+from swingid.identify.plot import BLUE, GREEN
+from swingid.identify.result import COVERAGE_FACTOR, Result, combined
+from swingid.report.style import new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def draw_kinds(result: Result) -> Figure | None:
+    """Inertia by kind of projection against the answer, in percent, with 95 % bars.
+
+    The band is that part of the answer's interval which comes from the data: what the rig's constants contribute is
+    common to all kinds.
+    """
+    inertia = result.parameters.get("inertia")
+    estimates = result.details.estimates if result.details else {}
+    if inertia is None or not inertia.value or len(estimates) < 2:
+        return None
+    figure, (ax,) = new_figure(0.85 + 0.32 * len(estimates))
+    own = 100 * COVERAGE_FACTOR * combined((e for e in result.budget if e.type == "A"), "inertia") / inertia.value
+    if own > 0:
+        ax.axvspan(-own, own, color=GREEN, alpha=0.22, lw=0, label="answer, 95 % from the data alone")
+    ax.axvline(0.0, color=GREEN, lw=1.6)
+    for row, (value, uncertainty) in enumerate(estimates.values()):
+        off = value / inertia.value - 1
+        bar = 100 * COVERAGE_FACTOR * uncertainty / inertia.value if np.isfinite(uncertainty) else 0.0
+        ax.errorbar(100 * off, row, xerr=bar, fmt="o", ms=5, mew=0, color=BLUE, elinewidth=1.1, capsize=2.5)
+        ax.annotate(
+            percent(off, sign=True, fine=True),
+            (1.0, row),
+            xycoords=("axes fraction", "data"),
+            xytext=(6, 0),
+            textcoords="offset points",
+            va="center",
+            size=8.5,
+        )
+    ax.set_yticks(range(len(estimates)), list(estimates))
+    ax.set_ylim(len(estimates) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel("from the answer, %")
+    if own > 0:
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    return figure

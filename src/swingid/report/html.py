@@ -1,0 +1,161 @@
+"""The report: one HTML file that needs nothing else, made from a result, its log and its rig."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swingid.errors import InputError
+from swingid.identify.format import interval, plus_minus
+from swingid.identify.result import Result
+from swingid.identify.summary import relative, segment_text, why_unknown
+from swingid.report import tables
+from swingid.report.words import DRIVES, KINDS, parameter_word
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+
+STATUS = {
+    "ok": "no known doubts",
+    "warning": "doubt this number",
+    "refused": "no number",
+}
+
+TITLES = {
+    "log": "Measured channels over time",
+    "turning_points": "Angle with its turning points",
+    "swings": "Inertia of every swing",
+    "friction": "Friction against speed",
+    "residuals": "Residuals over time",
+    "budget": "Uncertainty budget of the inertia",
+    "kinds": "Estimates by kind of projection",
+}
+
+
+def write_report(result: Result, log: Recording | None, rig: Rig | None, path: str | Path) -> Path:
+    """Write the report of `result` to `path` and return it; the same result gives the same bytes.
+
+    What there are no data for is left out; a refused result says why, `log` and `rig` may then be None.
+    Raises InputError when the file cannot be written; it appears whole or not at all.
+    """
+    target = Path(path)
+    page = render(result, log, rig)
+    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        partial.write_text(page, encoding="utf-8", newline="\n")
+        partial.replace(target)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
+    return target
+
+
+def render(result: Result, log: Recording | None, rig: Rig | None) -> str:
+    """The report as HTML text."""
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("swingid.report"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("report.html.j2").render(_context(result, log, rig))
+
+
+def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str, object]:
+    linear = _is_linear(result, rig)
+    answered = result.status != "refused"
+    laws, more_laws = tables.law_rows(result)
+    return {
+        "result": result,
+        "status_words": STATUS[result.status],
+        "title": _title(result, log),
+        "answer": _answer(result, linear=linear) if "inertia" in result.parameters else None,
+        "linear": linear,
+        "segment": segment_text(result.details, fine=True) if result.details else "",
+        "parameters": tables.parameter_rows(result, linear=linear),
+        "rig": rig if answered else None,
+        "drive": DRIVES.get(rig.drive.kind, rig.drive.kind) if rig else "",
+        "rig_rows": tables.rig_rows(rig) if rig and answered else [],
+        "sensor_rows": tables.sensor_rows(rig) if rig and answered else [],
+        "log_rows": tables.log_rows(log) if log and answered else [],
+        "laws": laws,
+        "more_laws": more_laws,
+        "law": result.details.friction.law if result.details and result.details.friction else "",
+        "kinds": [
+            (name, KINDS[name]) for name in (result.details.estimates if result.details else ()) if name in KINDS
+        ],
+        "budget": tables.budget_rows(result),
+        "extra": result.details.extra if result.details else {},
+        "figures": _figures(result, log, linear=linear) if answered else {},
+        "provenance": tables.provenance_rows(result, log),
+    }
+
+
+def _is_linear(result: Result, rig: Rig | None) -> bool:
+    if rig is not None:
+        return rig.axis.kind == "linear"
+    return "inertia" in result.parameters and result.inertia.unit == "kg"
+
+
+def _title(result: Result, log: Recording | None) -> str:
+    path = (log.source.path if log else None) or result.provenance.get("log")
+    name = Path(str(path)).name if path else "a log made in memory"
+    return f"{name}, {result.method} method"
+
+
+def _answer(result: Result, *, linear: bool) -> dict[str, str]:
+    inertia = result.inertia
+    word = parameter_word("inertia", linear=linear)
+    known = inertia.standard_uncertainty is not None
+    return {
+        "words": word.words,
+        "symbol": word.symbol,
+        "value": plus_minus(inertia.value, inertia.standard_uncertainty, inertia.unit, fine=True),
+        "interval": interval(inertia.interval95, inertia.unit, fine=True) if inertia.interval95 else "",
+        "relative": relative(inertia),
+        "unknown": "" if known else why_unknown(result, "inertia"),
+    }
+
+
+def _figures(result: Result, log: Recording | None, *, linear: bool) -> dict[str, object]:
+    """Inline SVG by name, only of what there is."""
+    from markupsafe import Markup
+
+    from swingid.report.style import house_style, to_svg
+
+    with house_style():
+        drawn = _drawn(result, log, linear=linear)
+        return {
+            name: Markup(to_svg(figure, name, TITLES[name])) for name, figure in drawn.items() if figure is not None
+        }
+
+
+def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, Figure | None]:
+    from swingid.report.figures.budget import draw_budget
+    from swingid.report.figures.friction import draw_friction
+    from swingid.report.figures.kinds import draw_kinds
+    from swingid.report.figures.log import draw_log
+    from swingid.report.figures.residuals import draw_residuals
+    from swingid.report.figures.swings import draw_swings
+    from swingid.report.figures.turning_points import draw_turning_points
+
+    details = result.details
+    drawn: dict[str, Figure | None] = {"budget": draw_budget(result), "swings": draw_swings(result)}
+    drawn["kinds"] = draw_kinds(result)
+    if log is not None:
+        start, stop = (details.start, details.stop) if details else (None, None)
+        drawn["log"] = draw_log(log, start, stop, linear=linear)
+    if details is not None:
+        drawn["residuals"] = draw_residuals(details, linear=linear)
+        if log is not None:
+            drawn["turning_points"] = draw_turning_points(log, details, linear=linear)
+        if details.friction is not None:
+            drawn["friction"] = draw_friction(details.friction, linear=linear)
+    return drawn

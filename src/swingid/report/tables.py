@@ -1,0 +1,173 @@
+"""The tables of the report as rows of text; the template lays them out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from swingid.identify.format import interval, number, percent, plus_minus
+from swingid.identify.result import Result
+from swingid.identify.summary import relative, sorted_budget, why_unknown
+from swingid.report.words import NOT_USED, RIG, SENSORS, Word, parameter_word
+from swingid.units import Quantity
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+
+LONGEST = 160
+"""Characters of a provenance or metadata value beyond which only its size is told."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of a table: what, its name in files, its value, how sure, and a remark."""
+
+    words: str
+    key: str
+    value: str
+    spread: str = ""
+    remark: str = ""
+
+
+def parameter_rows(result: Result, *, linear: bool) -> list[Row]:
+    """Identified parameters with relative uncertainty and 95 % interval."""
+    rows = []
+    for name, parameter in result.parameters.items():
+        word = parameter_word(name, linear=linear)
+        known = parameter.standard_uncertainty is not None
+        rows.append(
+            Row(
+                words=f"{word.words} {word.symbol}".strip(),
+                key=name,
+                value=plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit, fine=True),
+                spread=relative(parameter),
+                remark=interval(parameter.interval95, fine=True)
+                if parameter.interval95
+                else ("" if known else f"uncertainty unknown: {why_unknown(result, name)}"),
+            )
+        )
+    return rows
+
+
+def rig_rows(rig: Rig) -> list[Row]:
+    """Every constant that the rig states, in the order of rig.toml."""
+    linear = rig.axis.kind == "linear"
+    rows = []
+    for key, value in _constants(rig):
+        word = RIG.get(key, Word(key.rpartition(".")[2].replace("_", " ")))
+        unit = word.unit_on(linear=linear)
+        words = f"{word.words} {word.symbol}".strip()
+        unused = "not used" if key.startswith(NOT_USED) else ""
+        if isinstance(value, Quantity):
+            spread = "" if value.std is None or not value.value else percent(value.std / abs(value.value))
+            exact = "" if value.std else "counts as exact"
+            rows.append(Row(words, key, plus_minus(value.value, value.std, unit, fine=True), spread, unused or exact))
+        elif value == "unknown":
+            rows.append(Row(words, key, "unknown", remark="identified with the inertia"))
+        else:
+            exact = "" if key.endswith("_limit") else "counts as exact"
+            rows.append(Row(words, key, _plain_constant(value, unit), remark=unused or exact))
+    return rows
+
+
+def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
+    """Dotted key and value of all quantities under [axis] and [drive] that rig.toml sets, and of the torque's gain."""
+    for section in ("axis", "drive"):
+        yield from _leaves(getattr(rig, section), section)
+    gain = getattr(rig.log, "torque_gain", None)
+    if rig.drive.kind == "direct" and isinstance(gain, Quantity):
+        yield "log.torque_gain", gain
+
+
+def _leaves(model: object, path: str) -> Iterator[tuple[str, object]]:
+    stated: set[str] = getattr(model, "model_fields_set", set())
+    for name in type(model).model_fields:  # type: ignore[attr-defined]
+        value = getattr(model, name)
+        if value is None or name == "kind":
+            continue
+        if hasattr(value, "model_fields_set"):
+            yield from _leaves(value, f"{path}.{name}")
+        elif name in stated or name == "gravity_torque":
+            yield f"{path}.{name}", value
+
+
+def _plain_constant(value: object, unit: str) -> str:
+    if isinstance(value, tuple):
+        return " … ".join(number(float(edge), unit, 6, fine=True) for edge in value)
+    if isinstance(value, int | float):
+        return number(float(value), unit, 6, fine=True)
+    return str(value)
+
+
+def sensor_rows(rig: Rig) -> list[Row]:
+    """What the rig says of its sensors, angle and wheel; what is zero is left out."""
+    linear = rig.axis.kind == "linear"
+    channels = {"position" if linear else "angle": rig.sensors.of("angle")}
+    if rig.drive.kind == "reaction-wheel":
+        channels["wheel angle"] = rig.sensors.of("wheel")
+    rows = []
+    for name, word in SENSORS.items():
+        texts: dict[str, list[str]] = {}
+        for called, sensor in channels.items():
+            text = _sensor_text(getattr(sensor, name), word.unit_on(linear=linear))
+            if text:
+                texts.setdefault(text, []).append(called)
+        rows += [Row(f"{word.words}, {' and '.join(called)}", name, text) for text, called in texts.items()]
+    return rows
+
+
+def _sensor_text(value: object, unit: str) -> str:
+    if isinstance(value, Quantity):
+        return plus_minus(value.value, value.std, unit, fine=True) if value.value or value.std else ""
+    return number(float(value), unit, 3, fine=True) if isinstance(value, int | float) and value else ""
+
+
+def log_rows(log: Recording) -> list[Row]:
+    """Size and rate of the log."""
+    rows = [Row("file", "", log.source.path or "made in memory"), Row("rows", "", f"{len(log):,}".replace(",", " "))]
+    if len(log) > 1:
+        span = f"{log.time[0]:.4g} s to {log.time[-1]:.4g} s"
+        rows.append(Row("time", "", f"{span}, {number(log.rate, '', 4)} rows per second"))
+    if log.voltage is not None or log.torque is not None:
+        held = "held from each row to the next" if log.drive_held else "measured at each row"
+        rows.append(Row("voltage" if log.voltage is not None else "drive", "", held))
+    return rows
+
+
+def law_rows(result: Result, most: int = 8) -> tuple[list[tuple[str, str]], int]:
+    """Friction laws tried, best first, with the distance of their criterion; and how many are left out."""
+    curve = result.details.friction if result.details else None
+    ranked = sorted(curve.candidates.items(), key=lambda item: item[1]) if curve else []
+    rows = [(name, f"+{score - ranked[0][1]:.1f}" if k else "0") for k, (name, score) in enumerate(ranked[:most])]
+    return rows, max(0, len(ranked) - most)
+
+
+def budget_rows(result: Result) -> list[Row]:
+    """The whole budget: every source of every parameter, as in the JSON file."""
+    rows = []
+    for name, parameter in result.parameters.items():
+        for entry in sorted_budget(result.budget, name):
+            share = entry.standard_uncertainty / abs(parameter.value) if parameter.value else float("nan")
+            text = number(entry.standard_uncertainty, parameter.unit, 2, fine=True)
+            rows.append(Row(name, entry.type, entry.source, text, percent(share)))
+    return rows
+
+
+def provenance_rows(result: Result, log: Recording | None) -> list[Row]:
+    """Files, hashes, versions, options, and what the log says of its making."""
+    flat = dict(_flat(result.provenance))
+    if log is not None:
+        flat |= {f"log.{key}": value for key, value in _flat(log.metadata)}
+    return [Row(key.replace("_", " "), "", value) for key, value in flat.items()]
+
+
+def _flat(data: object, path: str = "") -> Iterator[tuple[str, str]]:
+    """Nested data as dotted keys and short texts; empty values are left out."""
+    if isinstance(data, dict):
+        for key, value in data.items():
+            yield from _flat(value, f"{path}.{key}" if path else str(key))
+    elif data not in (None, "", [], ()):
+        text = " ".join(str(data).split())
+        yield path, text if len(text) <= LONGEST else f"{text[:60]}… ({len(text)} characters)"

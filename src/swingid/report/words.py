@@ -1,0 +1,88 @@
+"""What names stand for, in words: identified parameters, constants of a rig, their symbols and units."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Word:
+    """A quantity in words, its symbol in the paper, its SI unit on a rotary and on a linear axis."""
+
+    words: str
+    symbol: str = ""
+    unit: str = ""
+    linear: str | None = None
+
+    def unit_on(self, *, linear: bool) -> str:
+        """Unit on this kind of axis."""
+        return self.linear if linear and self.linear is not None else self.unit
+
+
+FRICTION = {
+    "viscous": Word("viscous friction", "f₁N", "N m s", "N s/m"),
+    "coulomb": Word("Coulomb friction", "", "N m", "N"),
+    "static": Word("static friction (brink of motion)", "", "N m", "N"),
+    "stribeck_speed": Word("Stribeck speed", "", "rad/s", "m/s"),
+    "quadratic": Word("quadratic friction", "", "N m s^2", "N s^2/m^2"),
+    "cubic": Word("cubic friction", "", "N m s^3", "N s^3/m^3"),
+    "viscous_positive": Word("viscous friction, moving up", "", "N m s", "N s/m"),
+    "viscous_negative": Word("viscous friction, moving down", "", "N m s", "N s/m"),
+    "coulomb_positive": Word("Coulomb friction, moving up", "", "N m", "N"),
+    "coulomb_negative": Word("Coulomb friction, moving down", "", "N m", "N"),
+    "offset": Word("constant torque", "", "N m", "N"),
+    "lugre.bristle_stiffness": Word("LuGre bristle stiffness", "σ₀", "N m/rad", "N/m"),
+    "lugre.bristle_damping": Word("LuGre bristle damping", "σ₁", "N m s", "N s/m"),
+}
+
+RIG = {
+    "axis.gravity_torque": Word("gravity torque", "b", "N m", "N"),
+    "axis.inertia": Word("inertia, as stated", "J₁", "kg m^2", "kg"),
+    **{f"axis.friction.{name}": word for name, word in FRICTION.items()},
+    "drive.wheel.inertia": Word("wheel inertia", "J₂", "kg m^2"),
+    "drive.motor.rotor_inertia": Word("rotor inertia", "Jr", "kg m^2"),
+    "drive.motor.gear_ratio": Word("rotor turns per wheel turn", "N"),
+    "drive.motor.torque_per_volt": Word("motor torque per volt", "c₁", "N m/V"),
+    "drive.motor.back_emf": Word("motor torque lost per wheel speed", "c₂", "N m s"),
+    "drive.motor.viscous": Word("viscous friction of motor and gear", "f₂", "N m s"),
+    "drive.motor.coulomb": Word("Coulomb friction of motor and gear", "f₃", "N m"),
+    "drive.motor.efficiency": Word("efficiency", "η"),
+    "drive.motor.dead_zone": Word("dead zone of the motor torque", "d₂ … d₁", "N m"),
+    "drive.motor.voltage_limit": Word("voltage limit", "", "V"),
+    "log.torque_gain": Word("gain of the logged torque"),
+}
+
+NOT_USED = ("axis.inertia", "axis.friction.")
+"""Keys that identification never reads: they are what it seeks."""
+
+SENSORS = {
+    "resolution": Word("resolution", "", "rad", "m"),
+    "nonlinearity": Word("nonlinearity, once per turn", "", "rad", "m"),
+    "noise": Word("white noise", "", "rad", "m"),
+    "latency": Word("latency", "", "s"),
+    "jitter": Word("jitter of the stamps", "", "s"),
+    "dropouts": Word("share of rows dropped"),
+}
+
+KINDS = {
+    "law": "windows all over the motion, friction fitted beside the inertia",
+    "swing": "each window inside one swing, away from the turning points",
+    "even": "windows about the turning points, where friction that is odd in speed vanishes without any law",
+}
+
+DRIVES = {
+    "reaction-wheel": "reaction wheel",
+    "direct": "direct drive (torque or force known)",
+    "none": "none (free decay)",
+}
+
+
+def parameter_word(name: str, *, linear: bool) -> Word:
+    """An identified parameter in words; an unknown name stands for itself."""
+    if name == "inertia":
+        return Word("moving mass", "M") if linear else Word("moment of inertia", "J₁")
+    if name == "gravity_torque":
+        return Word("gravity torque", "b")
+    if name == "offset" and linear:
+        return Word("constant force")
+    return FRICTION.get(name, Word(name.replace("_", " ")))

@@ -25,7 +25,7 @@ stribeck_speed = 0.3
 quadratic = 2.0e-4
 """
 
-console = Console(highlight=False)
+console = Console(highlight=False, soft_wrap=True)
 
 
 def twin() -> sw.Rig:

@@ -21,10 +21,18 @@ export PATH="$place/env/bin:$PATH"
 mkdir "$place/work"
 cd "$place/work"
 swingid init lab
-swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 25 --rate 1000 --out run.parquet
+swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 25 --rate 1000 --out run.parquet \
+    2> simulate.err
 start=$(date +%s)
-swingid identify run.parquet --rig paper --json result.json --report report.html
-echo "first identify, with compilation: $(($(date +%s) - start)) s"
+swingid identify run.parquet --rig paper --json result.json --report report.html > summary.txt 2> identify.err
+echo "first identify, with compilation and report: $(($(date +%s) - start)) s"
+swingid identify run.parquet --rig paper --json - > again.json 2> again.err
+grep -q "compiling kernels" simulate.err
+grep -q "compiling kernels" identify.err
+if grep "compiling kernels" again.err; then
+    echo "the second identify compiles again" >&2
+    exit 1
+fi
 python - "$checkout" << 'END'
 import json
 import pathlib
@@ -40,6 +48,7 @@ assert result["status"] in ("ok", "warning"), result
 assert abs(inertia["value"] / 302.2e-5 - 1) < 2e-4, inertia
 assert inertia["standard_uncertainty"] > 0, inertia
 swingid.Rig.load("lab/rig.toml")
+assert json.loads(pathlib.Path("again.json").read_text(encoding="utf-8"))["parameters"] == result["parameters"]
 assert pathlib.Path("report.html").stat().st_size > 10_000
 print(f"the wheel {home.parent.name} {swingid.__version__} finds {inertia['value']:.6g} kg m^2 of 0.003022")
 END

@@ -1,0 +1,70 @@
+"""The paper's rig with perfect sensors and one friction law or another, for tests of model and twin."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from motion_by_events import Body
+from swingid.control.compensator import Compensator
+from swingid.model.rig import Rig
+
+LAWS = {
+    "viscous": {"viscous": 1.144e-3},
+    "coulomb": {"viscous": 5e-4, "coulomb": 3e-3},
+    "stribeck": {"viscous": 5e-4, "coulomb": 3e-3, "static": 5e-3, "stribeck_speed": 0.05},
+    "quadratic": {"viscous": 2e-4, "quadratic": 3e-4},
+    "cubic": {"viscous": 2e-4, "cubic": 5e-5},
+    "lugre": {"viscous": 5e-4, "coulomb": 3e-3, "lugre": {"bristle_stiffness": 3.0, "bristle_damping": 1e-3}},
+    "sticking": {"viscous": 5e-4, "coulomb": 25e-3, "static": 30e-3, "stribeck_speed": 0.1},
+}
+
+PERFECT = {"sensors.counts_per_turn": None}
+
+
+def paper_rig(law="viscous", **changes):
+    """The built-in rig with the friction law's constants, perfect sensors, and dotted `changes`."""
+    friction = {"axis.friction.viscous": None} | {f"axis.friction.{k}": v for k, v in LAWS[law].items()}
+    return Rig.builtin("paper").changed({**PERFECT, **friction, **changes})
+
+
+def warm_compensator(rig, k_tilde=12.0, **changes):
+    """The gains of the experiment with k tilde already grown, so that motion begins at once."""
+    return replace(Compensator.paper(rig), k_tilde0=k_tilde, **changes)
+
+
+def sine(amplitude, omega):
+    return lambda t: amplitude * np.sin(omega * np.asarray(t))
+
+
+def body_of(rig):
+    """The constants of a rig for `motion_by_events`."""
+    friction = rig.axis.friction
+    names = ("viscous", "coulomb", "static", "quadratic", "cubic")
+    constants = {n: getattr(friction, n).value for n in names if getattr(friction, n) is not None}
+    if friction.stribeck_speed is not None:
+        constants["vs"] = friction.stribeck_speed.value
+    if friction.lugre is not None:
+        constants["sigma0"] = friction.lugre.bristle_stiffness.value
+        constants["sigma1"] = friction.lugre.bristle_damping.value
+    j1, b = rig.axis.inertia.value, rig.axis.gravity_torque.value
+    if rig.drive.kind != "reaction-wheel":
+        return Body(a11=j1, b=b, wheel=False, direct=rig.drive.kind == "direct", **constants)
+    motor, j2 = rig.drive.motor, rig.drive.wheel.inertia.value
+    jr, n = motor.rotor_inertia.value, motor.gear_ratio.value
+    return Body(
+        a11=j1 + j2 + jr,
+        a12=j2 + n * jr,
+        a22=j2 + n**2 * jr,
+        b=b,
+        gear=n,
+        c1=motor.torque_per_volt.value,
+        c2=motor.back_emf.value,
+        eta=motor.efficiency.value,
+        d2=motor.dead_zone[0],
+        d1=motor.dead_zone[1],
+        f2=motor.viscous.value,
+        f3=motor.coulomb.value,
+        **constants,
+    )

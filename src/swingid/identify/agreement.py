@@ -10,7 +10,7 @@ import numpy as np
 
 from swingid.identify.windows import WindowFit
 
-SEEN = 2.0
+SEEN = 3.0
 """Standard deviations of a difference beyond which it counts."""
 
 COMPARABLE = 5.0

@@ -7,12 +7,12 @@ F = Σ F_j Λ_j is the curve, and any law f is the column ``hats @ f(speeds)``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.balance import Signals
+from swingid.identify.balance import Rows, Signals
 from swingid.identify.result import FrictionCurve
 from swingid.identify.windows import LAG, WindowFit
 from swingid.numerics.regression import LinearFit, fit_linear
@@ -25,6 +25,7 @@ TERMS: dict[str, Law] = {
     "coulomb": np.sign,
     "viscous": lambda v: v,
     "quadratic": lambda v: v * np.abs(v),
+    "cubic": lambda v: v**3,
     "offset": np.ones_like,
     "viscous_even": np.abs,
 }
@@ -33,9 +34,13 @@ LAWS: dict[str, tuple[str, ...]] = {
     "viscous": ("viscous",),
     "coulomb + viscous": ("coulomb", "viscous"),
     "coulomb + quadratic": ("coulomb", "quadratic"),
+    "viscous + quadratic": ("viscous", "quadratic"),
+    "viscous + cubic": ("viscous", "cubic"),
     "coulomb + viscous + quadratic": ("coulomb", "viscous", "quadratic"),
     "stribeck": ("coulomb", "viscous", "stribeck"),
+    "stribeck + quadratic": ("coulomb", "viscous", "stribeck", "quadratic"),
 }
+"""Odd laws tried. One whose coefficients come out negative beyond their uncertainty is no law of friction."""
 
 DIRECTIONS: dict[str, tuple[str, ...]] = {
     "": (),
@@ -49,16 +54,16 @@ FINE_KNOTS = 24
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """The chosen law: its name, coefficients of the terms and their covariance, and their slope with a11."""
+    """The chosen law: terms with their coefficients, covariance and influence of the rows, Stribeck speed, curve."""
 
     name: str
     terms: tuple[str, ...]
     values: Array
     covariance: Array
-    slope: Array
+    influence: Array
+    rows: Rows
     stribeck_speed: float
     curve: FrictionCurve
-    influence: Array
 
     def torque(self, speeds: Array) -> Array:
         """Friction torque of the law at `speeds`."""
@@ -73,35 +78,45 @@ def _term(name: str, speeds: Array, stribeck_speed: float) -> Array:
     return TERMS[name](speeds)
 
 
-def fit_friction(signals: Signals, law: WindowFit, target: Array) -> FrictionLaw:
+def fit_friction(signals: Signals, rows: WindowFit, inertia: WindowFit, target: Array) -> FrictionLaw:
     """Best law by the Bayesian information criterion, and the curve.
 
-    law: the fit whose rows are used; target: what the rows leave for friction, known side − a11 ∫φ'' q1
-    (− b ∫φ sin q1), shape (rows,).
+    rows: the fit whose windows are used; inertia: the fit that gave a11; target: what the rows leave for friction,
+    known side − a11 ∫φ'' q1 (− b ∫φ sin q1), shape (rows,).
     """
     fastest = float(np.quantile(np.abs(signals.speed), 0.999))
     speeds = _knots(fastest, FINE_KNOTS)
-    windows = law.rows.windows
+    windows = rows.rows.windows
     hats = project_hats(signals.nodes, signals.speed, speeds, windows.centres, windows.half)
-    memory = law.rows.friction["memory"] * law.value("memory")
-    target = target - memory
+    target = target - rows.rows.friction["memory"] * inertia.value("memory")
     scores: dict[str, float] = {}
     fits: dict[str, tuple[LinearFit, tuple[str, ...], float]] = {}
+    independent = len(target) / (LAG / 2)
     for name, odd in LAWS.items():
         for direction, even in DIRECTIONS.items():
             terms = odd + even
             fit, stribeck_speed = _fit_terms(hats, speeds, target, terms, fastest)
-            independent = len(target) / (LAG / 2)
+            if not _dissipates(fit, terms):
+                continue
             count = len(terms) + ("stribeck" in terms)
             power = float(fit.residuals @ fit.residuals) / len(target)
-            scores[name + direction] = independent * np.log(max(power, 1e-300)) + count * np.log(independent)
+            scores[name + direction] = float(independent * np.log(max(power, 1e-300)) + count * np.log(independent))
             fits[name + direction] = (fit, terms, stribeck_speed)
+    if not fits:
+        fits["viscous"] = (*_fit_terms(hats, speeds, target, ("viscous",), fastest)[:1], ("viscous",), 1.0)
+        scores["viscous"] = 0.0
     best = min(scores, key=lambda name: scores[name])
     fit, terms, stribeck_speed = fits[best]
-    covariance, slope = fit.covariance(LAG), -(fit.influence @ law.rows.inertia)
-    shell = FrictionLaw(best, terms, fit.values, covariance, slope, stribeck_speed, _EMPTY, fit.influence)
-    curve = _curve(hats, speeds, target, law, fastest, shell, {k: v - scores[best] for k, v in scores.items()})
-    return FrictionLaw(best, terms, fit.values, covariance, slope, stribeck_speed, curve, fit.influence)
+    law = FrictionLaw(best, terms, fit.values, fit.covariance(LAG), fit.influence, rows.rows, stribeck_speed, _EMPTY)
+    above = {name: score - scores[best] for name, score in scores.items()}
+    return replace(law, curve=_curve(hats, speeds, target, law, inertia, fastest, above))
+
+
+def _dissipates(fit: LinearFit, terms: tuple[str, ...]) -> bool:
+    """Whether the coefficients of the odd terms are not negative beyond two standard uncertainties."""
+    spread = np.sqrt(np.diag(fit.covariance(LAG)))
+    odd = [k for k, term in enumerate(terms) if term not in ("offset", "viscous_even")]
+    return bool(np.all(fit.values[odd] > -2 * spread[odd]))
 
 
 _EMPTY = FrictionCurve(np.empty(0), np.empty(0), np.empty(0), "", np.empty(0))
@@ -118,29 +133,31 @@ def _fit_terms(
     hats: Array, speeds: Array, target: Array, terms: tuple[str, ...], fastest: float
 ) -> tuple[LinearFit, float]:
     """Least squares of the terms; the Stribeck speed by search over a grid."""
-    trials = fastest * np.geomspace(0.02, 0.5, 12) if "stribeck" in terms else np.array([1.0])
-    best: tuple[LinearFit, float] | None = None
-    for trial in trials:
-        columns = hats @ np.column_stack([_term(term, speeds, trial) for term in terms])
-        fit = fit_linear(columns, target)
-        if best is None or fit.residuals @ fit.residuals < best[0].residuals @ best[0].residuals:
-            best = fit, float(trial)
-    assert best is not None
-    return best
+
+    def columns(stribeck_speed: float) -> Array:
+        result: Array = hats @ np.column_stack([_term(term, speeds, stribeck_speed) for term in terms])
+        return result
+
+    best = 1.0
+    if "stribeck" in terms:
+        trials = fastest * np.geomspace(0.01, 0.3, 12)
+        lost = [np.linalg.lstsq(columns(trial), target, rcond=None)[1].sum() for trial in trials]
+        best = float(trials[int(np.argmin(lost))])
+    return fit_linear(columns(best), target), best
 
 
 def _curve(
     hats: Array,
     speeds: Array,
     target: Array,
-    law: WindowFit,
+    law: FrictionLaw,
+    inertia: WindowFit,
     fastest: float,
-    shell: FrictionLaw,
     scores: dict[str, float],
 ) -> FrictionCurve:
     """The curve on a coarse grid of speeds, with uncertainties that include that of the inertia."""
     coarse = _knots(fastest, CURVE_KNOTS)
     blend = np.array([np.interp(speeds, coarse, unit) for unit in np.eye(len(coarse))]).T
     fit = fit_linear(hats @ blend, target, smallest=1e-4)
-    spread = np.sqrt(np.diag(fit.covariance(LAG)) + (fit.influence @ law.rows.inertia * law.u) ** 2)
-    return FrictionCurve(coarse, fit.values, spread, shell.name, shell.torque(coarse), scores)
+    spread = np.sqrt(np.diag(fit.covariance(LAG)) + (fit.influence @ law.rows.inertia * inertia.u) ** 2)
+    return FrictionCurve(coarse, fit.values, spread, law.name, law.torque(coarse), scores)

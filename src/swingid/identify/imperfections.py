@@ -12,9 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.balance import Signals
-from swingid.identify.scale import Scale
-from swingid.identify.windows import WindowFit
+from swingid.identify.balance import Rows, Signals
 from swingid.model.rig import Rig
 from swingid.numerics.test_functions import project
 from swingid.units import Quantity
@@ -36,55 +34,44 @@ class Imperfection:
     shared_id: str | None
 
 
-def imperfections(rig: Rig, scale: Scale, signals: Signals, law: WindowFit) -> list[Imperfection]:
-    """All uncertainties that the rig declares and that this balance feels."""
-    found = [
-        *_constants(rig, scale, law),
-        *_encoders(rig, scale, signals, law),
-        *_latencies(rig, scale, signals, law),
-    ]
+def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> list[Imperfection]:
+    """All uncertainties that the rig declares and that these rows feel, always in the same order.
+
+    a11, b: inertia of the axis and gravity torque, as known or as identified.
+    """
+    found = [*_constants(rig, rows), *_encoders(rig, signals, rows, a11, b), *_latencies(rig, signals, rows, a11, b)]
     return [item for item in found if item.std > 0]
 
 
-def _constants(rig: Rig, scale: Scale, law: WindowFit) -> Iterator[Imperfection]:
-    rows, zero = law.rows, np.zeros(len(law.rows.windows))
-
+def _constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
     def known(key: str, quantity: Quantity, effect: Array, direct: float) -> Imperfection:
         return Imperfection(key, quantity.std or 0.0, effect, direct, key)
 
-    if scale.drive == "reaction-wheel":
-        assert rig.drive.wheel is not None
+    if rig.drive.wheel is not None:
         yield known("drive.wheel.inertia", rig.drive.wheel.inertia, -rows.wheel, -1.0)
         motor = rig.drive.motor
         if motor is not None:
             gear, rotor = motor.gear_ratio, motor.rotor_inertia
             yield known("drive.motor.rotor_inertia", rotor, -gear.value * rows.wheel, -1.0)
             yield known("drive.motor.gear_ratio", gear, -rotor.value * rows.wheel, 0.0)
-    if scale.drive == "direct":
+    if rig.drive.kind == "direct":
         gain = rig.log.torque_gain
-        if isinstance(gain, Quantity):
-            yield known("log.torque_gain", gain, rows.torque / gain.value if gain.value else zero, 0.0)
+        yield known("log.torque_gain", gain, rows.torque / gain.value, 0.0)
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str):
         yield known("axis.gravity_torque", gravity, -rows.gravity, 0.0)
 
 
-def gravity_torque(scale: Scale, law: WindowFit) -> float:
-    """b: as declared, or as fitted."""
-    return law.value("gravity_torque") if scale.b is None else scale.b
-
-
-def _encoders(rig: Rig, scale: Scale, signals: Signals, law: WindowFit) -> Iterator[Imperfection]:
+def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
     """Once-per-turn nonlinearity, measured = q + α cos q + β sin q, on each encoder."""
-    windows = law.rows.windows
+    windows = rows.windows
     std = rig.sensors.of("angle").nonlinearity
-    if std > 0 and not scale.linear:
+    if std > 0 and not signals.linear:
         cosine, sine = np.cos(signals.angle), signals.sine
         columns = [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0)]
         part = project(signals.nodes, columns, windows.centres, windows.half)
-        b = gravity_torque(scale, law)
         for name, k in (("cosine", 0), ("sine", 2)):
-            effect = -(law.a11 * part[:, k] + b * part[:, k + 1])
+            effect = -(a11 * part[:, k] + b * part[:, k + 1])
             yield Imperfection(f"angle encoder nonlinearity ({name})", std, effect, 0.0, f"sensors.nonlinearity.{name}")
     wheel = rig.sensors.of("wheel").nonlinearity
     if wheel > 0 and signals.wheel is not None:
@@ -95,23 +82,22 @@ def _encoders(rig: Rig, scale: Scale, signals: Signals, law: WindowFit) -> Itera
             windows.half,
         )
         for name, k in (("cosine", 0), ("sine", 1)):
-            effect = -scale.a12 * part[:, k]
+            effect = -rig.drive.a12 * part[:, k]
             shared = f"sensors.wheel.nonlinearity.{name}"
             yield Imperfection(f"wheel encoder nonlinearity ({name})", wheel, effect, 0.0, shared)
 
 
-def _latencies(rig: Rig, scale: Scale, signals: Signals, law: WindowFit) -> Iterator[Imperfection]:
+def _latencies(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
     """A channel read δ later than its stamp shows q + q' δ."""
-    windows = law.rows.windows
+    windows = rows.windows
     std = rig.sensors.of("angle").latency.std or 0.0
     if std > 0:
         columns = [(signals.speed, 2), (signals.speed * np.cos(signals.angle), 0)]
         part = project(signals.nodes, columns, windows.centres, windows.half)
-        b = gravity_torque(scale, law)
-        effect = -(law.a11 * part[:, 0] + b * part[:, 1])
+        effect = -(a11 * part[:, 0] + b * part[:, 1])
         yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")
     wheel = rig.sensors.of("wheel").latency.std or 0.0
     if wheel > 0 and signals.wheel_values is not None:
         rate = signals.nodes.spline(signals.wheel_values, derivative=1)
         part = project(signals.nodes, [(rate, 2)], windows.centres, windows.half)
-        yield Imperfection("wheel latency", wheel, -scale.a12 * part[:, 0], 0.0, "sensors.wheel.latency")
+        yield Imperfection("wheel latency", wheel, -rig.drive.a12 * part[:, 0], 0.0, "sensors.wheel.latency")

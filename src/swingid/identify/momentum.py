@@ -16,8 +16,8 @@ from swingid.identify.agreement import drift_with_length, unexplained
 from swingid.identify.balance import Signals, rows_of
 from swingid.identify.checks import check_answer, check_motor, check_sign
 from swingid.identify.friction import FrictionLaw, fit_friction
-from swingid.identify.imperfections import Imperfection, imperfections
-from swingid.identify.motion import Motion, find_motion, sample_noise
+from swingid.identify.imperfections import imperfections
+from swingid.identify.motion import Motion, find_motion, grid_step, sample_noise
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.parameters import friction_parameters, friction_units
 from swingid.identify.provenance import exact_constants, provenance
@@ -31,6 +31,7 @@ from swingid.identify.windows import (
     choose_law,
     even_windows,
     fit_rows,
+    grid_spread,
     known_side,
     swing_windows,
 )
@@ -38,6 +39,10 @@ from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
+
+
+SHARPER = 3.0
+"""Friction is read off the shortest windows whose inertia is uncertain by no more than this factor above the best."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +54,7 @@ class _Estimate:
     swing: WindowFit | None
     even: WindowFit | None
     friction: FrictionLaw
+    grid: float
 
 
 def momentum(log: Recording, rig: Rig) -> Result:
@@ -69,11 +75,10 @@ def momentum(log: Recording, rig: Rig) -> Result:
     signals = Signals.of(used, rig, motion)
     estimate = _estimate(signals, scale, noise)
     check_sign(estimate.law, scale, log.source.path or "the log")
-    perturbations = imperfections(rig, scale, signals, estimate.law)
-    budget, parameters = _answer(estimate, perturbations, scale)
+    budget, parameters = _answer(estimate, rig, signals, scale)
     amplitude = float(np.max(np.abs(motion.turning_angles)))
     warnings, notes = check_answer(parameters, budget, estimate.law, scale, amplitude)
-    balance = motor_balance(used, rig, signals, estimate.law.rows.windows)
+    balance = motor_balance(used, rig, signals, estimate.law.rows.windows, noise)
     motor_warnings, motor_notes = check_motor(balance, signals)
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
     notes = [segment_note, *exact_constants(_exact(rig)), *notes, *motor_notes]
@@ -93,60 +98,77 @@ def momentum(log: Recording, rig: Rig) -> Result:
 
 
 def _noise(log: Recording, rig: Rig) -> Noise:
-    """Noise of the channels: what the rig declares or what the samples show, whichever is more."""
+    """Noise and grid of the channels: what the rig declares or what the samples show, whichever is more."""
     levels = []
-    for name, values in (("angle", log.angle), ("wheel", log.wheel_angle)):
-        sensor = rig.sensors.of(name)
-        declared = np.hypot(sensor.noise, sensor.resolution / np.sqrt(12))
-        levels.append(max(float(declared), 0.0 if values is None else sample_noise(values)))
-    return Noise(levels[0], levels[1], 1 / log.rate)
+    grid = max(rig.sensors.of("angle").resolution, grid_step(log.angle))
+    for sensor, values in ((rig.sensors.of("angle"), log.angle), (rig.sensors.of("wheel"), log.wheel_angle)):
+        declared = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)))
+        seen = 0.0 if values is None else max(sample_noise(values), grid_step(values) / np.sqrt(12))
+        levels.append(max(declared, seen))
+    return Noise(levels[0], levels[1], 1 / log.rate, grid)
 
 
 def _estimate(signals: Signals, scale: Scale, noise: Noise) -> _Estimate:
     law, tried = choose_law(signals, scale, noise)
     swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
     even = fit_rows(rows_of(signals, even_windows(signals, signals.motion.half_period / 2)), scale, noise, ("offset",))
-    left = known_side(law.rows, scale) - law.a11 * law.rows.inertia - law.value("gravity_torque") * law.rows.gravity
-    friction = fit_friction(signals, law, left)
+    sharp = min((fit for fit in tried.values() if fit.u < SHARPER * law.u), key=lambda fit: fit.half)
+    rows = sharp.rows
+    left = known_side(rows, scale) - law.a11 * rows.inertia - law.value("gravity_torque") * rows.gravity
+    friction = fit_friction(signals, sharp, law, left)
     if even is not None:
-        even = _with_asymmetry(even, law)
-    return _Estimate(law, tried, swing, even, friction)
+        even = _with(even, _asymmetry(even, law), grid_spread(signals, even, noise, "inertia"))
+    if swing is not None:
+        swing = _with(swing, grid_spread(signals, swing, noise, "inertia"))
+    return _Estimate(law, tried, swing, even, friction, grid_spread(signals, law, noise, "inertia"))
 
 
-def _with_asymmetry(even: WindowFit, law: WindowFit) -> WindowFit:
-    """The even fit with the bias that imperfect symmetry lets friction cause, bounded by the fitted friction."""
+def _asymmetry(even: WindowFit, law: WindowFit) -> float:
+    """Bias of the even fit that friction causes because the real motion is not quite symmetric, from the fitted law."""
     torque = sum(law.value(name) * even.rows.friction[name] for name in ("coulomb", "viscous", "quadratic", "memory"))
-    covariance = even.covariance.copy()
-    covariance[0, 0] += float(even.fit.influence[0] @ torque) ** 2
-    return replace(even, covariance=covariance)
+    return float(even.fit.influence[0] @ torque)
+
+
+def _with(fit: WindowFit, *more: float) -> WindowFit:
+    """The fit with more standard uncertainties of a11 added."""
+    covariance = fit.covariance.copy()
+    covariance[0, 0] += sum(extra**2 for extra in more)
+    return replace(fit, covariance=covariance)
 
 
 def _answer(
-    estimate: _Estimate, perturbations: list[Imperfection], scale: Scale
+    estimate: _Estimate, rig: Rig, signals: Signals, scale: Scale
 ) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
-    """Parameters with their budgets."""
+    """Parameters with their budgets: type A first, then every declared imperfection through the two linear fits."""
     law, friction = estimate.law, estimate.friction
-    budget: list[BudgetEntry] = []
+    solved = {"inertia": law.fit.influence[0]}
     values = {"inertia": (law.a11 - scale.carried, scale.unit)}
-    budget += _type_a(estimate)
-    influences = {"inertia": law.fit.influence[0]}
+    budget = _type_a(estimate)
     if scale.b is None:
+        solved["gravity_torque"] = law.fit.influence[1]
         values["gravity_torque"] = law.value("gravity_torque"), scale.torque_unit
-        influences["gravity_torque"] = law.fit.influence[1]
         budget.append(_scatter("gravity_torque", law.uncertainty("gravity_torque")))
-    units = friction_units(scale.linear)
-    for name, weights in friction_parameters(friction).items():
-        values[name] = float(weights @ friction.values), units[name]
-        influences[name] = weights @ (
-            friction.influence - np.outer(friction.influence @ law.rows.inertia, law.fit.influence[0])
-        )
-        spread = np.hypot(np.sqrt(weights @ friction.covariance @ weights), (weights @ friction.slope) * law.u)
-        budget.append(_scatter(name, float(spread)))
-    for item in perturbations:
-        for name, influence in influences.items():
-            slope = float(influence @ item.rows) + (item.direct if name == "inertia" else 0.0)
-            if slope != 0.0:
-                budget.append(BudgetEntry(item.source, "B", name, abs(slope) * item.std, slope, item.shared_id))
+    units, weights = friction_units(scale.linear), friction_parameters(friction)
+    for name, own in weights.items():
+        values[name] = float(own @ friction.values), units[name]
+        slope = float(own @ friction.influence @ friction.rows.inertia)
+        budget.append(_scatter(name, float(np.hypot(np.sqrt(own @ friction.covariance @ own), slope * law.u))))
+    b = law.value("gravity_torque") if scale.b is None else scale.b
+    pairs = zip(
+        imperfections(rig, signals, law.rows, law.a11, b),
+        imperfections(rig, signals, friction.rows, law.a11, b),
+        strict=True,
+    )
+    for item, later in pairs:
+        shifts = {name: float(influence @ item.rows) for name, influence in solved.items()}
+        left = later.rows - friction.rows.inertia * shifts["inertia"]
+        left = left - friction.rows.gravity * shifts.get("gravity_torque", 0.0)
+        shifts |= {name: float(own @ friction.influence @ left) for name, own in weights.items()}
+        shifts["inertia"] += item.direct
+        budget += [
+            BudgetEntry(item.source, "B", name, abs(shift) * item.std, shift, item.shared_id)
+            for name, shift in shifts.items()
+        ]
     parameters = {name: Parameter.of(value, combined(budget, name), unit) for name, (value, unit) in values.items()}
     if "static" in parameters:
         parameters["stribeck_speed"] = Parameter.of(friction.stribeck_speed, None, units["stribeck_speed"])
@@ -157,6 +179,10 @@ def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
     """Type A entries of the inertia: scatter, drift with the windows' length, disagreement of the kinds."""
     law = estimate.law
     entries = [_scatter("inertia", law.u)]
+    if estimate.grid > law.u:
+        entries.append(
+            BudgetEntry("place of the encoder's grid", "A", "inertia", float(np.sqrt(estimate.grid**2 - law.u**2)))
+        )
     drift = drift_with_length(law, estimate.tried)
     if drift > 0:
         entries.append(BudgetEntry("drift with the length of the windows", "A", "inertia", drift))

@@ -95,18 +95,23 @@ class Motion:
 
 
 def smooth_speed(time: Array, angle: Array, noise: float) -> Speed:
-    """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample."""
+    """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample.
+
+    The narrowest width also spans twelve standard deviations of noise at the mean speed (four steps of an encoder),
+    where the errors of a coarse encoder begin to look independent.
+    """
     step = float(np.median(np.diff(time)))
-    width = WIDTHS[0] * step
+    mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / (time[-1] - time[0])
+    width = max(WIDTHS[0] * step, min(14 * noise / max(mean_speed, 1e-300), (time[-1] - time[0]) / 100))
     longest = (time[-1] - time[0]) / 8
     # the search looks at some hundred places of the log, the speed itself is computed everywhere
-    places = np.linspace(time[0] + width, time[-1] - width, 300)
+    places = np.linspace(time[0] + width, time[-1] - width, 120)
     speeds = local_cubic(time, angle, places, width)[:, 1]
     scale = np.nanmax(np.abs(speeds))
     while width * WIDTHS[1] < longest:
         wider = local_cubic(time, angle, places, width * WIDTHS[1])[:, 1]
         change = np.sqrt(np.nanmean((wider - speeds) ** 2))
-        if change > 1.1 * max(_slope_noise(noise, step, width), 1e-9 * scale):
+        if change > 1.3 * max(_slope_noise(noise, step, width), 1e-9 * scale):
             break
         width, speeds = width * WIDTHS[1], wider
     grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / 3))), 4) + 1)
@@ -126,6 +131,17 @@ def sample_noise(values: Array) -> float:
     if len(values) < 20:
         return 0.0
     return float(np.median(np.abs(np.diff(values, 6))) / (0.6745 * np.sqrt(924)))
+
+
+def grid_step(values: Array) -> float:
+    """Step of the grid on which `values` lie, 0 where there is none: the smallest change, of which all are multiples."""
+    changes = np.abs(np.diff(values))
+    changes = changes[changes > 1e-7 * (np.ptp(values) + 1e-300)]
+    if len(changes) < 10:
+        return 0.0
+    smallest = float(changes.min())
+    multiples = changes[:2000] / smallest
+    return smallest if np.mean(np.abs(multiples - np.round(multiples)) < 0.01) > 0.99 else 0.0
 
 
 def find_motion(time: Array, angle: Array, noise: float) -> Motion:

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.balance import Signals, Windows
-from swingid.model.rig import Motor, Rig
+from swingid.identify.windows import Noise
+from swingid.model.rig import Rig
+from swingid.model.rig_tables import Motor
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
-from swingid.numerics.test_functions import project
+from swingid.numerics.test_functions import curvature_overlap, project
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -37,7 +39,7 @@ def motor_torque(motor: Motor, voltage: Array, wheel_speed: Array) -> Array:
     return result
 
 
-def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows) -> MotorBalance | None:
+def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, noise: Noise) -> MotorBalance | None:
     """Residuals of row (II) on `windows`; None without voltage or motor constants."""
     motor, wheel = rig.drive.motor, signals.wheel
     if motor is None or wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
@@ -73,8 +75,13 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows) 
     angle, turn = part[:, 0], part[:, 1]
     other = turn - angle if relative else turn + angle
 
+    # what white noise of the angles leaves of row (II) by itself
+    power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
+    expected = power * float(curvature_overlap(np.zeros(1))[0] * np.mean(windows.half**-3.0))
+
     def residual(left: Array, right: Array) -> float:
-        return float(np.sqrt(np.mean((left - right) ** 2) / max(np.mean(left**2), 1e-300)))
+        unexplained = max(float(np.mean((left - right) ** 2)) - 2 * expected, 0.0)
+        return float(np.sqrt(unexplained / max(float(np.mean(left**2)), 1e-300)))
 
     return MotorBalance(
         as_stated=residual(a12 * angle + a22 * turn, part[:, 2]),

@@ -4,11 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from functools import cache
 from importlib.metadata import version
 
 from swingid.identify.result import Message
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+
+
+@cache
+def _versions() -> dict[str, str]:
+    return {"swingid": version("swingid"), "numpy": version("numpy"), "python": platform.python_version()}
 
 
 def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = None) -> dict[str, object]:

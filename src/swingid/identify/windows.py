@@ -21,7 +21,8 @@ from swingid.errors import UnanswerableError
 from swingid.identify.balance import Rows, Signals, Windows, rows_of
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import LinearFit, fit_linear
-from swingid.numerics.test_functions import curvature_overlap
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.numerics.test_functions import curvature_overlap, superpose
 
 Array = NDArray[np.float64]
 
@@ -35,17 +36,18 @@ basis would be nearly collinear.
 LAG = 4
 """Neighbouring rows that share data (windows of length 2L, one every L/2), and so are correlated."""
 
-DETECTED = 3.0
+DETECTED = 4.0
 """Standard uncertainties beyond which a friction memory counts as seen."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of one sample of the angle and of the wheel angle, and the sample step in s."""
+    """Standard deviations of one sample of the angle and of the wheel angle, the sample step in s, the angle's grid."""
 
     angle: float
     wheel: float
     step: float
+    resolution: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -173,20 +175,38 @@ def choose_law(signals: Signals, scale: Scale, noise: Noise) -> tuple[WindowFit,
     """The "law" fit of least uncertainty, and the fits of all lengths tried (by half-length in s).
 
     If friction has a memory, an impulse at each reversal (the old direction lives on for a moment: LuGre's
-    bristles, backlash, a short stick) is fitted too, where it is seen. Raises UnanswerableError for a log too
-    short for any window.
+    bristles, backlash, a short stick) is fitted too, where it is seen beyond noise and encoder grid. Raises
+    UnanswerableError for a log too short for any window.
     """
     tried = _search(signals, scale, noise, BASIS)
-    best = min(tried.values(), key=lambda fit: fit.u)
-    with_memory = fit_rows(best.rows, scale, noise, (*BASIS, "memory"))
-    if with_memory and abs(with_memory.value("memory")) > DETECTED * with_memory.uncertainty("memory"):
-        remembered = {
-            half: fit
-            for half, plain in tried.items()
-            if (fit := fit_rows(plain.rows, scale, noise, (*BASIS, "memory"))) is not None
-        }
-        return min(remembered.values(), key=lambda fit: fit.u), remembered
-    return best, tried
+    remembered = {
+        half: fit
+        for half, plain in tried.items()
+        if (fit := fit_rows(plain.rows, scale, noise, (*BASIS, "memory"))) is not None
+    }
+    if remembered:
+        sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
+        spread = np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, noise, "memory"))
+        if abs(sharpest.value("memory")) > DETECTED * spread:
+            tried = remembered
+    return min(tried.values(), key=lambda fit: fit.u), tried
+
+
+def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) -> float:
+    """What the place of the encoder's grid does to an unknown: its standard deviation over shifts of the grid.
+
+    A coarse encoder errs alike at every turning point, so its error does not average out over the swings as white
+    noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step.
+    """
+    if noise.resolution == 0.0:
+        return 0.0
+    speed, time = signals.motion.speed, signals.nodes.time
+    smooth = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), time, 0)
+    windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
+    weights = superpose(time, windows.centres, windows.half, row, 2) * np.gradient(time) * fit.a11
+    shifted = smooth / noise.resolution + np.arange(8)[:, None] / 8
+    effects = ((np.round(shifted) - shifted) @ weights) * noise.resolution
+    return float(np.sqrt(np.mean(effects**2)))
 
 
 def _search(signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:

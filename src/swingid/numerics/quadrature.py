@@ -8,6 +8,7 @@ a cubic spline, a held signal by its constant.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from swingid.numerics.spline import spline_slopes
 Array = NDArray[np.float64]
 
 
+@cache
 def gauss_rule(points: int) -> tuple[Array, Array]:
     """Nodes and weights of the Gauss–Legendre rule on [0, 1]."""
     x, w = np.polynomial.legendre.leggauss(points)
@@ -53,16 +55,21 @@ class GaussNodes:
         """Nodes of the rule on [0, 1]."""
         return gauss_rule(self.points)[0]
 
-    @property
+    @cached_property
     def instants(self) -> Array:
         """Times of the nodes in s."""
         return self.time[:-1, None] + np.diff(self.time)[:, None] * self.fractions
 
-    @property
+    @cached_property
     def weights(self) -> Array:
         """Weights of the nodes in s: the integral of x is ``(weights * x).sum()``."""
         result: Array = np.diff(self.time)[:, None] * gauss_rule(self.points)[1]
         return result
+
+    @property
+    def flat(self) -> tuple[Array, Array]:
+        """Instants and weights of all nodes in one row each."""
+        return self.instants.ravel(), self.weights.ravel()
 
     def spline(self, values: Array, derivative: int = 0) -> Array:
         """The natural cubic spline through `values`, or its first derivative, at the nodes."""

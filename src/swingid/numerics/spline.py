@@ -46,6 +46,26 @@ def spline_slopes(time: Array, values: Array) -> Array:
 
 
 @njit
+def _solve_in_place(gram: Array, right: Array) -> None:
+    """Solve a small positive definite system, lower triangle given, by Cholesky; the solution replaces `right`."""
+    n = len(right)
+    for a in range(n):
+        for c in range(a + 1):
+            total = gram[a, c]
+            for j in range(c):
+                total -= gram[a, j] * gram[c, j]
+            gram[a, c] = np.sqrt(max(total, 1e-300)) if a == c else total / gram[c, c]
+    for a in range(n):
+        for j in range(a):
+            right[a] -= gram[a, j] * right[j]
+        right[a] /= gram[a, a]
+    for a in range(n - 1, -1, -1):
+        for j in range(a + 1, n):
+            right[a] -= gram[j, a] * right[j]
+        right[a] /= gram[a, a]
+
+
+@njit
 def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Array:
     """Value and first derivative at each instant of `at`, from a cubic fitted to the samples within `half_width`.
 
@@ -78,12 +98,9 @@ def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Arr
             k += 1
         if count < 5:
             continue
-        for a in range(4):
-            for c in range(a + 1, 4):
-                gram[a, c] = gram[c, a]
-        fitted = np.linalg.solve(gram, moments)
-        result[i, 0] = fitted[0]
-        result[i, 1] = fitted[1] / half_width
+        _solve_in_place(gram, moments)
+        result[i, 0] = moments[0]
+        result[i, 1] = moments[1] / half_width
     return result
 
 

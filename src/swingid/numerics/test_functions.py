@@ -37,11 +37,11 @@ def phi_integral(s: float) -> float:
 
 
 @njit
-def _lagrange(fractions: Array, row: Array, signal: int, s: float) -> float:
+def _lagrange(fractions: Array, values: Array, s: float) -> float:
     """Signal at fraction `s` of an interval from its values at the interval's nodes."""
     value = 0.0
     for j in range(len(fractions)):
-        factor = row[j, signal]
+        factor = values[j]
         for i in range(len(fractions)):
             if i != j:
                 factor *= (s - fractions[i]) / (fractions[j] - fractions[i])
@@ -50,32 +50,64 @@ def _lagrange(fractions: Array, row: Array, signal: int, s: float) -> float:
 
 
 @njit
-def _project(
-    time: Array, nodes: Array, orders: Array, centres: Array, half: Array, fractions: Array, weights: Array
+def _cut(
+    time: Array, k: int, c: float, big_l: float, signals: Array, orders: Array, fractions: Array, weights: Array
 ) -> Array:
-    """See `project`. nodes: (n−1, points, signals)."""
-    points, signals = nodes.shape[1], nodes.shape[2]
-    result = np.zeros((len(centres), signals))
-    values = np.empty(3)
+    """Integrals over the part of interval k that lies inside the window."""
+    result = np.zeros(len(orders))
+    points, h = len(fractions), time[k + 1] - time[k]
+    t0, t1 = max(time[k], c - big_l), min(time[k + 1], c + big_l)
+    for j in range(points):
+        t = t0 + (t1 - t0) * fractions[j]
+        for g in range(len(orders)):
+            x = _lagrange(fractions, signals[g, k * points : (k + 1) * points], (t - time[k]) / h)
+            result[g] += (t1 - t0) * weights[j] * phi((t - c) / big_l, orders[g]) / big_l ** orders[g] * x
+    return result
+
+
+@njit(fastmath={"reassoc", "contract", "nsz"})
+def _whole(instants: Array, steps: Array, c: float, big_l: float, signals: Array, orders: Array) -> Array:
+    """Integrals over whole intervals: nodes at `instants` with weights `steps`, signals (signals, nodes)."""
+    result = np.empty(len(orders))
+    tests = np.empty((3, len(instants)))
+    for j in range(len(instants)):
+        s = (instants[j] - c) / big_l
+        p = 1.0 - s * s
+        tests[0, j] = steps[j] * p * p * p
+        tests[1, j] = steps[j] * (-6.0 / big_l) * s * p * p
+        tests[2, j] = steps[j] * (-6.0 / (big_l * big_l)) * p * (p - 4.0 * s * s)
+    for g in range(len(orders)):
+        total = 0.0
+        for j in range(len(instants)):
+            total += tests[orders[g], j] * signals[g, j]
+        result[g] = total
+    return result
+
+
+@njit
+def _project(
+    time: Array,
+    instants: Array,
+    steps: Array,
+    signals: Array,
+    orders: Array,
+    centres: Array,
+    half: Array,
+    fractions: Array,
+    weights: Array,
+) -> Array:
+    """See `project`; instants, steps and signals are flat over all nodes."""
+    points = len(fractions)
+    result = np.zeros((len(centres), len(orders)))
     for i in range(len(centres)):
         c, big_l = centres[i], half[i]
-        start, stop = c - big_l, c + big_l
-        k = np.searchsorted(time, start, side="right") - 1
-        while k < len(time) - 1 and time[k] < stop:
-            t0, t1 = max(time[k], start), min(time[k + 1], stop)
-            h = time[k + 1] - time[k]
-            whole = t0 == time[k] and t1 == time[k + 1]
-            for j in range(points):
-                t = t0 + (t1 - t0) * fractions[j]
-                s = (t - c) / big_l
-                w = (t1 - t0) * weights[j]
-                values[0] = w * phi(s, 0)
-                values[1] = w * phi(s, 1) / big_l
-                values[2] = w * phi(s, 2) / (big_l * big_l)
-                for g in range(signals):
-                    x = nodes[k, j, g] if whole else _lagrange(fractions, nodes[k], g, (t - time[k]) / h)
-                    result[i, g] += values[orders[g]] * x
-            k += 1
+        first = max(np.searchsorted(time, c - big_l, side="right") - 1, 0)
+        last = min(np.searchsorted(time, c + big_l, side="left") - 1, len(time) - 2)
+        result[i] += _cut(time, first, c, big_l, signals, orders, fractions, weights)
+        if last > first:
+            result[i] += _cut(time, last, c, big_l, signals, orders, fractions, weights)
+            inside = slice((first + 1) * points, last * points)
+            result[i] += _whole(instants[inside], steps[inside], c, big_l, signals[:, inside], orders)
     return result
 
 
@@ -83,13 +115,14 @@ def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array,
     """Integrals ∫φ^(d) x dt of each (x, d) of `signals` for windows at `centres` with half-lengths `half` (s).
 
     x is given at the nodes, shape (n−1, points); d is 0, 1 or 2. Returns (windows, signals). An interval that a
-    window's end cuts is integrated over its part inside (x is continued by the polynomial through its nodes).
-    The windows must lie inside the log.
+    window's end cuts is integrated over its part inside (x is continued by the polynomial through its nodes): without
+    that, short windows are wrong by per cents. The windows must lie inside the log.
     """
-    stacked = np.ascontiguousarray(np.stack([x for x, _ in signals], axis=-1))
+    stacked = np.stack([x.ravel() for x, _ in signals])
     orders = np.array([d for _, d in signals])
     fractions, weights = gauss_rule(nodes.points)
-    return _project(nodes.time, stacked, orders, centres, half, fractions, weights)
+    instants, steps = nodes.flat
+    return _project(nodes.time, instants, steps, stacked, orders, centres, half, fractions, weights)
 
 
 @njit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time as clock
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 
 from recording_cases import columns_of, rig_with, swing, write_columns
 from swingid.errors import InputError
+from swingid.model.rig import Rig
 from swingid.recording import Recording
 from swingid.recording.spikes import find_spikes
 from swingid.recording.unwrap import is_wrapped, unwrap
@@ -254,14 +256,16 @@ def test_real_logs_load_clean(data_dir):
     assert log.angle.max() == pytest.approx(2.6, abs=0.01)
 
 
+def test_a_matlab_file_of_timeseries_says_what_to_save(data_dir):
+    rig = rig_with("none", time="t_s", angle="theta")
+    with pytest.raises(InputError, match="objects such as timeseries; save plain arrays"):
+        Recording.load(data_dir / "free_pendulum" / "SinglePendulumArm_RawData_1.mat", rig)
+
+
 @pytest.mark.parametrize(
     ("name", "log"), [("emps", "emps/DATA_EMPS.mat"), ("free_pendulum", "free_pendulum/free_swing.csv")]
 )
 def test_real_logs_load_with_the_example_rigs(data_dir, name, log):
-    from pathlib import Path
-
-    from swingid.model.rig import Rig
-
     toml = Path(__file__).parents[1] / "examples" / "rigs" / f"{name}.toml"
     if not toml.exists():
         pytest.skip(f"no {toml}")

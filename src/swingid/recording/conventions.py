@@ -169,11 +169,12 @@ def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels,
     """
     logged: Channels = {}
     texts: dict[str, str] = {}
+    voltage_is_due = "voltage" in conventions.stated and not table.metadata  # what swingid wrote, it wrote whole
     wanted = ("time", *conventions.channels) if conventions.rate is None else conventions.channels
     for channel in wanted:
         column = conventions.columns[channel]
         if column not in table.columns:
-            if channel in ("reference", "voltage", "adaptive_gain") and channel not in conventions.stated:
+            if channel in ("reference", "adaptive_gain") or (channel == "voltage" and not voltage_is_due):
                 continue
             raise _missing(table, channel, conventions, name)
         if channel == "adaptive_gain" and not table.metadata:
@@ -182,7 +183,8 @@ def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels,
         if text is not None:
             texts[channel] = text
         if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
-            message = f"{name}: column {column!r} holds no numbers; set [log] {channel} to the column"
+            sample = f" but text such as {text!r}" if text else ""
+            message = f"{name}: column {column!r} holds no numbers{sample}; set [log] {channel} to the column"
             raise InputError(f"{message} that holds the {channel}.", code="no-numbers")
     rows = len(logged["angle"])
     for channel, values in logged.items():

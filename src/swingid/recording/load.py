@@ -7,6 +7,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions, gather
 from swingid.recording.formats import read_table
@@ -28,9 +30,10 @@ def load(path: str | Path, rig: Rig) -> Recording:
     _check_origin(table, conventions, name)
     unreadable = _unreadable(table, name)
     logged, texts = gather(table, conventions, name)
-    logged, findings = repair(logged, conventions, texts, name)
-    channels = conventions.to_model(logged)
-    findings += judge(channels, rig, name)
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
+        logged, findings = repair(logged, conventions, texts, name)
+        channels = conventions.to_model(logged)
+        findings += judge(channels, rig, name)
     metadata = table.metadata.get("metadata")
     return Recording(
         **channels,

@@ -42,9 +42,9 @@ def repair(
     channels = _drop_rows_without_numbers(logged, columns, texts, name, findings)
     channels = _sort(channels, columns, name, findings)
     channels = _drop_repeated(channels, columns, name, findings)
-    channels = _make_continuous(channels, turns, columns, name, findings)
-    channels = _drop_spikes(channels, columns, name, findings)
-    _note_gaps(channels["time"], columns["time"], name, findings)
+    channels, spikes = _make_continuous(channels, turns, columns, findings)
+    channels = _drop_spikes(channels, spikes, findings)
+    _note_gaps(channels["time"], columns["time"], findings)
     return channels, findings
 
 
@@ -125,13 +125,9 @@ def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, fi
 
 
 def _make_continuous(
-    channels: Channels,
-    turns: Mapping[str, float | None],
-    columns: Mapping[str, str],
-    name: str,
-    findings: list[Finding],
-) -> Channels:
-    """Angles that were logged within one turn as angles that go on over turns."""
+    channels: Channels, turns: Mapping[str, float | None], columns: Mapping[str, str], findings: list[Finding]
+) -> tuple[Channels, NDArray[np.bool_]]:
+    """Angles that were logged within one turn as angles that go on over turns, and the spikes met on the way."""
     spikes = np.zeros(len(channels["time"]), dtype=bool)
     for channel in ANGLES:
         turn = turns.get(channel)
@@ -149,31 +145,32 @@ def _make_continuous(
             message = f"column {columns[channel]!r} moves too far between rows to count its turns with certainty"
             message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
             findings.append(Finding("ambiguous-turns", message, "warning"))
-    return _tell_spikes(channels, spikes, findings) if spikes.any() else channels
+    return channels, spikes
 
 
-def _drop_spikes(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
-    """The rows without single samples that fit neither neighbour."""
-    for _ in range(PASSES):
+def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding]) -> Channels:
+    """The rows without single samples that fit neither neighbour; `spikes` are those that are known already."""
+    rows = len(spikes)
+    times = []
+    for again in range(PASSES + 1):
+        if spikes.any():
+            times.append(channels["time"][spikes])
+            channels = _take(channels, ~spikes)
+        elif again:
+            break
         spikes = np.zeros(len(channels["time"]), dtype=bool)
         for channel in ANGLES:
             if channel in channels:
                 spikes |= find_spikes(channels["time"], channels[channel])
-        if not spikes.any():
-            break
-        channels = _tell_spikes(channels, spikes, findings)
+    if times:
+        found = np.sort(np.concatenate(times))
+        shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
+        message = f"{found.size} of {rows} rows left out: isolated spikes of an angle at {shown} s."
+        findings.append(Finding("spikes", message, "warning"))
     return channels
 
 
-def _tell_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding]) -> Channels:
-    times = channels["time"][spikes]
-    shown = ", ".join(f"{t:g}" for t in times[:5]) + (", ..." if times.size > 5 else "")
-    message = f"{times.size} of {len(spikes)} rows left out: isolated spikes of an angle at {shown} s."
-    findings.append(Finding("spikes", message, "warning"))
-    return _take(channels, ~spikes)
-
-
-def _note_gaps(time: NDArray[np.float64], column: str, name: str, findings: list[Finding]) -> None:
+def _note_gaps(time: NDArray[np.float64], column: str, findings: list[Finding]) -> None:
     steps = np.diff(time)
     if steps.size == 0:
         return

@@ -41,8 +41,8 @@ def find_spikes(time: Floats, values: Floats) -> NDArray[np.bool_]:
         threshold = max(threshold, *_floors(values))
         candidates = candidates[misfit[candidates] > threshold]
     candidates = candidates[(candidates >= 3) & (candidates < values.size - 3)]
-    for k in (-2, -1, 1, 2):  # a spike makes misfits around it, the largest is its own
-        candidates = candidates[misfit[candidates] >= misfit[candidates + k]]
+    for k in (-2, -1, 1, 2):  # a spike makes misfits around it; its own is the largest, or nearly so beside a gap
+        candidates = candidates[misfit[candidates] >= 0.6 * misfit[candidates + k]]
     for side in (-1, 1):
         around = candidates[:, None] + side * np.arange(REACH + 1, REACH + 1 + WINDOW)
         level = np.median(misfit[np.clip(around, REACH, values.size - 1 - REACH)], axis=1)

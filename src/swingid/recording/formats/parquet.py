@@ -27,11 +27,11 @@ def read(content: bytes, name: str) -> Table:
 
     try:
         table = pq.read_table(pa.BufferReader(content))
+        raw = (table.schema.metadata or {}).get(METADATA_KEY.encode(), b"{}")
+        return table_from_arrow(table, name, raw.decode("utf-8", "replace"))
     except (pa.ArrowException, OSError, ValueError, TypeError):
         message = f"{name} is not a whole Parquet file: damaged, or cut off while it was written; export it again."
         raise InputError(message, code="not-a-table") from None
-    raw = (table.schema.metadata or {}).get(METADATA_KEY.encode(), b"{}")
-    return table_from_arrow(table, name, raw.decode("utf-8", "replace"))
 
 
 def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:

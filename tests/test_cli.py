@@ -83,6 +83,14 @@ def test_identify_finds_the_inertia_and_writes_json(run: Run, log: Path, tmp_pat
     assert done.err == ""
 
 
+def test_report_is_written_and_named(run: Run, log: Path, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    done = run("identify", log, "--rig", "paper", "--report", path)
+    assert done.code == 0
+    assert str(path) in done.sentence()
+    assert path.read_text(encoding="utf-8").lower().startswith("<!doctype html>")
+
+
 def test_json_is_alone_on_standard_output(run: Run, log: Path) -> None:
     done = run("identify", log, "--rig", "paper", "--json", "-")
     assert done.code == 0

@@ -13,7 +13,7 @@ from swingid.identify.windows import WindowFit
 SEEN = 3.0
 """Standard deviations of a difference beyond which it counts."""
 
-COMPARABLE = 5.0
+COMPARABLE = 3.0
 """An estimate that is less certain than the chosen one by more than this factor cannot judge it."""
 
 

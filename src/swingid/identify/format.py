@@ -3,7 +3,8 @@
     plus_minus(0.00302214, 4.2e-7, "kg*m^2")              '(3.02214 ± 0.00042)e-3 kg m²'
     plus_minus(0.00302214, 4.2e-7, "kg*m^2", fine=True)   '(3.02214 ± 0.00042) × 10⁻³ kg m²'
 
-`fine` is for pages and figures (true minus, raised exponent), the plain form for terminals.
+`fine` is for pages and figures (true minus, raised exponent, no break inside a number or unit), the plain form for
+terminals.
 """
 
 from __future__ import annotations
@@ -75,6 +76,13 @@ def interval(bounds: tuple[float, float], unit: str = "", *, fine: bool = False)
     return _assemble(digits, exponent, unit, fine, bracket=False)
 
 
+def span(low: float, high: float, unit: str = "", digits: int = 4, *, fine: bool = False) -> str:
+    """'(−299.6 … 548.5) × 10⁻⁶ N m': two limits without uncertainty."""
+    exponent = common_exponent([low, high])
+    edges = [_strip(f"{_shift(Decimal(f'{edge:.{digits}g}'), -exponent):f}") for edge in (low, high)]
+    return _assemble(" … ".join(edges), exponent, unit, fine, bracket=True)
+
+
 def percent(fraction: float, *, sign: bool = False, fine: bool = False) -> str:
     """'0.014 %': two significant digits of a share; with `sign` for deviations."""
     if not math.isfinite(fraction):
@@ -88,7 +96,7 @@ def percent(fraction: float, *, sign: bool = False, fine: bool = False) -> str:
         digits = _digits(share, last_place(share), 0)
     if sign and share > 0:
         digits = f"+{digits}"
-    return f"{digits.replace('-', '−') if fine else digits} %"
+    return f"{digits.replace('-', '−')}\u00a0%" if fine else f"{digits} %"
 
 
 def number(value: float, unit: str = "", digits: int = 4, *, fine: bool = False) -> str:
@@ -151,4 +159,6 @@ def _assemble(digits: str, exponent: int, unit: str, fine: bool, *, bracket: boo
         digits += f" × {power_of_ten(exponent)}" if fine else f"e{exponent:+d}".replace("+", "")
     elif bracket and unit:
         digits = f"({digits})"
-    return f"{digits} {pretty_unit(unit)}".strip()
+    text = f"{digits} {pretty_unit(unit)}".strip()
+    # a line may break before the power of ten only
+    return text.replace(" ", "\u00a0").replace("\u00a0×", " ×") if fine else text

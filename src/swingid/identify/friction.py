@@ -113,10 +113,16 @@ def fit_friction(signals: Signals, rows: WindowFit, inertia: WindowFit, target: 
 
 
 def _dissipates(fit: LinearFit, terms: tuple[str, ...]) -> bool:
-    """Whether the coefficients of the odd terms are not negative beyond two standard uncertainties."""
-    spread = np.sqrt(np.diag(fit.covariance(LAG)))
-    odd = [k for k, term in enumerate(terms) if term not in ("offset", "viscous_even")]
-    return bool(np.all(fit.values[odd] > -2 * spread[odd]))
+    """Whether no coefficient, in either direction, is negative beyond two standard uncertainties."""
+    unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
+    sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
+    if "viscous_even" in unit:
+        viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
+        sides += [viscous + even, viscous - even]
+    if "offset" in unit and "coulomb" in unit:
+        sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
+    covariance = fit.covariance(LAG)
+    return all(float(side @ fit.values) > -2 * float(np.sqrt(side @ covariance @ side)) for side in sides)
 
 
 _EMPTY = FrictionCurve(np.empty(0), np.empty(0), np.empty(0), "", np.empty(0))

@@ -41,10 +41,6 @@ from swingid.recording.recording import Recording
 Array = NDArray[np.float64]
 
 
-SHARPER = 3.0
-"""Friction is read off the shortest windows whose inertia is uncertain by no more than this factor above the best."""
-
-
 @dataclass(frozen=True)
 class _Estimate:
     """All fits of one log: the chosen law windows, those of other lengths, and the other kinds."""
@@ -112,15 +108,25 @@ def _estimate(signals: Signals, scale: Scale, noise: Noise) -> _Estimate:
     law, tried = choose_law(signals, scale, noise)
     swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
     even = fit_rows(rows_of(signals, even_windows(signals, signals.motion.half_period / 2)), scale, noise, ("offset",))
-    sharp = min((fit for fit in tried.values() if fit.u < SHARPER * law.u), key=lambda fit: fit.half)
-    rows = sharp.rows
+    calm = _for_friction(law, tried, signals.motion.half_period)
+    rows = calm.rows
     left = known_side(rows, scale) - law.a11 * rows.inertia - law.value("gravity_torque") * rows.gravity
-    friction = fit_friction(signals, sharp, law, left)
+    friction = fit_friction(signals, calm, law, left)
     if even is not None:
         even = _with(even, _asymmetry(even, law), grid_spread(signals, even, noise, "inertia"))
     if swing is not None:
         swing = _with(swing, grid_spread(signals, swing, noise, "inertia"))
     return _Estimate(law, tried, swing, even, friction, grid_spread(signals, law, noise, "inertia"))
+
+
+def _for_friction(law: WindowFit, tried: dict[float, WindowFit], half_period: float) -> WindowFit:
+    """Windows to read friction off: the longest within half a swing, so that they see one range of speeds each.
+
+    Friction is the slow part of the balance, and long windows are calm; those much worse for the inertia are left out.
+    """
+    sound = [fit for fit in tried.values() if fit.u < 3.2 * law.u]
+    inside = [fit for fit in sound if fit.half <= half_period / 4 * 1.01]
+    return max(inside, key=lambda fit: fit.half) if inside else min(sound, key=lambda fit: fit.half)
 
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:

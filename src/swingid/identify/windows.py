@@ -40,6 +40,10 @@ DETECTED = 4.0
 """Standard uncertainties beyond which a friction memory counts as seen."""
 
 
+FLAT = 1.25
+"""Of windows whose uncertainties are equal within this factor the longest is taken."""
+
+
 @dataclass(frozen=True)
 class Noise:
     """Standard deviations of one sample of the angle and of the wheel angle, the sample step in s, the angle's grid."""
@@ -189,7 +193,8 @@ def choose_law(signals: Signals, scale: Scale, noise: Noise) -> tuple[WindowFit,
         spread = np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, noise, "memory"))
         if abs(sharpest.value("memory")) > DETECTED * spread:
             tried = remembered
-    return min(tried.values(), key=lambda fit: fit.u), tried
+    least = min(fit.u for fit in tried.values())
+    return max((fit for fit in tried.values() if fit.u <= FLAT * least), key=lambda fit: fit.half), tried
 
 
 def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) -> float:

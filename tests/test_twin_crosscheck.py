@@ -7,7 +7,7 @@ import pytest
 
 from motion_by_events import motion
 from swingid.simulate import simulate_run
-from twin_cases import body_of, paper_rig, sine, warm_compensator
+from twin_cases import body_of, direct_rig, paper_rig, sine, warm_compensator
 
 RATE = 100.0
 
@@ -68,7 +68,7 @@ def test_a_wheel_that_sticks_near_resonance():
 
 @pytest.mark.parametrize("law", ["sticking", "lugre"])
 def test_direct_drive(law):
-    rig = paper_rig(law, drive={"kind": "direct"}, log={"torque": "tau"})
+    rig = direct_rig(law)
     torque = 0.06 * np.sin(3.0 * np.arange(251) / RATE)
     run = simulate_run(rig, duration=2.5, rate=RATE, drive=torque)
     angles, speeds, axis_rests, _ = crosscheck(rig, run)

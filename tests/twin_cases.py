@@ -29,6 +29,16 @@ def paper_rig(law="viscous", **changes):
     return Rig.builtin("paper").changed({**PERFECT, **friction, **changes})
 
 
+def direct_rig(law="viscous", **changes):
+    """The paper's axis with a torque on it in the wheel's place."""
+    return paper_rig(law, drive={"kind": "direct"}, log={"torque": "tau"}, **changes)
+
+
+def free_rig(law="viscous", **changes):
+    """The paper's axis alone."""
+    return paper_rig(law, drive={"kind": "none"}, log={"angle": "q1"}, **changes)
+
+
 def warm_compensator(rig, k_tilde=12.0, **changes):
     """The gains of the experiment with k tilde already grown, so that motion begins at once."""
     return replace(Compensator.paper(rig), k_tilde0=k_tilde, **changes)

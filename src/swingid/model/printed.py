@@ -41,7 +41,7 @@ def alphas(p: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def state_space(x: NDArray[np.float64], u2: float, alpha: NDArray[np.float64]) -> NDArray[np.float64]:
-    """x' (4,) of (10) for x = (q1, q1', q2, q2') (rad, rad/s) and the compensated voltage u2 (V)."""
+    """Slope x' (4,) of (10) for x = (q1, q1', q2, q2') (rad, rad/s) and the compensated voltage u2 (V)."""
     x1, x2, _, x4 = x
     return np.array(
         [

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Context, Decimal
 
 EXACT = Context(prec=400, rounding=ROUND_HALF_EVEN)
+TWO_DIGITS = Context(prec=2, rounding=ROUND_HALF_EVEN)
 RAISED = str.maketrans("0123456789-+", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺")
 FINEST = 15
 """Digits of a double; an uncertainty below them is written on its own."""
@@ -131,7 +132,7 @@ def power_of_ten(exponent: int) -> str:
 
 def last_place(uncertainty: float) -> int:
     """Power of ten of the second significant digit of a positive uncertainty, after rounding to two digits."""
-    return Decimal(f"{abs(uncertainty):.1e}").adjusted() - 1
+    return TWO_DIGITS.plus(Decimal(repr(abs(float(uncertainty))))).adjusted() - 1
 
 
 def _digits(value: float, place: int, exponent: int) -> str:

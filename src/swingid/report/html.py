@@ -84,7 +84,7 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
         "drive": DRIVES.get(rig.drive.kind, rig.drive.kind) if rig else "",
         "rig_rows": tables.rig_rows(rig) if rig and answered else [],
         "sensor_rows": tables.sensor_rows(rig) if rig and answered else [],
-        "log_rows": tables.log_rows(log) if log and answered else [],
+        "log_rows": _log_rows(result, log) if log is not None and answered else [],
         "laws": laws,
         "more_laws": more_laws,
         "law": result.details.friction.law if result.details and result.details.friction else "",
@@ -92,10 +92,18 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
             (name, KINDS[name]) for name in (result.details.estimates if result.details else ()) if name in KINDS
         ],
         "budget": tables.budget_rows(result),
-        "extra": result.details.extra if result.details else {},
+        "extra": tables.extra_rows(result),
         "figures": _figures(result, log, linear=linear) if answered else {},
-        "provenance": tables.provenance_rows(result, log),
+        "provenance": tables.provenance_rows(result),
+        "making": tables.making_rows(log) if answered else [],
+        "wheel": log is not None and log.wheel_angle is not None,
+        "friction_stated": bool(rig and (rig.axis.inertia is not None or rig.axis.friction.model_fields_set)),
     }
+
+
+def _log_rows(result: Result, log: Recording) -> list[tables.Row]:
+    truth = tables.truth_row(result, log)
+    return tables.log_rows(log) + ([truth] if truth else [])
 
 
 def _is_linear(result: Result, rig: Rig | None) -> bool:
@@ -119,7 +127,7 @@ def _answer(result: Result, *, linear: bool) -> dict[str, str]:
         "symbol": word.symbol,
         "value": plus_minus(inertia.value, inertia.standard_uncertainty, inertia.unit, fine=True),
         "interval": interval(inertia.interval95, inertia.unit, fine=True) if inertia.interval95 else "",
-        "relative": relative(inertia),
+        "relative": relative(inertia, fine=True),
         "unknown": "" if known else why_unknown(result, "inertia"),
     }
 

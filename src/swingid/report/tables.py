@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from swingid.identify.format import interval, number, percent, plus_minus
+from swingid.identify.format import interval, number, percent, plus_minus, span
 from swingid.identify.result import Result
 from swingid.identify.summary import relative, sorted_budget, why_unknown
-from swingid.report.words import NOT_USED, RIG, SENSORS, Word, parameter_word
+from swingid.report.words import EXTRA, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -22,13 +22,14 @@ LONGEST = 160
 
 @dataclass(frozen=True)
 class Row:
-    """One line of a table: what, its name in files, its value, how sure, and a remark."""
+    """One line of a table: what, its name in files, its value, how sure, a remark or interval."""
 
     words: str
     key: str
     value: str
     spread: str = ""
     remark: str = ""
+    bounded: bool = False
 
 
 def parameter_rows(result: Result, *, linear: bool) -> list[Row]:
@@ -36,40 +37,44 @@ def parameter_rows(result: Result, *, linear: bool) -> list[Row]:
     rows = []
     for name, parameter in result.parameters.items():
         word = parameter_word(name, linear=linear)
-        known = parameter.standard_uncertainty is not None
+        bounds = parameter.interval95
         rows.append(
             Row(
                 words=f"{word.words} {word.symbol}".strip(),
                 key=name,
                 value=plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit, fine=True),
-                spread=relative(parameter),
-                remark=interval(parameter.interval95, fine=True)
-                if parameter.interval95
-                else ("" if known else f"uncertainty unknown: {why_unknown(result, name)}"),
+                spread=relative(parameter, fine=True),
+                remark=interval(bounds, fine=True) if bounds else f"uncertainty unknown: {why_unknown(result, name)}",
+                bounded=bounds is not None,
             )
         )
     return rows
 
 
 def rig_rows(rig: Rig) -> list[Row]:
-    """Every constant that the rig states, in the order of rig.toml."""
+    """Every constant that the rig states and identification may use, in the order of rig.toml."""
     linear = rig.axis.kind == "linear"
     rows = []
     for key, value in _constants(rig):
         word = RIG.get(key, Word(key.rpartition(".")[2].replace("_", " ")))
         unit = word.unit_on(linear=linear)
         words = f"{word.words} {word.symbol}".strip()
-        unused = "not used" if key.startswith(NOT_USED) else ""
+        if key.startswith(NOT_USED) or (linear and key == "axis.gravity_torque"):
+            continue
         if isinstance(value, Quantity):
-            spread = "" if value.std is None or not value.value else percent(value.std / abs(value.value))
-            exact = "" if value.std else "counts as exact"
-            rows.append(Row(words, key, plus_minus(value.value, value.std, unit, fine=True), spread, unused or exact))
+            rows.append(Row(words, key, plus_minus(value.value, value.std, unit, fine=True), _certainty(value)))
         elif value == "unknown":
-            rows.append(Row(words, key, "unknown", remark="identified with the inertia"))
+            rows.append(Row(words, key, "unknown, identified with the inertia"))
         else:
-            exact = "" if key.endswith("_limit") else "counts as exact"
-            rows.append(Row(words, key, _plain_constant(value, unit), remark=unused or exact))
+            exact = "" if key.endswith("_limit") else "exact"
+            rows.append(Row(words, key, _plain_constant(value, unit), exact))
     return rows
+
+
+def _certainty(quantity: Quantity) -> str:
+    if not quantity.std:
+        return "exact"
+    return percent(quantity.std / abs(quantity.value), fine=True) if quantity.value else ""
 
 
 def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
@@ -95,7 +100,7 @@ def _leaves(model: object, path: str) -> Iterator[tuple[str, object]]:
 
 def _plain_constant(value: object, unit: str) -> str:
     if isinstance(value, tuple):
-        return " … ".join(number(float(edge), unit, 6, fine=True) for edge in value)
+        return span(float(value[0]), float(value[1]), unit, fine=True)
     if isinstance(value, int | float):
         return number(float(value), unit, 6, fine=True)
     return str(value)
@@ -125,14 +130,16 @@ def _sensor_text(value: object, unit: str) -> str:
 
 
 def log_rows(log: Recording) -> list[Row]:
-    """Size and rate of the log."""
+    """Size and rate of the log, and whether a twin made it."""
     rows = [Row("file", "", log.source.path or "made in memory"), Row("rows", "", f"{len(log):,}".replace(",", " "))]
     if len(log) > 1:
         span = f"{log.time[0]:.4g} s to {log.time[-1]:.4g} s"
         rows.append(Row("time", "", f"{span}, {number(log.rate, '', 4)} rows per second"))
     if log.voltage is not None or log.torque is not None:
         held = "held from each row to the next" if log.drive_held else "measured at each row"
-        rows.append(Row("voltage" if log.voltage is not None else "drive", "", held))
+        rows.append(Row("voltage" if log.voltage is not None else "drive's torque", "", held))
+    if log.metadata.get("made_by"):
+        rows.append(Row("made by", "", str(log.metadata["made_by"])))
     return rows
 
 
@@ -144,6 +151,19 @@ def law_rows(result: Result, most: int = 8) -> tuple[list[tuple[str, str]], int]
     return rows, max(0, len(ranked) - most)
 
 
+def extra_rows(result: Result) -> list[Row]:
+    """Further figures of merit that the method gives, as shares where they are known to be shares."""
+    extra = result.details.extra if result.details else {}
+    return [
+        Row(
+            EXTRA.get(name, name.replace("_", " ")),
+            "",
+            percent(value, fine=True) if name in EXTRA else number(value, fine=True),
+        )
+        for name, value in extra.items()
+    ]
+
+
 def budget_rows(result: Result) -> list[Row]:
     """The whole budget: every source of every parameter, as in the JSON file."""
     rows = []
@@ -151,16 +171,34 @@ def budget_rows(result: Result) -> list[Row]:
         for entry in sorted_budget(result.budget, name):
             share = entry.standard_uncertainty / abs(parameter.value) if parameter.value else float("nan")
             text = number(entry.standard_uncertainty, parameter.unit, 2, fine=True)
-            rows.append(Row(name, entry.type, entry.source, text, percent(share)))
+            rows.append(Row(name, entry.type, entry.source, text, percent(share, fine=True)))
     return rows
 
 
-def provenance_rows(result: Result, log: Recording | None) -> list[Row]:
-    """Files, hashes, versions, options, and what the log says of its making."""
-    flat = dict(_flat(result.provenance))
-    if log is not None:
-        flat |= {f"log.{key}": value for key, value in _flat(log.metadata)}
-    return [Row(key.replace("_", " "), "", value) for key, value in flat.items()]
+def truth_row(result: Result, log: Recording) -> Row | None:
+    """For a log of the twin: the inertia it was made with, and how far the answer is off."""
+    truth = log.metadata.get("truth")
+    inertia = truth.get("inertia") if isinstance(truth, dict) else None
+    if not isinstance(inertia, int | float) or not inertia or "inertia" not in result.parameters:
+        return None
+    off = percent(result.inertia.value / inertia - 1, sign=True, fine=True)
+    text = f"{number(inertia, result.inertia.unit, 6, fine=True)}; the answer is off by {off}, and was not told it"
+    return Row("the twin's truth", "", text)
+
+
+def provenance_rows(result: Result) -> list[Row]:
+    """Files, hashes, options, and the versions in one line."""
+    data = dict(result.provenance)
+    versions = data.pop("versions", None)
+    rows = [Row(key.replace("_", " "), "", value) for key, value in _flat(data)]
+    if isinstance(versions, dict):
+        rows.append(Row("versions", "", ", ".join(f"{name} {value}" for name, value in versions.items())))
+    return rows
+
+
+def making_rows(log: Recording | None) -> list[Row]:
+    """What the log itself says of its making: its metadata."""
+    return [Row(key, "", value) for key, value in _flat(log.metadata)] if log is not None else []
 
 
 def _flat(data: object, path: str = "") -> Iterator[tuple[str, str]]:

@@ -26,10 +26,10 @@ FRICTION = {
     "stribeck_speed": Word("Stribeck speed", "", "rad/s", "m/s"),
     "quadratic": Word("quadratic friction", "", "N m s^2", "N s^2/m^2"),
     "cubic": Word("cubic friction", "", "N m s^3", "N s^3/m^3"),
-    "viscous_positive": Word("viscous friction, moving up", "", "N m s", "N s/m"),
-    "viscous_negative": Word("viscous friction, moving down", "", "N m s", "N s/m"),
-    "coulomb_positive": Word("Coulomb friction, moving up", "", "N m", "N"),
-    "coulomb_negative": Word("Coulomb friction, moving down", "", "N m", "N"),
+    "viscous_positive": Word("viscous friction, speed > 0", "", "N m s", "N s/m"),
+    "viscous_negative": Word("viscous friction, speed < 0", "", "N m s", "N s/m"),
+    "coulomb_positive": Word("Coulomb friction, speed > 0", "", "N m", "N"),
+    "coulomb_negative": Word("Coulomb friction, speed < 0", "", "N m", "N"),
     "offset": Word("constant torque", "", "N m", "N"),
     "lugre.bristle_stiffness": Word("LuGre bristle stiffness", "σ₀", "N m/rad", "N/m"),
     "lugre.bristle_damping": Word("LuGre bristle damping", "σ₁", "N m s", "N s/m"),
@@ -47,7 +47,7 @@ RIG = {
     "drive.motor.viscous": Word("viscous friction of motor and gear", "f₂", "N m s"),
     "drive.motor.coulomb": Word("Coulomb friction of motor and gear", "f₃", "N m"),
     "drive.motor.efficiency": Word("efficiency", "η"),
-    "drive.motor.dead_zone": Word("dead zone of the motor torque", "d₂ … d₁", "N m"),
+    "drive.motor.dead_zone": Word("motor dead zone", "d₂ … d₁", "N m"),
     "drive.motor.voltage_limit": Word("voltage limit", "", "V"),
     "log.torque_gain": Word("gain of the logged torque"),
 }
@@ -69,6 +69,12 @@ KINDS = {
     "swing": "each window inside one swing, away from the turning points",
     "even": "windows about the turning points, where friction that is odd in speed vanishes without any law",
 }
+
+EXTRA = {
+    "motor_balance_residual": "left by the motor's balance",
+    "loss_unexplained": "lost per swing beyond what the friction law explains",
+}
+"""Shares that a result may carry in `details.extra`."""
 
 DRIVES = {
     "reaction-wheel": "reaction wheel",

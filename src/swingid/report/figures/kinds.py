@@ -6,13 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.format import percent
+from swingid.identify.format import plus_minus
 from swingid.identify.plot import BLUE, GREEN
 from swingid.identify.result import COVERAGE_FACTOR, Result, combined
 from swingid.report.style import new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+COARSE = 30.0
+"""An estimate so many times less certain than the others does not set the scale; its bar leaves the panel."""
 
 
 def draw_kinds(result: Result) -> Figure | None:
@@ -30,12 +33,17 @@ def draw_kinds(result: Result) -> Figure | None:
     if own > 0:
         ax.axvspan(-own, own, color=GREEN, alpha=0.22, lw=0, label="answer, 95 % from the data alone")
     ax.axvline(0.0, color=GREEN, lw=1.6)
-    for row, (value, uncertainty) in enumerate(estimates.values()):
-        off = value / inertia.value - 1
-        bar = 100 * COVERAGE_FACTOR * uncertainty / inertia.value if np.isfinite(uncertainty) else 0.0
-        ax.errorbar(100 * off, row, xerr=bar, fmt="o", ms=5, mew=0, color=BLUE, elinewidth=1.1, capsize=2.5)
+    spreads = {name: 100 * COVERAGE_FACTOR * abs(u / inertia.value) for name, (_, u) in estimates.items()}
+    finest = min((spread for spread in spreads.values() if np.isfinite(spread)), default=0.0)
+    reach = own
+    for row, (name, (value, uncertainty)) in enumerate(estimates.items()):
+        off = 100 * (value / inertia.value - 1)
+        bar = spreads[name] if np.isfinite(spreads[name]) else 0.0
+        ax.errorbar(off, row, xerr=bar, fmt="o", ms=5, mew=0, color=BLUE, elinewidth=1.1, capsize=2.5)
+        if bar <= COARSE * max(finest, own):
+            reach = max(reach, abs(off) + bar)
         ax.annotate(
-            percent(off, sign=True, fine=True),
+            plus_minus(off, 100 * uncertainty / abs(inertia.value), "%", fine=True),
             (1.0, row),
             xycoords=("axes fraction", "data"),
             xytext=(6, 0),
@@ -43,11 +51,13 @@ def draw_kinds(result: Result) -> Figure | None:
             va="center",
             size=8.5,
         )
+    if reach > 0:
+        ax.set_xlim(-1.12 * reach, 1.12 * reach)
     ax.set_yticks(range(len(estimates)), list(estimates))
     ax.set_ylim(len(estimates) - 0.5, -0.5)
     ax.grid(visible=False, axis="y")
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("from the answer, %")
+    ax.set_xlabel("from the answer, % (right: ± standard uncertainty)")
     if own > 0:
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     return figure

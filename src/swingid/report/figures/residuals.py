@@ -5,13 +5,20 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
-from swingid.identify.plot import BLUE, GREY
+from swingid.identify.plot import BLUE, GREY, INK
 from swingid.identify.result import Details
-from swingid.report.style import WIDTH, envelope, prefixed
+from swingid.report.style import WIDTH, legend_above, prefixed
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+
+MOST_DOTS = 800
+BINS = 120
 
 
 def draw_residuals(details: Details, *, linear: bool) -> Figure | None:
@@ -25,9 +32,10 @@ def draw_residuals(details: Details, *, linear: bool) -> Figure | None:
 
     figure = Figure(figsize=(WIDTH, 2.2))
     ax, spread = figure.subplots(1, 2, sharey=True, width_ratios=(5, 1))
-    many = len(times) > 600
-    shown_times, shown = envelope(times, values * factor, 300) if many else (times, values * factor)
-    ax.plot(shown_times, shown, ls="", marker="o", ms=2.2 if many else 3, mew=0, color=BLUE, alpha=0.7)
+    if len(times) > MOST_DOTS:
+        _draw_bands(ax, times, values * factor)
+    else:
+        ax.plot(times, values * factor, ls="", marker="o", ms=2.6, mew=0, color=BLUE, alpha=0.7)
     for axes in (ax, spread):
         axes.axhline(0, color=GREY, lw=0.8)
     spread.hist(
@@ -38,3 +46,14 @@ def draw_residuals(details: Details, *, linear: bool) -> Figure | None:
     ax.set_xlabel("time of the window, s")
     ax.set_ylabel(f"mean {'force' if linear else 'torque'} left, {unit}")
     return figure
+
+
+def _draw_bands(ax: Axes, times: Array, values: Array) -> None:
+    """Many windows as bands: all of them, the middle 90 %, and the median, in equal counts of windows."""
+    groups = np.array_split(np.arange(len(times)), BINS)
+    middle = [float(np.mean(times[group])) for group in groups]
+    low, fifth, median, last, high = np.array([np.quantile(values[g], (0, 0.05, 0.5, 0.95, 1)) for g in groups]).T
+    ax.fill_between(middle, low, high, color=BLUE, alpha=0.2, lw=0, label="all windows")
+    ax.fill_between(middle, fifth, last, color=BLUE, alpha=0.4, lw=0, label="nine in ten")
+    ax.plot(middle, median, color=INK, lw=0.8, label="median")
+    legend_above(ax)

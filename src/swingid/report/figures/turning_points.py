@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 CLOSE = 5
 """Turning points in the close look."""
 
+LARGEST = 25
+"""Half of its length in half-lengths of a test function."""
+
 
 def draw_turning_points(log: Recording, details: Details, *, linear: bool) -> Figure | None:
     """The angle with its turning points; below, five of them with the reach of one test function each."""
@@ -34,17 +37,25 @@ def draw_turning_points(log: Recording, details: Details, *, linear: bool) -> Fi
     for begin, end in ((log.time[0], details.start), (details.stop, log.time[-1])):
         if end > begin:
             whole.axvspan(begin, end, color=PALE, lw=0, zorder=0, label="not used" if begin == log.time[0] else None)
-    first = max(0, (len(times) - CLOSE) // 2)
-    shown = times[first : first + CLOSE]
-    margin = float(np.median(np.diff(times))) / 2 if len(times) > 1 else 0.1 * log.duration
-    _draw_angle(close, log, details, factor, (float(shown[0]) - margin, float(shown[-1]) + margin))
+    span = _close_span(details, log.duration)
+    _draw_angle(close, log, details, factor, span)
     if details.window is not None:
-        _draw_windows(close, shown, details.window)
+        _draw_windows(close, times[(times > span[0]) & (times < span[1])], details.window)
     close.set_xlabel("time, s")
     for ax in (whole, close):
         ax.set_ylabel(label)
         legend_above(ax)
     return figure
+
+
+def _close_span(details: Details, duration: float) -> tuple[float, float]:
+    """Part of the log around its middle turning point: a few swings, fewer where windows would be too small to see."""
+    times = details.turning_times
+    half = CLOSE / 2 * float(np.median(np.diff(times))) if len(times) > 1 else 0.1 * duration
+    if details.window is not None:
+        half = min(half, LARGEST * details.window)
+    centre = float(times[(len(times) - 1) // 2])
+    return centre - half, centre + half
 
 
 def _draw_angle(ax: Axes, log: Recording, details: Details, factor: float, span: tuple[float, float]) -> None:
@@ -87,5 +98,5 @@ def _draw_windows(ax: Axes, centres: Array, half: float) -> None:
             alpha=0.35,
             lw=0,
             zorder=1,
-            label="reach and weight of a test function" if k == 0 else None,
+            label="a test function" if k == 0 else None,
         )

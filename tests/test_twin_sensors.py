@@ -103,6 +103,13 @@ def test_a_late_log_leaves_the_controller_alone_and_an_early_one_delays_it():
     assert not np.array_equal(early.recording.voltage, true.recording.voltage)
 
 
+def test_an_encoder_that_is_off_its_zero_misleads_log_and_controller():
+    run = closed_loop(paper_rig(), encoder_zero=(0.02, 1.0))
+    assert run.recording.angle == pytest.approx(run.truth.angle + 0.02, abs=1e-15)
+    assert run.recording.wheel_angle == pytest.approx(run.truth.wheel_angle + 1.0, abs=1e-12)
+    assert not np.array_equal(run.recording.voltage, closed_loop(paper_rig()).recording.voltage)
+
+
 def test_only_the_wheels_channel_is_late():
     run = closed_loop(paper_rig(**{"sensors.wheel": {"latency": "1 ms"}}))
     assert np.array_equal(run.recording.angle, run.truth.angle)

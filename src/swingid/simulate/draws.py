@@ -62,8 +62,16 @@ def draw_constants(rig: Rig, seed: int) -> dict[str, float]:
     return values
 
 
-def draw(rig: Rig, rows: int, seed: int, *, constants_too: bool = False) -> Draws:
-    """All draws of a run of `rows` rows; `constants_too`: also the constants, else they have their values.
+def draw(
+    rig: Rig,
+    rows: int,
+    seed: int,
+    *,
+    constants_too: bool = False,
+    encoder_zero: tuple[float, float] = (0.0, 0.0),
+) -> Draws:
+    """All draws of a run of `rows` rows; `constants_too`: also the constants, else they have their values;
+    `encoder_zero` (rad): what each encoder reads at angle 0.
 
     A row is read as a whole: both encoders share a row's jitter and are lost together.
     """
@@ -76,7 +84,7 @@ def draw(rig: Rig, rows: int, seed: int, *, constants_too: bool = False) -> Draw
     encoders, latencies, delays = [], [], np.zeros((2, rows))
     for i, sensor in enumerate(sensors):
         alpha, beta = sensor.nonlinearity * nonlinearity[i] + 0.0  # + 0.0: no -0.0
-        encoders.append(Encoder(sensor.resolution, float(alpha), float(beta)))
+        encoders.append(Encoder(sensor.resolution, float(alpha), float(beta), encoder_zero[i]))
         latencies.append(float(sensor.latency.value + (sensor.latency.std or 0.0) * latency[i]))
         delays[i] = latencies[i] + sensor.jitter * jitter
         noise[i] *= sensor.noise

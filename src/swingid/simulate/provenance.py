@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
 PACKAGES = ("swingid", "numpy", "numba")
 
 
+@cache
 def versions() -> dict[str, str]:
     """Versions of Python and of what computes the motion."""
     found = {"python": platform.python_version()}
@@ -60,6 +62,6 @@ def metadata(rig: Rig, how: dict[str, object], draws: Draws) -> dict[str, object
         "rig": rig.text,
         "rig_name": rig.name,
         "rig_source": str(rig.source),
-        "versions": versions(),
+        "versions": dict(versions()),
         "truth": truth(draws),
     }

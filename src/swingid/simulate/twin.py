@@ -71,6 +71,7 @@ def simulate(
     initial_speed: float = 0.0,
     drive: ArrayLike | None = None,
     draw: bool = False,
+    encoder_zero: tuple[float, float] = (0.0, 0.0),
 ) -> Recording:
     """What the rig would log in `duration` (s) at `rate` (1/s): rows at 0, 1/rate, ..., duration.
 
@@ -78,7 +79,8 @@ def simulate(
     compensator with the gains of the paper's experiment. With `drive`, an array of one command per row (V;
     direct drive N m), the loop is open. With neither the command is zero: a free decay from `initial_angle`
     (rad or m) and `initial_speed`. The encoders of `rig.sensors` always apply, drawn by `seed`; with `draw`
-    so are all constants with a stated uncertainty, and the rig is only about what it says it is.
+    so are all constants with a stated uncertainty, and the rig is only about what it says it is. `encoder_zero` (rad):
+    what the encoders of axis and wheel read at angle 0.
 
     Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
     """
@@ -93,6 +95,7 @@ def simulate(
         initial_speed=initial_speed,
         drive=drive,
         draw=draw,
+        encoder_zero=encoder_zero,
     ).recording
 
 
@@ -108,20 +111,21 @@ def simulate_run(
     initial_speed: float = 0.0,
     drive: ArrayLike | None = None,
     draw: bool = False,
+    encoder_zero: tuple[float, float] = (0.0, 0.0),
     truth_times: ArrayLike | None = None,
 ) -> Run:
     """As `simulate`, with the truth beside the recording, at the rows' instants or at `truth_times` (s)."""
     rows = _rows(duration, rate)
-    made = draws.draw(rig, rows, seed, constants_too=draw)
+    made = draws.draw(rig, rows, seed, constants_too=draw, encoder_zero=encoder_zero)
     wanted = np.arange(rows) / rate if truth_times is None else np.asarray(truth_times, dtype=np.float64)
     reads = np.arange(rows) / rate + made.delays
-    instants, places = np.unique(np.concatenate([reads[0], reads[1], wanted]), return_inverse=True)
+    instants, places = _instants(reads, wanted)
     times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
     inputs, open_loop = _inputs(rig, reference, controller, drive, times[:-1], rows)
     state, gains = np.zeros(1), np.zeros(1)
     if not open_loop:
         controller = controller or Compensator.paper(rig)
-        state, gains = controller.initial_state(initial_angle, 0.0), controller.parameters(1.0 / rate)
+        state, gains = controller.initial_state(initial_angle), controller.parameters(1.0 / rate)
     noise = np.zeros((2, len(inputs)))
     noise[:, :rows] = made.noise
     p = vector(made.values, rig.drive.kind)
@@ -149,11 +153,20 @@ def simulate_run(
         "drawn": draw,
         "initial_angle": initial_angle,
         "initial_speed": initial_speed,
+        "encoder_zero": list(encoder_zero),
         "controller": "open loop" if open_loop else repr(controller),
         "reference": describe(reference),
     }
     recording = _recording(rig, times, inputs, open_loop, log, made, metadata(rig, how, made))
     return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts))
+
+
+def _instants(reads: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Sorted instants of all readings (2, rows) and of the wanted truth, and each one's place among them."""
+    if np.array_equal(reads[0], wanted) and np.array_equal(reads[1], wanted):
+        return wanted, np.tile(np.arange(len(wanted)), 3)  # on time, as most rigs are: nothing to sort
+    instants, places = np.unique(np.concatenate([reads[0], reads[1], wanted]), return_inverse=True)
+    return instants, places
 
 
 def _rows(duration: float, rate: float) -> int:

@@ -107,7 +107,6 @@ def clean_result(log: Recording | None = None) -> Result:
         BudgetEntry("scatter of the windows", "A", "inertia", 1e-6),
         BudgetEntry("scatter of the windows", "A", "viscous", 3e-5),
     )
-    turning = (np.arange(20) + 0.5) * np.pi / 8.5 + 1.2
     return Result(
         method="momentum",
         status="ok",
@@ -128,12 +127,16 @@ def clean_result(log: Recording | None = None) -> Result:
             "options": {},
             "versions": {"swingid": "0.1.0", "numpy": "2.0"},
         },
-        details=_details(turning),
+        details=_details(log),
     )
 
 
-def _details(turning: np.ndarray) -> Details:
-    sides = np.where(np.arange(len(turning)) % 2 == 0, 1.0, -1.0)
+def _details(log: Recording) -> Details:
+    """Details of a log whose turning points are those of its samples from 1.2 s to 10 s."""
+    rises = np.sign(np.diff(log.angle))
+    at = np.nonzero(rises[1:] * rises[:-1] < 0)[0] + 1
+    at = at[(log.time[at] > 1.2) & (log.time[at] < 10)]
+    turning, sides = log.time[at], rises[at - 1]
     scatter = np.random.default_rng(0).standard_normal(len(turning))
     speeds = np.concatenate([-np.linspace(7, 1e-6, 8), np.linspace(1e-6, 7, 8)])
     law = 1.144e-3 * speeds
@@ -141,7 +144,7 @@ def _details(turning: np.ndarray) -> Details:
         start=1.2,
         stop=10.0,
         turning_times=turning,
-        turning_angles=0.8 * sides,
+        turning_angles=log.angle[at],
         window=0.18,
         swings=SwingSeries(turning, sides, 3.0228e-3 * (1 + 1e-4 * scatter), np.full(len(turning), 3e-7)),
         friction=FrictionCurve(
@@ -160,7 +163,7 @@ def doubtful_result() -> Result:
     return replace(
         result,
         status="warning",
-        parameters={"inertia": Parameter.of(3.1e-3, None, "kg m^2")},
+        parameters={"inertia": Parameter.of(3.0231e-3, None, "kg m^2")},
         budget=(),
         warnings=(
             Message("near-resonance", "the motion is near resonance; drive at 8.5 rad/s or more."),
@@ -186,8 +189,6 @@ def linear_result() -> Result:
         result.details,
         swings=None,
         estimates={},
-        turning_times=np.arange(1, 6) * np.pi / 2,
-        turning_angles=0.12 * (1 - np.cos(np.arange(1, 6) * np.pi)),
         extra={},
     )
     budget = (BudgetEntry("scatter of the windows", "A", "inertia", 0.5),)

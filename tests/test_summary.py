@@ -32,7 +32,7 @@ def test_a_clean_result_tells_how_what_and_how_sure() -> None:
         "Notes",
     ]
     assert found["Identification"][2] == "log     = runs/a.csv (5001 rows)"
-    assert found["Identification"][4].endswith("1.20 s to 10.00 s, 20 turning points, test functions of ±0.18 s")
+    assert found["Identification"][4].endswith("1.20 s to 10.00 s, 24 turning points, test functions of ±0.18 s")
     assert "".join(found["Parameters"][0].split()) == "inertia:(3.0228±0.0064)e-3kgm²(0.21%)95%:[3.0103,3.0353]e-3"
     assert "law: viscous" in found["Friction"][0]
     assert found["Friction"][1].split() == ["coulomb", "+", "viscous", "+6.4"]
@@ -109,5 +109,5 @@ def test_no_line_is_longer_than_a_terminal_wants() -> None:
 def test_only_turning_points_of_the_used_part_are_counted() -> None:
     details = factories.clean_result().details
     assert details is not None
-    assert "19 turning points" in segment_text(replace(details, start=details.turning_times[0] + 0.01))
+    assert "23 turning points" in segment_text(replace(details, start=details.turning_times[0] + 0.01))
     assert "1 turning point," in segment_text(replace(details, stop=details.turning_times[0] + 0.01))

@@ -137,7 +137,7 @@ def log_rows(log: Recording) -> list[Row]:
         rows.append(Row("time", "", f"{span}, {number(log.rate, '', 4)} rows per second"))
     if log.voltage is not None or log.torque is not None:
         held = "held from each row to the next" if log.drive_held else "measured at each row"
-        rows.append(Row("voltage" if log.voltage is not None else "drive's torque", "", held))
+        rows.append(Row("voltage" if log.voltage is not None else "drive", "", held))
     if log.metadata.get("made_by"):
         rows.append(Row("made by", "", str(log.metadata["made_by"])))
     return rows

@@ -20,7 +20,7 @@ class Word:
 
 
 FRICTION = {
-    "viscous": Word("viscous friction", "f₁N", "N m s", "N s/m"),
+    "viscous": Word("viscous friction", "", "N m s", "N s/m"),
     "coulomb": Word("Coulomb friction", "", "N m", "N"),
     "static": Word("static friction (brink of motion)", "", "N m", "N"),
     "stribeck_speed": Word("Stribeck speed", "", "rad/s", "m/s"),

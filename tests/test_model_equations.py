@@ -16,7 +16,7 @@ from swingid.model.friction import sliding_friction
 from swingid.model.motor import motor_branch
 from swingid.model.parameters import VISCOUS_N, rig_vector
 from swingid.model.printed import alphas, polynomials, state_space
-from twin_cases import LAWS, body_of, direct_rig, paper_rig
+from twin_cases import LAWS, body_of, direct_rig, first_call_compiles, paper_rig
 
 ANGLES, SPEEDS, VOLTS = st.floats(-7.0, 7.0), st.floats(-20.0, 20.0), st.floats(-10.0, 10.0)
 SIDES = st.sampled_from([-1, 1])
@@ -24,6 +24,7 @@ RIGS = {law: paper_rig(law) for law in LAWS}
 DIRECT = {law: direct_rig(law) for law in LAWS}
 
 
+@first_call_compiles
 @given(st.sampled_from(sorted(LAWS)), st.booleans(), ANGLES, SPEEDS, SPEEDS, SIDES, SIDES, VOLTS)
 def test_power_balance_closes_to_rounding(law, direct, q1, v1, v2, s1, s2, u):
     # d/dt (T + Pi) = power of the drive - power lost, with energies and accelerations from the same vector.
@@ -40,6 +41,7 @@ def test_power_balance_closes_to_rounding(law, direct, q1, v1, v2, s1, s2, u):
     assert rate == pytest.approx(given_power - lost, abs=1e-13 * scale)
 
 
+@first_call_compiles
 @given(ANGLES, st.floats(1e-6, 1e-3))
 def test_potential_energy_is_the_integral_of_gravity(q1, step):
     p = rig_vector(RIGS["viscous"])
@@ -47,6 +49,7 @@ def test_potential_energy_is_the_integral_of_gravity(q1, step):
     assert slope == pytest.approx(78e-3 * math.sin(q1), abs=78e-3 * step**2 + 1e-16 / step)
 
 
+@first_call_compiles
 @given(st.sampled_from(["viscous", "coulomb", "quadratic"]), ANGLES, SPEEDS, SPEEDS, VOLTS)
 def test_accelerations_solve_both_rows(law, q1, v1, v2, u):
     p, body = rig_vector(RIGS[law]), body_of(RIGS[law])
@@ -57,6 +60,7 @@ def test_accelerations_solve_both_rows(law, q1, v1, v2, u):
     assert body.a12 * a1 + body.a22 * a2 == pytest.approx(row2, rel=1e-10, abs=1e-14)
 
 
+@first_call_compiles
 @given(ANGLES, SPEEDS, SPEEDS, VOLTS, st.sampled_from([(1, 0), (-1, 0), (0, 1), (0, -1), (0, 0)]))
 def test_what_rests_is_held_by_the_torque_of_its_row(q1, v1, v2, u, sides):
     p, body = rig_vector(RIGS["coulomb"]), body_of(RIGS["coulomb"])
@@ -80,6 +84,7 @@ def compensated():
     return paper_rig("viscous", **{"drive.motor.coulomb": 0.0, "drive.motor.dead_zone": [0.0, 0.0]})
 
 
+@first_call_compiles
 @given(ANGLES, SPEEDS, st.floats(-300.0, 300.0), VOLTS)
 def test_printed_state_space_is_the_mass_matrix_form(q1, v1, v2, u2):
     p = rig_vector(compensated())

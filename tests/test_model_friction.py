@@ -14,7 +14,7 @@ from swingid.model import parameters as places
 from swingid.model.friction import bristle_rate, dry_level, release_margin, sliding_friction, static_curve
 from swingid.model.motor import branch_margin, branch_torque, motor_branch, motor_friction, motor_torque
 from swingid.model.parameters import PARAMETERS, constants, rig_vector, vector
-from twin_cases import free_rig, paper_rig
+from twin_cases import first_call_compiles, free_rig, paper_rig
 
 SPEEDS = st.floats(-50.0, 50.0).filter(lambda v: abs(v) > 1e-6)
 
@@ -23,6 +23,7 @@ def axis(**friction):
     return vector({"axis.inertia": 3e-3, **{f"axis.friction.{k}": v for k, v in friction.items()}}, "none")
 
 
+@first_call_compiles
 @given(SPEEDS)
 def test_each_term_of_the_static_curve(v):
     s = math.copysign(1.0, v)
@@ -37,6 +38,7 @@ def test_each_term_of_the_static_curve(v):
     assert static_curve(v, two_sided) == pytest.approx(2e-3 * v + 1e-3 if v > 0 else 1e-3 * v - 4e-3)
 
 
+@first_call_compiles
 @given(SPEEDS)
 def test_friction_without_direction_is_odd(v):
     p = axis(viscous=1e-3, coulomb=2e-3, static=3e-3, stribeck_speed=0.1, quadratic=1e-4, cubic=1e-5)
@@ -57,6 +59,7 @@ def test_release_knows_directions_and_offset():
     assert release_margin(0.0, p) > 0.0
 
 
+@first_call_compiles
 @given(SPEEDS)
 def test_settled_bristles_give_the_static_curve(v):
     laws = {"coulomb": 3e-3, "static": 5e-3, "stribeck_speed": 0.5, "viscous": 1e-3}
@@ -73,6 +76,7 @@ def test_lugre_without_a_level_is_refused():
     assert caught.value.code == "lugre-without-coulomb"
 
 
+@first_call_compiles
 @given(st.floats(-12.0, 12.0), st.floats(-400.0, 400.0))
 def test_dead_zone_is_that_of_8_with_its_third_branch_corrected(u, v2):
     p = rig_vector(paper_rig())
@@ -81,6 +85,7 @@ def test_dead_zone_is_that_of_8_with_its_third_branch_corrected(u, v2):
     assert motor_torque(u, v2, p) == pytest.approx(expected, rel=1e-12, abs=1e-18)
 
 
+@first_call_compiles
 @given(st.floats(-1.0, 1.0), st.floats(-400.0, 400.0))
 def test_a_branch_holds_where_its_margin_is_not_negative(u, v2):
     p = rig_vector(paper_rig())

@@ -17,7 +17,7 @@ from swingid.model.motion import COUNTS, EVENTS, GUARDED, MANY_EVENTS, advance
 from swingid.model.parameters import STATIC_N, STATIC_P, WHEEL_STATIC, rig_vector
 from swingid.model.sticking import choose_mode, dip, wheel_margin
 from swingid.simulate import simulate_run
-from twin_cases import body_of, direct_rig, free_rig, paper_rig
+from twin_cases import body_of, direct_rig, first_call_compiles, free_rig, paper_rig
 
 FRICTIONLESS = {
     "drive.motor.viscous": 0.0,
@@ -136,6 +136,7 @@ def test_each_swing_of_a_pendulum_with_coulomb_friction_loses_its_work():
     assert (angle[first:] == angle[first]).all()
 
 
+@first_call_compiles
 @given(st.floats(-1.5, 1.5), st.floats(-10.0, 10.0), st.booleans(), st.floats(-30.0, 30.0))
 def test_rest_is_decided_as_gausss_principle_says(q1, u, wheel_rests, v2):
     rig = paper_rig("coulomb", **{"axis.friction.coulomb": 0.02})
@@ -170,7 +171,7 @@ def test_stick_and_release_happen_at_the_known_instants():
     assert torque[released - 2] <= 30e-3 < torque[released - 1]
 
 
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000))
 def test_random_motions_need_no_guard(seed):
     rig = paper_rig("sticking")

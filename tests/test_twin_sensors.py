@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from swingid.model.sensors import Encoder, counts, wrapped
 from swingid.simulate import simulate, simulate_run
 from swingid.simulate.draws import draw_constants
-from twin_cases import free_rig, paper_rig, sine, warm_compensator
+from twin_cases import first_call_compiles, free_rig, paper_rig, sine, warm_compensator
 
 STEP = 2 * math.pi / 16384
 DURATION = 1.0
@@ -22,6 +22,7 @@ def closed_loop(rig, seed=1, duration=DURATION, **options):
     return simulate_run(rig, sine(0.8, 8.5), warm_compensator(rig), duration=duration, seed=seed, **options)
 
 
+@first_call_compiles
 @given(st.floats(-100.0, 100.0), st.floats(-0.01, 0.01), st.floats(-0.01, 0.01), st.floats(-1.0, 1.0))
 def test_an_encoder_reads_what_its_imperfections_say(q, alpha, beta, zero):
     true = np.array([q])

@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from hypothesis import settings
 
 from motion_by_events import Body
 from swingid.control.compensator import Compensator
 from swingid.model.rig import Rig
+
+first_call_compiles = settings(deadline=None)
+"""For property tests of kernels: the first example may have to wait for the compiler."""
 
 LAWS = {
     "viscous": {"viscous": 1.144e-3},

@@ -13,25 +13,30 @@ from swingid.identify.windows import WindowFit
 SEEN = 3.0
 """Standard deviations of a difference beyond which it counts."""
 
-COMPARABLE = 3.0
-"""An estimate that is less certain than the chosen one by more than this factor cannot judge it."""
+COMPARABLE = 2.0
+"""Windows of another length that are less certain by more than this factor fail for reasons of their own."""
 
 
 def drift_with_length(chosen: WindowFit, tried: dict[float, WindowFit]) -> float:
-    """Uncertainty of a11 from its drift with the length of the windows, within a factor of four of the chosen one."""
-    near = [fit for half, fit in tried.items() if 0.24 < half / chosen.half < 4.2 and fit is not chosen]
-    return max((unexplained(chosen, fit, nested=True) for fit in near), default=0.0)
+    """Uncertainty of a11 from its drift with the length of the windows, within a factor of four of the chosen one.
 
-
-def unexplained(chosen: WindowFit, other: WindowFit, *, nested: bool) -> float:
-    """Part of the difference of two estimates that their uncertainties do not explain, 0 where they do.
-
-    nested: both use the same samples and the chosen one is the more efficient, so the variance of the difference
-    is the difference of the variances (Hausman 1978).
+    All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978).
     """
-    if other.u > COMPARABLE * chosen.u:
-        return 0.0
-    variance = abs(other.u**2 - chosen.u**2) if nested else other.u**2 + chosen.u**2
+    near = [
+        fit
+        for half, fit in tried.items()
+        if 0.24 < half / chosen.half < 4.2 and fit is not chosen and fit.u < COMPARABLE * chosen.u
+    ]
+    return max((_unexplained(chosen, fit, abs(fit.u**2 - chosen.u**2)) for fit in near), default=0.0)
+
+
+def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:
+    """Uncertainty of a11 from a kind of windows that contradicts the chosen one beyond both uncertainties."""
+    return 0.0 if other is None else _unexplained(chosen, other, other.u**2 + chosen.u**2)
+
+
+def _unexplained(chosen: WindowFit, other: WindowFit, variance: float) -> float:
+    """Part of the difference of two estimates that the variance of the difference does not explain."""
     difference = other.a11 - chosen.a11
     if abs(difference) <= SEEN * np.sqrt(variance):
         return 0.0

@@ -63,14 +63,14 @@ def plus_minus(value: float, uncertainty: float | None, unit: str = "", *, fine:
     return rounded(value, uncertainty).text(unit, fine=fine)
 
 
-def interval(bounds: tuple[float, float], unit: str = "", *, fine: bool = False) -> str:
-    """'[3.02132, 3.02296]e-3 kg m²', to a hundredth of its width."""
+def interval(bounds: tuple[float, float], unit: str = "", *, middle: float | None = None, fine: bool = False) -> str:
+    """'[3.02132, 3.02296]e-3 kg m²', to about a hundredth of its width; with the power of ten of `middle` if given."""
     low, high = bounds
     width = high - low
     if not (math.isfinite(width) and width > max(abs(low), abs(high)) * 10.0 ** (1 - FINEST)):
         return _assemble(f"[{low:.12g}, {high:.12g}]", 0, unit, fine, bracket=False)
     place = last_place(width / 4)
-    exponent = common_exponent([low, high])
+    exponent = common_exponent([low, high]) if middle is None else rounded(middle, width / 4).exponent
     while place > exponent:
         exponent += 3
     digits = f"[{_digits(low, place, exponent)}, {_digits(high, place, exponent)}]"

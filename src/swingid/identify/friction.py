@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from swingid.identify.balance import Rows, Signals
 from swingid.identify.result import FrictionCurve
-from swingid.identify.windows import LAG, WindowFit
+from swingid.identify.scale import Scale
+from swingid.identify.windows import LAG, columns_of, known_side
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project_hats
 
@@ -50,6 +51,8 @@ DIRECTIONS: dict[str, tuple[str, ...]] = {
 
 CURVE_KNOTS = 8
 FINE_KNOTS = 24
+STRIBECK_SHARES = np.geomspace(0.01, 0.3, 8)
+"""Stribeck speeds tried, as shares of the highest speed."""
 
 
 @dataclass(frozen=True)
@@ -67,65 +70,51 @@ class FrictionLaw:
 
     def torque(self, speeds: Array) -> Array:
         """Friction torque of the law at `speeds`."""
-        columns = [_term(term, speeds, self.stribeck_speed) for term in self.terms]
-        result: Array = np.column_stack(columns) @ self.values
+        result: Array = _columns(self.terms, speeds, self.stribeck_speed) @ self.values
         return result
 
 
-def _term(name: str, speeds: Array, stribeck_speed: float) -> Array:
-    if name == "stribeck":
-        return np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2))
-    return TERMS[name](speeds)
+def _columns(terms: tuple[str, ...], speeds: Array, stribeck_speed: float) -> Array:
+    """Values of the terms at `speeds`, shape (speeds, terms)."""
+    terms_at = {name: term(speeds) for name, term in TERMS.items() if name in terms}
+    if "stribeck" in terms:
+        terms_at["stribeck"] = np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2))
+    return np.column_stack([terms_at[term] for term in terms])
 
 
-def fit_friction(signals: Signals, rows: WindowFit, inertia: WindowFit, target: Array) -> FrictionLaw:
-    """Best law by the Bayesian information criterion, and the curve.
+def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: float) -> FrictionLaw:
+    """Best law by the Bayesian information criterion, and the curve, beside an inertia of their own.
 
-    rows: the fit whose windows are used; inertia: the fit that gave a11; target: what the rows leave for friction,
-    known side − a11 ∫φ'' q1 (− b ∫φ sin q1), shape (rows,).
+    The inertia (and an unknown gravity torque) is fitted again with every law, so that what these windows get wrong
+    of it does not end in the friction. memory: strength of the impulse at each reversal, as found before.
     """
     fastest = float(np.quantile(np.abs(signals.speed), 0.999))
     speeds = _knots(fastest, FINE_KNOTS)
-    windows = rows.rows.windows
+    windows = rows.windows
     hats = project_hats(signals.nodes, signals.speed, speeds, windows.centres, windows.half)
-    target = target - rows.rows.friction["memory"] * inertia.value("memory")
-    scores: dict[str, float] = {}
-    fits: dict[str, tuple[LinearFit, tuple[str, ...], float]] = {}
-    independent = len(target) / (LAG / 2)
-    for name, odd in LAWS.items():
-        for direction, even in DIRECTIONS.items():
-            terms = odd + even
-            fit, stribeck_speed = _fit_terms(hats, speeds, target, terms, fastest)
-            if not _dissipates(fit, terms):
-                continue
-            count = len(terms) + ("stribeck" in terms)
-            power = float(fit.residuals @ fit.residuals) / len(target)
-            scores[name + direction] = float(independent * np.log(max(power, 1e-300)) + count * np.log(independent))
-            fits[name + direction] = (fit, terms, stribeck_speed)
-    if not fits:
-        fits["viscous"] = (*_fit_terms(hats, speeds, target, ("viscous",), fastest)[:1], ("viscous",), 1.0)
-        scores["viscous"] = 0.0
-    best = min(scores, key=lambda name: scores[name])
-    fit, terms, stribeck_speed = fits[best]
-    law = FrictionLaw(best, terms, fit.values, fit.covariance(LAG), fit.influence, rows.rows, stribeck_speed, _EMPTY)
-    above = {name: score - scores[best] for name, score in scores.items()}
-    return replace(law, curve=_curve(hats, speeds, target, law, inertia, fastest, above))
+    target = known_side(rows, scale) - rows.friction["memory"] * memory
+    _, body = columns_of(rows, scale, ())
+    best, stribeck_speed, scores = _choose(body, hats, speeds, target)
+    terms = _terms(best)
+    fit = fit_linear(np.column_stack([hats @ _columns(terms, speeds, stribeck_speed), body]), target)
+    own = slice(0, len(terms))
+    law = FrictionLaw(
+        best,
+        terms,
+        fit.values[own],
+        fit.covariance(LAG)[own, own],
+        fit.influence[own],
+        rows,
+        stribeck_speed,
+        FrictionCurve(np.empty(0), np.empty(0), np.empty(0), best, np.empty(0)),
+    )
+    return replace(law, curve=_curve(body, hats, speeds, target, law, fastest, scores))
 
 
-def _dissipates(fit: LinearFit, terms: tuple[str, ...]) -> bool:
-    """Whether no coefficient, in either direction, is negative beyond two standard uncertainties."""
-    unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
-    sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
-    if "viscous_even" in unit:
-        viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
-        sides += [viscous + even, viscous - even]
-    if "offset" in unit and "coulomb" in unit:
-        sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
-    covariance = fit.covariance(LAG)
-    return all(float(side @ fit.values) > -2 * float(np.sqrt(side @ covariance @ side)) for side in sides)
-
-
-_EMPTY = FrictionCurve(np.empty(0), np.empty(0), np.empty(0), "", np.empty(0))
+def _terms(name: str) -> tuple[str, ...]:
+    """Terms of a law by its name with direction."""
+    odd, comma, direction = name.partition(",")
+    return LAWS[odd] + DIRECTIONS[comma + direction]
 
 
 def _knots(fastest: float, count: int) -> Array:
@@ -135,35 +124,53 @@ def _knots(fastest: float, count: int) -> Array:
     return np.concatenate([-side[::-1], side])
 
 
-def _fit_terms(
-    hats: Array, speeds: Array, target: Array, terms: tuple[str, ...], fastest: float
-) -> tuple[LinearFit, float]:
-    """Least squares of the terms; the Stribeck speed by search over a grid."""
+def _choose(body: Array, hats: Array, speeds: Array, target: Array) -> tuple[str, float, dict[str, float]]:
+    """Name of the best law, its Stribeck speed, and the scores of all laws above the best."""
+    # every law's columns lie in the span of these, so all laws are compared on the few rows of one QR factor
+    factor = np.linalg.qr(np.column_stack([body, hats, target]), mode="r")
+    split = body.shape[1]
+    small_body, small_hats, small_target = factor[:, :split], factor[:, split:-1], factor[:, -1]
+    independent = len(target) / (LAG / 2)
+    scores: dict[str, float] = {}
+    stribeck_speeds: dict[str, float] = {}
+    for name in (odd + direction for odd in LAWS for direction in DIRECTIONS):
+        terms = _terms(name)
+        trials = speeds[-1] * STRIBECK_SHARES if "stribeck" in terms else np.ones(1)
+        fits = [
+            fit_linear(np.column_stack([small_hats @ _columns(terms, speeds, trial), small_body]), small_target)
+            for trial in trials
+        ]
+        lost = [float(fit.residuals @ fit.residuals) for fit in fits]
+        k = int(np.argmin(lost))
+        if name != "viscous" and not _dissipates(fits[k], terms, lost[k] / independent):
+            continue
+        count = len(terms) + ("stribeck" in terms)
+        scores[name] = float(independent * np.log(max(lost[k], 1e-300)) + count * np.log(independent))
+        stribeck_speeds[name] = float(trials[k])
+    best = min(scores, key=lambda name: scores[name])
+    return best, stribeck_speeds[best], {name: score - scores[best] for name, score in scores.items()}
 
-    def columns(stribeck_speed: float) -> Array:
-        result: Array = hats @ np.column_stack([_term(term, speeds, stribeck_speed) for term in terms])
-        return result
 
-    best = 1.0
-    if "stribeck" in terms:
-        trials = fastest * np.geomspace(0.01, 0.3, 12)
-        lost = [np.linalg.lstsq(columns(trial), target, rcond=None)[1].sum() for trial in trials]
-        best = float(trials[int(np.argmin(lost))])
-    return fit_linear(columns(best), target), best
+def _dissipates(fit: LinearFit, terms: tuple[str, ...], variance: float) -> bool:
+    """Whether no coefficient, in either direction, is negative beyond two standard uncertainties."""
+    unit = {term: np.eye(len(fit.values))[k] for k, term in enumerate(terms)}
+    sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
+    if "viscous_even" in unit:
+        viscous, even = unit.get("viscous", np.zeros(len(fit.values))), unit["viscous_even"]
+        sides += [viscous + even, viscous - even]
+    if "offset" in unit and "coulomb" in unit:
+        sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
+    rows = np.array(sides)
+    spread = np.linalg.norm(rows @ fit.influence, axis=1) * np.sqrt(variance)
+    return bool(np.all(rows @ fit.values > -2 * spread))
 
 
 def _curve(
-    hats: Array,
-    speeds: Array,
-    target: Array,
-    law: FrictionLaw,
-    inertia: WindowFit,
-    fastest: float,
-    scores: dict[str, float],
+    body: Array, hats: Array, speeds: Array, target: Array, law: FrictionLaw, fastest: float, scores: dict[str, float]
 ) -> FrictionCurve:
-    """The curve on a coarse grid of speeds, with uncertainties that include that of the inertia."""
+    """The curve on a coarse grid of speeds, as a sum of hat functions, with type A uncertainties."""
     coarse = _knots(fastest, CURVE_KNOTS)
     blend = np.array([np.interp(speeds, coarse, unit) for unit in np.eye(len(coarse))]).T
-    fit = fit_linear(hats @ blend, target, smallest=1e-4)
-    spread = np.sqrt(np.diag(fit.covariance(LAG)) + (fit.influence @ law.rows.inertia * inertia.u) ** 2)
-    return FrictionCurve(coarse, fit.values, spread, law.name, law.torque(coarse), scores)
+    fit = fit_linear(np.column_stack([hats @ blend, body]), target, smallest=1e-4)
+    spread = np.sqrt(np.diag(fit.covariance(LAG)))[: len(coarse)]
+    return FrictionCurve(coarse, fit.values[: len(coarse)], spread, law.name, law.torque(coarse), scores)

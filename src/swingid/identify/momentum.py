@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.agreement import drift_with_length, unexplained
+from swingid.identify.agreement import disagreement, drift_with_length
 from swingid.identify.balance import Signals, rows_of
 from swingid.identify.checks import check_answer, check_motor, check_sign
 from swingid.identify.friction import FrictionLaw, fit_friction
@@ -34,6 +34,7 @@ from swingid.identify.windows import (
     grid_spread,
     known_side,
     swing_windows,
+    timing_spread,
 )
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
@@ -43,14 +44,17 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Estimate:
-    """All fits of one log: the chosen law windows, those of other lengths, and the other kinds."""
+    """All fits of one log: the chosen law windows, those of other lengths, the other kinds, the friction.
+
+    common: errors that are alike at every swing and so do not show in the scatter, by source.
+    """
 
     law: WindowFit
     tried: dict[float, WindowFit]
     swing: WindowFit | None
     even: WindowFit | None
     friction: FrictionLaw
-    grid: float
+    common: dict[str, float]
 
 
 def momentum(log: Recording, rig: Rig) -> Result:
@@ -109,14 +113,16 @@ def _estimate(signals: Signals, scale: Scale, noise: Noise) -> _Estimate:
     swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
     even = fit_rows(rows_of(signals, even_windows(signals, signals.motion.half_period / 2)), scale, noise, ("offset",))
     calm = _for_friction(law, tried, signals.motion.half_period)
-    rows = calm.rows
-    left = known_side(rows, scale) - law.a11 * rows.inertia - law.value("gravity_torque") * rows.gravity
-    friction = fit_friction(signals, calm, law, left)
+    friction = fit_friction(signals, calm.rows, scale, law.value("memory"))
     if even is not None:
         even = _with(even, _asymmetry(even, law), grid_spread(signals, even, noise, "inertia"))
     if swing is not None:
         swing = _with(swing, grid_spread(signals, swing, noise, "inertia"))
-    return _Estimate(law, tried, swing, even, friction, grid_spread(signals, law, noise, "inertia"))
+    common = {
+        "place of the encoder's grid": grid_spread(signals, law, noise, "inertia"),
+        "timing of the turning points": timing_spread(signals, law),
+    }
+    return _Estimate(law, tried, swing, even, friction, common)
 
 
 def _for_friction(law: WindowFit, tried: dict[float, WindowFit], half_period: float) -> WindowFit:
@@ -124,7 +130,7 @@ def _for_friction(law: WindowFit, tried: dict[float, WindowFit], half_period: fl
 
     Friction is the slow part of the balance, and long windows are calm; those much worse for the inertia are left out.
     """
-    sound = [fit for fit in tried.values() if fit.u < 3.2 * law.u]
+    sound = [fit for fit in tried.values() if fit.u < 2 * law.u]
     inside = [fit for fit in sound if fit.half <= half_period / 4 * 1.01]
     return max(inside, key=lambda fit: fit.half) if inside else min(sound, key=lambda fit: fit.half)
 
@@ -157,8 +163,7 @@ def _answer(
     units, weights = friction_units(scale.linear), friction_parameters(friction)
     for name, own in weights.items():
         values[name] = float(own @ friction.values), units[name]
-        slope = float(own @ friction.influence @ friction.rows.inertia)
-        budget.append(_scatter(name, float(np.hypot(np.sqrt(own @ friction.covariance @ own), slope * law.u))))
+        budget.append(_scatter(name, float(np.sqrt(own @ friction.covariance @ own))))
     b = law.value("gravity_torque") if scale.b is None else scale.b
     pairs = zip(
         imperfections(rig, signals, law.rows, law.a11, b),
@@ -167,9 +172,7 @@ def _answer(
     )
     for item, later in pairs:
         shifts = {name: float(influence @ item.rows) for name, influence in solved.items()}
-        left = later.rows - friction.rows.inertia * shifts["inertia"]
-        left = left - friction.rows.gravity * shifts.get("gravity_torque", 0.0)
-        shifts |= {name: float(own @ friction.influence @ left) for name, own in weights.items()}
+        shifts |= {name: float(own @ friction.influence @ later.rows) for name, own in weights.items()}
         shifts["inertia"] += item.direct
         budget += [
             BudgetEntry(item.source, "B", name, abs(shift) * item.std, shift, item.shared_id)
@@ -185,15 +188,14 @@ def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
     """Type A entries of the inertia: scatter, drift with the windows' length, disagreement of the kinds."""
     law = estimate.law
     entries = [_scatter("inertia", law.u)]
-    if estimate.grid > law.u:
-        entries.append(
-            BudgetEntry("place of the encoder's grid", "A", "inertia", float(np.sqrt(estimate.grid**2 - law.u**2)))
-        )
+    for source, spread in estimate.common.items():
+        if spread > 0:
+            entries.append(BudgetEntry(source, "A", "inertia", spread))
     drift = drift_with_length(law, estimate.tried)
     if drift > 0:
         entries.append(BudgetEntry("drift with the length of the windows", "A", "inertia", drift))
     for name, other in (("swing", estimate.swing), ("even", estimate.even)):
-        gap = 0.0 if other is None else unexplained(law, other, nested=False)
+        gap = disagreement(law, other)
         if gap > 0:
             entries.append(BudgetEntry(f'disagreement of "{name}" windows', "A", "inertia", gap))
     return entries

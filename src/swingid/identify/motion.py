@@ -41,6 +41,10 @@ class Speed:
         """Speed at rising `instants`, by a cubic spline over the grid."""
         return spline_at(self.grid, self.speed, spline_slopes(self.grid, self.speed), instants, 0)
 
+    def acceleration(self, instants: Array) -> Array:
+        """Slope of the speed at rising `instants`."""
+        return spline_at(self.grid, self.speed, spline_slopes(self.grid, self.speed), instants, 1)
+
     def at_nodes(self, nodes: GaussNodes) -> Array:
         """Speed at Gauss nodes, shape (n−1, points)."""
         instants = nodes.instants
@@ -69,6 +73,14 @@ class Motion:
     def half_period(self) -> float:
         """Median time between turning points in s."""
         return float(np.median(np.diff(self.turning_times)))
+
+    def lateness(self, jump: float) -> float:
+        """How late (s) turning points may be found where Coulomb friction makes the acceleration jump by `jump`.
+
+        A cubic fitted over ±w to ¼ jump·t|t| has the slope 0.3125 · ¼ jump·w at the jump; divided by the acceleration.
+        """
+        acceleration = np.median(np.abs(self.speed.acceleration(self.turning_times)))
+        return float(0.3125 / 4 * jump * self.speed.half_width / 2 / max(acceleration, 1e-300))
 
     def within(self, start: float, stop: float) -> Motion:
         """The same motion with the turning points and rests between two instants only."""
@@ -134,7 +146,7 @@ def sample_noise(values: Array) -> float:
 
 
 def grid_step(values: Array) -> float:
-    """Step of the grid on which `values` lie, 0 where there is none: the smallest change, of which all are multiples."""
+    """Step of the grid on which `values` lie, 0 where there is none: the change of which all are multiples."""
     changes = np.abs(np.diff(values))
     changes = changes[changes > 1e-7 * (np.ptp(values) + 1e-300)]
     if len(changes) < 10:
@@ -162,12 +174,24 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
         )
     crossings = np.nonzero(np.sign(v[:-1]) * np.sign(v[1:]) < 0)[0]
     instants = fine[crossings] + (fine[1] - fine[0]) * v[crossings] / (v[crossings] - v[crossings + 1])
-    angles = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), instants, 0)
+    instants, angles = _refined(time, angle, speed, instants)
     keep = _extremes(np.concatenate([[q[0]], angles, [q[-1]]]), max(SMALLEST_SWING * size, 8 * noise))
     keep = keep[(keep > 0) & (keep <= len(angles))] - 1
     instants, angles = instants[keep], angles[keep]
     sides = np.sign(v[np.searchsorted(fine, instants) - 1]) if len(instants) else np.empty(0)
     return Motion(speed, instants, angles, sides, _rests(speed, fine, v))
+
+
+def _refined(time: Array, angle: Array, speed: Speed, instants: Array) -> tuple[Array, Array]:
+    """Turning points by one Newton step on a fit over half the width, and the angles there (see `Motion.lateness`)."""
+    acceleration = speed.acceleration(instants)
+    step = float(np.median(np.diff(time)))
+    fitted = local_cubic(time, angle, instants, max(speed.half_width / 2, WIDTHS[0] * step))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = -fitted[:, 1] / acceleration
+    shift = np.where(np.isfinite(shift) & (np.abs(shift) < speed.half_width / 2), shift, 0.0)
+    refined = np.maximum.accumulate(instants + shift)
+    return refined, spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), refined, 0)
 
 
 def _extremes(values: Array, threshold: float) -> NDArray[np.int64]:

@@ -87,7 +87,7 @@ def _rig_text(provenance: dict[str, object]) -> str | None:
 def _parameters(result: Result) -> list[str]:
     lines: list[str] = []
     unknown: list[str] = []
-    values = {n: plus_minus(p.value, p.standard_uncertainty, p.unit) for n, p in result.parameters.items()}
+    values = {name: value_text(parameter) for name, parameter in result.parameters.items()}
     names, wide = max(map(len, values), default=0) + 1, max(map(len, values.values()), default=0)
     for name, parameter in result.parameters.items():
         text = f"    {name + ':':<{names}} {values[name]:<{wide}}"
@@ -97,9 +97,16 @@ def _parameters(result: Result) -> list[str]:
         else:
             text += f"  {'(' + relative(parameter) + ')':<10}"
         if parameter.interval95 is not None:
-            text += f"  95 %: {interval(parameter.interval95)}"
+            text += f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
         lines.append(text.rstrip())
     return lines + unknown
+
+
+def value_text(parameter: Parameter, *, fine: bool = False) -> str:
+    """Value ± standard uncertainty with its unit; four digits where the uncertainty is unknown."""
+    if parameter.standard_uncertainty is None:
+        return number(parameter.value, parameter.unit, fine=fine)
+    return plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit, fine=fine)
 
 
 def relative(parameter: Parameter, *, fine: bool = False) -> str:

@@ -186,7 +186,9 @@ def choose_law(signals: Signals, scale: Scale, noise: Noise) -> tuple[WindowFit,
     remembered = {
         half: fit
         for half, plain in tried.items()
-        if (fit := fit_rows(plain.rows, scale, noise, (*BASIS, "memory"))) is not None
+        # over a whole swing and more, an impulse at each reversal looks like inertia
+        if half < 0.55 * signals.motion.half_period
+        and (fit := fit_rows(plain.rows, scale, noise, (*BASIS, "memory"))) is not None
     }
     if remembered:
         sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
@@ -195,6 +197,15 @@ def choose_law(signals: Signals, scale: Scale, noise: Noise) -> tuple[WindowFit,
             tried = remembered
     least = min(fit.u for fit in tried.values())
     return max((fit for fit in tried.values() if fit.u <= FLAT * least), key=lambda fit: fit.half), tried
+
+
+def timing_spread(signals: Signals, fit: WindowFit) -> float:
+    """What late turning points do to a11: friction turns around at the wrong instant, alike at every swing."""
+    if "memory" in fit.unknowns:
+        return 0.0
+    jump = 2 * abs(fit.value("coulomb")) / abs(fit.a11)
+    impulse = jump * abs(fit.a11) * signals.motion.lateness(jump)
+    return abs(float(fit.fit.influence[0] @ fit.rows.friction["memory"])) * impulse
 
 
 def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) -> float:
@@ -217,7 +228,7 @@ def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) ->
 def _search(signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:
     """Fits by half-length: octaves downwards while they get better, then the half octaves beside the best."""
     time = signals.nodes.time
-    longest = min(signals.motion.half_period, (time[-1] - time[0]) / 5)
+    longest = min(0.75 * signals.motion.half_period, (time[-1] - time[0]) / 5)
     shortest = 4 * noise.step
     tried: dict[float, WindowFit] = {}
 

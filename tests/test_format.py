@@ -55,8 +55,8 @@ def test_what_is_written_is_the_value_to_half_a_last_place(value: float, uncerta
         return
     place = Decimal(1).scaleb(Decimal(shown.uncertainty).as_tuple().exponent) * power
     assert Decimal(shown.value).as_tuple().exponent == Decimal(shown.uncertainty).as_tuple().exponent
-    assert abs(Decimal(shown.value) * power - Decimal(value)) <= place * Decimal("0.5000001")
-    assert abs(Decimal(shown.uncertainty) * power - Decimal(uncertainty)) <= place * Decimal("0.5000001")
+    assert abs(Decimal(shown.value) * power - Decimal(repr(value))) <= place * Decimal("0.5000001")
+    assert abs(Decimal(shown.uncertainty) * power - Decimal(repr(uncertainty))) <= place * Decimal("0.5000001")
     digits = shown.uncertainty.replace(".", "").lstrip("0")
     assert len(digits) == 2
 
@@ -88,6 +88,12 @@ def test_percent_keeps_two_digits(fraction: float) -> None:
 )
 def test_percent_with_sign(fraction: float, text: str) -> None:
     assert percent(fraction, sign=True) == text
+
+
+def test_an_interval_has_the_power_of_ten_of_its_value() -> None:
+    assert plus_minus(903e-6, 55e-6) == "(903 ± 55)e-6"
+    assert interval((0.7952e-3, 1.0108e-3)) == "[0.795, 1.011]e-3"
+    assert interval((0.7952e-3, 1.0108e-3), middle=903e-6) == "[795, 1011]e-6"
 
 
 def test_numbers_and_spans_without_uncertainty() -> None:

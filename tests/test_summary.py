@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 import factories
-from swingid.identify.result import BudgetEntry, Message, Result
-from swingid.identify.summary import folded, segment_text, summarise
+from swingid.identify.result import BudgetEntry, Message, Parameter, Result
+from swingid.identify.summary import folded, segment_text, summarise, value_text
 
 
 def sections(text: str) -> dict[str, list[str]]:
@@ -52,11 +52,15 @@ def test_the_budget_is_sorted_and_split_by_type() -> None:
 def test_an_unknown_uncertainty_is_said_and_explained() -> None:
     lines = sections(factories.clean_result().summary())["Parameters"]
     assert "(uncertainty unknown)" in lines[2]
-    assert "± " not in lines[2]
+    assert lines[2].startswith("stribeck_speed: 0.3 rad/s  ")
     assert lines[3].startswith("stribeck_speed has no uncertainty: it is found by a search")
     own = Message("no-uncertainty", "the inertia has one pass only, so there is no scatter to judge it by.")
     result = replace(factories.doubtful_result(), notes=(own,))
     assert own.message in " ".join(result.summary().split())
+
+
+def test_a_value_of_unknown_uncertainty_claims_few_digits() -> None:
+    assert value_text(Parameter.of(0.50894123, None, "rad/s")) == "0.5089 rad/s"
 
 
 def test_warnings_say_what_to_do() -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
-from swingid.identify.format import interval, plus_minus
+from swingid.identify.format import interval
 from swingid.identify.result import Result
-from swingid.identify.summary import relative, segment_text, why_unknown
+from swingid.identify.summary import relative, segment_text, value_text, why_unknown
 from swingid.report import tables
 from swingid.report.words import DRIVES, KINDS, parameter_word
 
@@ -125,8 +125,10 @@ def _answer(result: Result, *, linear: bool) -> dict[str, str]:
     return {
         "words": word.words,
         "symbol": word.symbol,
-        "value": plus_minus(inertia.value, inertia.standard_uncertainty, inertia.unit, fine=True),
-        "interval": interval(inertia.interval95, inertia.unit, fine=True) if inertia.interval95 else "",
+        "value": value_text(inertia, fine=True),
+        "interval": interval(inertia.interval95, inertia.unit, middle=inertia.value, fine=True)
+        if inertia.interval95
+        else "",
         "relative": relative(inertia, fine=True),
         "unknown": "" if known else why_unknown(result, "inertia"),
     }

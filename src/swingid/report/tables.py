@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from swingid.identify.format import interval, number, percent, plus_minus, span
 from swingid.identify.result import Result
-from swingid.identify.summary import relative, sorted_budget, why_unknown
+from swingid.identify.summary import relative, sorted_budget, value_text, why_unknown
 from swingid.report.words import EXTRA, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.units import Quantity
 
@@ -42,9 +42,11 @@ def parameter_rows(result: Result, *, linear: bool) -> list[Row]:
             Row(
                 words=f"{word.words} {word.symbol}".strip(),
                 key=name,
-                value=plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit, fine=True),
+                value=value_text(parameter, fine=True),
                 spread=relative(parameter, fine=True),
-                remark=interval(bounds, fine=True) if bounds else f"uncertainty unknown: {why_unknown(result, name)}",
+                remark=interval(bounds, middle=parameter.value, fine=True)
+                if bounds
+                else f"uncertainty unknown: {why_unknown(result, name)}",
                 bounded=bounds is not None,
             )
         )

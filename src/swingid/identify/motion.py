@@ -178,7 +178,7 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     keep = _extremes(np.concatenate([[q[0]], angles, [q[-1]]]), max(SMALLEST_SWING * size, 8 * noise))
     keep = keep[(keep > 0) & (keep <= len(angles))] - 1
     instants, angles = instants[keep], angles[keep]
-    sides = np.sign(v[np.searchsorted(fine, instants) - 1]) if len(instants) else np.empty(0)
+    sides = np.sign(v[crossings[keep]])
     return Motion(speed, instants, angles, sides, _rests(speed, fine, v))
 
 

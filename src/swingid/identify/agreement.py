@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from swingid.identify.windows import WindowFit
+from swingid.identify.fits import WindowFit
 
 SEEN = 3.0
 """Standard deviations of a difference beyond which it counts."""
@@ -25,7 +25,7 @@ def drift_with_length(chosen: WindowFit, tried: dict[float, WindowFit]) -> float
     near = [
         fit
         for half, fit in tried.items()
-        if 0.24 < half / chosen.half < 4.2 and fit is not chosen and fit.u < COMPARABLE * chosen.u
+        if 0.24 < half / chosen.half < 4.2 and fit is not chosen and fit.total < COMPARABLE * chosen.total
     ]
     return max((_unexplained(chosen, fit, abs(fit.u**2 - chosen.u**2)) for fit in near), default=0.0)
 
@@ -36,7 +36,12 @@ def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:
 
 
 def _unexplained(chosen: WindowFit, other: WindowFit, variance: float) -> float:
-    """Part of the difference of two estimates that the variance of the difference does not explain."""
+    """Part of the difference of two estimates that the variance of the difference does not explain.
+
+    A declared imperfection is the same in both, so it explains as much as its two effects differ.
+    """
+    pairs = zip(chosen.declared, other.declared, strict=True)
+    variance += sum((mine.shifts[0] - theirs.shifts[0]) ** 2 for mine, theirs in pairs)
     difference = other.a11 - chosen.a11
     if abs(difference) <= SEEN * np.sqrt(variance):
         return 0.0

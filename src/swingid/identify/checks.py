@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify.balance import Signals
+from swingid.identify.fits import WindowFit, columns_of, known_side
 from swingid.identify.motor_balance import MotorBalance
 from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.identify.scale import Scale
-from swingid.identify.windows import WindowFit, columns_of, known_side
 from swingid.numerics.regression import fit_linear
 
 Array = NDArray[np.float64]

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.balance import Rows, Signals
+from swingid.identify.fits import LAG, columns_of, known_side
 from swingid.identify.result import FrictionCurve
 from swingid.identify.scale import Scale
-from swingid.identify.windows import LAG, columns_of, known_side
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project_hats
 
@@ -127,7 +127,7 @@ def _knots(fastest: float, count: int) -> Array:
 def _choose(body: Array, hats: Array, speeds: Array, target: Array) -> tuple[str, float, dict[str, float]]:
     """Name of the best law, its Stribeck speed, and the scores of all laws above the best."""
     # every law's columns lie in the span of these, so all laws are compared on the few rows of one QR factor
-    factor = np.linalg.qr(np.column_stack([body, hats, target]), mode="r")
+    factor: Array = np.linalg.qr(np.column_stack([body, hats, target]), mode="r")
     split = body.shape[1]
     small_body, small_hats, small_target = factor[:, :split], factor[:, split:-1], factor[:, -1]
     independent = len(target) / (LAG / 2)

@@ -24,7 +24,7 @@ Array = NDArray[np.float64]
 class Imperfection:
     """A declared uncertainty: standard deviation, its effect ρ on the rows per unit, and on J1 directly per unit.
 
-    shared_id names the physical constant, None for what is drawn anew in each run.
+    shared_id names the physical constant. calibrates: whether a fit may find the value in the data.
     """
 
     source: str
@@ -32,6 +32,7 @@ class Imperfection:
     rows: Array
     direct: float
     shared_id: str | None
+    calibrates: bool = False
 
 
 def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> list[Imperfection]:
@@ -72,7 +73,9 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
         part = project(signals.nodes, columns, windows.centres, windows.half)
         for name, k in (("cosine", 0), ("sine", 2)):
             effect = -(a11 * part[:, k] + b * part[:, k + 1])
-            yield Imperfection(f"angle encoder nonlinearity ({name})", std, effect, 0.0, f"sensors.nonlinearity.{name}")
+            yield Imperfection(
+                f"angle encoder nonlinearity ({name})", std, effect, 0.0, f"sensors.nonlinearity.{name}", True
+            )
     wheel = rig.sensors.of("wheel").nonlinearity
     if wheel > 0 and signals.wheel is not None:
         part = project(
@@ -84,7 +87,7 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
         for name, k in (("cosine", 0), ("sine", 1)):
             effect = -rig.drive.a12 * part[:, k]
             shared = f"sensors.wheel.nonlinearity.{name}"
-            yield Imperfection(f"wheel encoder nonlinearity ({name})", wheel, effect, 0.0, shared)
+            yield Imperfection(f"wheel encoder nonlinearity ({name})", wheel, effect, 0.0, shared, True)
 
 
 def _latencies(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:

@@ -14,7 +14,10 @@ from numpy.typing import NDArray
 
 from swingid.identify.agreement import disagreement, drift_with_length
 from swingid.identify.balance import Signals, rows_of
+from swingid.identify.calibration import with_declared
 from swingid.identify.checks import check_answer, check_motor, check_sign
+from swingid.identify.choice import choose_law
+from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows, known_side
 from swingid.identify.friction import FrictionLaw, fit_friction
 from swingid.identify.imperfections import imperfections
 from swingid.identify.motion import Motion, find_motion, grid_step, sample_noise
@@ -24,18 +27,8 @@ from swingid.identify.provenance import exact_constants, provenance
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
-from swingid.identify.windows import (
-    BASIS,
-    Noise,
-    WindowFit,
-    choose_law,
-    even_windows,
-    fit_rows,
-    grid_spread,
-    known_side,
-    swing_windows,
-    timing_spread,
-)
+from swingid.identify.systematics import grid_spread, timing_spread
+from swingid.identify.windows import even_windows, swing_windows
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -73,7 +66,7 @@ def momentum(log: Recording, rig: Rig) -> Result:
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     signals = Signals.of(used, rig, motion)
-    estimate = _estimate(signals, scale, noise)
+    estimate = _estimate(signals, rig, scale, noise)
     check_sign(estimate.law, scale, log.source.path or "the log")
     budget, parameters = _answer(estimate, rig, signals, scale)
     amplitude = float(np.max(np.abs(motion.turning_angles)))
@@ -108,15 +101,17 @@ def _noise(log: Recording, rig: Rig) -> Noise:
     return Noise(levels[0], levels[1], 1 / log.rate, grid)
 
 
-def _estimate(signals: Signals, scale: Scale, noise: Noise) -> _Estimate:
-    law, tried = choose_law(signals, scale, noise)
+def _estimate(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> _Estimate:
+    law, tried = choose_law(signals, rig, scale, noise)
     swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
     even = fit_rows(rows_of(signals, even_windows(signals, signals.motion.half_period / 2)), scale, noise, ("offset",))
     calm = _for_friction(law, tried, signals.motion.half_period)
     friction = fit_friction(signals, calm.rows, scale, law.value("memory"))
     if even is not None:
+        even = with_declared(even, rig, signals, scale)
         even = _with(even, _asymmetry(even, law), grid_spread(signals, even, noise, "inertia"))
     if swing is not None:
+        swing = with_declared(swing, rig, signals, scale)
         swing = _with(swing, grid_spread(signals, swing, noise, "inertia"))
     common = {
         "place of the encoder's grid": grid_spread(signals, law, noise, "inertia"),
@@ -151,37 +146,35 @@ def _with(fit: WindowFit, *more: float) -> WindowFit:
 def _answer(
     estimate: _Estimate, rig: Rig, signals: Signals, scale: Scale
 ) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
-    """Parameters with their budgets: type A first, then every declared imperfection through the two linear fits."""
+    """Parameters with their budgets: type A first, then every declared imperfection."""
     law, friction = estimate.law, estimate.friction
-    solved = {"inertia": law.fit.influence[0]}
     values = {"inertia": (law.a11 - scale.carried, scale.unit)}
     budget = _type_a(estimate)
     if scale.b is None:
-        solved["gravity_torque"] = law.fit.influence[1]
         values["gravity_torque"] = law.value("gravity_torque"), scale.torque_unit
         budget.append(_scatter("gravity_torque", law.uncertainty("gravity_torque")))
-    units, weights = friction_units(scale.linear), friction_parameters(friction)
-    for name, own in weights.items():
+    for name in values:
+        k = law.unknowns.index(name)
+        for effect in law.declared:
+            shift = float(effect.shifts[k]) + (effect.direct * effect.std if name == "inertia" else 0.0)
+            budget.append(_type_b(name, effect.source, shift, effect.std, effect.shared_id))
+    units = friction_units(scale.linear)
+    b = law.value("gravity_torque") if scale.b is None else scale.b
+    declared = imperfections(rig, signals, friction.rows, law.a11, b)
+    for name, own in friction_parameters(friction).items():
         values[name] = float(own @ friction.values), units[name]
         budget.append(_scatter(name, float(np.sqrt(own @ friction.covariance @ own))))
-    b = law.value("gravity_torque") if scale.b is None else scale.b
-    pairs = zip(
-        imperfections(rig, signals, law.rows, law.a11, b),
-        imperfections(rig, signals, friction.rows, law.a11, b),
-        strict=True,
-    )
-    for item, later in pairs:
-        shifts = {name: float(influence @ item.rows) for name, influence in solved.items()}
-        shifts |= {name: float(own @ friction.influence @ later.rows) for name, own in weights.items()}
-        shifts["inertia"] += item.direct
-        budget += [
-            BudgetEntry(item.source, "B", name, abs(shift) * item.std, shift, item.shared_id)
-            for name, shift in shifts.items()
-        ]
+        for item in declared:
+            shift = float(own @ friction.influence @ item.rows) * item.std
+            budget.append(_type_b(name, item.source, shift, item.std, item.shared_id))
     parameters = {name: Parameter.of(value, combined(budget, name), unit) for name, (value, unit) in values.items()}
     if "static" in parameters:
         parameters["stribeck_speed"] = Parameter.of(friction.stribeck_speed, None, units["stribeck_speed"])
     return budget, parameters
+
+
+def _type_b(parameter: str, source: str, shift: float, std: float, shared_id: str | None) -> BudgetEntry:
+    return BudgetEntry(source, "B", parameter, abs(shift), shift / std, shared_id)
 
 
 def _type_a(estimate: _Estimate) -> list[BudgetEntry]:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.balance import Signals, Windows
-from swingid.identify.windows import Noise
+from swingid.identify.fits import Noise
 from swingid.model.rig import Rig
 from swingid.model.rig_tables import Motor
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes

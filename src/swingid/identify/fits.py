@@ -1,0 +1,134 @@
+"""Least-squares fits of the balance on windows, with uncertainties that know of overlap and sensor noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.balance import Rows, Windows
+from swingid.identify.scale import Scale
+from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.test_functions import curvature_overlap
+
+Array = NDArray[np.float64]
+
+BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
+"""Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|.
+
+The even terms live on even harmonics of the motion, where the inertia is not, so they cost nothing. A richer odd
+basis would be nearly collinear.
+"""
+
+LAG = 4
+"""Neighbouring rows that share data (windows of length 2L, one every L/2), and so are correlated."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one sample of the angle and of the wheel angle, the sample step in s, the angle's grid."""
+
+    angle: float
+    wheel: float
+    step: float
+    resolution: float = 0.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one standard deviation of a declared imperfection does to the unknowns of a fit.
+
+    shifts (unknowns,): in the units of the unknowns. source, std, shared_id, direct: as in `Imperfection`.
+    """
+
+    source: str
+    std: float
+    shifts: Array
+    direct: float
+    shared_id: str | None
+
+
+@dataclass(frozen=True)
+class WindowFit:
+    """A fit of the balance on windows of one kind.
+
+    unknowns names the columns ("inertia" first); a11 and its uncertainties are for the whole axis. covariance is of
+    type A; `declared` holds what each declared imperfection of the rig does to every unknown, in its units.
+    """
+
+    rows: Rows
+    unknowns: tuple[str, ...]
+    fit: LinearFit
+    covariance: Array
+    half: float
+    declared: tuple[Effect, ...] = ()
+
+    def value(self, name: str) -> float:
+        """Fitted value of an unknown, 0 where it was not fitted."""
+        return float(self.fit.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
+
+    def uncertainty(self, name: str) -> float:
+        """Type A standard uncertainty of an unknown."""
+        k = self.unknowns.index(name)
+        return float(np.sqrt(self.covariance[k, k]))
+
+    @property
+    def a11(self) -> float:
+        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
+        return float(self.fit.values[0])
+
+    @property
+    def u(self) -> float:
+        """Type A standard uncertainty of a11."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def total(self) -> float:
+        """Standard uncertainty of a11 with the declared imperfections."""
+        return float(np.sqrt(self.covariance[0, 0] + sum(effect.shifts[0] ** 2 for effect in self.declared)))
+
+
+def known_side(rows: Rows, scale: Scale) -> Array:
+    """What the balance knows of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1."""
+    return -scale.a12 * rows.wheel + rows.torque - (scale.b or 0.0) * rows.gravity
+
+
+def columns_of(rows: Rows, scale: Scale, friction: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
+    """Names and columns of the unknowns."""
+    named = {"inertia": rows.inertia}
+    if scale.b is None:
+        named["gravity_torque"] = rows.gravity
+    named |= {name: rows.friction[name] for name in friction}
+    return tuple(named), np.column_stack(list(named.values()))
+
+
+def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> WindowFit | None:
+    """Fit the balance; None where there are too few rows for the unknowns."""
+    unknowns, columns = columns_of(rows, scale, friction)
+    if len(rows.windows) < 2 * LAG or len(rows.windows) / (LAG / 2) <= len(unknowns):
+        return None
+    fit = fit_linear(columns, known_side(rows, scale))
+    covariance = fit.covariance(LAG)
+    sensor = _sensor_variance(rows.windows, fit, scale, noise)
+    covariance = covariance * max(1.0, sensor / covariance[0, 0] if covariance[0, 0] > 0 else 1.0)
+    covariance[0, 0] += _attenuation(rows.windows, fit, noise) ** 2
+    return WindowFit(rows, unknowns, fit, covariance, float(np.median(rows.windows.half)))
+
+
+def _sensor_variance(windows: Windows, fit: LinearFit, scale: Scale, noise: Noise) -> float:
+    """Variance of a11 from white noise of both angles, through φ''."""
+    weights = fit.influence[0] / windows.half**1.5
+    variance = 0.0
+    for lag in range(min(2 * LAG, len(weights))):
+        distance = (windows.centres[lag:] - windows.centres[: len(weights) - lag]) / windows.half[lag:]
+        pairs = weights[lag:] * weights[: len(weights) - lag] * curvature_overlap(distance)
+        variance += (1.0 if lag == 0 else 2.0) * float(pairs.sum())
+    power = (fit.values[0] * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
+    return max(variance, 0.0) * power * noise.step
+
+
+def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> float:
+    """Bias of a11 by noise in its own column ∫φ'' q1 (errors in variables), to first order."""
+    column_variance = noise.angle**2 * noise.step * float(np.sum(curvature_overlap(np.zeros(1)) / windows.half**3))
+    return float(fit.values[0] * column_variance * (fit.influence[0] @ fit.influence[0]))

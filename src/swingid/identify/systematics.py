@@ -1,0 +1,36 @@
+"""Errors that are alike at every swing, so that no scatter shows them: the encoder's grid, late turning points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swingid.identify.balance import Signals
+from swingid.identify.fits import Noise, WindowFit
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.numerics.test_functions import superpose
+
+
+def timing_spread(signals: Signals, fit: WindowFit) -> float:
+    """What late turning points do to a11: friction turns around at the wrong instant, alike at every swing."""
+    if "memory" in fit.unknowns:
+        return 0.0
+    jump = 2 * abs(fit.value("coulomb")) / abs(fit.a11)
+    impulse = jump * abs(fit.a11) * signals.motion.lateness(jump)
+    return abs(float(fit.fit.influence[0] @ fit.rows.friction["memory"])) * impulse
+
+
+def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) -> float:
+    """What the place of the encoder's grid does to an unknown: its standard deviation over shifts of the grid.
+
+    A coarse encoder errs alike at every turning point, so its error does not average out over the swings as white
+    noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step.
+    """
+    if noise.resolution == 0.0:
+        return 0.0
+    speed, time = signals.motion.speed, signals.nodes.time
+    smooth = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), time, 0)
+    windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
+    weights = superpose(time, windows.centres, windows.half, row, 2) * np.gradient(time) * fit.a11
+    shifted = smooth / noise.resolution + np.arange(8)[:, None] / 8
+    effects = ((np.round(shifted) - shifted) @ weights) * noise.resolution
+    return float(np.sqrt(np.mean(effects**2)))

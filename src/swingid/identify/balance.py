@@ -10,6 +10,7 @@ Only angles enter; the speed is needed only inside the friction terms.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ from swingid.identify.motion import Motion
 from swingid.model.rig import Rig
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
-from swingid.numerics.test_functions import project, project_impulses, project_steps
+from swingid.numerics.test_functions import project_impulses, project_stacked, project_steps
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -55,6 +56,17 @@ class Signals:
     motion: Motion
     linear: bool
 
+    @cached_property
+    def stacked(self) -> tuple[Array, NDArray[np.int64]]:
+        """Columns of the balance for `project_stacked` and the derivatives of φ that they meet."""
+        columns = [(self.angle, 2), (self.sine, 0), (-self.angle, 1)]
+        columns += [(self.speed * np.abs(self.speed), 0), (np.abs(self.speed), 0)]
+        if self.wheel is not None:
+            columns.append((self.wheel, 2))
+        elif self.torque is not None:
+            columns.append((self.torque, 0))
+        return np.stack([x.ravel() for x, _ in columns]), np.array([order for _, order in columns])
+
     @classmethod
     def of(cls, log: Recording, rig: Rig, motion: Motion) -> Signals:
         """Nodes of a log: two per interval at high rates, three where a swing has few samples."""
@@ -64,7 +76,7 @@ class Signals:
         angle = nodes.spline(log.angle)
         wheel_values = None
         if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
-            wheel_values = _moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value - late)
+            wheel_values = moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value - late)
         torque = None
         if rig.drive.kind == "direct" and log.torque is not None:
             torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
@@ -84,7 +96,7 @@ class Signals:
         )
 
 
-def _moved(time: Array, values: Array, late: float) -> Array:
+def moved(time: Array, values: Array, late: float) -> Array:
     """A channel read `late` seconds after its stamps, on the stamps (declared latencies only; usually 0)."""
     if late == 0.0:
         return values
@@ -120,15 +132,9 @@ class Rows:
 
 def rows_of(signals: Signals, windows: Windows) -> Rows:
     """Project the balance on `windows`, which must lie inside the log."""
-    angle, speed = signals.angle, signals.speed
-    columns = [(angle, 2), (signals.sine, 0), (-angle, 1), (speed * np.abs(speed), 0), (np.abs(speed), 0)]
-    if signals.wheel is not None:
-        columns.append((signals.wheel, 2))
-    elif signals.torque is not None:
-        columns.append((signals.torque, 0))
-    integrals = project(signals.nodes, columns, windows.centres, windows.half)
-    zero = np.zeros(len(windows))
-    last = integrals[:, -1]
+    stacked, orders = signals.stacked
+    integrals = project_stacked(signals.nodes, stacked, orders, windows.centres, windows.half)
+    zero, drive = np.zeros(len(windows)), integrals[:, -1]
     motion = signals.motion
     friction = {
         "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
@@ -138,11 +144,12 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
         "viscous_even": integrals[:, 4],
         "memory": project_impulses(motion.turning_times, -motion.sides, windows.centres, windows.half),
     }
+    has_wheel, has_torque = signals.wheel is not None, signals.torque is not None
     return Rows(
         windows,
         integrals[:, 0],
         integrals[:, 1],
-        last if signals.wheel is not None else zero,
-        last if signals.torque is not None and signals.wheel is None else zero,
+        drive if has_wheel else zero,
+        drive if has_torque and not has_wheel else zero,
         friction,
     )

@@ -16,7 +16,7 @@ from swingid.identify.balance import Rows, Signals
 from swingid.identify.fits import LAG, columns_of, known_side
 from swingid.identify.result import FrictionCurve
 from swingid.identify.scale import Scale
-from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project_hats
 
 Array = NDArray[np.float64]
@@ -125,44 +125,71 @@ def _knots(fastest: float, count: int) -> Array:
 
 
 def _choose(body: Array, hats: Array, speeds: Array, target: Array) -> tuple[str, float, dict[str, float]]:
-    """Name of the best law, its Stribeck speed, and the scores of all laws above the best."""
-    # every law's columns lie in the span of these, so all laws are compared on the few rows of one QR factor
-    factor: Array = np.linalg.qr(np.column_stack([body, hats, target]), mode="r")
-    split = body.shape[1]
-    small_body, small_hats, small_target = factor[:, :split], factor[:, split:-1], factor[:, -1]
+    """Name of the best law, its Stribeck speed, and the scores of all laws above the best.
+
+    Every law's columns lie in the span of body and hats, so all laws are compared on one Gram matrix. The dependence
+    on the direction is settled by the laws without Stribeck's peak, which does not touch it.
+    """
+    everything = np.column_stack([body, hats, target])
+    gram = everything.T @ everything
     independent = len(target) / (LAG / 2)
     scores: dict[str, float] = {}
     stribeck_speeds: dict[str, float] = {}
-    for name in (odd + direction for odd in LAWS for direction in DIRECTIONS):
+
+    def attempt(name: str) -> None:
         terms = _terms(name)
         trials = speeds[-1] * STRIBECK_SHARES if "stribeck" in terms else np.ones(1)
-        fits = [
-            fit_linear(np.column_stack([small_hats @ _columns(terms, speeds, trial), small_body]), small_target)
-            for trial in trials
-        ]
-        lost = [float(fit.residuals @ fit.residuals) for fit in fits]
-        k = int(np.argmin(lost))
-        if name != "viscous" and not _dissipates(fits[k], terms, lost[k] / independent):
-            continue
-        count = len(terms) + ("stribeck" in terms)
-        scores[name] = float(independent * np.log(max(lost[k], 1e-300)) + count * np.log(independent))
-        stribeck_speeds[name] = float(trials[k])
+        fits = [_lost(gram, body.shape[1], _columns(terms, speeds, trial)) for trial in trials]
+        k = int(np.argmin([lost for lost, _, _ in fits]))
+        lost, values, inverse = fits[k]
+        if name == "viscous" or _dissipates(terms, values, inverse * lost / independent):
+            count = len(terms) + ("stribeck" in terms)
+            scores[name] = float(independent * np.log(lost) + count * np.log(independent))
+            stribeck_speeds[name] = float(trials[k])
+
+    peaked = [odd for odd, terms in LAWS.items() if "stribeck" in terms]
+    for odd in (odd for odd in LAWS if odd not in peaked):
+        for direction in DIRECTIONS:
+            attempt(odd + direction)
+    plain = min(scores, key=lambda name: scores[name])
+    for odd in peaked:
+        attempt(odd + "".join(plain.partition(",")[1:]))
     best = min(scores, key=lambda name: scores[name])
     return best, stribeck_speeds[best], {name: score - scores[best] for name, score in scores.items()}
 
 
-def _dissipates(fit: LinearFit, terms: tuple[str, ...], variance: float) -> bool:
+def _lost(gram: Array, body: int, columns: Array) -> tuple[float, Array, Array]:
+    """Sum of squared residuals of a law, its coefficients, and the block of the inverse that scales their covariance.
+
+    gram: of [body | hats | target]; columns: the law's terms at the hats' knots.
+    """
+    terms = columns.shape[1]
+    blend = np.zeros((len(gram) - 1, body + terms))
+    blend[:body, terms:] = np.eye(body)
+    blend[body:, :terms] = columns
+    inner = blend.T @ gram[:-1, :-1] @ blend
+    right = blend.T @ gram[:-1, -1]
+    scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    scales = np.outer(scale, scale)
+    inverse = np.linalg.inv(inner * scales + 1e-13 * np.eye(len(inner))) * scales
+    values = inverse @ right
+    # what is left of the target cannot be told below the rounding of its own square
+    lost = max(float(gram[-1, -1] - values @ right), 1e-15 * float(gram[-1, -1]), 1e-300)
+    return lost, values[:terms], inverse[:terms, :terms]
+
+
+def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> bool:
     """Whether no coefficient, in either direction, is negative beyond two standard uncertainties."""
-    unit = {term: np.eye(len(fit.values))[k] for k, term in enumerate(terms)}
+    unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
     sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
     if "viscous_even" in unit:
-        viscous, even = unit.get("viscous", np.zeros(len(fit.values))), unit["viscous_even"]
+        viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
         sides += [viscous + even, viscous - even]
     if "offset" in unit and "coulomb" in unit:
         sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
     rows = np.array(sides)
-    spread = np.linalg.norm(rows @ fit.influence, axis=1) * np.sqrt(variance)
-    return bool(np.all(rows @ fit.values > -2 * spread))
+    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0.0))
+    return bool(np.all(rows @ values > -2 * spread))
 
 
 def _curve(

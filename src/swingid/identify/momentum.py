@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.agreement import disagreement, drift_with_length
-from swingid.identify.balance import Signals, rows_of
+from swingid.identify.balance import Rows, Signals, rows_of
 from swingid.identify.calibration import with_declared
 from swingid.identify.checks import check_answer, check_motor, check_sign
 from swingid.identify.choice import choose_law
@@ -48,6 +48,7 @@ class _Estimate:
     even: WindowFit | None
     friction: FrictionLaw
     common: dict[str, float]
+    turning_rows: Rows
 
 
 def momentum(log: Recording, rig: Rig) -> Result:
@@ -104,7 +105,8 @@ def _noise(log: Recording, rig: Rig) -> Noise:
 def _estimate(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> _Estimate:
     law, tried = choose_law(signals, rig, scale, noise)
     swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
-    even = fit_rows(rows_of(signals, even_windows(signals, signals.motion.half_period / 2)), scale, noise, ("offset",))
+    turning_rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
+    even = fit_rows(turning_rows, scale, noise, ("offset",))
     calm = _for_friction(law, tried, signals.motion.half_period)
     friction = fit_friction(signals, calm.rows, scale, law.value("memory"))
     if even is not None:
@@ -117,7 +119,7 @@ def _estimate(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> _Estima
         "place of the encoder's grid": grid_spread(signals, law, noise, "inertia"),
         "timing of the turning points": timing_spread(signals, law),
     }
-    return _Estimate(law, tried, swing, even, friction, common)
+    return _Estimate(law, tried, swing, even, friction, common, turning_rows)
 
 
 def _for_friction(law: WindowFit, tried: dict[float, WindowFit], half_period: float) -> WindowFit:
@@ -236,7 +238,7 @@ def _details(
 def _per_swing(estimate: _Estimate, signals: Signals, scale: Scale, noise: Noise) -> SwingSeries:
     """One inertia per turning point: its even window with the fitted friction taken off."""
     law = estimate.law
-    rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
+    rows = estimate.turning_rows
     others = sum((law.value(name) * rows.friction[name] for name in law.unknowns if name in rows.friction), 0.0)
     known = known_side(rows, scale) - law.value("gravity_torque") * rows.gravity - others
     values = known / rows.inertia - scale.carried

@@ -106,8 +106,10 @@ class Motion:
         return edges, signs
 
 
-def smooth_speed(time: Array, angle: Array, noise: float) -> Speed:
+def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.0) -> Speed:
     """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample.
+
+    spacing: places of the grid per half-width; fewer cost less, a spline runs through them either way.
 
     The narrowest width also spans twelve standard deviations of noise at the mean speed (four steps of an encoder),
     where the errors of a coarse encoder begin to look independent.
@@ -117,7 +119,7 @@ def smooth_speed(time: Array, angle: Array, noise: float) -> Speed:
     width = max(WIDTHS[0] * step, min(14 * noise / max(mean_speed, 1e-300), (time[-1] - time[0]) / 100))
     longest = (time[-1] - time[0]) / 8
     # the search looks at some hundred places of the log, the speed itself is computed everywhere
-    places = np.linspace(time[0] + width, time[-1] - width, 120)
+    places = np.linspace(time[0] + width, time[-1] - width, 80)
     speeds = local_cubic(time, angle, places, width)[:, 1]
     scale = np.nanmax(np.abs(speeds))
     while width * WIDTHS[1] < longest:
@@ -126,7 +128,7 @@ def smooth_speed(time: Array, angle: Array, noise: float) -> Speed:
         if change > 1.3 * max(_slope_noise(noise, step, width), 1e-9 * scale):
             break
         width, speeds = width * WIDTHS[1], wider
-    grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / 3))), 4) + 1)
+    grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
     fitted = local_cubic(time, angle, grid, width)
     reached = np.isfinite(fitted[:, 0])
     angles, slopes = np.ascontiguousarray(fitted[reached, 0]), np.ascontiguousarray(fitted[reached, 1])

@@ -54,3 +54,8 @@ def first_use(folder: Path = CACHE) -> bool:
 
 
 njit: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy")
+
+njit_sums: Callable[[Function], Function] = partial(
+    numba.njit, cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"}
+)
+"""For kernels whose sums may be reordered, so that the compiler can use vector instructions."""

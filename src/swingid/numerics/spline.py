@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_sums
 
 Array = NDArray[np.float64]
 
@@ -65,6 +65,29 @@ def _solve_in_place(gram: Array, right: Array) -> None:
         right[a] /= gram[a, a]
 
 
+@njit_sums
+def _moments(time: Array, values: Array, at: float, half_width: float, powers: Array, products: Array) -> None:
+    """Sums of s^0 … s^6 and of s^0 x … s^3 x over samples at s = (t − at)/half_width."""
+    s1 = s2 = s3 = s4 = s5 = s6 = x0 = x1 = x2 = x3 = 0.0
+    for k in range(len(time)):
+        s = (time[k] - at) / half_width
+        x = values[k]
+        square = s * s
+        s1 += s
+        s2 += square
+        s3 += square * s
+        s4 += square * square
+        s5 += square * square * s
+        s6 += square * square * square
+        x0 += x
+        x1 += s * x
+        x2 += square * x
+        x3 += square * s * x
+    powers[0] = len(time)
+    powers[1], powers[2], powers[3], powers[4], powers[5], powers[6] = s1, s2, s3, s4, s5, s6
+    products[0], products[1], products[2], products[3] = x0, x1, x2, x3
+
+
 @njit
 def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Array:
     """Value and first derivative at each instant of `at`, from a cubic fitted to the samples within `half_width`.
@@ -74,33 +97,20 @@ def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Arr
     """
     result = np.full((len(at), 2), np.nan)
     gram = np.empty((4, 4))
-    moments = np.empty(4)
-    powers = np.empty(4)
-    first = 0
+    powers = np.empty(7)
+    products = np.empty(4)
     for i in range(len(at)):
-        while first < len(time) and time[first] < at[i] - half_width:
-            first += 1
-        gram[:] = 0.0
-        moments[:] = 0.0
-        count = 0
-        k = first
-        while k < len(time) and time[k] <= at[i] + half_width:
-            s = (time[k] - at[i]) / half_width
-            powers[0] = 1.0
-            powers[1] = s
-            powers[2] = s * s
-            powers[3] = s * s * s
-            for a in range(4):
-                moments[a] += powers[a] * values[k]
-                for c in range(a + 1):
-                    gram[a, c] += powers[a] * powers[c]
-            count += 1
-            k += 1
-        if count < 5:
+        first = np.searchsorted(time, at[i] - half_width)
+        last = np.searchsorted(time, at[i] + half_width, side="right")
+        if last - first < 5:
             continue
-        _solve_in_place(gram, moments)
-        result[i, 0] = moments[0]
-        result[i, 1] = moments[1] / half_width
+        _moments(time[first:last], values[first:last], at[i], half_width, powers, products)
+        for a in range(4):
+            for c in range(a + 1):
+                gram[a, c] = powers[a + c]
+        _solve_in_place(gram, products)
+        result[i, 0] = products[0]
+        result[i, 1] = products[1] / half_width
     return result
 
 

@@ -6,10 +6,12 @@ moves the derivatives of a signal on φ and leaves nothing at the ends.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
 
 Array = NDArray[np.float64]
@@ -65,23 +67,25 @@ def _cut(
     return result
 
 
-@njit(fastmath={"reassoc", "contract", "nsz"})
-def _whole(instants: Array, steps: Array, c: float, big_l: float, signals: Array, orders: Array) -> Array:
-    """Integrals over whole intervals: nodes at `instants` with weights `steps`, signals (signals, nodes)."""
-    result = np.empty(len(orders))
-    tests = np.empty((3, len(instants)))
+@njit_sums
+def _inner(test: Array, signal: Array) -> float:
+    """Sum of products; the sum may be reordered, so that the compiler can use vector instructions."""
+    total = 0.0
+    for j in range(len(test)):
+        total += test[j] * signal[j]
+    return total
+
+
+@njit_sums
+def _fill_tests(instants: Array, steps: Array, c: float, big_l: float, tests: Array) -> None:
+    """φ, φ' and φ'' at the nodes, times the nodes' weights, into the three rows of `tests`."""
+    inverse = 1.0 / big_l
     for j in range(len(instants)):
-        s = (instants[j] - c) / big_l
+        s = (instants[j] - c) * inverse
         p = 1.0 - s * s
         tests[0, j] = steps[j] * p * p * p
-        tests[1, j] = steps[j] * (-6.0 / big_l) * s * p * p
-        tests[2, j] = steps[j] * (-6.0 / (big_l * big_l)) * p * (p - 4.0 * s * s)
-    for g in range(len(orders)):
-        total = 0.0
-        for j in range(len(instants)):
-            total += tests[orders[g], j] * signals[g, j]
-        result[g] = total
-    return result
+        tests[1, j] = steps[j] * (-6.0 * inverse) * s * p * p
+        tests[2, j] = steps[j] * (-6.0 * inverse * inverse) * p * (p - 4.0 * s * s)
 
 
 @njit
@@ -99,6 +103,7 @@ def _project(
     """See `project`; instants, steps and signals are flat over all nodes."""
     points = len(fractions)
     result = np.zeros((len(centres), len(orders)))
+    tests = np.empty((3, len(instants)))
     for i in range(len(centres)):
         c, big_l = centres[i], half[i]
         first = max(np.searchsorted(time, c - big_l, side="right") - 1, 0)
@@ -106,8 +111,10 @@ def _project(
         result[i] += _cut(time, first, c, big_l, signals, orders, fractions, weights)
         if last > first:
             result[i] += _cut(time, last, c, big_l, signals, orders, fractions, weights)
-            inside = slice((first + 1) * points, last * points)
-            result[i] += _whole(instants[inside], steps[inside], c, big_l, signals[:, inside], orders)
+            begin, end = (first + 1) * points, last * points
+            _fill_tests(instants[begin:end], steps[begin:end], c, big_l, tests)
+            for g in range(len(orders)):
+                result[i, g] += _inner(tests[orders[g], : end - begin], signals[g, begin:end])
     return result
 
 
@@ -119,7 +126,11 @@ def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array,
     that, short windows are wrong by per cents. The windows must lie inside the log.
     """
     stacked = np.stack([x.ravel() for x, _ in signals])
-    orders = np.array([d for _, d in signals])
+    return project_stacked(nodes, stacked, np.array([d for _, d in signals]), centres, half)
+
+
+def project_stacked(nodes: GaussNodes, stacked: Array, orders: NDArray[np.int64], centres: Array, half: Array) -> Array:
+    """As `project`, for signals stacked once for many calls: (signals, nodes) with nodes in one row."""
     fractions, weights = gauss_rule(nodes.points)
     instants, steps = nodes.flat
     return _project(nodes.time, instants, steps, stacked, orders, centres, half, fractions, weights)
@@ -167,11 +178,19 @@ def project_impulses(instants: Array, strengths: Array, centres: Array, half: Ar
 
 def curvature_overlap(distance: Array) -> Array:
     """∫φ''(s) φ''(s − d) ds: the correlation that white noise gives two windows d half-lengths apart."""
-    d = np.minimum(np.abs(distance), 2.0)[..., None]
+    grid, values = _overlap_table()
+    result: Array = np.interp(np.abs(distance), grid, values)
+    return result
+
+
+@cache
+def _overlap_table() -> tuple[Array, Array]:
+    """The overlap on a grid of distances fine enough for linear interpolation to 1e-6 of its maximum."""
+    grid = np.linspace(0, 2, 4001)
+    d = grid[:, None]
     x, w = gauss_rule(6)
     s = d - 1 + (2 - d) * x
-    result: Array = ((2 - d) * w * _curvature(s) * _curvature(s - d)).sum(axis=-1)
-    return result
+    return grid, ((2 - d) * w * _curvature(s) * _curvature(s - d)).sum(axis=1)
 
 
 def _curvature(s: Array) -> Array:

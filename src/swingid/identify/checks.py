@@ -44,7 +44,7 @@ def check_sign(law: WindowFit, scale: Scale, where: str) -> None:
     _, columns = columns_of(rows, scale, tuple(name for name in law.unknowns if name in rows.friction))
     left = fit_linear(columns, turned).residuals
     better = left @ left < law.fit.residuals @ law.fit.residuals / 9
-    if law.a11 <= 0 or better:
+    if law.a11 < -3 * law.u or better:
         raise InputError(
             f"{where}: {key} has the wrong sign against the angle (the inertia would be {law.a11:.3g} {scale.unit}); "
             f"set {key}_sign = -1 under [log], or +1 if it is -1 already.",
@@ -90,12 +90,12 @@ def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
 
 
 def _hopeless(inertia: Parameter, relative: float, scale: Scale) -> str:
-    if inertia.value <= 0:
+    if inertia.value <= 0 and scale.b is not None:
         return (
             f"the balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; "
             "check the signs and scales under [log] and drive.wheel.inertia."
         )
-    spread = f"{100 * relative:.0f} %" if relative < 100 else "more than its value"
+    spread = f"{100 * relative:.0f} %" if inertia.value > 0 and relative < 100 else "more than its value"
     if scale.b is None:
         return (
             f"inertia and gravity torque move together in this motion (the inertia is uncertain by {spread}); "

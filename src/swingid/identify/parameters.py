@@ -17,7 +17,8 @@ def friction_units(linear: bool) -> dict[str, str]:
     quadratic = "N s^2/m^2" if linear else "N m s^2"
     units = dict.fromkeys(("coulomb", "coulomb_positive", "coulomb_negative", "static", "offset"), torque)
     units |= dict.fromkeys(("viscous", "viscous_positive", "viscous_negative"), viscous)
-    return units | {"quadratic": quadratic, "stribeck_speed": speed}
+    cubic = "N s^3/m^3" if linear else "N m s^3"
+    return units | {"quadratic": quadratic, "cubic": cubic, "stribeck_speed": speed}
 
 
 def friction_parameters(law: FrictionLaw) -> dict[str, Array]:
@@ -43,8 +44,7 @@ def friction_parameters(law: FrictionLaw) -> dict[str, Array]:
         weights["viscous_negative"] = viscous - unit["viscous_even"]
     elif "viscous" in unit:
         weights["viscous"] = unit["viscous"]
-    if "quadratic" in unit:
-        weights["quadratic"] = unit["quadratic"]
+    weights |= {name: unit[name] for name in ("quadratic", "cubic") if name in unit}
     if "offset" in unit and not (directed and "coulomb" in unit):
         weights["offset"] = unit["offset"]
     return weights

@@ -195,9 +195,45 @@ def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> boo
 def _curve(
     body: Array, hats: Array, speeds: Array, target: Array, law: FrictionLaw, fastest: float, scores: dict[str, float]
 ) -> FrictionCurve:
-    """The curve on a coarse grid of speeds, as a sum of hat functions, with type A uncertainties."""
+    """The law plus what the rows show beyond it, as a sum of hat functions on a coarse grid of speeds.
+
+    Hats alone are ill-conditioned where the motion passes quickly. The deviations at the nodes have a normal prior
+    whose width is the likeliest one for these rows (empirical Bayes), so the curve is the law where the rows
+    say nothing, and leaves it where they do. Type A uncertainties.
+    """
     coarse = _knots(fastest, CURVE_KNOTS)
     blend = np.array([np.interp(speeds, coarse, unit) for unit in np.eye(len(coarse))]).T
-    fit = fit_linear(np.column_stack([hats @ blend, body]), target, smallest=1e-4)
-    spread = np.sqrt(np.diag(fit.covariance(LAG)))[: len(coarse)]
-    return FrictionCurve(coarse, fit.values[: len(coarse)], spread, law.name, law.torque(coarse), scores)
+    fitted = np.column_stack([hats @ _columns(law.terms, speeds, law.stribeck_speed), body])
+    basis, _ = np.linalg.qr(fitted)
+    # what the law and the inertia can take up is not the curve's to explain
+    left = target - basis @ (basis.T @ target)
+    columns = hats @ blend
+    columns = columns - basis @ (basis.T @ columns)
+    noise = LAG / 2 * float(left @ left) / len(left)
+    eigen, vectors = np.linalg.eigh(columns.T @ columns)
+    eigen = np.maximum(eigen, 0.0)
+    projected = vectors.T @ (columns.T @ left)
+    width = _likeliest_width(eigen, projected, noise)
+    shrunk = width / (noise + width * eigen) if noise > 0 else np.zeros_like(eigen)
+    deviation = vectors @ (shrunk * projected)
+    spread = (vectors**2) @ (shrunk * noise)
+    of_law = _columns(law.terms, coarse, law.stribeck_speed)
+    variance = np.einsum("ij,jk,ik->i", of_law, law.covariance, of_law) + spread
+    torques = law.torque(coarse)
+    # at rest there is no speed to tell friction by; the pair at ±0 only lets the curve jump
+    moving = np.abs(coarse) > 1e-3 * fastest
+    uncertainties = np.sqrt(np.maximum(variance, 0.0))[moving]
+    return FrictionCurve(
+        coarse[moving], (torques + deviation)[moving], uncertainties, law.name, torques[moving], scores
+    )
+
+
+def _likeliest_width(eigen: Array, projected: Array, noise: float) -> float:
+    """Prior variance of the deviations that makes the rows likeliest, by search over a grid (0 among its values)."""
+    if noise <= 0:
+        return 0.0
+    trials = noise / max(float(eigen.max()), 1e-300) * np.geomspace(1e-2, 1e6, 33)
+    terms = noise + trials[:, None] * eigen
+    evidence = (trials[:, None] * projected**2 / (noise * terms) - np.log(terms / noise)).sum(axis=1)
+    best = int(np.argmax(evidence))
+    return float(trials[best]) if evidence[best] > 0 else 0.0

@@ -1,0 +1,116 @@
+"""Logs whose inertia is known without any simulator: the motion is prescribed, and the balance solved for the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+Friction = Callable[[Array], Array]
+
+INERTIA = 302.2e-5
+"""J1 of the built-in rig, and of all rotary logs here."""
+
+ENCODER = 2 * np.pi / 16384
+
+
+class Sines:
+    """q(t) = Σ a sin(ω t + p) with its derivatives and the instants at which it reverses."""
+
+    def __init__(self, *terms: Sequence[float]) -> None:
+        self.a, self.w, self.p = (np.array(x, dtype=float) for x in zip(*terms, strict=True))
+
+    def __call__(self, time: Array, derivative: int = 0) -> Array:
+        phase = np.multiply.outer(np.asarray(time, dtype=float), self.w) + self.p + derivative * np.pi / 2
+        return np.sin(phase) @ (self.a * self.w**derivative)
+
+    def reversals(self, start: float, stop: float) -> Array:
+        """Zeros of q', by Newton's method from a fine grid."""
+        grid = np.linspace(start, stop, int((stop - start) * 2000))
+        rate = self(grid, 1)
+        zeros = grid[:-1][rate[:-1] * rate[1:] < 0]
+        for _ in range(6):
+            zeros = zeros - self(zeros, 1) / self(zeros, 2)
+        return zeros
+
+
+TWO_TONES = Sines((0.5, 8.5, 0.0), (0.4, 5.3, 1.0))
+ONE_TONE = Sines((0.8, 8.5, 0.0))
+
+
+def twice_integrated(function: Callable[[Array], Array], time: Array, breaks: Array) -> Array:
+    """∬ of `function` from the first stamp, at the stamps, by ten Gauss points between stamps and `breaks`."""
+    grid = np.unique(np.concatenate([time, breaks]))
+    x, w = np.polynomial.legendre.leggauss(10)
+    x, w = (x + 1) / 2, w / 2
+    h = np.diff(grid)
+    values = function(grid[:-1, None] + h[:, None] * x)
+    once = np.concatenate([[0.0], np.cumsum(h * (values @ w))])
+    twice = np.concatenate([[0.0], np.cumsum(h * once[:-1] + h**2 * (values @ (w * (1 - x))))])
+    result: Array = twice[np.searchsorted(grid, time)]
+    return result
+
+
+def exact_rig(**changes: object) -> Rig:
+    """The paper's rig with perfect encoders."""
+    return Rig.builtin("paper").changed({"sensors.counts_per_turn": None, **changes})
+
+
+def wheel_log(rig: Rig, motion: Sines, friction: Friction, time: Array) -> Recording:
+    """The wheel's angle that row (I) asks for when the axis moves as `motion`; exact to about 1e-13 of it.
+
+    The motor's voltage is not known here and not logged: momentum does not need it.
+    """
+    b = getattr(rig.axis.gravity_torque, "value", 78e-3)
+    a12 = rig.drive.a12
+    a11 = INERTIA + rig.drive.wheel.inertia.value + rig.drive.motor.rotor_inertia.value
+
+    def load(t: Array) -> Array:
+        return b * np.sin(motion(t)) + friction(motion(t, 1))
+
+    angle = motion(time)
+    loads = twice_integrated(load, time, motion.reversals(time[0], time[-1]))
+    return Recording(time=time, angle=angle, wheel_angle=0.7 + 3.0 * time - (a11 * angle + loads) / a12)
+
+
+def direct_rig(linear: bool = False, **changes: object) -> Rig:
+    """An axis with a known torque (force) on it: the paper's, or a balanced linear one."""
+    kind = 'kind = "linear"' if linear else "gravity_torque = 78e-3"
+    return Rig.from_text(f'name = "driven"\n[axis]\n{kind}\n[drive]\nkind = "direct"\n').changed(changes)
+
+
+def direct_log(motion: Sines, friction: Friction, time: Array, inertia: float = INERTIA, b: float = 78e-3) -> Recording:
+    """The torque measured at the stamps when the axis moves as `motion`."""
+    torque = inertia * motion(time, 2) + b * np.sin(motion(time)) + friction(motion(time, 1))
+    return Recording(time=time, angle=motion(time), torque=torque, drive_held=False)
+
+
+def free_rig(**changes: object) -> Rig:
+    """The paper's axis without its wheel."""
+    text = 'name = "free"\n[axis]\ngravity_torque = 78e-3\n[drive]\nkind = "none"\n'
+    return Rig.from_text(text).changed(changes)
+
+
+def free_log(friction: Friction, time: Array, initial_angle: float = 1.2) -> Recording:
+    """A free decay under smooth friction, integrated with an error of about 1e-11."""
+    from scipy.integrate import solve_ivp
+
+    def rates(_: float, state: Array) -> list[float]:
+        return [state[1], -(78e-3 * np.sin(state[0]) + float(friction(state[1]))) / INERTIA]
+
+    span = (float(time[0]), float(time[-1]))
+    made = solve_ivp(rates, span, [initial_angle, 0.0], method="DOP853", t_eval=time, rtol=1e-12, atol=1e-12)
+    return Recording(time=time, angle=made.y[0])
+
+
+def encoded(log: Recording, step: float = ENCODER) -> Recording:
+    """The log as encoders of the paper's resolution read it."""
+    from dataclasses import replace
+
+    wheel = None if log.wheel_angle is None else step * np.rint(log.wheel_angle / step)
+    return replace(log, angle=step * np.rint(log.angle / step), wheel_angle=wheel)

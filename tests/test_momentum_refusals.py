@@ -1,0 +1,260 @@
+"""What momentum refuses and what it doubts: each log wrong in one known way, and the sentence that says so."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from closed_form_logs import (
+    INERTIA,
+    ONE_TONE,
+    TWO_TONES,
+    Sines,
+    direct_log,
+    direct_rig,
+    encoded,
+    exact_rig,
+    free_log,
+    free_rig,
+    wheel_log,
+)
+from swingid.control.compensator import Compensator
+from swingid.control.references import Sine
+from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.identify import identify
+from swingid.model.rig import Rig
+from swingid.simulate import simulate
+
+TIME = np.arange(15_001) / 1000
+PAPER = Rig.builtin("paper")
+
+
+def friction(v):
+    return 1.144e-3 * v
+
+
+def wheel(motion=ONE_TONE):
+    return encoded(wheel_log(exact_rig(), motion, friction, TIME))
+
+
+def codes(messages):
+    return [message.code for message in messages]
+
+
+# what the motion cannot tell
+
+
+def one_tone(amplitude, noise):
+    log = wheel(Sines((amplitude, 8.5, 0.0)))
+    rng = np.random.default_rng(1)
+    return replace(
+        log,
+        angle=log.angle + noise * rng.standard_normal(len(TIME)),
+        wheel_angle=log.wheel_angle + noise * rng.standard_normal(len(TIME)),
+    )
+
+
+@pytest.mark.parametrize("amplitude", [0.05, 0.1, 0.2])
+@pytest.mark.parametrize("noise", [0.0, 1e-3])
+def test_one_tone_does_not_tell_inertia_from_gravity(amplitude, noise):
+    with pytest.raises(UnanswerableError, match="add a second frequency") as caught:
+        identify(one_tone(amplitude, noise), PAPER.changed({"axis.gravity_torque": "unknown"}))
+    assert caught.value.code == "not-identifiable"
+    assert caught.value.exit_code == 4
+
+
+@pytest.mark.parametrize("amplitude", [0.4, 0.6, 0.8, 1.0])
+@pytest.mark.parametrize("noise", [0.0, 1e-4, 1e-3, 1e-2])
+def test_one_large_tone_is_refused_doubted_or_rightly_uncertain(amplitude, noise):
+    # A large swing has a third harmonic in sin q1, so that perfect encoders can tell the two.
+    try:
+        result = identify(one_tone(amplitude, noise), PAPER.changed({"axis.gravity_torque": "unknown"}))
+    except UnanswerableError as refused:
+        assert "add a second frequency" in refused.message
+    else:
+        assert abs(result.inertia.value - INERTIA) < 3 * result.inertia.standard_uncertainty
+        doubtful = result.inertia.standard_uncertainty > 0.02 * INERTIA
+        assert codes(result.warnings) == (["gravity-and-inertia"] if doubtful else [])
+
+
+def test_one_tone_with_a_torque_does_not_either():
+    log = direct_log(ONE_TONE, friction, TIME)
+    with pytest.raises(UnanswerableError, match="add a second frequency"):
+        identify(log, direct_rig(**{"axis.gravity_torque": "unknown"}))
+
+
+def test_a_weak_second_tone_is_doubted():
+    log = wheel(Sines((0.1, 8.5, 0.0), (0.01, 5.0, 0.0)))
+    rng = np.random.default_rng(1)
+    noisy = replace(log, angle=log.angle + 0.01 * rng.standard_normal(len(TIME)))
+    try:
+        result = identify(noisy, PAPER.changed({"axis.gravity_torque": "unknown"}))
+    except UnanswerableError as refused:
+        assert "add a second frequency" in refused.message
+    else:
+        assert codes(result.warnings) == ["gravity-and-inertia"]
+        assert abs(result.inertia.value - INERTIA) < 3 * result.inertia.standard_uncertainty
+
+
+@pytest.mark.parametrize("gravity", [0, "unknown"])
+def test_a_free_decay_needs_gravity(gravity):
+    log = free_log(friction, TIME)
+    with pytest.raises(UnanswerableError, match=r"gravity alone sets the scale; give axis\.gravity_torque") as caught:
+        identify(log, free_rig(**{"axis.gravity_torque": gravity}))
+    assert caught.value.code == "no-scale"
+    assert caught.value.exit_code == 4
+
+
+def test_no_motion_and_no_turning_points():
+    still = replace(wheel(), angle=np.full(len(TIME), 0.2))
+    with pytest.raises(UnanswerableError) as caught:
+        identify(still, PAPER)
+    assert caught.value.code == "no-motion"
+    turning = replace(wheel(), angle=0.3 * TIME)
+    with pytest.raises(UnanswerableError) as caught:
+        identify(turning, PAPER)
+    assert caught.value.code == "no-turning-points"
+
+
+@pytest.mark.parametrize("duration", [0.5, 1.2, 1.7, 2.2])
+def test_a_short_log_is_refused_or_uncertain(duration):
+    short = wheel().segment(0.0, duration)
+    try:
+        result = identify(short, PAPER)
+    except UnanswerableError as refused:
+        assert refused.code in ("no-turning-points", "too-short", "not-identifiable")
+    else:
+        assert abs(result.inertia.value - INERTIA) < 3 * result.inertia.standard_uncertainty
+
+
+@pytest.mark.parametrize(
+    "rows", [1, pytest.param(3, marks=pytest.mark.xfail(reason="no smoothed speed from so few rows")), 5, 20, 60]
+)
+def test_few_rows_do_not_crash(rows):
+    with pytest.raises(UnanswerableError):
+        identify(wheel().segment(0.0, (rows - 0.5) / 1000), PAPER)
+
+
+# what the log says wrongly
+
+
+@pytest.mark.parametrize("motion", [ONE_TONE, TWO_TONES, Sines((0.8, 6.0, 0.0)), Sines((0.8, 4.0, 0.0))])
+@pytest.mark.parametrize("gravity", [78e-3, "unknown"])
+def test_a_wheel_that_turns_the_wrong_way_is_named(motion, gravity):
+    turned = replace(wheel(motion), wheel_angle=-wheel(motion).wheel_angle)
+    with pytest.raises(InputError, match=r"wheel_angle_sign = -1 under \[log\]") as caught:
+        identify(turned, PAPER.changed({"axis.gravity_torque": gravity}))
+    assert caught.value.code == "wrong-sign"
+    assert caught.value.exit_code == 3
+
+
+def test_a_torque_of_the_wrong_sign_is_named():
+    log = direct_log(TWO_TONES, friction, TIME)
+    with pytest.raises(InputError, match=r"torque_sign = -1 under \[log\]"):
+        identify(replace(log, torque=-log.torque), direct_rig())
+
+
+def test_a_decay_about_the_wrong_zero_is_refused():
+    log = free_log(friction, TIME)
+    with pytest.raises(UnanswerableError, match="angle_zero") as caught:
+        identify(replace(log, angle=log.angle + np.pi), free_rig())
+    assert caught.value.code == "negative-inertia"
+
+
+def test_a_rig_of_another_drive_kind():
+    with pytest.raises(InputError, match="drive is direct") as caught:
+        identify(wheel(), direct_rig())
+    assert caught.value.code == "missing-torque"
+    with pytest.raises(InputError, match="drive is a reaction wheel") as caught:
+        identify(direct_log(ONE_TONE, friction, TIME), PAPER)
+    assert caught.value.code == "missing-wheel-angle"
+
+
+def test_unknown_methods_and_options():
+    with pytest.raises(UsageError, match="momentum"):
+        identify(wheel(), PAPER, method="magic")
+    with pytest.raises((UsageError, TypeError)):
+        identify(wheel(), PAPER, colour="green")
+
+
+# near resonance
+
+
+@pytest.mark.parametrize(("omega", "leans"), [(3.0, True), (4.6, True), (4.99, True), (8.5, False), (12.0, False)])
+def test_a_motion_near_or_below_resonance_is_doubted(omega, leans):
+    # sqrt(b / a11) is 4.99 rad/s.
+    result = identify(wheel(Sines((0.8, omega, 0.0))), PAPER)
+    assert codes(result.warnings) == (["near-resonance"] if leans else [])
+    assert result.status == ("warning" if leans else "ok")
+    if leans:
+        assert "drive at 8" in result.warnings[0].message
+
+
+def test_the_warning_of_resonance_states_the_right_leverage():
+    log = wheel(Sines((0.8, 4.99, 0.0)))
+    message = identify(log, PAPER).warnings[0].message
+    more = identify(log, PAPER.changed({"axis.gravity_torque": 78e-3 * 1.001}))
+    moved = 1000 * (more.inertia.value - identify(log, PAPER).inertia.value) / (INERTIA + 11.55e-5)
+    assert f"(1 % of axis.gravity_torque moves it by {moved:.2g} %)" in message
+
+
+# what the motor's balance says of the wheel
+
+
+@pytest.fixture(scope="module")
+def twin_log():
+    return simulate(PAPER, Sine(0.8, 8.5), Compensator.paper(PAPER), duration=15.0, seed=3)
+
+
+def test_a_relative_wheel_angle_is_noted(twin_log):
+    result = identify(twin_log, PAPER)
+    assert result.status == "ok"
+    assert "wheel-angle-reading" in codes(result.notes)
+
+
+def test_an_absolute_wheel_angle_taken_for_relative_is_doubted(twin_log):
+    absolute = replace(twin_log, wheel_angle=twin_log.wheel_angle + twin_log.angle)
+    result = identify(absolute, PAPER)
+    assert codes(result.warnings) == ["wheel-angle-reading"]
+    assert 'wheel_angle_is = "absolute"' in result.warnings[0].message
+    assert result.inertia.value == pytest.approx(INERTIA - PAPER.drive.a12, rel=1e-3)  # THEORY 5
+
+
+def test_a_relative_wheel_angle_taken_for_absolute_is_doubted(twin_log):
+    # What loading would have made of it: q2 − q1.
+    result = identify(
+        replace(twin_log, wheel_angle=twin_log.wheel_angle - twin_log.angle),
+        PAPER.changed({"log.wheel_angle_is": "absolute"}),
+    )
+    assert codes(result.warnings) == ["wheel-angle-reading"]
+    assert 'wheel_angle_is = "relative"' in result.warnings[0].message
+
+
+def test_without_a_motor_the_reading_is_an_assumption(twin_log):
+    result = identify(replace(twin_log, voltage=None), PAPER)
+    assert result.status == "ok"
+    assert "nothing checks that" in next(n.message for n in result.notes if n.code == "wheel-angle-reading")
+
+
+def test_a_turned_voltage_is_named_and_not_used(twin_log):
+    result = identify(replace(twin_log, voltage=-twin_log.voltage), PAPER)
+    assert codes(result.warnings) == ["voltage-sign"]
+    assert result.inertia == identify(twin_log, PAPER).inertia
+
+
+@pytest.mark.parametrize("factor", [0.8, 0.9, 0.95, 1.05, 1.1, 1.3])
+def test_wrong_motor_constants_never_refuse_and_never_move_the_inertia(twin_log, factor):
+    wrong = PAPER.changed({"drive.motor.torque_per_volt": 52.04e-4 * factor})
+    assert identify(twin_log, wrong).inertia == identify(twin_log, PAPER).inertia
+
+
+def test_findings_of_the_recording_reach_the_result(twin_log):
+    from swingid.recording.recording import Finding
+
+    told = (Finding("spikes", "3 spikes were dropped.", "warning"), Finding("dropouts", "2 rows are missing.", "note"))
+    result = identify(replace(twin_log, findings=told), PAPER)
+    assert result.status == "warning"
+    assert "spikes" in codes(result.warnings)
+    assert "dropouts" in codes(result.notes)

@@ -41,6 +41,10 @@ class Speed:
         """Speed at rising `instants`, by a cubic spline over the grid."""
         return spline_at(self.grid, self.speed, spline_slopes(self.grid, self.speed), instants, 0)
 
+    def angle_at(self, instants: Array) -> Array:
+        """Smoothed angle at rising `instants`."""
+        return spline_at(self.grid, self.angle, spline_slopes(self.grid, self.angle), instants, 0)
+
     def acceleration(self, instants: Array) -> Array:
         """Slope of the speed at rising `instants`."""
         return spline_at(self.grid, self.speed, spline_slopes(self.grid, self.speed), instants, 1)
@@ -106,17 +110,17 @@ class Motion:
         return edges, signs
 
 
-def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.0) -> Speed:
+def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.0, share: float = 1.0) -> Speed:
     """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample.
 
-    spacing: places of the grid per half-width; fewer cost less, a spline runs through them either way.
+    spacing: places of the grid per half-width; fewer cost less, a spline runs through them either way. share: of the
+    half-width found, to use; less than 1 where noise averages out later and bias does not.
 
     The narrowest width also spans twelve standard deviations of noise at the mean speed (four steps of an encoder),
     where the errors of a coarse encoder begin to look independent.
     """
     step = float(np.median(np.diff(time)))
-    mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / (time[-1] - time[0])
-    width = max(WIDTHS[0] * step, min(14 * noise / max(mean_speed, 1e-300), (time[-1] - time[0]) / 100))
+    width = least = narrowest(time, angle, noise)
     longest = (time[-1] - time[0]) / 8
     # the search looks at some hundred places of the log, the speed itself is computed everywhere
     places = np.linspace(time[0] + width, time[-1] - width, 80)
@@ -128,6 +132,20 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
         if change > 1.3 * max(_slope_noise(noise, step, width), 1e-9 * scale):
             break
         width, speeds = width * WIDTHS[1], wider
+    return speed_on_grid(time, angle, noise, max(width * share, least), spacing)
+
+
+def narrowest(time: Array, angle: Array, noise: float) -> float:
+    """Least half-width (s) of a local cubic that looks beyond sample steps and steps of the encoder."""
+    step = float(np.median(np.diff(time)))
+    duration = float(time[-1] - time[0])
+    mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / duration
+    return max(WIDTHS[0] * step, min(14 * noise / max(mean_speed, 1e-300), duration / 100))
+
+
+def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing: float) -> Speed:
+    """Speed by local cubics of half-width `width` (s) on a grid of `spacing` places per half-width."""
+    step = float(np.median(np.diff(time)))
     grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
     fitted = local_cubic(time, angle, grid, width)
     reached = np.isfinite(fitted[:, 0])

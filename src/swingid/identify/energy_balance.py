@@ -1,0 +1,152 @@
+"""The energy balance (1), (2) at any instant: what the rig holds, what was put in, and what friction took.
+
+    ½ a11 q1'² + ∫F q1' dt = W + b cos q1 − a12 q1' q2' − ½ a22 q2'² + constant
+    W = ∫N (M − f2 N q2' − f3 sgn q2') q2' dt    (reaction wheel)        W = ∫τ q1' dt    (direct drive)
+
+Between two instants the constant drops out: that is a pass of the paper. Velocities come from the angles by local
+cubics (`motion.smooth_speed`, each channel with its own width). The work of the voltage, which is constant between
+two samples, is taken over the measured turn of the wheel, so it telescopes; a smoothed speed only tells in which
+branch of the dead zone the motor is, which way it turns, and what it loses to f2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.fits import Noise
+from swingid.identify.motion import Motion, Speed, narrowest, smooth_speed, speed_on_grid
+from swingid.identify.motor_balance import motor_torque
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
+from swingid.model.rig_tables import Motor
+from swingid.numerics.cumulative import running_integrals
+from swingid.numerics.quadrature import GaussNodes
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+SHARE = 0.7
+"""Of the half-width that is best for one speed: over the nodes of all swings noise averages out, bias does not."""
+
+SPACING = 1.5
+"""Places per half-width at which speeds are computed; a spline runs through them."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Speeds and known powers of a log at its Gauss nodes, arrays (n−1, points).
+
+    axis: q1' smoothed. power: what the drive puts in (W), motor losses taken off. turn: q2' as the samples show it,
+    whose integral over an interval is the measured turn; wheel_speed: q2' smoothed. active: 1 where the motor is
+    outside its dead zone.
+    Direct drive: turn is q1', wheel None. Free decay: power is 0.
+    """
+
+    nodes: GaussNodes
+    axis: Speed
+    wheel: Speed | None
+    speed: Array
+    turn: Array
+    wheel_speed: Array
+    voltage: Array
+    active: Array
+    power: Array
+
+    @classmethod
+    def of(cls, log: Recording, rig: Rig, motion: Motion, noise: Noise) -> Course:
+        """The course of the part of a log that `motion` describes; angles at their stamps (latency taken off)."""
+        samples_per_swing = motion.half_period * log.rate if len(motion.turning_times) > 1 else len(log)
+        nodes = GaussNodes(log.time, 2 if samples_per_swing > 200 else 3)
+        axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
+        speed = axis.at_nodes(nodes)
+        nothing = np.zeros_like(speed)
+        if rig.drive.kind == "direct":
+            assert log.torque is not None
+            torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
+            turn = nodes.spline(log.angle, derivative=1)
+            return cls(nodes, axis, None, speed, turn, nothing, torque, nothing, torque * turn)
+        if rig.drive.kind == "none":
+            return cls(nodes, axis, None, speed, nothing, nothing, nothing, nothing, nothing)
+        assert log.wheel_angle is not None
+        assert log.voltage is not None
+        assert rig.drive.motor is not None
+        wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
+        turn = nodes.spline(log.wheel_angle, derivative=1)
+        wheel_speed = wheel.at_nodes(nodes)
+        voltage = nodes.hold(log.voltage) if log.drive_held else nodes.spline(log.voltage)
+        motor = rig.drive.motor
+        torque = motor_torque(motor, voltage, wheel_speed)
+        active = (torque != 0.0).astype(np.float64)
+        power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
+        return cls(nodes, axis, wheel, speed, turn, wheel_speed, voltage, active, power)
+
+
+def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:
+    """The speed of the axis again, over `SHARE` of the half-width."""
+    width = max(SHARE * speed.half_width, narrowest(time, angle, noise))
+    return speed_on_grid(time, angle, noise, width, SPACING)
+
+
+def motor_drag(motor: Motor, wheel_speed: Array) -> Array:
+    """f2 N q2' + f3 sgn q2' on the rotor, N m."""
+    drag = motor.viscous.value * motor.gear_ratio.value * wheel_speed
+    result: Array = drag + motor.coulomb.value * np.sign(wheel_speed)
+    return result
+
+
+@dataclass(frozen=True)
+class States:
+    """Angles, speeds, accelerations and running integrals at the nodes of all passes; arrays (blocks, nodes).
+
+    height: cos q1, by which gravity's torque b enters (0 on a linear axis). work: W. friction: ∫f(q1') q1' dt of every
+    term f of friction (`TERMS`). Rising over the flattened array.
+    """
+
+    instants: Array
+    angle: Array
+    height: Array
+    speed: Array
+    acceleration: Array
+    wheel_speed: Array
+    wheel_acceleration: Array
+    work: Array
+    friction: dict[str, Array]
+
+    def known(self, rig: Rig, scale: Scale) -> Array:
+        """The known side of the balance: W + b cos q1 − a12 q1' q2' − ½ a22 q2'² (without b cos q1 if b is sought)."""
+        side = self.work + (scale.b or 0.0) * self.height
+        if scale.drive != "reaction-wheel":
+            return side
+        v1, v2 = self.speed, self.wheel_speed
+        result: Array = side - rig.drive.a12 * v1 * v2 - 0.5 * rig.drive.a22 * v2**2
+        return result
+
+
+TERMS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
+"""sgn v, v, v|v|; what depends on the direction: 1 and |v|."""
+
+
+def states_at(course: Course, instants: Array, *, linear: bool) -> States:
+    """States at `instants` (blocks, nodes), rising when flattened and inside the log."""
+    flat, shape = instants.ravel(), instants.shape
+    axis, v = course.axis, course.speed
+    size = np.abs(v)
+    terms = running_integrals(course.nodes, [course.power, size, v * v, size * v * v, size * v], flat)
+    terms = terms.reshape(-1, *shape)
+    angle = axis.angle_at(flat).reshape(shape)
+    wheel = course.wheel
+    still = np.zeros(shape)
+    return States(
+        instants=instants,
+        angle=angle,
+        height=still if linear else np.cos(angle),
+        speed=axis.at(flat).reshape(shape),
+        acceleration=axis.acceleration(flat).reshape(shape),
+        wheel_speed=still if wheel is None else wheel.at(flat).reshape(shape),
+        wheel_acceleration=still if wheel is None else wheel.acceleration(flat).reshape(shape),
+        work=terms[0],
+        friction=dict(zip(TERMS, (*terms[1:4], angle, terms[4]), strict=True)),
+    )

@@ -1,0 +1,107 @@
+"""Does the energy method's answer make sense? Signs, conditioning, and the motor on which it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.identify.balance import Signals, rows_of
+from swingid.identify.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
+from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.identify.motion import Motion
+from swingid.identify.motor_balance import MotorBalance, motor_balance
+from swingid.identify.provenance import exact_constants
+from swingid.identify.result import BudgetEntry, Message, Parameter
+from swingid.identify.scale import Scale
+from swingid.identify.windows import law_windows
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+
+
+@dataclass(frozen=True)
+class SecondOpinion:
+    """Rows (I) and (II) on test functions, which show a wrong sign or a bad motor better than energies do."""
+
+    signals: Signals
+    windows: WindowFit | None
+    balance: MotorBalance | None
+
+
+def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise) -> SecondOpinion:
+    """Fit row (I) and weigh row (II) on one set of windows.
+
+    Raises InputError where wheel, torque or voltage has the wrong sign.
+    """
+    signals = Signals.of(log, rig, motion)
+    length = min(0.25 * motion.half_period, log.duration / 20) if len(motion.turning_times) > 1 else log.duration / 20
+    fit = fit_rows(rows_of(signals, law_windows(signals, length)), scale, noise, BASIS)
+    where = log.source.path or "the log"
+    if fit is None:
+        return SecondOpinion(signals, None, None)
+    check_sign(fit, scale, where)
+    balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
+    if balance is not None and balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
+        raise InputError(
+            f"{where}: voltage has the wrong sign (the motor's balance leaves {balance.as_stated:.1%}, with the sign "
+            f"turned {balance.turned:.1%}); set voltage_sign = -1 under [log], or +1 if it is -1 already.",
+            code="wrong-sign",
+        )
+    return SecondOpinion(signals, fit, balance)
+
+
+def check_energy(
+    parameters: dict[str, Parameter],
+    budget: list[BudgetEntry],
+    sensitivities: dict[str, float],
+    opinion: SecondOpinion,
+    rig: Rig,
+    scale: Scale,
+    motion: Motion,
+) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
+    inertia = parameters["inertia"]
+    warnings: list[Message] = []
+    notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
+    if inertia.standard_uncertainty is None:
+        text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
+        notes.append(Message("no-uncertainty-inertia", text))
+    elif opinion.windows is not None:
+        amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
+        found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
+        warnings += found
+        notes += told
+    motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
+    notes += motor_notes
+    if scale.drive == "reaction-wheel":
+        notes.append(_leaning_on_motor(rig, sensitivities, inertia))
+        warnings += [_for_energy(message, opinion.balance) for message in motor_warnings]
+    return warnings, notes
+
+
+def _for_energy(message: Message, balance: MotorBalance | None) -> Message:
+    """What `check_motor` says, in the words of a method that uses the motor."""
+    if message.code != "motor-balance" or balance is None:
+        return message
+    text = (
+        f"the motor's balance leaves {balance.as_stated:.1%}: the motor constants do not fit this log, or the wheel "
+        "angle is not what [log] says; this inertia stands on them and is wrong by several times as much, so use "
+        "the momentum method or calibrate the motor."
+    )
+    return Message("motor-balance", text)
+
+
+def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:
+    assert rig.drive.motor is not None
+    assert rig.drive.wheel is not None
+    motor = rig.drive.motor
+    shares = {
+        "drive.motor.torque_per_volt": motor.torque_per_volt.value,
+        "drive.motor.efficiency": motor.efficiency.value,
+        "drive.wheel.inertia": rig.drive.wheel.inertia.value,
+        "drive.motor.gear_ratio": motor.gear_ratio.value,
+    }
+    moves = [f"{key} by {sensitivities[key] * value / inertia.value:+.2g} %" for key, value in shares.items()]
+    text = f"1 % more of a constant moves this inertia: {', '.join(moves)}; momentum needs no motor constant."
+    return Message("leans-on-the-motor", text)

@@ -1,0 +1,149 @@
+"""What every constant and declared imperfection does to the known side of the energy balance.
+
+The answer is linear in the known side, so an effect per unit at the nodes, times the influence of the nodes, is the
+sensitivity of the answer, without a second fit (GUM, type B). The same idea as `imperfections`, for energies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.energy_balance import Course, States, motor_drag
+from swingid.identify.imperfections import Imperfection
+from swingid.identify.motor_balance import motor_torque
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
+from swingid.model.rig_tables import Motor
+from swingid.numerics.cumulative import running_integrals
+from swingid.units import Quantity
+
+Array = NDArray[np.float64]
+
+
+def effects(rig: Rig, course: Course, states: States, scale: Scale, a11: float, b: float) -> list[Imperfection]:
+    """All constants that the balance uses (std 0 where they count as exact) and all imperfections declared.
+
+    The rows of an `Imperfection` are here the nodes, flattened, in joules per unit of the source. a11, b: inertia of
+    the axis and gravity torque, as known or as identified.
+    """
+    found = [*_gravity(rig, states), *_sensors(rig, course, states, a11, b)]
+    motor = rig.drive.motor
+    if scale.drive == "reaction-wheel" and motor is not None:
+        found = [*_inertias(rig, motor, states), *_motor(motor, course, states), *found]
+    elif scale.drive == "direct":
+        gain = rig.log.torque_gain
+        found = [_constant("log.torque_gain", gain, states.work / gain.value), *found]
+    return [item for item in found if item.std > 0 or item.shared_id == item.source]
+
+
+def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) -> Imperfection:
+    return Imperfection(key, quantity.std or 0.0, effect.ravel(), direct, key)
+
+
+def _gravity(rig: Rig, states: States) -> Iterator[Imperfection]:
+    gravity = rig.axis.gravity_torque
+    if not isinstance(gravity, str) and rig.axis.kind == "rotary":
+        yield _constant("axis.gravity_torque", gravity, states.height)
+
+
+def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
+    """J2 and Jr, which also stand between a11 and J1."""
+    assert rig.drive.wheel is not None
+    n, v2 = motor.gear_ratio.value, states.wheel_speed
+    product = states.speed * v2
+    yield _constant("drive.wheel.inertia", rig.drive.wheel.inertia, -product - 0.5 * v2**2, -1.0)
+    yield _constant("drive.motor.rotor_inertia", motor.rotor_inertia, -n * product - 0.5 * n**2 * v2**2, -1.0)
+
+
+def _motor(motor: Motor, course: Course, states: States) -> Iterator[Imperfection]:
+    """N, c1, eta, c2, f2 and f3: partial derivatives of the work and, for N, of a12 and a22."""
+    n, c1, c2 = motor.gear_ratio.value, motor.torque_per_volt.value, motor.back_emf.value
+    eta, jr, turn, v2 = motor.efficiency.value, motor.rotor_inertia.value, course.turn, course.wheel_speed
+    parts = [course.active * course.voltage * turn, course.active * v2 * turn, v2 * turn, np.sign(v2) * turn]
+    volts, back, squares, path = _integrals(course, states, parts)
+    yield _constant("drive.motor.torque_per_volt", motor.torque_per_volt, n * eta * volts)
+    yield _constant("drive.motor.efficiency", motor.efficiency, n * (c1 * volts - c2 * back))
+    yield _constant("drive.motor.back_emf", motor.back_emf, -n * eta * back)
+    yield _constant("drive.motor.viscous", motor.viscous, -(n**2) * squares)
+    yield _constant("drive.motor.coulomb", motor.coulomb, -n * path)
+    kinetic = -jr * states.wheel_speed * (states.speed + n * states.wheel_speed)
+    work = states.work / n - n * motor.viscous.value * squares
+    yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
+
+
+def _sensors(rig: Rig, course: Course, states: States, a11: float, b: float) -> Iterator[Imperfection]:
+    """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of each encoder."""
+    sensor = rig.sensors.of("angle")
+    if rig.axis.kind == "rotary":
+        shapes = {
+            "cosine": (np.cos(states.angle), -np.sin(states.angle)),
+            "sine": (np.sin(states.angle), states.height),
+        }
+        for name, (error, slope) in shapes.items():
+            if sensor.nonlinearity > 0:
+                effect = _angle_effect(rig, course, states, a11, b, error, slope * states.speed)
+                source = f"angle encoder nonlinearity ({name})"
+                yield Imperfection(source, sensor.nonlinearity, effect, 0.0, f"sensors.nonlinearity.{name}")
+    if sensor.latency.std:
+        effect = _angle_effect(rig, course, states, a11, b, states.speed, states.acceleration)
+        yield Imperfection("angle latency", sensor.latency.std, effect, 0.0, "sensors.latency")
+    if course.wheel is not None:
+        yield from _wheel_sensor(rig, course, states)
+
+
+def _angle_effect(rig: Rig, course: Course, states: States, a11: float, b: float, error: Array, rate: Array) -> Array:
+    """Effect of an error of the angle and its rate: on gravity, on both kinetic terms, on the work of a torque."""
+    momentum = a11 * states.speed
+    if course.wheel is not None:
+        momentum = momentum + rig.drive.a12 * states.wheel_speed
+    effect = -(b * np.sin(states.angle) * error + momentum * rate)
+    if rig.drive.kind == "direct":
+        # the work feels the error of the turn: ∫τ dδ = τ δ − ∫δ dτ, and the torque jumps from row to row
+        effect = effect + _work_of_error(course, states, error)
+    result: Array = effect.ravel()
+    return result
+
+
+def _work_of_error(course: Course, states: States, error: Array) -> Array:
+    """∫τ dδ along the nodes, δ given at the nodes only: by steps of the mean torque between neighbouring nodes."""
+    turned = np.diff(states.angle, axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        torque = np.where(np.abs(turned) > 0, np.diff(states.work, axis=1) / turned, 0.0)
+    steps = torque * np.diff(error, axis=1)
+    result: Array = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
+    return result
+
+
+def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfection]:
+    """As for the angle; the motor's work feels q2' all along."""
+    motor, wheel, sensor = rig.drive.motor, course.wheel, rig.sensors.of("wheel")
+    assert motor is not None
+    assert wheel is not None
+    if not sensor.nonlinearity and not sensor.latency.std:
+        return
+    n, rate = motor.gear_ratio.value, course.wheel_speed
+    loss = motor.efficiency.value * motor.back_emf.value * course.active + motor.viscous.value * n
+    slope = n * (motor_torque(motor, course.voltage, rate) - motor_drag(motor, rate) - loss * rate)
+    momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
+    if sensor.nonlinearity > 0:
+        at_nodes = wheel.angle_at(states.instants.ravel()).reshape(states.instants.shape)
+        along = wheel.angle_at(course.nodes.instants.ravel()).reshape(rate.shape)
+        shapes = (("cosine", -np.sin(at_nodes), -np.sin(along)), ("sine", np.cos(at_nodes), np.cos(along)))
+        for name, here, there in shapes:
+            (work,) = _integrals(course, states, [slope * there * rate])
+            effect = (work - momentum * here * states.wheel_speed).ravel()
+            source = f"wheel encoder nonlinearity ({name})"
+            yield Imperfection(source, sensor.nonlinearity, effect, 0.0, f"sensors.wheel.nonlinearity.{name}")
+    if sensor.latency.std:
+        turning = wheel.acceleration(course.nodes.instants.ravel()).reshape(rate.shape)
+        (work,) = _integrals(course, states, [slope * turning])
+        effect = (work - momentum * states.wheel_acceleration).ravel()
+        yield Imperfection("wheel latency", sensor.latency.std, effect, 0.0, "sensors.wheel.latency")
+
+
+def _integrals(course: Course, states: States, signals: list[Array]) -> Array:
+    shape = states.instants.shape
+    return running_integrals(course.nodes, signals, states.instants.ravel()).reshape(-1, *shape)

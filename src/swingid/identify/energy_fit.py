@@ -1,0 +1,121 @@
+"""Inertia and friction together, by least squares on the energies at mirrored nodes of all swings.
+
+Every block of nodes around a turning point has its own constant of energy, so that only differences within it count:
+that is every pass between any two of its nodes. On mirrored nodes ½ q1'² is even about the turning point and the work
+of any friction odd in speed is odd, so the inertia hardly feels which law of friction stands beside it; unlike (6),
+(7) nothing is assumed of B1 = B2 or of matched speeds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.energy_balance import Course, States
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
+from swingid.numerics.quadrature import gauss_rule
+from swingid.numerics.regression import fit_linear
+
+Array = NDArray[np.float64]
+
+BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
+"""Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|."""
+
+
+@dataclass(frozen=True)
+class NodeFit:
+    """A fit of the balance on nodes, or a fixed rule on them as (6) and (7): linear in the known side either way.
+
+    unknowns names the values ("inertia" first: a11 of the whole axis). influence (p, blocks · nodes): values =
+    influence @ known side. covariance is of type A, None where there is nothing to judge it by.
+    residuals (blocks, nodes), J.
+    """
+
+    unknowns: tuple[str, ...]
+    values: Array
+    influence: Array
+    covariance: Array | None
+    residuals: Array
+
+    def value(self, name: str) -> float:
+        """Value of an unknown, 0 where it was not sought."""
+        return float(self.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
+
+    def u(self, name: str = "inertia") -> float:
+        """Type A standard uncertainty of an unknown, NaN where nothing tells."""
+        k = self.unknowns.index(name)
+        return float("nan") if self.covariance is None else float(np.sqrt(self.covariance[k, k]))
+
+    @property
+    def a11(self) -> float:
+        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
+        return float(self.values[0])
+
+
+def columns_at(states: States, scale: Scale, terms: tuple[str, ...]) -> dict[str, Array]:
+    """Columns of the unknowns at the nodes, each (blocks, nodes)."""
+    named = {"inertia": 0.5 * states.speed**2}
+    if scale.b is None:
+        named["gravity_torque"] = -states.height
+    return named | {name: states.friction[name] for name in terms}
+
+
+def within_blocks(values: Array) -> Array:
+    """Differences from each block's mean, flattened."""
+    result: Array = (values - values.mean(axis=1, keepdims=True)).ravel()
+    return result
+
+
+def fit_nodes(states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = BASIS) -> NodeFit:
+    """Least squares over all nodes; covariance from the scatter of blocks, neighbours may be correlated."""
+    columns = columns_at(states, scale, terms)
+    matrix = np.column_stack([within_blocks(column) for column in columns.values()])
+    fit = fit_linear(matrix, within_blocks(states.known(rig, scale)))
+    blocks = len(states.instants)
+    scores = (fit.influence * fit.residuals).reshape(len(columns), blocks, -1).sum(axis=2)
+    return NodeFit(
+        unknowns=tuple(columns),
+        values=fit.values,
+        influence=fit.influence,
+        covariance=block_covariance(scores, len(columns)),
+        residuals=fit.residuals.reshape(states.instants.shape),
+    )
+
+
+def block_covariance(scores: Array, unknowns: int) -> Array:
+    """Newey–West covariance of sums over blocks, scores (p, blocks), one neighbour correlated."""
+    blocks = scores.shape[1]
+    covariance = scores @ scores.T
+    if blocks > 2:
+        cross = scores[:, 1:] @ scores[:, :-1].T
+        covariance = covariance + 0.5 * (cross + cross.T)
+    result: Array = covariance * (blocks / max(blocks - unknowns, 1))
+    return result
+
+
+def sensor_variance(fit: NodeFit, states: States, course: Course, rig: Rig) -> float:
+    """Variance of a11 from white noise of the angles, through the smoothed speeds and the turn of the wheel."""
+    weights = fit.influence[0].reshape(states.instants.shape)
+    distance = np.abs(states.instants[:, :, None] - states.instants[:, None, :])
+    a12, a22 = (rig.drive.a12, rig.drive.a22) if course.wheel is not None else (0.0, 0.0)
+    v1, v2 = states.speed, states.wheel_speed
+    axis = course.axis
+    parts = [(weights * (fit.a11 * v1 + a12 * v2) * axis.noise, distance / axis.half_width)]
+    if course.wheel is not None:
+        parts.append((weights * (a12 * v1 + a22 * v2) * course.wheel.noise, distance / course.wheel.half_width))
+    return float(sum(np.einsum("bi,bij,bj->", part, slope_overlap(d), part) for part, d in parts))
+
+
+def slope_overlap(distance: Array) -> Array:
+    """Correlation of the slopes of two local cubics whose centres are `distance` half-widths apart (white noise)."""
+    d = np.minimum(distance, 2.0)[..., None]
+    x, w = gauss_rule(4)
+    s = d - 1 + (2 - d) * x
+    kernel = 15 / 8 * s * (5 - 7 * s * s)
+    shifted = s - d
+    other = 15 / 8 * shifted * (5 - 7 * shifted * shifted)
+    result: Array = ((2 - d) * w * kernel * other).sum(axis=-1) / 9.375
+    return result

@@ -2,8 +2,9 @@
 
     python examples/windows.py LOG RIG [HALF-LENGTH ...]
 
-For every half-length (s) the "law" windows are fitted once with the integrals of the package, and once with the plain
-sum over the quadrature nodes that lie inside each window, which cuts the intervals at the window's ends off at a node.
+For every half-length (s) the "law" windows of the part worth using are fitted once with the integrals of the package,
+and once with the plain sum over the quadrature nodes that lie inside each window, which cuts the intervals at the
+window's ends off at a node.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from swingid.identify.balance import Signals, Windows, rows_of
 from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows
 from swingid.identify.motion import find_motion, sample_noise
 from swingid.identify.scale import Scale
+from swingid.identify.segment import usable_part
 from swingid.identify.windows import law_windows
 
 HALVES = (0.0183, 0.0303, 0.0305, 0.0507, 0.1007, 0.2007, 0.3007)
@@ -39,8 +41,10 @@ def plain_sum(signals: Signals, windows: Windows) -> np.ndarray:
 def fits(log: sw.Recording, rig: sw.Rig, half: float) -> tuple[WindowFit, WindowFit] | None:
     """The fit with exact ends and the one with plain sums; None where the log is too short for the windows."""
     noise = Noise(sample_noise(log.angle), 0.0, 1 / log.rate)
-    motion = find_motion(log.time, log.angle, noise.angle)
-    signals = Signals.of(log, rig, motion)
+    whole = find_motion(log.time, log.angle, noise.angle)
+    start, stop, _ = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+    used = log.segment(start, stop)
+    signals = Signals.of(used, rig, whole.within(float(used.time[0]), float(used.time[-1])))
     rows = rows_of(signals, law_windows(signals, half))
     exact = fit_rows(rows, Scale.of(rig), noise, BASIS)
     plain = fit_rows(replace(rows, inertia=plain_sum(signals, rows.windows)), Scale.of(rig), noise, BASIS)

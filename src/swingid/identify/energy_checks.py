@@ -19,6 +19,9 @@ from swingid.identify.windows import law_windows
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
+SWINGS = 12
+"""Swings enough to see a wrong sign or a bad motor."""
+
 
 @dataclass(frozen=True)
 class SecondOpinion:
@@ -30,10 +33,13 @@ class SecondOpinion:
 
 
 def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise) -> SecondOpinion:
-    """Fit row (I) and weigh row (II) on one set of windows.
+    """Fit row (I) and weigh row (II) on one set of windows over the first swings of a log.
 
     Raises InputError where wheel, torque or voltage has the wrong sign.
     """
+    if len(motion.turning_times) > SWINGS:
+        log = log.segment(float(log.time[0]), float(motion.turning_times[SWINGS]))
+        motion = motion.within(float(log.time[0]), float(log.time[-1]))
     signals = Signals.of(log, rig, motion)
     length = min(0.25 * motion.half_period, log.duration / 20) if len(motion.turning_times) > 1 else log.duration / 20
     fit = fit_rows(rows_of(signals, law_windows(signals, length)), scale, noise, BASIS)

@@ -27,11 +27,7 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
         "rig_source": rig.source,
         "rig_sha256": hashlib.sha256(rig.text.encode()).hexdigest(),
         "options": options or {},
-        "versions": {
-            "swingid": version("swingid"),
-            "numpy": version("numpy"),
-            "python": platform.python_version(),
-        },
+        "versions": _versions(),
     }
 
 

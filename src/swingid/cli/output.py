@@ -19,7 +19,10 @@ def say(message: str) -> None:
 
 
 def tell(text: str, *, to_error: bool = False) -> None:
-    """Text on standard output, or on standard error where the output belongs to JSON."""
+    """Text on standard output, or on standard error where the output belongs to JSON.
+
+    Raises InputError where standard output takes nothing; a broken standard error is passed over.
+    """
     line = text.rstrip("\n") + "\n"
     if to_error:
         with suppress(OSError, InputError):  # a broken standard error is no reason to fail
@@ -29,7 +32,7 @@ def tell(text: str, *, to_error: bool = False) -> None:
 
 
 def write_json(text: str, target: str) -> None:
-    """Write JSON text (UTF-8) to a file, or to standard output where `target` is "-"."""
+    """Write JSON text (UTF-8) to a file, or to standard output where `target` is "-"; InputError where that fails."""
     content = text.encode("utf-8", "backslashreplace")
     if target != "-":
         write_file(Path(target), content)
@@ -47,7 +50,10 @@ def write_json(text: str, target: str) -> None:
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Write a file that appears whole or not at all (devices and pipes are written as they are)."""
+    """Write a file that appears whole or not at all (devices and pipes are written as they are).
+
+    Raises InputError that names the file and the reason.
+    """
     path = Path(os.path.realpath(path))
     partial = path.with_name(f".{path.name[:100]}.{os.getpid()}.part")
     try:

@@ -54,7 +54,10 @@ def multiply(a: NDArray[np.float64], b: NDArray[np.float64], factor: float) -> N
 
 @njit
 def held_chain(e: float, xi: NDArray[np.float64], turn: float, k: NDArray[np.float64]) -> None:
-    """Move xi (n,) of (16) in place over one sample, the error e held; `turn` is the integral of sigma."""
+    """Move xi (n,) of (16) in place over one sample, the error e (rad or m) held.
+
+    turn: integral of sigma over the sample, a pure number; k (n,): k_1 ... k_n of (16). Exact, so stable at any rate.
+    """
     n = xi.shape[0]
     if n == 0:
         return
@@ -87,7 +90,10 @@ def chain_output(
     k: NDArray[np.float64],
     differentiate_gain: bool,
 ) -> float:
-    """alpha(p)(k xi_1) of (20), or k alpha(p) xi_1 of (15), at the start of a sample: -u2 of the paper.
+    """alpha(p)(k xi_1) of (20), or k alpha(p) xi_1 of (15), at the start of a sample: -u2 of the paper (V).
+
+    e (rad or m) is held, xi (n,) the state of (16), k_tilde the gain, alpha (n + 1,) highest power first, k (n,);
+    differentiate_gain: (20), else (15).
 
     `slope` is k tilde' (17). For order 1: alpha_1 (k' xi + k sigma k_1 (e - xi)) + alpha_0 k xi. Beyond,
     the powers of p are read from the Taylor series of xi_1(t), with k tilde linear and sigma = sigma0 k^2

@@ -102,7 +102,8 @@ class Compensator:
     def paper(cls, rig: Rig, *, sample_time: float = 1e-3) -> Compensator:
         """The gains of the paper's experiment (section 5) with the rig's motor compensated.
 
-        Raises UsageError for a rig without a drive.
+        sample_time (s) is used by `step` alone; the twin's loop passes its own. On a direct drive the output is the
+        torque (N m), for which these gains are not made. Raises UsageError for a rig without a drive.
         """
         return cls._for_rig(rig, 0.08, 0.1, 2.0, sample_time)
 
@@ -156,7 +157,10 @@ class Compensator:
         return state
 
     def parameters(self, sample_time: float | None = None) -> NDArray[np.float64]:
-        """Parameter array of `compensator_step` for a sample time (s), `self.sample_time` if None."""
+        """Parameter array of `compensator_step` for a sample time (s), `self.sample_time` if None.
+
+        Raises UsageError for a sample time that is not positive.
+        """
         h = self.sample_time if sample_time is None else float(sample_time)
         if not 0.0 < h < math.inf:
             raise _refused(f"the sample time must be positive, and is {h}")

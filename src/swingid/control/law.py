@@ -24,6 +24,8 @@ DEAD_NEGATIVE, DEAD_POSITIVE, BACK_EMF, ALPHA = 12, 13, 14, 15
 def wheel_speed(wheel_angle: float, state: NDArray[np.float64], parameters: NDArray[np.float64]) -> float:
     """Wheel speed (rad/s) from sampled wheel angles (rad), and the memory in `state` moved on.
 
+    wheel_angle: this sample's, state and parameters as in `compensator_step`.
+
     The memory follows the angle with the wheel filter's time constant; without a filter it is the previous
     angle, and the speed the plain difference. The first sample has no past and gives 0.
     """
@@ -38,6 +40,8 @@ def wheel_speed(wheel_angle: float, state: NDArray[np.float64], parameters: NDAr
 @njit
 def motor_compensation(u2: float, speed: float, parameters: NDArray[np.float64]) -> float:
     """u0 = u1 + u2 + u3 (V), to which a motor with Coulomb friction and dead zone answers as a linear one.
+
+    u2 in V, speed = q2' in rad/s, parameters as in `compensator_step`. Exact only for the constants it is told.
 
     u1 = f3/(c1 eta) sign(q2') cancels the motor's and gearbox's Coulomb friction; u3 (12) the dead zone.
     With BACK_EMF = c2/c1 the switch is on c1 (u1 + u2) - c2 q2', which cancels the dead zone exactly; with

@@ -6,6 +6,9 @@
 A mode is three integers: s1, s2 in {+1, -1, 0} say to which side axis and wheel slide (0: at rest),
 `branch` where the motor stands in its dead zone (8). Within a mode the right-hand side is smooth. A rig
 without a wheel has a12 = 0 and a wheel that rests for ever.
+
+Arguments: q1 in rad, v1 = q1' and v2 = q2' in rad/s, z the bristles' deflection in rad, u the held command in V (direct
+drive: N m), p the vector (SIZE,) of `parameters`. On a linear axis m, m/s, N.
 """
 
 from __future__ import annotations

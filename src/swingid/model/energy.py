@@ -2,6 +2,8 @@
 
 Along (I), (II) d/dt (T + Pi) is the drive's power less the power F q1' of the axis' friction and that of
 the motor's; (1) and (2) are its integrals. With LuGre, F q1' also stores 1/2 sigma0 z^2 in the bristles.
+
+Arguments: q1 in rad, v1 = q1' and v2 = q2' in rad/s, u in V (direct drive: N m), p the vector (SIZE,) of `parameters`.
 """
 
 from __future__ import annotations
@@ -24,7 +26,7 @@ def kinetic_energy(v1: float, v2: float, p: NDArray[np.float64]) -> float:
 
 @njit
 def potential_energy(q1: float, p: NDArray[np.float64]) -> float:
-    """Pi = b (1 - cos q1) (J), (4) and (5)."""
+    """Pi = b (1 - cos q1) (J), (4) and (5); 0 hanging. Not for a linear axis, which has b = 0."""
     return float(p[B] * (1.0 - math.cos(q1)))
 
 
@@ -36,5 +38,5 @@ def drive_power(u: float, v1: float, v2: float, p: NDArray[np.float64]) -> float
 
 @njit
 def motor_friction_power(v2: float, s2: int, p: NDArray[np.float64]) -> float:
-    """Power (W) lost in motor and gearbox while the wheel turns towards side s2."""
+    """Power (W) lost in motor and gearbox, N (f2 N q2' + f3 s2) q2', as the wheel turns towards side s2 = 1 or -1."""
     return float(p[GEAR]) * motor_friction(v2, s2, p) * v2

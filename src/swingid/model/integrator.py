@@ -32,7 +32,7 @@ ANGLE_ERROR, SPEED_ERROR, BRISTLE_ERROR, RELATIVE_ERROR = 1e-11, 1e-9, 1e-8, 1e-
 
 @njit_inlined
 def derivative(work: NDArray[np.float64], state: int, slope: int, mode: Mode, u: float, p: NDArray[np.float64]) -> None:
-    """Slope y' at the state in row `state`, into row `slope`, in a mode under the command u."""
+    """Slope y' at the state in row `state` of `work` (10, 5), into row `slope`, in a mode under the command u."""
     v1, v2, z = work[state, V1], work[state, V2], work[state, Z]
     s1, s2, branch = mode
     a1, a2 = accelerations(work[state, Q1], v1, v2, z, s1, s2, branch, u, p)
@@ -73,7 +73,7 @@ def step(work: NDArray[np.float64], h: float, mode: Mode, u: float, p: NDArray[n
 
 @njit_inlined
 def error_ratio(work: NDArray[np.float64], h: float, p: NDArray[np.float64]) -> float:
-    """Largest component of the embedded error estimate over what is allowed for it."""
+    """Largest component of the embedded error estimate of a step of h (s) over what is allowed; 1 is the limit."""
     k, worst = work, 0.0
     for i in range(STATES):
         error = 71 / 57600 * k[0, i] - 71 / 16695 * k[2, i] + 71 / 1920 * k[3, i] - 17253 / 339200 * k[4, i]

@@ -2,6 +2,9 @@
 
 M = deadzone(eta (c1 u - c2 q2')). The third branch of the printed (8) reads "eta M2 + d2" with d2 < 0, which
 would jump at the edge of the dead zone; here it is eta M2 - d2, continuous.
+
+Arguments: u the voltage in V, v2 = q2' the wheel's speed in rad/s, p the vector (SIZE,) of `parameters`. Torques are
+on the rotor's shaft; on the wheel they are N times as large.
 """
 
 from __future__ import annotations
@@ -21,7 +24,7 @@ def ideal_torque(u: float, v2: float, p: NDArray[np.float64]) -> float:
 
 @njit_inlined
 def motor_branch(u: float, v2: float, p: NDArray[np.float64]) -> int:
-    """Branch of (8): +1 above the dead zone, -1 below, 0 inside; always +1 where there is no dead zone."""
+    """Branch of (8) at u (V) and v2 (rad/s): +1 above the dead zone, -1 below, 0 inside; +1 where there is none."""
     if p[D1] == 0.0 and p[D2] == 0.0:
         return 1
     torque = ideal_torque(u, v2, p)
@@ -47,7 +50,7 @@ def branch_margin(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> f
 
 @njit_inlined
 def branch_torque(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> float:
-    """M (N m) of one branch of (8), smooth in v2."""
+    """M (N m) of one branch of (8), smooth in v2: eta M2 less the edge of the dead zone, or 0 inside."""
     if branch > 0:
         return ideal_torque(u, v2, p) - float(p[D1])
     if branch < 0:

@@ -98,7 +98,10 @@ class Rig(Table):
 
     @classmethod
     def from_text(cls, text: str, source: str = "rig.toml", *, default_name: str = "rig") -> Rig:
-        """The rig of TOML text; `source` names it in errors. InputError for text that is no rig."""
+        """The rig of TOML text; `source` names it in errors, `default_name` is its name where the text gives none.
+
+        Raises InputError for text that is no TOML or no rig, naming the key.
+        """
         try:
             document = tomllib.loads(text.removeprefix("\ufeff"))
         except (ValueError, RecursionError) as error:

@@ -40,7 +40,7 @@ def describe(error: ValidationError, root: type[BaseModel]) -> tuple[str, str]:
 
 
 def dotted(place: tuple[str, ...]) -> str:
-    """drive.wheel.inertia."""
+    """A key as people write it: "drive.wheel.inertia"; "the file" for the top level."""
     return ".".join(part[:60] for part in place) or "the file"
 
 

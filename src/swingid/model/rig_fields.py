@@ -20,7 +20,7 @@ class Table(BaseModel):
 
 
 def refuse(code: str, problem: str, key: str = "") -> NoReturn:
-    """Raise what pydantic turns into a validation error at this place (or at its `key`).
+    """Raise PydanticCustomError, which pydantic turns into a validation error at this place (or at its `key`).
 
     `problem` is a predicate: the place's dotted path is put before it.
     """
@@ -44,7 +44,10 @@ def quantity(
     above: float | None = None,
     most: float | None = None,
 ) -> PlainValidator:
-    """A validator that reads a Quantity in `rotary` units (`linear` on a linear axis) within limits."""
+    """A validator that reads a Quantity in `rotary` units (`linear` on a linear axis) within limits.
+
+    The value must be at least `least`, above `above`, at most `most` (SI); None is no limit.
+    """
 
     def read(raw: object, info: ValidationInfo) -> Quantity:
         found = read_quantity(raw, info, rotary, linear)

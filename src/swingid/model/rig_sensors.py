@@ -31,7 +31,7 @@ class Sensor:
 
 
 class Encoder(Table):
-    """Keys of one encoder; all optional, a perfect sensor without them."""
+    """Keys of one encoder; all optional, a perfect sensor without them. Units and meaning as in `Sensor`."""
 
     counts_per_turn: Annotated[int, Field(strict=True, gt=0)] | None = None
     resolution: Annotated[float, plain_number("rad", "m", least=0)] | None = None
@@ -60,7 +60,7 @@ class Sensors(Encoder):
     wheel: Encoder | None = None
 
     def of(self, channel: Literal["angle", "wheel"]) -> Sensor:
-        """The encoder of "angle" or "wheel", resolved to SI."""
+        """The encoder of the `channel` "angle" or "wheel", resolved to SI; "wheel" inherits what it does not state."""
         if channel == "angle" or self.wheel is None:
             return self.resolved()
         own = {key: getattr(self.wheel, key) for key in self.wheel.model_fields_set}

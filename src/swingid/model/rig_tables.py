@@ -20,7 +20,7 @@ Torque = Annotated[Quantity, quantity("N*m", least=0)]
 
 
 class Lugre(Table):
-    """Bristles of the LuGre model, σ0 and σ1; the friction levels are `coulomb` (and `static`)."""
+    """Bristles of LuGre, σ0 (N m/rad) and σ1 (N m s); the friction levels are `coulomb` (and `static`) of Friction."""
 
     bristle_stiffness: Annotated[Quantity, quantity("N*m/rad", "N/m", above=0)]
     bristle_damping: Viscous = Quantity(0.0)
@@ -29,6 +29,7 @@ class Lugre(Table):
 class Friction(Table):
     """The friction of the suspension, F(q1'), as a sum of the laws given; the twin's truth, never knowledge.
 
+    Units as the key's name implies: torques N m, viscous N m s, quadratic N m s², cubic N m s³, speeds rad/s.
     Direction-dependent coefficients are given for both directions, in the place of the two-sided one.
     """
 
@@ -81,7 +82,7 @@ def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
 
 
 class Axis(Table):
-    """What swings: its kind, gravity's amplitude b (0: balanced), and what only the twin knows.
+    """What swings: its kind, gravity's amplitude b (N m; 0: balanced), and what only the twin knows.
 
     `inertia` is the paper's J1 with a wheel, the whole axis without.
     """

@@ -56,7 +56,7 @@ class Encoder:
 
 
 def wrapped(readings: NDArray[np.float64], period: float = 2.0 * math.pi) -> NDArray[np.float64]:
-    """Readings as an encoder of one turn gives them: in [0, period)."""
+    """Readings (n,) as an encoder of one turn gives them: in [0, period), in their unit (rad by default)."""
     return np.asarray(np.mod(readings, period))
 
 

@@ -5,6 +5,8 @@ the speed passes zero. At rest the mode is found by asking every candidate wheth
 what rests needs no more than its static level, what slides accelerates towards its own side. For Coulomb
 friction there is exactly one such mode (the mass matrix is positive definite); where static friction
 exceeds sliding friction there can be two, and rest goes first.
+
+Arguments as in `dynamics`; `work` (10, 5) is the integrator's array, whose rows `integrator` names.
 """
 
 from __future__ import annotations
@@ -66,7 +68,7 @@ def margin(
 def agrees(
     q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: NDArray[np.float64]
 ) -> bool:
-    """Whether a mode agrees with itself, for those of axis and wheel that have no speed."""
+    """Whether the mode (s1, s2, branch) agrees with itself, for those of axis and wheel whose speed is exactly 0."""
     a1, a2 = accelerations(q1, v1, v2, z, s1, s2, branch, u, p)
     hold1, hold2 = holding_torques(q1, v2, a1, a2, s2, branch, u, p)
     if v1 == 0.0:
@@ -115,7 +117,7 @@ def choose_mode(work: NDArray[np.float64], u: float, p: NDArray[np.float64]) -> 
 
 @njit_inlined
 def side(v: float) -> int:
-    """Sign of a speed: 1, -1 or 0."""
+    """Sign of a speed v (any unit): 1, -1 or 0, where 0 is exactly zero."""
     if v > 0.0:
         return 1
     return -1 if v < 0.0 else 0

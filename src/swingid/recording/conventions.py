@@ -65,7 +65,7 @@ class Scale:
         return scaled if self.offset == 0.0 else scaled + self.offset
 
     def to_log(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """The inverse of `to_model`."""
+        """The inverse of `to_model`: SI values of the model in logged units."""
         shifted = values if self.offset == 0.0 else values - self.offset
         return shifted if self.factor == 1.0 else shifted / self.factor
 
@@ -74,8 +74,9 @@ class Scale:
 class Conventions:
     """What a rig's [log] says, resolved: a column and a Scale for each channel, and how the wheel is read.
 
-    `rate` is set where the log has no time column; `wheel_is_absolute` where the wheel's angle is against the
-    room; `stated` holds the keys of [log] that the rig file sets itself, `keys` the values of those that change
+    `columns`, `scales`: by channel, as the fields of a Recording. `drive_kind` is None for a file written without a
+    rig. `rate` (1/s) is set where the log has no time column; `wheel_is_absolute` where the wheel's angle is against
+    the room; `stated` holds the keys of [log] that the rig file sets itself, `keys` the values of those that change
     numbers: kept in saved files and compared on loading.
     """
 

@@ -26,7 +26,7 @@ WIDEST_SWING = {"none": 1.5, "reaction-wheel": 2.0, "direct": 10.0}
 
 
 def judge(channels: Channels, rig: Rig, name: str) -> list[Finding]:
-    """What is odd about the channels (model units and signs), as findings.
+    """What is odd about the channels (model units and signs), as findings; `name` is the file's, for messages.
 
     Raises UnanswerableError for too few rows and for an angle that does not move, InputError for a motion
     that the axis cannot make (degrees taken for radians).

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Unwrapped:
-    """Continuous values; rows that are spikes; number of rows at which the count of turns was a guess."""
+    """Continuous values (n,), logged units; rows that are spikes (n,); rows at which the count of turns was a guess."""
 
     values: Floats
     spikes: NDArray[np.bool_]
@@ -23,7 +23,7 @@ class Unwrapped:
 
 
 def is_wrapped(values: Floats, turn: float) -> bool:
-    """Whether an angle is logged within one turn and jumps at its edges.
+    """Whether an angle (n,), in units of which `turn` make one turn, is logged within one turn and jumps at its edges.
 
     True when it stays within one turn (a few spikes apart) and steps by more than half a turn occur, either
     at more rows than spikes would, or such that the motion goes on evenly if whole turns are disregarded. An

@@ -55,7 +55,7 @@ def write_report(result: Result, log: Recording | None, rig: Rig | None, path: s
 
 
 def render(result: Result, log: Recording | None, rig: Rig | None) -> str:
-    """The report as HTML text."""
+    """The report of `write_report` as HTML text, with all figures inside."""
     import jinja2
 
     environment = jinja2.Environment(

@@ -15,7 +15,7 @@ class Word:
     linear: str | None = None
 
     def unit_on(self, *, linear: bool) -> str:
-        """Unit on this kind of axis."""
+        """SI unit on this kind of axis: that of a rotary one where no other is given."""
         return self.linear if linear and self.linear is not None else self.unit
 
 

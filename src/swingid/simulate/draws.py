@@ -28,8 +28,8 @@ CHANNELS: tuple[Literal["angle"], Literal["wheel"]] = ("angle", "wheel")
 class Draws:
     """What a run is made with, in the order angle, wheel where it concerns encoders.
 
-    values: constants by rig.toml key (SI). delays (2, rows): read time minus row time (s). noise (2, rows)
-    (rad). kept (rows,): rows that reach the log.
+    values: constants by rig.toml key (SI). latencies (s): as drawn for each encoder. delays (2, rows): read time minus
+    row time (s). noise (2, rows) (rad). kept (rows,): rows that reach the log.
     """
 
     values: dict[str, float]
@@ -41,14 +41,15 @@ class Draws:
 
 
 def stream(seed: int, name: str) -> np.random.Generator:
-    """The random stream of one kind of draw."""
+    """The random stream of one kind of draw, a name out of `STREAMS`; the same seed gives the same stream."""
     return np.random.default_rng([seed, STREAMS.index(name)])
 
 
 def draw_constants(rig: Rig, seed: int) -> dict[str, float]:
     """Every constant drawn from N(value, std); those that can't be negative drawn again until they are not.
 
-    Constants without a stated uncertainty keep their value, and use up a draw all the same.
+    Returns SI values by rig.toml key. Constants without a stated uncertainty keep their value, and use up a draw all
+    the same.
     """
     values = {}
     generator = stream(seed, "constants")

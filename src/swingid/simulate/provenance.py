@@ -35,7 +35,10 @@ def describe(reference: object) -> str | None:
 
 
 def truth(draws: Draws) -> dict[str, object]:
-    """What the run was really made with, under the names of identified parameters; for comparisons only."""
+    """What the run was really made with (SI), under the names of identified parameters.
+
+    For comparisons after the fact only: no method of identification may read it.
+    """
     values = draws.values
     found: dict[str, object] = {
         "inertia": values["axis.inertia"],

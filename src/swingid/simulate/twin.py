@@ -114,7 +114,10 @@ def simulate_run(
     encoder_zero: tuple[float, float] = (0.0, 0.0),
     truth_times: ArrayLike | None = None,
 ) -> Run:
-    """As `simulate`, with the truth beside the recording, at the rows' instants or at `truth_times` (s)."""
+    """As `simulate`, with the truth beside the recording, at the rows' instants or at `truth_times` (s, rising).
+
+    For tests and plots: identification is given `Run.recording`, never `Run.truth`. Errors as `simulate`.
+    """
     rows = _rows(duration, rate)
     made = draws.draw(rig, rows, seed, constants_too=draw, encoder_zero=encoder_zero)
     wanted = np.arange(rows) / rate if truth_times is None else np.asarray(truth_times, dtype=np.float64)

@@ -104,8 +104,9 @@ def _bisect(f: Callable[[Array], Array], left: Array, right: Array) -> Array:
 def sampled_turning_points(y: Callable[[Array], Array], duration: float, step: float) -> Array:
     """Turning points of a motion known only by its values: swings larger than a thousandth of the range.
 
-    `step` (s) must be short against the swings. A dwell is reported by its middle, a smooth reversal to about
-    step^2 times the cube of its frequency. Not for motions with a formula.
+    y: position (rad or m) at an array of times (s), for 0 to `duration` (s). `step` (s) must be short against the
+    swings. A dwell is reported by its middle, a smooth reversal to about step^2 times the cube of its frequency. Not
+    for motions with a formula.
     """
     if not duration > 0.0:
         return np.empty(0)

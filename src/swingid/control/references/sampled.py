@@ -134,7 +134,10 @@ class Motion:
         return sampled_turning_points(self, duration, self.step)
 
     def peak_speed(self, duration: float) -> float:
-        """Largest central difference over `step`, to about step^2 times the third derivative."""
+        """Largest central difference over `step` in [0, duration] (s), rad/s or m/s.
+
+        It errs by about step^2 times the third derivative.
+        """
         if not duration > 0.0:
             return 0.0
         times = np.linspace(0.0, duration, max(3, int(np.ceil(duration / self.step)) + 1))

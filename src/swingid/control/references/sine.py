@@ -13,6 +13,7 @@ from swingid.control.references.base import Array, inside, require_positive, req
 @dataclass(frozen=True)
 class Sine:
     """A sin(omega t + phase): `amplitude` (rad or m), `frequency` omega (rad/s), `phase` (rad).
+    `unit` is that of the amplitude, "rad" or "m".
 
     y_m1 = 0.8 sin(8.5 t) of section 5. Raises UsageError for an amplitude or frequency that is not positive.
     One frequency cannot tell inertia from gravity torque: use a multisine for both.
@@ -42,7 +43,7 @@ class Sine:
         return inside(times, duration)
 
     def peak_speed(self, duration: float) -> float:
-        """A omega, or the larger speed of the two ends where no passage through zero is reached."""
+        """A omega (rad/s or m/s); over a `duration` (s) without passage through zero the larger speed of the ends."""
         full = self.amplitude * self.frequency
         end = self.phase + self.frequency * max(duration, 0.0)
         if math.floor(end / math.pi) >= math.ceil(self.phase / math.pi):

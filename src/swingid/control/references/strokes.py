@@ -20,8 +20,8 @@ class Strokes:
 
     `amplitude` A in rad or m, `stroke_time` each way and `dwell` in s. Each stroke is the quintic of least
     jerk, at rest and without acceleration at both ends (Flash and Hogan 1985). The first stroke goes from 0
-    to +A in the same time, so no step is asked of a body at rest at t = 0. Raises UsageError for an
-    amplitude or stroke time that is not positive, or a negative dwell. The axis may stick in a dwell:
+    to +A in the same time, so no step is asked of a body at rest at t = 0. `unit` of A is "rad" or "m". Raises
+    UsageError for an amplitude or stroke time that is not positive, or a negative dwell. The axis may stick in a dwell:
     prefer a sine on a bearing with much static friction.
     """
 

@@ -15,6 +15,7 @@ from swingid.errors import UsageError
 class Triangle:
     """A triangle between +A and -A: `amplitude` A (rad or m), `frequency` (rad/s), `corner` (s) per corner.
 
+    `unit` of A is "rad" or "m".
     In a corner the acceleration is constant, so speed is continuous and turning points are symmetric; on
     the flanks the speed is constant, v = 4 A/(T - corner) with T the period. It starts on the middle of a
     rising flank. `corner` None is a tenth of the period; at half a period the flanks are gone. Raises

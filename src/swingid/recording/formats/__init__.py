@@ -18,7 +18,10 @@ WRITERS: tuple[ModuleType, ...] = (parquet, csv)
 
 
 def read_table(content: bytes, name: str) -> Table:
-    """The table in a file's bytes: by its first bytes where they tell, else by the ending of `name`."""
+    """The table in a file's bytes: by its first bytes where they tell, else by the ending of `name`, else as CSV.
+
+    Raises InputError, as the format's own `read`, where the bytes are no such table.
+    """
     by_magic = [f for f in READERS if f.MAGIC and content.startswith(f.MAGIC)]
     by_ending = [f for f in READERS if Path(name).suffix.lower() in f.ENDINGS]
     reader = (by_magic + by_ending + [csv])[0]

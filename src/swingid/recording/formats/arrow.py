@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 def table_from_arrow(table: Any, name: str, raw_metadata: str, unreadable_rows: int = 0) -> Table:
     """Named columns of a pyarrow.Table; names lose the blanks around them.
 
+    name: the file's, for messages. raw_metadata: JSON text that swingid wrote. unreadable_rows: left out by the reader.
     Raises InputError when two columns have one name, or the file has columns and no row.
     """
     names = [str(column).strip() for column in table.column_names]

@@ -43,7 +43,11 @@ _DECIMAL_COMMA = re.compile(rb"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
 
 
 def read(content: bytes, name: str) -> Table:
-    """The table in the bytes of a text file; InputError naming the file when they are none."""
+    """The table in the bytes of a text file called `name`.
+
+    Separator and decimal comma are found in the first lines; rows with too few or too many cells are left out and
+    counted. Raises InputError, naming the file, for other kinds of file, no header, no rows, or lines without columns.
+    """
     import pyarrow as pa
     import pyarrow.csv as pc
 
@@ -78,7 +82,10 @@ def read(content: bytes, name: str) -> Table:
 
 
 def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
-    """The bytes of a CSV file: metadata comment, header, rows. Numbers read back bit for bit."""
+    """The bytes of a CSV file: metadata comment (JSON), header, rows; columns of equal length (n,) by name.
+
+    Numbers read back bit for bit.
+    """
     import pyarrow as pa
     import pyarrow.csv as pc
 

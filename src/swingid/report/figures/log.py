@@ -47,7 +47,7 @@ def draw_log(log: Recording, start: float | None, stop: float | None, *, linear:
 
 
 def panels_of(log: Recording, *, linear: bool) -> list[Panel]:
-    """What there is to draw, in the order of the drawing."""
+    """The channels that the log has, in the order of the drawing, in SI units."""
     angle, name = ("m", "position") if linear else ("rad", "angle")
     panels = [Panel(name, angle, log.angle, BLUE, log.reference)]
     if log.reference is not None:

@@ -18,7 +18,7 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identify.balance import moved
 from swingid.identify.energy_answer import EnergyEstimate, energy_answer, energy_details
 from swingid.identify.energy_balance import Course, States, states_at
-from swingid.identify.energy_checks import check_energy, second_opinion
+from swingid.identify.energy_checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
 from swingid.identify.energy_fit import BASIS, fit_nodes, sensor_variance
 from swingid.identify.energy_passes import Passes, mirrored_passes
 from swingid.identify.energy_printed import (
@@ -92,6 +92,7 @@ def energy(
         estimate = _printed(part, rig, scale, course, nodes, work)
     else:
         estimate = _better(part, rig, scale, course)
+    estimate = _judged(estimate, opinion, scale)
     budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, part.motion)
     notes = [part.note, *estimate.notes, *notes]
@@ -182,23 +183,26 @@ def _better(part: _Part, rig: Rig, scale: Scale, course: Course) -> EnergyEstima
     fit = fit_nodes(states, rig, scale, BASIS)
     others = {
         "without the quadratic term": fit_nodes(states, rig, scale, tuple(t for t in BASIS if t != "quadratic")),
-        "nodes near the turning points": fit_nodes(_subset(states, np.abs(_place()) <= 22), rig, scale, BASIS),
-        "nodes far from them": fit_nodes(_subset(states, np.abs(_place()) >= 10), rig, scale, BASIS),
+        "nodes near the turning points": fit_nodes(_inner(states), rig, scale, BASIS),
     }
     sensor = sensor_variance(fit, states, course, rig)
     return EnergyEstimate("better", fit, states, passes.turning, passes.sides, others, {}, sensor, None, ())
 
 
-def _place() -> Array:
-    """Place of each node of a block, counted from the turning point."""
-    return np.arange(2.0 * len(LEVELS) + 1) - len(LEVELS)
-
-
-def _subset(states: States, keep: NDArray[np.bool_]) -> States:
-    """The states at some nodes of each block."""
+def _inner(states: States) -> States:
+    """The states at the nodes within two thirds of each half swing, counted in time from the turning point."""
+    cut = len(LEVELS) // 3
     names = ("instants", "angle", "height", "speed", "acceleration", "wheel_speed", "wheel_acceleration", "work")
-    plain = {name: getattr(states, name)[:, keep] for name in names}
-    return States(**plain, friction={name: column[:, keep] for name, column in states.friction.items()})
+    plain = {name: getattr(states, name)[:, cut:-cut] for name in names}
+    return States(**plain, friction={name: column[:, cut:-cut] for name, column in states.friction.items()})
+
+
+def _judged(estimate: EnergyEstimate, opinion: SecondOpinion, scale: Scale) -> EnergyEstimate:
+    """Without a motor energy and momentum stand on the same constants, so what they differ by is uncertainty."""
+    if scale.drive == "reaction-wheel" or opinion.windows is None or estimate.fit.covariance is None:
+        return estimate
+    gap = gap_to_momentum(estimate.fit.a11 - scale.carried, estimate.fit.u(), opinion.windows, scale)
+    return estimate if gap == 0.0 else replace(estimate, common=estimate.common | {("inertia", DISAGREES): abs(gap)})
 
 
 def _printed(
@@ -222,7 +226,7 @@ def _printed(
         states = replace(states, work=trapezoid_work(part.log, rig, course, instants))
         text = "the work is a trapezoid on samples, which a held voltage makes wrong by per cents; use held work."
         notes = (Message("trapezoid-work", text),)
-    fit, each = printed_fit(states, rig, scale)
+    fit, each = printed_fit(states, rig, scale, course.axis)
     sensor = sensor_variance(fit, states, course, rig)
     common = {
         ("inertia", "unequal losses of the two passes"): abs(unequal_losses(fit, states)),

@@ -136,7 +136,7 @@ def energy_details(
         turning_times=motion.turning_times,
         turning_angles=motion.turning_angles,
         swings=_per_swing(estimate, rig, scale),
-        friction=_curve(fit, float(np.quantile(np.abs(course.speed), 0.999))) if better else None,
+        friction=_curve(fit, float(np.max(np.abs(course.axis.speed)))) if better else None,
         estimates=estimates,
         residual_times=estimate.turning if better else np.empty(0),
         residuals=(fit.residuals[:, -1] - fit.residuals[:, 0]) / travelled if better else np.empty(0),

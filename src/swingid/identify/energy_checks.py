@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.identify.agreement import SEEN
 from swingid.identify.balance import Signals, rows_of
 from swingid.identify.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
 from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows
@@ -18,6 +19,11 @@ from swingid.identify.scale import Scale
 from swingid.identify.windows import law_windows
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+
+DISAGREES = "disagreement with the momentum balance"
+
+CLOSE = 0.003
+"""Relative difference to the momentum balance that is not worth a warning."""
 
 SWINGS = 12
 """Swings enough to see a wrong sign or a bad motor."""
@@ -41,7 +47,9 @@ def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise
         log = log.segment(float(log.time[0]), float(motion.turning_times[SWINGS]))
         motion = motion.within(float(log.time[0]), float(log.time[-1]))
     signals = Signals.of(log, rig, motion)
-    length = min(0.25 * motion.half_period, log.duration / 20) if len(motion.turning_times) > 1 else log.duration / 20
+    speed = motion.speed
+    quickest = float(np.quantile(np.abs(speed.acceleration(speed.grid)), 0.99))
+    length = min(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), log.duration / 20)
     fit = fit_rows(rows_of(signals, law_windows(signals, length)), scale, noise, BASIS)
     where = log.source.path or "the log"
     if fit is None:
@@ -78,12 +86,40 @@ def check_energy(
         found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
         warnings += found
         notes += told
+    if opinion.windows is not None and inertia.standard_uncertainty is not None:
+        warnings += _against_momentum(inertia, budget, opinion.windows, scale)
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += motor_notes
     if scale.drive == "reaction-wheel":
         notes.append(_leaning_on_motor(rig, sensitivities, inertia))
         warnings += [_for_energy(message, opinion.balance) for message in motor_warnings]
     return warnings, notes
+
+
+def gap_to_momentum(value: float, uncertainty: float, windows: WindowFit, scale: Scale) -> float:
+    """Difference to the momentum balance on a few swings that the uncertainties do not explain, 0 where they do."""
+    difference = value - (windows.a11 - scale.carried)
+    variance = uncertainty**2 + windows.u**2
+    if abs(difference) < max(SEEN * np.sqrt(variance), CLOSE * abs(value)):
+        return 0.0
+    return float(np.copysign(np.sqrt(difference**2 - variance), difference))
+
+
+def _against_momentum(inertia: Parameter, budget: list[BudgetEntry], windows: WindowFit, scale: Scale) -> list[Message]:
+    """A warning where momentum says otherwise (found before, without a motor: it is in the budget then)."""
+    seen = any(entry.source == DISAGREES for entry in budget)
+    uncertainty = inertia.standard_uncertainty or 0.0
+    if not seen and (
+        scale.drive != "reaction-wheel" or not gap_to_momentum(inertia.value, uncertainty, windows, scale)
+    ):
+        return []
+    difference = inertia.value / (windows.a11 - scale.carried) - 1
+    cause = "motor constants that are off" if scale.drive == "reaction-wheel" else "friction that is not of speed alone"
+    text = (
+        f"this inertia is {abs(difference):.1%} {'more' if difference > 0 else 'less'} than the momentum balance of "
+        f"the same swings gives; the likely cause is {cause}, and the momentum method leans less on that."
+    )
+    return [Message("disagrees-with-momentum", text)]
 
 
 def _for_energy(message: Message, balance: MotorBalance | None) -> Message:

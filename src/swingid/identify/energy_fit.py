@@ -17,7 +17,6 @@ from swingid.identify.energy_balance import Course, States
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.numerics.compiled import njit
-from swingid.numerics.regression import fit_linear
 
 Array = NDArray[np.float64]
 
@@ -73,16 +72,32 @@ def fit_nodes(states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = B
     """Least squares over all nodes; covariance from the scatter of blocks, neighbours may be correlated."""
     columns = columns_at(states, scale, terms)
     matrix = np.column_stack([within_blocks(column) for column in columns.values()])
-    fit = fit_linear(matrix, within_blocks(states.known(rig, scale)))
-    blocks = len(states.instants)
-    scores = (fit.influence * fit.residuals).reshape(len(columns), blocks, -1).sum(axis=2)
+    target = within_blocks(states.known(rig, scale))
+    influence = _influence(matrix)
+    values = influence @ target
+    residuals = target - matrix @ values
+    scores = (influence * residuals).reshape(len(columns), len(states.instants), -1).sum(axis=2)
     return NodeFit(
         unknowns=tuple(columns),
-        values=fit.values,
-        influence=fit.influence,
+        values=values,
+        influence=influence,
         covariance=block_covariance(scores, len(columns)),
-        residuals=fit.residuals.reshape(states.instants.shape),
+        residuals=residuals.reshape(states.instants.shape),
     )
+
+
+def _influence(matrix: Array) -> Array:
+    """Pseudo-inverse from the normal equations of the scaled columns: a third of the time of an SVD of all rows.
+
+    Directions of less than 1e-6 of the largest singular value are dropped (the square is what is left of 16 digits).
+    """
+    scale = np.linalg.norm(matrix, axis=0)
+    scale[scale == 0] = 1.0
+    scaled = matrix / scale
+    powers, directions = np.linalg.eigh(scaled.T @ scaled)
+    inverse = np.where(powers > 1e-12 * powers[-1], 1 / np.maximum(powers, 1e-300), 0.0)
+    result: Array = ((directions * inverse) @ directions.T @ scaled.T) / scale[:, None]
+    return result
 
 
 def block_covariance(scores: Array, unknowns: int) -> Array:

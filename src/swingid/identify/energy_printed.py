@@ -18,6 +18,7 @@ from swingid.errors import UnanswerableError, UsageError
 from swingid.identify.energy_balance import Course, States, motor_drag, states_at
 from swingid.identify.energy_fit import NodeFit, block_covariance
 from swingid.identify.energy_passes import Passes
+from swingid.identify.motion import Speed
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
@@ -31,7 +32,7 @@ DEPTHS = np.array([0.0056, 0.5])
 """Where the chosen passes begin and end, in shares of the swing from its turning point: near it, and half-way."""
 
 SINGULAR = 0.02
-"""Smallest denominator of (6), as a share of the largest it can be."""
+"""Smallest denominator of (6), as a share of the largest it can be for that swing."""
 
 
 def chosen_nodes(passes: Passes) -> Array:
@@ -89,15 +90,16 @@ def trapezoid_work(log: Recording, rig: Rig, course: Course, instants: Array) ->
     return result
 
 
-def printed_fit(states: States, rig: Rig, scale: Scale) -> tuple[NodeFit, Array]:
+def printed_fit(states: States, rig: Rig, scale: Scale, axis: Speed) -> tuple[NodeFit, Array]:
     """(6) and (7) on every pair of passes, and their mean; also the inertia a11 of each pair.
 
     Raises UnanswerableError where the denominator of (6) vanishes, which it does from turning point to turning point.
     """
     difference, total = np.array([-1.0, 1.0, 1.0, -1.0]), np.array([-1.0, 1.0, -1.0, 1.0])
     denominator = states.speed**2 @ difference
-    largest = 2 * float(np.max(states.speed**2))
-    singular = np.abs(denominator) < SINGULAR * largest
+    spans = np.searchsorted(axis.grid, states.instants[:, [0, 3]])
+    largest = [np.max(axis.speed[first : last + 1] ** 2, initial=0.0) for first, last in spans]
+    singular = np.abs(denominator) < SINGULAR * 2 * np.maximum(largest, np.max(states.speed**2, axis=1))
     if singular.any():
         at = ", ".join(f"{t:.6g}" for t in states.instants[int(np.argmax(singular))])
         raise UnanswerableError(

@@ -113,9 +113,9 @@ def test_nonlinear_encoders(log, channel, part, shape):
     q = getattr(log, channel)
     distorted = identify(replace(log, **{channel: q + amplitude * shape(q)}), NONLINEAR)
     slope = (distorted.inertia.value - result.inertia.value) / amplitude
-    assert entry.standard_uncertainty == pytest.approx(
-        abs(slope) * std, rel=0.3, abs=0.02 * result.inertia.standard_uncertainty
-    )
+    tolerance = 0.02 * result.inertia.standard_uncertainty
+    assert entry.sensitivity * std == pytest.approx(slope * std, rel=0.3, abs=tolerance)
+    assert entry.standard_uncertainty == pytest.approx(abs(entry.sensitivity) * std, rel=1e-9)
 
 
 def test_declared_nonlinearity_is_calibrated():

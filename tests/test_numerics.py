@@ -384,3 +384,19 @@ def test_newey_west_knows_correlated_residuals():
     naive = np.sqrt(np.mean([np.diag(fit.covariance(0)) for fit in fits], axis=0))
     assert robust == pytest.approx(true, rel=0.2)
     assert (naive < 0.6 * true).all()
+
+
+@given(seeds)
+@CASES
+def test_newey_west_is_bartletts_sum(seed):
+    rng = np.random.default_rng(seed)
+    columns, target = rng.standard_normal((80, 2)), np.cumsum(rng.standard_normal(80))
+    fit = fit_linear(columns, target)
+    score = columns * fit.residuals[:, None]
+    weights = np.clip(1 - np.abs(np.subtract.outer(np.arange(80), np.arange(80))) / 5, 0, None)
+    bread = np.linalg.inv(columns.T @ columns)
+    expected = bread @ score.T @ weights @ score @ bread
+    got = fit.covariance(4)
+    factor = got[0, 0] / expected[0, 0]
+    assert 1.0 < factor < 1.2  # few rows tell less than they seem to
+    assert got == pytest.approx(factor * expected, rel=1e-9, abs=1e-12)

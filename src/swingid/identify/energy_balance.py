@@ -65,7 +65,7 @@ class Course:
         nothing = np.zeros_like(speed)
         if rig.drive.kind == "direct":
             assert log.torque is not None
-            torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
+            torque = between_rows(nodes, log.torque, held=log.drive_held)
             turn = nodes.spline(log.angle, derivative=1)
             return cls(nodes, axis, None, speed, turn, nothing, torque, nothing, torque * turn)
         if rig.drive.kind == "none":
@@ -76,12 +76,25 @@ class Course:
         wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
         turn = nodes.spline(log.wheel_angle, derivative=1)
         wheel_speed = wheel.at_nodes(nodes)
-        voltage = nodes.hold(log.voltage) if log.drive_held else nodes.spline(log.voltage)
+        voltage = between_rows(nodes, log.voltage, held=log.drive_held)
         motor = rig.drive.motor
         torque = motor_torque(motor, voltage, wheel_speed)
         active = (torque != 0.0).astype(np.float64)
         power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
         return cls(nodes, axis, wheel, speed, turn, wheel_speed, voltage, active, power)
+
+
+def between_rows(nodes: GaussNodes, values: Array, *, held: bool) -> Array:
+    """A logged voltage or torque at the nodes: constant from row to row if held, else a spline through the rows.
+
+    Where rows are missing the values lost are taken to lie on a straight line, each of them held.
+    """
+    if not held:
+        return nodes.spline(values)
+    gaps = np.diff(nodes.time)
+    rows = np.maximum(np.rint(gaps / np.median(gaps)), 1.0)
+    mean = values[:-1] + np.diff(values) * (rows - 1) / (2 * rows)
+    return np.repeat(mean[:, None], nodes.points, axis=1)
 
 
 def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:

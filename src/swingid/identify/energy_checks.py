@@ -49,8 +49,10 @@ def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise
     signals = Signals.of(log, rig, motion)
     speed = motion.speed
     quickest = float(np.quantile(np.abs(speed.acceleration(speed.grid)), 0.99))
-    length = min(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), log.duration / 20)
-    fit = fit_rows(rows_of(signals, law_windows(signals, length)), scale, noise, BASIS)
+    length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
+    fit = fit_rows(
+        rows_of(signals, law_windows(signals, min(length, log.duration / 20))), scale, noise, (*BASIS, "memory")
+    )
     where = log.source.path or "the log"
     if fit is None:
         return SecondOpinion(signals, None, None)

@@ -43,8 +43,8 @@ TWO_TONES = Sines((0.5, 8.5, 0.0), (0.4, 5.3, 1.0))
 ONE_TONE = Sines((0.8, 8.5, 0.0))
 
 
-def twice_integrated(function: Callable[[Array], Array], time: Array, breaks: Array) -> Array:
-    """∬ of `function` from the first stamp, at the stamps, by ten Gauss points between stamps and `breaks`."""
+def integrals(function: Callable[[Array], Array], time: Array, breaks: Array) -> tuple[Array, Array]:
+    """∫ and ∬ of `function` from the first stamp, at the stamps, by ten Gauss points between stamps and `breaks`."""
     grid = np.unique(np.concatenate([time, breaks]))
     x, w = np.polynomial.legendre.leggauss(10)
     x, w = (x + 1) / 2, w / 2
@@ -52,8 +52,13 @@ def twice_integrated(function: Callable[[Array], Array], time: Array, breaks: Ar
     values = function(grid[:-1, None] + h[:, None] * x)
     once = np.concatenate([[0.0], np.cumsum(h * (values @ w))])
     twice = np.concatenate([[0.0], np.cumsum(h * once[:-1] + h**2 * (values @ (w * (1 - x))))])
-    result: Array = twice[np.searchsorted(grid, time)]
-    return result
+    at = np.searchsorted(grid, time)
+    return once[at], twice[at]
+
+
+def twice_integrated(function: Callable[[Array], Array], time: Array, breaks: Array) -> Array:
+    """∬ of `function` from the first stamp, at the stamps."""
+    return integrals(function, time, breaks)[1]
 
 
 def exact_rig(**changes: object) -> Rig:

@@ -29,6 +29,9 @@ Array = NDArray[np.float64]
 
 CURVE_KNOTS = 8
 
+WORTH_A_WORD = 0.02
+"""Even friction below this share of the odd one is not reported by direction."""
+
 
 @dataclass(frozen=True)
 class EnergyEstimate:
@@ -56,13 +59,13 @@ def energy_answer(
 ) -> tuple[list[BudgetEntry], dict[str, Parameter], dict[str, float]]:
     """Budget, parameters, and the sensitivity of the inertia to each constant (by its key in the rig file)."""
     fit = estimate.fit
-    weights, units = _sought(fit, scale)
+    weights, units = _sought(fit, scale, float(np.sqrt(np.mean(course.axis.speed**2))))
     values = {name: float(own @ fit.values) for name, own in weights.items()}
     values["inertia"] -= scale.carried
     budget = _type_a(estimate, weights)
     b = fit.value("gravity_torque") if scale.b is None else scale.b
     sensitivities: dict[str, float] = {}
-    for item in effects(rig, course, estimate.states, scale, fit.a11, b):
+    for item in effects(rig, course, estimate.states, scale, fit, b):
         shifts = fit.influence @ item.rows
         for name, own in weights.items():
             slope = float(own @ shifts) + (item.direct if name == "inertia" else 0.0)
@@ -77,26 +80,29 @@ def energy_answer(
     return budget, parameters, sensitivities
 
 
-def _sought(fit: NodeFit, scale: Scale) -> tuple[dict[str, Array], dict[str, str]]:
-    """Weights of each parameter on the unknowns, and the units."""
+def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array], dict[str, str]]:
+    """Weights of each parameter on the unknowns, and the units; `speed`: root mean square of the motion's."""
     unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
     units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
     plain: dict[str, Array] = {
         name: unit[name] for name in ("inertia", "gravity_torque", "coulomb", "viscous", "quadratic") if name in unit
     }
-    if _depends_on_direction(fit):
+    if _depends_on_direction(fit, speed):
         for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):
             both = plain.pop(name)
             plain |= {f"{name}_positive": both + unit[even], f"{name}_negative": both - unit[even]}
     return plain, units
 
 
-def _depends_on_direction(fit: NodeFit) -> bool:
-    """Whether the even terms of friction are seen together (chi-square of two, 99.9 %)."""
+def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
+    """Whether the even terms of friction are seen together (chi-square of two, 99.9 %) and are worth a word."""
     if "viscous_even" not in fit.unknowns or fit.covariance is None:
         return False
     even = [fit.unknowns.index("offset"), fit.unknowns.index("viscous_even")]
     values, covariance = fit.values[even], fit.covariance[np.ix_(even, even)]
+    odd = fit.value("coulomb") + fit.value("viscous") * speed + fit.value("quadratic") * speed**2
+    if max(abs(values[0]), abs(values[1]) * speed) < WORTH_A_WORD * abs(odd):
+        return False
     return bool(values @ np.linalg.pinv(covariance) @ values > 13.8)
 
 

@@ -40,9 +40,8 @@ class Course:
     """Speeds and known powers of a log at its Gauss nodes, arrays (n−1, points).
 
     axis: q1' smoothed. power: what the drive puts in (W), motor losses taken off. turn: q2' as the samples show it,
-    whose integral over an interval is the measured turn; wheel_speed: q2' smoothed. active: 1 where the motor is
-    outside its dead zone.
-    Direct drive: turn is q1', wheel None. Free decay: power is 0.
+    whose integral over an interval is the measured turn; wheel_speed: q2' smoothed. voltage: as held; active: 1 where
+    the motor is outside its dead zone. Direct drive: turn is q1', voltage the torque, wheel None. Free decay: power 0.
     """
 
     nodes: GaussNodes

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.energy_balance import Course, States, motor_drag
+from swingid.identify.energy_fit import NodeFit
 from swingid.identify.imperfections import Imperfection
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale
@@ -23,13 +24,13 @@ from swingid.units import Quantity
 Array = NDArray[np.float64]
 
 
-def effects(rig: Rig, course: Course, states: States, scale: Scale, a11: float, b: float) -> list[Imperfection]:
+def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit, b: float) -> list[Imperfection]:
     """All constants that the balance uses (std 0 where they count as exact) and all imperfections declared.
 
-    The rows of an `Imperfection` are here the nodes, flattened, in joules per unit of the source. a11, b: inertia of
-    the axis and gravity torque, as known or as identified.
+    The rows of an `Imperfection` are here the nodes, flattened, in joules per unit of the source. b: gravity
+    torque, as known or as identified.
     """
-    found = [*_gravity(rig, states), *_sensors(rig, course, states, a11, b)]
+    found = [*_gravity(rig, states), *_sensors(rig, course, states, fit, b)]
     motor = rig.drive.motor
     if scale.drive == "reaction-wheel" and motor is not None:
         found = [*_inertias(rig, motor, states), *_motor(motor, course, states), *found]
@@ -74,46 +75,52 @@ def _motor(motor: Motor, course: Course, states: States) -> Iterator[Imperfectio
     yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
 
 
-def _sensors(rig: Rig, course: Course, states: States, a11: float, b: float) -> Iterator[Imperfection]:
+def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
     """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of each encoder."""
-    sensor = rig.sensors.of("angle")
-    if rig.axis.kind == "rotary":
+    sensor, driven = rig.sensors.of("angle"), rig.drive.kind == "direct"
+    along = course.nodes.instants.ravel() if driven else np.empty(0)
+    if sensor.nonlinearity > 0 and rig.axis.kind == "rotary":
+        q, v = states.angle, states.speed
+        q_along = course.axis.angle_at(along).reshape(course.speed.shape) if driven else course.speed
         shapes = {
-            "cosine": (np.cos(states.angle), -np.sin(states.angle)),
-            "sine": (np.sin(states.angle), states.height),
+            "cosine": (np.cos(q), -np.sin(q) * v, -np.sin(q_along) * course.speed),
+            "sine": (np.sin(q), np.cos(q) * v, np.cos(q_along) * course.speed),
         }
-        for name, (error, slope) in shapes.items():
-            if sensor.nonlinearity > 0:
-                effect = _angle_effect(rig, course, states, a11, b, error, slope * states.speed)
-                source = f"angle encoder nonlinearity ({name})"
-                yield Imperfection(source, sensor.nonlinearity, effect, 0.0, f"sensors.nonlinearity.{name}")
+        for name, (error, rate, rate_along) in shapes.items():
+            effect = _angle_effect(rig, course, states, fit.a11, b, error, rate, rate_along)
+            source = f"angle encoder nonlinearity ({name})"
+            yield Imperfection(source, sensor.nonlinearity, effect, 0.0, f"sensors.nonlinearity.{name}")
     if sensor.latency.std:
-        effect = _angle_effect(rig, course, states, a11, b, states.speed, states.acceleration)
+        turning = course.axis.acceleration(along).reshape(course.speed.shape) if driven else course.speed
+        effect = _angle_effect(rig, course, states, fit.a11, b, states.speed, states.acceleration, turning)
+        effect = effect - friction_power(fit, states.speed).ravel()
         yield Imperfection("angle latency", sensor.latency.std, effect, 0.0, "sensors.latency")
     if course.wheel is not None:
         yield from _wheel_sensor(rig, course, states)
 
 
-def _angle_effect(rig: Rig, course: Course, states: States, a11: float, b: float, error: Array, rate: Array) -> Array:
-    """Effect of an error of the angle and its rate: on gravity, on both kinetic terms, on the work of a torque."""
+def friction_power(fit: NodeFit, v: Array) -> Array:
+    """F(q1') q1' of the fitted friction, W."""
+    size = np.abs(v)
+    odd = fit.value("coulomb") * size + fit.value("viscous") * v * v + fit.value("quadratic") * size * v * v
+    result: Array = odd + fit.value("offset") * v + fit.value("viscous_even") * size * v
+    return result
+
+
+def _angle_effect(
+    rig: Rig, course: Course, states: States, a11: float, b: float, error: Array, rate: Array, along: Array
+) -> Array:
+    """Effect of an error of the angle and its rate (also along the way) on gravity, kinetic terms, work of a torque.
+
+    That of an error of the rate on the friction's work is left out: it is second to these.
+    """
     momentum = a11 * states.speed
     if course.wheel is not None:
         momentum = momentum + rig.drive.a12 * states.wheel_speed
     effect = -(b * np.sin(states.angle) * error + momentum * rate)
     if rig.drive.kind == "direct":
-        # the work feels the error of the turn: ∫τ dδ = τ δ − ∫δ dτ, and the torque jumps from row to row
-        effect = effect + _work_of_error(course, states, error)
+        effect = effect + _integrals(course, states, [course.voltage * along])[0]
     result: Array = effect.ravel()
-    return result
-
-
-def _work_of_error(course: Course, states: States, error: Array) -> Array:
-    """∫τ dδ along the nodes, δ given at the nodes only: by steps of the mean torque between neighbouring nodes."""
-    turned = np.diff(states.angle, axis=1)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        torque = np.where(np.abs(turned) > 0, np.diff(states.work, axis=1) / turned, 0.0)
-    steps = torque * np.diff(error, axis=1)
-    result: Array = np.concatenate([np.zeros((len(steps), 1)), np.cumsum(steps, axis=1)], axis=1)
     return result
 
 

@@ -3,19 +3,61 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.identify.fits import Noise
 from swingid.identify.motion import grid_step, sample_noise
 from swingid.model.rig import Rig
+from swingid.numerics.compiled import njit
 from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+EVEN = 1e-6
+"""Relative differences of the steps below which stamps count as evenly spaced."""
 
 
 def channel_noise(log: Recording, rig: Rig) -> Noise:
     """Noise and grid of the channels: what the rig declares or what the samples show, whichever is more."""
     levels = []
     grid = max(rig.sensors.of("angle").resolution, grid_step(log.angle))
+    steps = np.diff(log.time)
+    even = bool(np.ptp(steps) <= EVEN * steps[0]) if len(steps) else True
     for sensor, values in ((rig.sensors.of("angle"), log.angle), (rig.sensors.of("wheel"), log.wheel_angle)):
         declared = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)))
-        seen = 0.0 if values is None else max(sample_noise(values), grid_step(values) / np.sqrt(12))
+        seen = 0.0
+        if values is not None:
+            white = sample_noise(values) if even else uneven_noise(log.time, values)
+            seen = max(white, grid_step(values) / np.sqrt(12))
         levels.append(max(declared, seen))
     return Noise(levels[0], levels[1], 1 / log.rate, grid)
+
+
+def uneven_noise(time: Array, values: Array) -> float:
+    """Standard deviation of white noise in a smooth signal at uneven stamps, from divided differences (robust).
+
+    Plain differences, as in `sample_noise`, would take the unevenness of the stamps for noise.
+    """
+    if len(values) < 20:
+        return 0.0
+    return float(np.median(np.abs(_sixth_differences(time, values))) / 0.6745)
+
+
+@njit
+def _sixth_differences(time: Array, values: Array) -> Array:
+    """Sums over seven neighbours that vanish for polynomials up to degree five, with weights of unit length."""
+    result = np.empty(len(time) - 6)
+    weights = np.empty(7)
+    for k in range(len(result)):
+        unit = time[k + 6] - time[k]
+        power, total = 0.0, 0.0
+        for j in range(7):
+            product = 1.0
+            for i in range(7):
+                if i != j:
+                    product *= (time[k + j] - time[k + i]) / unit
+            weights[j] = 1.0 / product
+            power += weights[j] ** 2
+            total += weights[j] * (values[k + j] - values[k])
+        result[k] = total / np.sqrt(power)
+    return result

@@ -45,7 +45,7 @@ from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
 
-LEVELS = (1 - np.cos(np.linspace(0.1, 1.55, 32))) / 2
+LEVELS = (1 - np.cos(np.linspace(0.1, 1.55, 24))) / 2
 """Depths of the nodes in shares of a swing: evenly spread in time over the half that is next to its turning point."""
 
 FEWEST_BLOCKS = 3
@@ -99,8 +99,10 @@ def energy(
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
     options: dict[str, object] = {"variant": variant}
-    if variant == "printed":
-        options |= {"nodes": node_tuples(nodes), "work": work}
+    if nodes is not None:
+        options["nodes"] = node_tuples(nodes)
+    if work != "held":
+        options["work"] = work
     details = energy_details(estimate, rig, scale, course, part.motion, part.span)
     if opinion.balance is not None:
         details = replace(details, extra=details.extra | {"motor_balance_residual": opinion.balance.as_stated})

@@ -135,8 +135,6 @@ def unequal_speeds(fit: NodeFit, states: States) -> float:
     return float(fit.influence[1] @ (0.5 * fit.a11 * states.speed**2).ravel())
 
 
-def node_tuples(nodes: Sequence[Nodes] | Nodes | None) -> list[list[float]] | None:
+def node_tuples(nodes: Sequence[Nodes] | Nodes) -> list[list[float]]:
     """Nodes as plain data for the provenance."""
-    if nodes is None:
-        return None
     return [[float(t) for t in row] for row in np.atleast_2d(np.array(nodes, dtype=np.float64))]

@@ -113,6 +113,8 @@ def relative(parameter: Parameter, *, fine: bool = False) -> str:
     """Standard uncertainty as a share of the value; "" where it is unknown."""
     if parameter.standard_uncertainty is None:
         return ""
+    if parameter.standard_uncertainty == 0:
+        return ""
     if parameter.standard_uncertainty > abs(parameter.value):
         return ">\u00a0100\u00a0%" if fine else "> 100 %"
     return percent(parameter.standard_uncertainty / abs(parameter.value), fine=fine)

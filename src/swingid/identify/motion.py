@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 WIDTHS = (3.5, 1.4)
 """Half-width of the narrowest local cubic in sample steps, and the factor from one width to the next."""
 
+FEWEST_ROWS = 20
+
 SMALLEST_SWING = 0.02
 """A swing below this share of the largest one is noise or rest, not a swing."""
 
@@ -182,6 +184,11 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     A reversal counts as a turning point when the swings on both sides are larger than the noise and than
     2 % of the largest swing, so that a noisy axis at rest has none. Raises UnanswerableError without motion.
     """
+    if len(time) < FEWEST_ROWS:
+        raise UnanswerableError(
+            f"{len(time)} rows are too few to see a motion, at least {FEWEST_ROWS} are needed; log a longer run.",
+            code="too-short",
+        )
     speed = smooth_speed(time, angle, noise)
     fine = np.linspace(speed.grid[0], speed.grid[-1], 4 * len(speed.grid))
     v = speed.at(fine)

@@ -37,7 +37,7 @@ def identify(log: Recording, rig: Rig, method: str = "momentum", **options: obje
     method : {"momentum", "energy"}
         "momentum": test functions on the angles, no motor constant (default). "energy": the paper's (6) and (7).
     options
-        ``variant="printed"`` for "energy": the formulas as printed.
+        ``variant="printed"`` for "energy": the formulas as printed; then also ``nodes`` and ``work``.
 
     Raises
     ------

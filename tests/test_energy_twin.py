@@ -110,6 +110,13 @@ def test_free_decay(law):
     assert result.status == "ok"
 
 
+def test_near_resonance_the_wheel_rests_and_only_that_is_warned_of():
+    rig = with_friction(PAPER, "viscous")
+    result = identify(simulate(rig, Sine(0.8, 4.8), Compensator.paper(rig), duration=25.0, seed=1), PAPER, "energy")
+    assert abs(error(result)) < 1e-3
+    assert [warning.code for warning in result.warnings] == ["near-resonance"]
+
+
 def test_rows_lost_at_random():
     rig = with_friction(PAPER, "Stribeck").changed({"sensors.dropouts": 0.05})
     log = simulate(rig, Sine(0.8, 8.5), Compensator.paper(rig), duration=25.0, seed=2)

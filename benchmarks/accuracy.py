@@ -172,8 +172,9 @@ def coarse(name: str, seed: int) -> tuple[float, float, float]:
     The loop runs at 1 kHz on these sensors; a slow log keeps every twentieth row of it.
     """
     sensors, keep_every, _ = SENSORS[name]
-    zero = tuple(np.random.default_rng([1, seed]).uniform(0, 0.05, 2))
     twin, given = rigs(sensors, STRIBECK)
+    # each seed has its own place of the encoders' grids
+    zero = tuple(np.random.default_rng([1, seed]).uniform(0, given.sensors.of("angle").resolution, 2))
     case = Case(twin, given, seed=seed, encoder_zero=zero, keep_every=keep_every)
     error, spread, _, _ = identified(case)
     return error, equation_error(case), spread

@@ -124,8 +124,8 @@ def _sensor_variance(windows: Windows, fit: LinearFit, scale: Scale, noise: Nois
         distance = (windows.centres[lag:] - windows.centres[: len(weights) - lag]) / windows.half[lag:]
         pairs = weights[lag:] * weights[: len(weights) - lag] * curvature_overlap(distance)
         variance += (1.0 if lag == 0 else 2.0) * float(pairs.sum())
-    power = (fit.values[0] * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
-    return max(variance, 0.0) * power * noise.step
+    power = (float(fit.values[0]) * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
+    return float(max(variance, 0.0) * power * noise.step)
 
 
 def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> float:

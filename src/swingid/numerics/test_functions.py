@@ -53,7 +53,14 @@ def _lagrange(fractions: Array, values: Array, s: float) -> float:
 
 @njit
 def _cut(
-    time: Array, k: int, c: float, big_l: float, signals: Array, orders: Array, fractions: Array, weights: Array
+    time: Array,
+    k: int,
+    c: float,
+    big_l: float,
+    signals: Array,
+    orders: NDArray[np.int64],
+    fractions: Array,
+    weights: Array,
 ) -> Array:
     """Integrals over the part of interval k that lies inside the window."""
     result = np.zeros(len(orders))
@@ -94,7 +101,7 @@ def _project(
     instants: Array,
     steps: Array,
     signals: Array,
-    orders: Array,
+    orders: NDArray[np.int64],
     centres: Array,
     half: Array,
     fractions: Array,

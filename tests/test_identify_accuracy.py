@@ -127,10 +127,7 @@ def test_the_interval_covers_what_the_rig_declares(tmp_path, reference):
         {"axis.gravity_torque": "78 ± 0.39 mN*m"},
         {"drive.wheel.inertia": "113.4 ± 0.5 kg*mm^2", "drive.motor.gear_ratio": {"value": 4.4, "std": 0.02}},
         {"sensors.wheel.latency": "0 ± 0.5 ms"},
-        pytest.param(
-            {"sensors.latency": "0 ± 0.5 ms"},
-            marks=pytest.mark.xfail(reason="a late angle is taken to do nothing; see test_momentum_budget"),
-        ),
+        {"sensors.latency": "0 ± 0.5 ms"},
     ],
     ids=["gravity", "drive", "late wheel", "late angle and wheel"],
 )

@@ -147,7 +147,6 @@ def test_a_late_wheel(smooth):
     assert abs(type_b(identify(encoded(smooth), LATE))["wheel latency"].sensitivity) == pytest.approx(slope, rel=0.02)
 
 
-@pytest.mark.xfail(reason="the friction columns, which come from the late angle too, are left out of its effect")
 def test_a_late_angle_is_an_early_wheel(smooth):
     delay = 1e-5
     late = replace(smooth, angle=ONE_TONE(TIME + delay))
@@ -156,7 +155,6 @@ def test_a_late_angle_is_an_early_wheel(smooth):
     assert abs(type_b(identify(encoded(smooth), LATE))["angle latency"].sensitivity) == pytest.approx(-slope, rel=0.02)
 
 
-@pytest.mark.xfail(reason="the friction columns, which come from the late angle too, are left out of its effect")
 def test_a_late_free_decay_is_a_free_decay():
     rig = free_rig(**{"sensors.latency": "0 ± 0.5 ms", "sensors.counts_per_turn": 16384})
     result = identify(encoded(free_log(lambda v: 1.144e-3 * v, TIME)), rig)

@@ -17,22 +17,28 @@ COMPARABLE = 2.0
 """Windows of another length that are less certain by more than this factor fail for reasons of their own."""
 
 
+JUDGE = 0.1
+"""A kind of windows whose own uncertainty is more than this share of the inertia contradicts nothing."""
+
+
 def drift_with_length(chosen: WindowFit, tried: dict[float, WindowFit]) -> float:
-    """Uncertainty of a11 from its drift with the length of the windows, within a factor of four of the chosen one.
+    """Uncertainty of a11 from its drift with the length of the windows: from half to four times the chosen one.
 
     All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978).
     """
     near = [
         fit
         for half, fit in tried.items()
-        if 0.24 < half / chosen.half < 4.2 and fit is not chosen and fit.total < COMPARABLE * chosen.total
+        if 0.49 < half / chosen.half < 4.2 and fit is not chosen and fit.total < COMPARABLE * chosen.total
     ]
     return max((_unexplained(chosen, fit, abs(fit.u**2 - chosen.u**2)) for fit in near), default=0.0)
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:
     """Uncertainty of a11 from a kind of windows that contradicts the chosen one beyond both uncertainties."""
-    return 0.0 if other is None else _unexplained(chosen, other, other.u**2 + chosen.u**2)
+    if other is None or other.total > JUDGE * abs(chosen.a11):
+        return 0.0
+    return _unexplained(chosen, other, other.u**2 + chosen.u**2)
 
 
 def _unexplained(chosen: WindowFit, other: WindowFit, variance: float) -> float:

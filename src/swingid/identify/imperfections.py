@@ -40,7 +40,7 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
 
     a11, b: inertia of the axis and gravity torque, as known or as identified.
     """
-    found = [*_constants(rig, rows), *_encoders(rig, signals, rows, a11, b), *_latencies(rig, signals, rows, a11, b)]
+    found = [*_constants(rig, rows), *_encoders(rig, signals, rows, a11, b), *_latencies(rig, signals, rows)]
     return [item for item in found if item.std > 0]
 
 
@@ -90,17 +90,20 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
             yield Imperfection(f"wheel encoder nonlinearity ({name})", wheel, effect, 0.0, shared, True)
 
 
-def _latencies(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
-    """A channel read δ later than its stamp shows q + q' δ."""
+def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]:
+    """A channel read δ later than its stamp shows q + q' δ.
+
+    Inertia, gravity and friction all come from the angle, so an angle that is late is a drive that is early; a free
+    decay feels nothing of it.
+    """
     windows = rows.windows
     std = rig.sensors.of("angle").latency.std or 0.0
-    if std > 0:
-        columns = [(signals.speed, 2), (signals.speed * np.cos(signals.angle), 0)]
-        part = project(signals.nodes, columns, windows.centres, windows.half)
-        effect = -(a11 * part[:, 0] + b * part[:, 1])
-        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")
     wheel = rig.sensors.of("wheel").latency.std or 0.0
-    if wheel > 0 and signals.wheel_values is not None:
+    if signals.wheel_values is not None and (std > 0 or wheel > 0):
         rate = signals.nodes.spline(signals.wheel_values, derivative=1)
-        part = project(signals.nodes, [(rate, 2)], windows.centres, windows.half)
-        yield Imperfection("wheel latency", wheel, -rig.drive.a12 * part[:, 0], 0.0, "sensors.wheel.latency")
+        effect = rig.drive.a12 * project(signals.nodes, [(rate, 2)], windows.centres, windows.half)[:, 0]
+        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")
+        yield Imperfection("wheel latency", wheel, -effect, 0.0, "sensors.wheel.latency")
+    elif signals.torque is not None and std > 0:
+        effect = project(signals.nodes, [(signals.torque, 1)], windows.centres, windows.half)[:, 0]
+        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")

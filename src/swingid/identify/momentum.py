@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.agreement import disagreement, drift_with_length
+from swingid.identify.agreement import JUDGE, disagreement, drift_with_length
 from swingid.identify.balance import Rows, Signals, rows_of
 from swingid.identify.calibration import with_declared
 from swingid.identify.checks import check_answer, check_motor, check_sign
@@ -20,6 +20,7 @@ from swingid.identify.choice import choose_law
 from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows, known_side
 from swingid.identify.friction import FrictionLaw, fit_friction
 from swingid.identify.imperfections import imperfections
+from swingid.identify.loss import loss_unexplained
 from swingid.identify.motion import Motion, find_motion, grid_step, sample_noise
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.parameters import friction_parameters, friction_units
@@ -75,6 +76,9 @@ def momentum(log: Recording, rig: Rig) -> Result:
     balance = motor_balance(used, rig, signals, estimate.law.rows.windows, noise)
     motor_warnings, motor_notes = check_motor(balance, signals)
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
+    lost = loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
+    if lost is not None:
+        extra["loss_unexplained"] = lost
     notes = [segment_note, *exact_constants(_exact(rig)), *notes, *motor_notes]
     warnings = [*warnings, *motor_warnings]
     for finding in log.findings:
@@ -229,7 +233,11 @@ def _details(
         window=law.half,
         swings=_per_swing(estimate, signals, scale, noise),
         friction=estimate.friction.curve,
-        estimates={name: (fit.a11 - scale.carried, fit.u) for name, fit in kinds.items() if fit is not None},
+        estimates={
+            name: (fit.a11 - scale.carried, fit.u)
+            for name, fit in kinds.items()
+            if fit is not None and fit.u < JUDGE * abs(law.a11)
+        },
         residual_times=law.rows.windows.centres,
         residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
     )

@@ -48,7 +48,12 @@ assert result["status"] in ("ok", "warning"), result
 assert abs(inertia["value"] / 302.2e-5 - 1) < 2e-4, inertia
 assert inertia["standard_uncertainty"] > 0, inertia
 swingid.Rig.load("lab/rig.toml")
-assert json.loads(pathlib.Path("again.json").read_text(encoding="utf-8"))["parameters"] == result["parameters"]
+again = json.loads(pathlib.Path("again.json").read_text(encoding="utf-8"))["parameters"]
+assert list(again) == list(result["parameters"])
+for name, found in result["parameters"].items():
+    # sums in vector registers and BLAS depend on where arrays lie in memory, so the last digits may differ
+    spread = found["standard_uncertainty"] or abs(found["value"])
+    assert abs(again[name]["value"] - found["value"]) <= 1e-3 * spread, (name, found, again[name])
 assert pathlib.Path("report.html").stat().st_size > 10_000
 print(f"the wheel {home.parent.name} {swingid.__version__} finds {inertia['value']:.6g} kg m^2 of 0.003022")
 END

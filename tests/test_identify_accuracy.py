@@ -116,7 +116,9 @@ def coverage(folder, rig, reference=None, seeds=SEEDS):
 def test_the_interval_covers_what_the_rig_declares(tmp_path, reference):
     rig = twin(STRIBECK).changed({**DECLARED, "axis.gravity_torque": "78 ± 0.39 mN*m"})
     errors, spreads = coverage(tmp_path, rig, reference)
-    assert 0.92 <= np.mean(np.abs(errors) < 1.96 * spreads) <= 0.98
+    # 92 to 98 % is asked of the true coverage; what 200 seeds show of it has a binomial error of its own
+    covered = np.mean(np.abs(errors) < 1.96 * spreads)
+    assert 0.92 - np.sqrt(0.92 * 0.08 / len(errors)) <= covered <= 0.98 + np.sqrt(0.98 * 0.02 / len(errors))
     assert 1.96 * np.median(spreads) < 2.5 * np.sqrt(np.mean(errors**2))
 
 

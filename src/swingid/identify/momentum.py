@@ -21,8 +21,9 @@ from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows, known_side
 from swingid.identify.friction import FrictionLaw, fit_friction
 from swingid.identify.imperfections import imperfections
 from swingid.identify.loss import loss_unexplained
-from swingid.identify.motion import Motion, find_motion, grid_step, sample_noise
+from swingid.identify.motion import Motion, find_motion
 from swingid.identify.motor_balance import motor_balance
+from swingid.identify.noise import channel_noise
 from swingid.identify.parameters import friction_parameters, friction_units
 from swingid.identify.provenance import exact_constants, provenance
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
@@ -62,7 +63,7 @@ def momentum(log: Recording, rig: Rig) -> Result:
     """
     scale = Scale.of(rig)
     require_channels(log, rig)
-    noise = _noise(log, rig)
+    noise = channel_noise(log, rig)
     whole = find_motion(log.time, log.angle, noise.angle)
     start, stop, segment_note = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
@@ -93,17 +94,6 @@ def momentum(log: Recording, rig: Rig) -> Result:
         provenance=provenance(log, rig),
         details=replace(_details(estimate, signals, scale, noise, motion, (start, stop)), extra=extra),
     )
-
-
-def _noise(log: Recording, rig: Rig) -> Noise:
-    """Noise and grid of the channels: what the rig declares or what the samples show, whichever is more."""
-    levels = []
-    grid = max(rig.sensors.of("angle").resolution, grid_step(log.angle))
-    for sensor, values in ((rig.sensors.of("angle"), log.angle), (rig.sensors.of("wheel"), log.wheel_angle)):
-        declared = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)))
-        seen = 0.0 if values is None else max(sample_noise(values), grid_step(values) / np.sqrt(12))
-        levels.append(max(declared, seen))
-    return Noise(levels[0], levels[1], 1 / log.rate, grid)
 
 
 def _estimate(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> _Estimate:

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from swingid.model.rig import Rig
-from swingid.model.rig_errors import known_keys
+from swingid.model.rig.errors import known_keys
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "src" / "swingid"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from closed_form_logs import ONE_TONE, TWO_TONES
-from swingid.identify.energy_balance import between_rows
-from swingid.identify.energy_fit import _influence, block_covariance, slope_overlap
-from swingid.identify.energy_passes import mirrored_passes
+from swingid.identify.energy.balance import between_rows
+from swingid.identify.energy.fit import _influence, block_covariance, slope_overlap
+from swingid.identify.energy.passes import mirrored_passes
 from swingid.identify.motion import find_motion
 from swingid.identify.noise import uneven_noise
 from swingid.numerics.cumulative import running_integrals

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swingid.errors import InputError, UsageError
-from swingid.model.rig import Rig, Sensor
+from swingid.model.rig import Rig
+from swingid.model.rig.sensors import Sensor
 from swingid.units import Quantity
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "rigs"

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.balance import Signals, Windows
-from swingid.identify.fits import Noise
+from swingid.identify.momentum.balance import Signals, Windows
+from swingid.identify.momentum.fits import Noise
 from swingid.model.rig import Rig
-from swingid.model.rig_tables import Motor
+from swingid.model.rig.tables import Motor
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.numerics.test_functions import curvature_overlap, project
 from swingid.recording.recording import Recording

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.fits import Noise
+from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import grid_step, sample_noise
 from swingid.model.rig import Rig
 from swingid.numerics.compiled import njit

@@ -12,25 +12,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.agreement import JUDGE, disagreement, drift_with_length
-from swingid.identify.balance import Rows, Signals, rows_of
-from swingid.identify.calibration import with_declared
-from swingid.identify.checks import check_answer, check_motor, check_sign
-from swingid.identify.choice import choose_law
-from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows, known_side
-from swingid.identify.friction import FrictionLaw, fit_friction
-from swingid.identify.imperfections import imperfections
-from swingid.identify.loss import loss_unexplained
+from swingid.identify.friction_laws import friction_units, parameter_weights
+from swingid.identify.momentum.agreement import JUDGE, disagreement, drift_with_length
+from swingid.identify.momentum.balance import Rows, Signals, rows_of
+from swingid.identify.momentum.calibration import with_declared
+from swingid.identify.momentum.checks import check_answer, check_motor, check_sign
+from swingid.identify.momentum.choice import choose_law
+from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows, known_side
+from swingid.identify.momentum.friction import FrictionLaw, fit_friction
+from swingid.identify.momentum.imperfections import imperfections
+from swingid.identify.momentum.loss import loss_unexplained
+from swingid.identify.momentum.systematics import grid_spread, timing_spread
+from swingid.identify.momentum.windows import even_windows, swing_windows
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.noise import channel_noise
-from swingid.identify.parameters import friction_parameters, friction_units
 from swingid.identify.provenance import exact_constants, provenance
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
-from swingid.identify.systematics import grid_spread, timing_spread
-from swingid.identify.windows import even_windows, swing_windows
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -157,7 +157,7 @@ def _answer(
     units = friction_units(scale.linear)
     b = law.value("gravity_torque") if scale.b is None else scale.b
     declared = imperfections(rig, signals, friction.rows, law.a11, b)
-    for name, own in friction_parameters(friction).items():
+    for name, own in parameter_weights(friction.terms).items():
         values[name] = float(own @ friction.values), units[name]
         budget.append(_scatter(name, float(np.sqrt(own @ friction.covariance @ own))))
         for item in declared:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.balance import Rows, Windows
+from swingid.identify.momentum.balance import Rows, Windows
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import curvature_overlap

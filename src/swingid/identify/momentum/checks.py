@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.balance import Signals
-from swingid.identify.fits import WindowFit, columns_of, known_side
+from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.fits import WindowFit, columns_of, known_side
 from swingid.identify.motor_balance import MotorBalance
 from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.identify.scale import Scale

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.fits import Noise
+from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import Motion, Speed, narrowest, smooth_speed, speed_on_grid
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
-from swingid.model.rig_tables import Motor
+from swingid.model.rig.tables import Motor
 from swingid.numerics.cumulative import running_integrals
 from swingid.numerics.quadrature import GaussNodes
 from swingid.recording.recording import Recording

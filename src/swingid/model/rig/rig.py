@@ -14,27 +14,12 @@ from typing import Any, Self
 from pydantic import Field, PrivateAttr, ValidationError, model_validator
 
 from swingid.errors import InputError, UsageError
-from swingid.model.rig_errors import describe
-from swingid.model.rig_fields import Column, Table, refuse, stated
-from swingid.model.rig_log import LogConventions
-from swingid.model.rig_sensors import Encoder, Sensor, Sensors
-from swingid.model.rig_tables import Axis, Drive, Friction, Lugre, Motor, Wheel
+from swingid.model.rig.errors import describe
+from swingid.model.rig.fields import Column, Table, refuse, stated
+from swingid.model.rig.log import LogConventions
+from swingid.model.rig.sensors import Sensors
+from swingid.model.rig.tables import Axis, Drive
 from swingid.units import Quantity
-
-__all__ = [
-    "BUILTIN_RIGS",
-    "Axis",
-    "Drive",
-    "Encoder",
-    "Friction",
-    "LogConventions",
-    "Lugre",
-    "Motor",
-    "Rig",
-    "Sensor",
-    "Sensors",
-    "Wheel",
-]
 
 BUILTIN_RIGS = ("paper", "paper-body")
 
@@ -93,7 +78,7 @@ class Rig(Table):
             raise UsageError(message, code="unknown-rig")
         from importlib.resources import files
 
-        text = (files("swingid.model") / "rigs" / f"{name}.toml").read_text(encoding="utf-8")
+        text = (files("swingid.model.rig") / "builtin" / f"{name}.toml").read_text(encoding="utf-8")
         return cls.from_text(text, f"built-in {name}")
 
     @classmethod
@@ -128,7 +113,7 @@ class Rig(Table):
         `rig.changed({"axis.friction.coulomb": "2 mN*m", "sensors.noise": 1e-3})`. A Quantity is a value too. The
         `text` of the new rig says what was changed. Raises InputError as `from_text`.
         """
-        from swingid.model.rig_text import to_toml, with_values
+        from swingid.model.rig.text import to_toml, with_values
 
         document = with_values(tomllib.loads(self.text.removeprefix("\ufeff")), values)
         return self.from_text(to_toml(document), self.source, default_name=self.name)

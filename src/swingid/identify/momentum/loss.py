@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from swingid.identify.balance import Signals
-from swingid.identify.friction import FrictionLaw
+from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.friction import FrictionLaw
 
 
 def loss_unexplained(signals: Signals, law: FrictionLaw, b: float) -> float | None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.energy_balance import Course, States
+from swingid.identify.energy.balance import Course, States
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.numerics.compiled import njit

@@ -6,53 +6,22 @@ F = Σ F_j Λ_j is the curve, and any law f is the column ``hats @ f(speeds)``.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.balance import Rows, Signals
-from swingid.identify.fits import LAG, columns_of, known_side
+from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_columns, law_terms
+from swingid.identify.momentum.balance import Rows, Signals
+from swingid.identify.momentum.fits import LAG, columns_of, known_side
 from swingid.identify.result import FrictionCurve
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project_hats
 
 Array = NDArray[np.float64]
-Law = Callable[[Array], Array]
-
-TERMS: dict[str, Law] = {
-    "coulomb": np.sign,
-    "viscous": lambda v: v,
-    "quadratic": lambda v: v * np.abs(v),
-    "cubic": lambda v: v**3,
-    "offset": np.ones_like,
-    "viscous_even": np.abs,
-}
-
-LAWS: dict[str, tuple[str, ...]] = {
-    "viscous": ("viscous",),
-    "coulomb + viscous": ("coulomb", "viscous"),
-    "coulomb + quadratic": ("coulomb", "quadratic"),
-    "viscous + quadratic": ("viscous", "quadratic"),
-    "viscous + cubic": ("viscous", "cubic"),
-    "coulomb + viscous + quadratic": ("coulomb", "viscous", "quadratic"),
-    "stribeck": ("coulomb", "viscous", "stribeck"),
-    "stribeck + quadratic": ("coulomb", "viscous", "stribeck", "quadratic"),
-}
-"""Odd laws tried. One whose coefficients come out negative beyond their uncertainty is no law of friction."""
-
-DIRECTIONS: dict[str, tuple[str, ...]] = {
-    "": (),
-    ", offset": ("offset",),
-    ", direction-dependent": ("offset", "viscous_even"),
-}
-
 CURVE_KNOTS = 8
 FINE_KNOTS = 24
-STRIBECK_SHARES = np.geomspace(0.01, 0.3, 8)
-"""Stribeck speeds tried, as shares of the highest speed."""
 
 
 @dataclass(frozen=True)
@@ -70,16 +39,8 @@ class FrictionLaw:
 
     def torque(self, speeds: Array) -> Array:
         """Friction torque of the law at `speeds`."""
-        result: Array = _columns(self.terms, speeds, self.stribeck_speed) @ self.values
+        result: Array = law_columns(self.terms, speeds, self.stribeck_speed) @ self.values
         return result
-
-
-def _columns(terms: tuple[str, ...], speeds: Array, stribeck_speed: float) -> Array:
-    """Values of the terms at `speeds`, shape (speeds, terms)."""
-    terms_at = {name: term(speeds) for name, term in TERMS.items() if name in terms}
-    if "stribeck" in terms:
-        terms_at["stribeck"] = np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2))
-    return np.column_stack([terms_at[term] for term in terms])
 
 
 def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: float) -> FrictionLaw:
@@ -95,8 +56,8 @@ def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: float) -> F
     target = known_side(rows, scale) - rows.friction["memory"] * memory
     _, body = columns_of(rows, scale, ())
     best, stribeck_speed, scores = _choose(body, hats, speeds, target)
-    terms = _terms(best)
-    fit = fit_linear(np.column_stack([hats @ _columns(terms, speeds, stribeck_speed), body]), target)
+    terms = law_terms(best)
+    fit = fit_linear(np.column_stack([hats @ law_columns(terms, speeds, stribeck_speed), body]), target)
     own = slice(0, len(terms))
     law = FrictionLaw(
         best,
@@ -109,12 +70,6 @@ def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: float) -> F
         FrictionCurve(np.empty(0), np.empty(0), np.empty(0), best, np.empty(0)),
     )
     return replace(law, curve=_curve(body, hats, speeds, target, law, fastest, scores))
-
-
-def _terms(name: str) -> tuple[str, ...]:
-    """Terms of a law by its name with direction."""
-    odd, comma, direction = name.partition(",")
-    return LAWS[odd] + DIRECTIONS[comma + direction]
 
 
 def _knots(fastest: float, count: int) -> Array:
@@ -137,9 +92,9 @@ def _choose(body: Array, hats: Array, speeds: Array, target: Array) -> tuple[str
     stribeck_speeds: dict[str, float] = {}
 
     def attempt(name: str) -> None:
-        terms = _terms(name)
+        terms = law_terms(name)
         trials = speeds[-1] * STRIBECK_SHARES if "stribeck" in terms else np.ones(1)
-        fits = [_lost(gram, body.shape[1], _columns(terms, speeds, trial)) for trial in trials]
+        fits = [_lost(gram, body.shape[1], law_columns(terms, speeds, trial)) for trial in trials]
         k = int(np.argmin([lost for lost, _, _ in fits]))
         lost, values, inverse = fits[k]
         if name == "viscous" or _dissipates(terms, values, inverse * lost / independent):
@@ -203,7 +158,7 @@ def _curve(
     """
     coarse = _knots(fastest, CURVE_KNOTS)
     blend = np.array([np.interp(speeds, coarse, unit) for unit in np.eye(len(coarse))]).T
-    fitted = np.column_stack([hats @ _columns(law.terms, speeds, law.stribeck_speed), body])
+    fitted = np.column_stack([hats @ law_columns(law.terms, speeds, law.stribeck_speed), body])
     basis, _ = np.linalg.qr(fitted)
     # what the law and the inertia can take up is not the curve's to explain
     left = target - basis @ (basis.T @ target)
@@ -217,7 +172,7 @@ def _curve(
     shrunk = width / (noise + width * eigen) if noise > 0 else np.zeros_like(eigen)
     deviation = vectors @ (shrunk * projected)
     spread = (vectors**2) @ (shrunk * noise)
-    of_law = _columns(law.terms, coarse, law.stribeck_speed)
+    of_law = law_columns(law.terms, coarse, law.stribeck_speed)
     variance = np.einsum("ij,jk,ik->i", of_law, law.covariance, of_law) + spread
     torques = law.torque(coarse)
     # at rest there is no speed to tell friction by; the pair at ±0 only lets the curve jump

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.identify.agreement import SEEN
-from swingid.identify.balance import Signals, rows_of
-from swingid.identify.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
-from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.identify.momentum.agreement import SEEN
+from swingid.identify.momentum.balance import Signals, rows_of
+from swingid.identify.momentum.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
+from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.identify.momentum.windows import law_windows
 from swingid.identify.motion import Motion
 from swingid.identify.motor_balance import MotorBalance, motor_balance
 from swingid.identify.provenance import exact_constants
 from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.identify.scale import Scale
-from swingid.identify.windows import law_windows
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 

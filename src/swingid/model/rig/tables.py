@@ -9,7 +9,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, PlainValidator, ValidationInfo, model_validator
 
-from swingid.model.rig_fields import Table, given, plain_number, quantity, read_quantity, refuse
+from swingid.model.rig.fields import Table, given, plain_number, quantity, read_quantity, refuse
 from swingid.units import Quantity
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from swingid.identify.fits import WindowFit
+from swingid.identify.momentum.fits import WindowFit
 
 SEEN = 3.0
 """Standard deviations of a difference beyond which it counts."""

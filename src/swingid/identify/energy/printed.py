@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError, UsageError
-from swingid.identify.energy_balance import Course, States, motor_drag, states_at
-from swingid.identify.energy_fit import NodeFit, block_covariance
-from swingid.identify.energy_passes import Passes
+from swingid.identify.energy.balance import Course, States, motor_drag, states_at
+from swingid.identify.energy.fit import NodeFit, block_covariance
+from swingid.identify.energy.passes import Passes
 from swingid.identify.motion import Speed
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.balance import Signals, Windows
+from swingid.identify.momentum.balance import Signals, Windows
 
 
 def law_windows(signals: Signals, half: float) -> Windows:

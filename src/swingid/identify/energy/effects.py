@@ -11,13 +11,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.energy_balance import Course, States, motor_drag
-from swingid.identify.energy_fit import NodeFit
-from swingid.identify.imperfections import Imperfection
+from swingid.identify.energy.balance import Course, States, motor_drag
+from swingid.identify.energy.fit import NodeFit
+from swingid.identify.momentum.imperfections import Imperfection
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
-from swingid.model.rig_tables import Motor
+from swingid.model.rig.tables import Motor
 from swingid.numerics.cumulative import running_integrals
 from swingid.units import Quantity
 

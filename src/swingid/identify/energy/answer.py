@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.agreement import SEEN
-from swingid.identify.energy_balance import Course, States
-from swingid.identify.energy_effects import effects
-from swingid.identify.energy_fit import NodeFit, columns_at, within_blocks
+from swingid.identify.energy.balance import Course, States
+from swingid.identify.energy.effects import effects
+from swingid.identify.energy.fit import NodeFit, columns_at, within_blocks
+from swingid.identify.friction_laws import friction_units
+from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.motion import Motion
-from swingid.identify.parameters import friction_units
 from swingid.identify.result import (
     BudgetEntry,
     Details,

@@ -11,9 +11,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.identify.balance import Signals
-from swingid.identify.fits import LAG, Effect, WindowFit, columns_of, known_side
-from swingid.identify.imperfections import Imperfection, imperfections
+from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.fits import LAG, Effect, WindowFit, columns_of, known_side
+from swingid.identify.momentum.imperfections import Imperfection, imperfections
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.numerics.regression import LinearFit, fit_linear

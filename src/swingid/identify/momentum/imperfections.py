@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.balance import Rows, Signals
+from swingid.identify.momentum.balance import Rows, Signals
 from swingid.model.rig import Rig
 from swingid.numerics.test_functions import project
 from swingid.units import Quantity

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from swingid.model.rig_fields import Table, plain_number, quantity, refuse, stated
+from swingid.model.rig.fields import Table, plain_number, quantity, refuse, stated
 from swingid.units import Quantity
 
 

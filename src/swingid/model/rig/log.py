@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, model_validator
 
-from swingid.model.rig_fields import Column, Table, plain_number, quantity, refuse, stated
+from swingid.model.rig.fields import Column, Table, plain_number, quantity, refuse, stated
 from swingid.units import Quantity
 
 

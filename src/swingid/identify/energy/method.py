@@ -15,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.balance import moved
-from swingid.identify.energy_answer import EnergyEstimate, energy_answer, energy_details
-from swingid.identify.energy_balance import Course, States, states_at
-from swingid.identify.energy_checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
-from swingid.identify.energy_fit import BASIS, fit_nodes, sensor_variance
-from swingid.identify.energy_passes import Passes, mirrored_passes
-from swingid.identify.energy_printed import (
+from swingid.identify.energy.answer import EnergyEstimate, energy_answer, energy_details
+from swingid.identify.energy.balance import Course, States, states_at
+from swingid.identify.energy.checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
+from swingid.identify.energy.fit import BASIS, fit_nodes, sensor_variance
+from swingid.identify.energy.passes import Passes, mirrored_passes
+from swingid.identify.energy.printed import (
     DEPTHS,
     Nodes,
     chosen_nodes,
@@ -33,7 +32,8 @@ from swingid.identify.energy_printed import (
     unequal_losses,
     unequal_speeds,
 )
-from swingid.identify.fits import Noise
+from swingid.identify.momentum.balance import moved
+from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import channel_noise
 from swingid.identify.provenance import provenance

@@ -9,12 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.identify.balance import Signals, rows_of
-from swingid.identify.calibration import with_declared
-from swingid.identify.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.identify.momentum.balance import Signals, rows_of
+from swingid.identify.momentum.calibration import with_declared
+from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.identify.momentum.systematics import grid_spread
+from swingid.identify.momentum.windows import law_windows
 from swingid.identify.scale import Scale
-from swingid.identify.systematics import grid_spread
-from swingid.identify.windows import law_windows
 from swingid.model.rig import Rig
 
 DETECTED = 4.0

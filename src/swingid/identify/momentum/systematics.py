@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from swingid.identify.balance import Signals
-from swingid.identify.fits import Noise, WindowFit
+from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.fits import Noise, WindowFit
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import superpose
 

@@ -121,6 +121,24 @@ def test_energy_takes_the_printed_variant(run: Run, log: Path, tmp_path: Path) -
     assert data["provenance"]["options"] == {"variant": "printed"}
 
 
+def test_options_of_a_method_are_named(run: Run, log: Path, tmp_path: Path) -> None:
+    target = tmp_path / "r.json"
+    done = run("identify", log, "--rig", "paper", "--method", "energy", "--option", "variant=printed", "--json", target)
+    assert done.code == 0
+    assert json.loads(target.read_text(encoding="utf-8"))["provenance"]["options"] == {"variant": "printed"}
+
+
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [(["varian=printed"], "variant"), (["variant"], "NAME=VALUE"), (["work=held", "work=held"], "twice")],
+)
+def test_wrong_options_are_named(run: Run, log: Path, given: list[str], named: str) -> None:
+    options = [word for text in given for word in ("--option", text)]
+    done = run("identify", log, "--rig", "paper", "--method", "energy", *options)
+    assert done.code == 2
+    assert named in done.sentence()
+
+
 @pytest.mark.parametrize(
     ("content", "code"),
     [(None, 3), ("", 3), ("t,q1,ym\n0,0,0\n", 3), ("t,q1,q2,u,ym\n0,0,0,0,0\n", 4)],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from enum import StrEnum
+from json import loads as parse_json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -38,6 +39,9 @@ def identify(
     variant: Annotated[
         Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
     ] = None,
+    option: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="An option of the method; may be repeated.")
+    ] = None,
     json: Annotated[
         str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
     ] = None,
@@ -45,7 +49,9 @@ def identify(
 ) -> None:
     """Identify the moment of inertia and the friction that LOG shows, with their uncertainties."""
     _check_usage(logs, rig, method, variant, json, report)
-    options = {} if variant is None else {"variant": variant.value}
+    options = _options(option or [])
+    if variant is not None:
+        options["variant"] = variant.value
     provenance: Provenance = {"log": logs[0], "rig_source": rig, "options": options}
     try:
         result = _identify(logs[0], rig, method.value, options, provenance, json, report)
@@ -60,6 +66,22 @@ def identify(
     tell(result.summary(), to_error=json == "-")
     if report is not None:
         say(f"wrote {report}")
+
+
+def _options(given: list[str]) -> dict[str, object]:
+    """Options of the method from NAME=VALUE: numbers, true, false and lists as in JSON, anything else is text."""
+    options: dict[str, object] = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or not name.isidentifier():
+            raise UsageError(f"--option {text}: write NAME=VALUE, such as variant=printed", code="bad-option")
+        if name in options:
+            raise UsageError(f"--option {name} was given twice; give it once", code="bad-option")
+        try:
+            options[name] = parse_json(value)
+        except ValueError:
+            options[name] = value
+    return options
 
 
 def _check_usage(
@@ -86,7 +108,7 @@ def _identify(
     log: str,
     rig: str,
     method: str,
-    options: dict[str, str],
+    options: dict[str, object],
     provenance: Provenance,
     json: str | None,
     report: str | None,

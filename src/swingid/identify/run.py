@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
+import difflib
+import inspect
 from collections.abc import Callable
+from importlib import import_module
 
 from swingid.errors import UsageError
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
-
-def _momentum(log: Recording, rig: Rig, **options: object) -> Result:
-    from swingid.identify.momentum import momentum
-
-    return momentum(log, rig, **options)
-
-
-def _energy(log: Recording, rig: Rig, **options: object) -> Result:
-    from swingid.identify.energy import energy
-
-    return energy(log, rig, **options)  # type: ignore[arg-type]
-
-
-METHODS: dict[str, Callable[..., Result]] = {"momentum": _momentum, "energy": _energy}
+METHODS: dict[str, str] = {
+    "momentum": "swingid.identify.momentum:momentum",
+    "energy": "swingid.identify.energy:energy",
+}
+"""Function of each method, imported when it is called. Its options are its keyword arguments."""
 
 
 def identify(log: Recording, rig: Rig, method: str = "momentum", **options: object) -> Result:
@@ -33,11 +27,11 @@ def identify(log: Recording, rig: Rig, method: str = "momentum", **options: obje
     log : Recording
         Measured angles, and voltage or torque where the method needs them. Nothing else of it is used.
     rig : Rig
-        The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never read.
-    method : {"momentum", "energy"}
+        The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never knowledge.
+    method : one of `METHODS`
         "momentum": test functions on the angles, no motor constant (default). "energy": the paper's (6) and (7).
     options
-        ``variant="printed"`` for "energy": the formulas as printed; then also ``nodes`` and ``work``.
+        Keyword arguments of the method's function, such as ``variant="printed"`` for "energy".
 
     Raises
     ------
@@ -46,6 +40,26 @@ def identify(log: Recording, rig: Rig, method: str = "momentum", **options: obje
     UnanswerableError
         The log cannot answer: no motion, too short, not identifiable, no scale.
     """
+    function = method_function(method)
+    check_options(method, function, options)
+    return function(log, rig, **options)
+
+
+def method_function(method: str) -> Callable[..., Result]:
+    """The function of a method by its name. Raises UsageError for a name that is none."""
     if method not in METHODS:
         raise UsageError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}.", code="unknown-method")
-    return METHODS[method](log, rig, **options)
+    module, _, name = METHODS[method].partition(":")
+    function: Callable[..., Result] = getattr(import_module(module), name)
+    return function
+
+
+def check_options(method: str, function: Callable[..., Result], options: dict[str, object]) -> None:
+    """Raise UsageError for an option that the method does not have; the nearest one is named."""
+    known = [name for name, parameter in inspect.signature(function).parameters.items() if parameter.kind.value == 3]
+    for name in options:
+        if name in known:
+            continue
+        near = difflib.get_close_matches(name, known, n=1)
+        hint = f"the nearest is {near[0]!r}." if near else f"it has {', '.join(known) or 'none'}."
+        raise UsageError(f"method {method} has no option {name!r}; {hint}", code="unknown-option")

@@ -22,6 +22,8 @@ from closed_form_logs import (
 )
 from swingid.identify import identify
 from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+from swingid.simulate import simulate
 
 TIME = np.arange(20_001) / 1000
 CONSTANTS = {
@@ -172,6 +174,36 @@ def test_a_declared_latency_is_taken_off(smooth):
     rig = exact_rig(**{"sensors.wheel.latency": "2 ms"})
     assert abs(identify(late, exact_rig()).inertia.value / INERTIA - 1) > 5e-3
     assert identify(late, rig).inertia.value == pytest.approx(INERTIA, rel=1e-5)
+
+
+def test_a_declared_latency_is_taken_off_a_measured_torque():
+    log = replace(direct_log(TWO_TONES, lambda v: 9.152e-3 * v, TIME), angle=TWO_TONES(TIME + 2e-3))
+    # what such a delay costs: friction that lags by 2 ms
+    assert identify(log, direct_rig()).inertia.value == pytest.approx(INERTIA - 9.152e-3 * 2e-3, rel=1e-3)
+    declared = identify(log, direct_rig(**{"sensors.latency": "2 ms"}))
+    assert declared.inertia.value == pytest.approx(INERTIA, rel=1e-5)
+
+
+@pytest.mark.parametrize("rate", [1000.0, 200.0])
+def test_a_declared_latency_is_taken_off_a_held_torque(tmp_path, rate):
+    # The twin reads its encoder at the true instants; 2 ms are 0.4 rows at 200 per second.
+    rig = Rig.builtin("paper").changed(
+        {
+            "drive": {"kind": "direct"},
+            "log": {"torque": "tau"},
+            "sensors.latency": "2 ms",
+            "axis.friction.coulomb": 2e-3,
+        }
+    )
+    time = np.arange(int(15 * rate) + 1) / rate
+    run = simulate(rig, duration=15.0, rate=rate, drive=0.12 * np.sin(8.5 * time) + 0.03 * np.sin(5.0 * time))
+    told = rig.changed({"axis.inertia": None, "axis.friction": None})
+    log = Recording.load(run.save(tmp_path / "late.csv", told), told)
+    assert abs(identify(log, told.changed({"sensors.latency": None})).inertia.value / INERTIA - 1) > 1e-3
+    for method in ("momentum", "energy"):
+        result = identify(log, told, method=method)
+        assert result.inertia.value == pytest.approx(INERTIA, rel=3e-4 if method == "energy" else 1e-4)
+        assert result.status == "ok"
 
 
 def test_nothing_declared_nothing_of_type_b(log):

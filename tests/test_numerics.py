@@ -147,6 +147,25 @@ def test_spline_and_hold_at_the_nodes():
     assert held == pytest.approx((np.diff(time) * values[:-1]).sum(), rel=1e-14)
 
 
+@pytest.mark.parametrize("ahead", [2e-3, -0.7e-3, 0.31])
+def test_a_signal_held_ahead_keeps_integral_and_first_moment(ahead):
+    time, points = stamps(5), 3
+    values = np.sin(2 * time)
+    nodes = GaussNodes(time, points)
+    line = nodes.hold(values, ahead)
+    inside = (time[:-1] + ahead > time[0]) & (time[1:] + ahead < time[-1])
+    # the true step function by small pieces between all its jumps
+    cuts = np.unique(np.concatenate([time, time - ahead]))
+    middles, widths = (cuts[1:] + cuts[:-1]) / 2, np.diff(cuts)
+    held = values[np.clip(np.searchsorted(time, middles + ahead, side="right") - 1, 0, len(time) - 2)]
+    interval = np.searchsorted(time, middles, side="right") - 1
+    ours = (interval >= 0) & (interval < len(time) - 1)
+    for weight in (np.ones_like, lambda t: t):
+        exact = np.bincount(interval[ours], (widths * held * weight(middles))[ours], len(time) - 1)
+        got = (nodes.weights * line * weight(nodes.instants)).sum(axis=1)
+        assert got[inside] == pytest.approx(exact[inside], abs=1e-12)
+
+
 # projections
 
 

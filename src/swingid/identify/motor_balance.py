@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.momentum.balance import Signals, Windows
+from swingid.identify.momentum.balance import Signals, Windows, moved
 from swingid.identify.momentum.fits import Noise
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
@@ -52,7 +52,8 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     instants = nodes.instants
     slopes = spline_slopes(speed.grid[known], fitted[known])
     wheel_speed = spline_at(speed.grid[known], fitted[known], slopes, instants.ravel(), 0).reshape(instants.shape)
-    voltage = nodes.hold(log.voltage) if log.drive_held else nodes.spline(log.voltage)
+    late = rig.sensors.of("angle").latency.value  # the signals are on the angle's clock
+    voltage = nodes.hold(log.voltage, late) if log.drive_held else nodes.spline(moved(log.time, log.voltage, -late))
     gear = motor.gear_ratio.value
 
     def drag(rate: Array) -> Array:

@@ -75,6 +75,25 @@ class GaussNodes:
         """The natural cubic spline through `values`, or its first derivative, at the nodes."""
         return _hermite(self.time, values, spline_slopes(self.time, values), self.fractions, derivative)
 
-    def hold(self, values: Array) -> Array:
-        """A signal that keeps the value of row k from t_k to t_(k+1), at the nodes."""
-        return np.repeat(values[:-1, None], self.points, axis=1)
+    def hold(self, values: Array, ahead: float = 0.0) -> Array:
+        """A signal that keeps the value of row k from t_k to t_(k+1), at the nodes.
+
+        With `ahead` (s): as it is so much after each instant. Its jumps then fall between the stamps, so every interval
+        gets the straight line that has the signal's integral and first moment there (an error of third order).
+        """
+        if ahead == 0.0:
+            return np.repeat(values[:-1, None], self.points, axis=1)
+        time, steps = self.time, np.diff(self.time)
+        once = np.concatenate([[0.0], np.cumsum(values[:-1] * steps)])
+        twice = np.concatenate([[0.0], np.cumsum(once[:-1] * steps + values[:-1] * steps**2 / 2)])
+        later = time + ahead
+        row = np.clip(np.searchsorted(time, later, side="right") - 1, 0, len(time) - 2)
+        past = later - time[row]
+        first = once[row] + values[row] * past
+        second = twice[row] + once[row] * past + values[row] * past**2 / 2
+        mean = np.diff(first) / steps
+        # integral of (t − t_k) x from t_k to t_(k+1), by parts
+        moment = first[1:] * steps - np.diff(second)
+        slope = 12 * (moment / steps**2 - mean / 2)
+        line: Array = mean[:, None] + slope[:, None] * (self.fractions - 0.5)
+        return line

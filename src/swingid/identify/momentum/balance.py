@@ -79,7 +79,9 @@ class Signals:
             wheel_values = moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value - late)
         torque = None
         if rig.drive.kind == "direct" and log.torque is not None:
-            torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
+            # on the angle's clock: a torque that acts at t is met by the angle in the row stamped t − late
+            measured = moved(log.time, log.torque, -late)
+            torque = nodes.hold(log.torque, late) if log.drive_held else nodes.spline(measured)
         edges, directions = motion.directions(log.time[0], log.time[-1])
         return cls(
             nodes=nodes,

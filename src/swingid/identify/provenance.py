@@ -10,6 +10,7 @@ from importlib.metadata import version
 from swingid.identify.result import Message
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+from swingid.units import Quantity
 
 
 @cache
@@ -27,8 +28,22 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
         "rig_source": rig.source,
         "rig_sha256": hashlib.sha256(rig.text.encode()).hexdigest(),
         "options": options or {},
+        "constants": constants(rig),
         "versions": _versions(),
     }
+
+
+def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
+    """Value and standard uncertainty (None: exact) of every constant that results of one rig have in common."""
+    found: dict[str, object] = {"axis.gravity_torque": rig.axis.gravity_torque}
+    if rig.drive.wheel is not None:
+        found["drive.wheel.inertia"] = rig.drive.wheel.inertia
+    if rig.drive.motor is not None:
+        motor = rig.drive.motor
+        found |= {f"drive.motor.{name}": getattr(motor, name) for name in type(motor).model_fields}
+    if rig.drive.kind == "direct":
+        found["log.torque_gain"] = rig.log.torque_gain
+    return {key: {"value": q.value, "std": q.std} for key, q in found.items() if isinstance(q, Quantity)}
 
 
 def exact_constants(keys: list[str]) -> list[Message]:

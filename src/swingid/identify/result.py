@@ -120,7 +120,10 @@ class Result:
     """The answer of one method to one log.
 
     status: "ok", "warning" (doubt the number for the reasons in `warnings`) or "refused" (no parameters, `error`
-    says why). `notes` hold assumptions and what was done; they do not change the status.
+    says why). `notes` hold assumptions and what was done; they do not change the status. sensitivities:
+    change of the inertia per unit of each constant of the rig file, by its key, exact ones too. covariance: of type A,
+    between parameters fitted together where that matters (inertia and an unknown gravity torque). per_log: the
+    ordinary results of several logs, of which this one is the common answer.
     """
 
     method: str
@@ -132,6 +135,9 @@ class Result:
     provenance: dict[str, object] = field(default_factory=dict)
     error: Message | None = None
     details: Details | None = None
+    sensitivities: dict[str, float] = field(default_factory=dict)
+    covariance: dict[str, dict[str, float]] = field(default_factory=dict)
+    per_log: tuple[Result, ...] = ()
 
     @property
     def inertia(self) -> Parameter:
@@ -152,6 +158,11 @@ class Result:
             "error": self.error,
             "details": self.details,
         }
+        for name in ("sensitivities", "covariance"):
+            if getattr(self, name):
+                data[name] = getattr(self, name)
+        if self.per_log:
+            data["per_log"] = [result.to_dict() for result in self.per_log]
         plain: dict[str, object] = _plain(data)
         return plain
 

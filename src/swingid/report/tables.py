@@ -192,6 +192,7 @@ def provenance_rows(result: Result) -> list[Row]:
     """Files, hashes, options, and the versions in one line."""
     data = dict(result.provenance)
     versions = data.pop("versions", None)
+    data.pop("constants", None)  # they have a table of their own
     rows = [Row(key.replace("_", " "), "", value) for key, value in _flat(data)]
     if isinstance(versions, dict):
         rows.append(Row("versions", "", ", ".join(f"{name} {value}" for name, value in versions.items())))

@@ -115,6 +115,7 @@ def energy(
         budget=tuple(budget),
         provenance=provenance(log, rig, options),
         details=details,
+        sensitivities=sensitivities,
     )
 
 

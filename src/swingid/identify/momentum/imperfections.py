@@ -44,6 +44,11 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
     return [item for item in found if item.std > 0]
 
 
+def sensitivities(rig: Rig, rows: Rows, influence: Array) -> dict[str, float]:
+    """Change of J1 per unit of every constant, by its key, exact ones too; influence: row of a11."""
+    return {item.source: float(influence @ item.rows) + item.direct for item in _constants(rig, rows)}
+
+
 def _constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
     def known(key: str, quantity: Quantity, effect: Array, direct: float) -> Imperfection:
         return Imperfection(key, quantity.std or 0.0, effect, direct, key)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.errors import UnanswerableError
 from swingid.identify.friction_laws import friction_units, parameter_weights
 from swingid.identify.momentum.agreement import JUDGE, disagreement, drift_with_length
 from swingid.identify.momentum.balance import Rows, Signals, rows_of
@@ -20,7 +21,7 @@ from swingid.identify.momentum.checks import check_answer, check_motor, check_si
 from swingid.identify.momentum.choice import choose_law
 from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows, known_side
 from swingid.identify.momentum.friction import FrictionLaw, fit_friction
-from swingid.identify.momentum.imperfections import imperfections
+from swingid.identify.momentum.imperfections import imperfections, sensitivities
 from swingid.identify.momentum.loss import loss_unexplained
 from swingid.identify.momentum.systematics import grid_spread, timing_spread
 from swingid.identify.momentum.windows import even_windows, swing_windows
@@ -53,11 +54,14 @@ class _Estimate:
     turning_rows: Rows
 
 
-def momentum(log: Recording, rig: Rig) -> Result:
+def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
 
     The answer is that of the "law" windows (see `windows`); "swing" and "even" windows judge it. Type A comes from
     the scatter of the rows, from the declared sensors and from disagreement between windows; type B from rig.toml.
+
+    alone: False for one of several logs, which together may tell an inertia and an unknown gravity torque that this
+    one cannot: where it cannot, that is a warning instead of a refusal.
 
     Raises InputError where a channel is missing, UnanswerableError where the motion cannot tell.
     """
@@ -73,7 +77,12 @@ def momentum(log: Recording, rig: Rig) -> Result:
     check_sign(estimate.law, scale, log.source.path or "the log")
     budget, parameters = _answer(estimate, rig, signals, scale)
     amplitude = float(np.max(np.abs(motion.turning_angles)))
-    warnings, notes = check_answer(parameters, budget, estimate.law, scale, amplitude)
+    try:
+        warnings, notes = check_answer(parameters, budget, estimate.law, scale, amplitude)
+    except UnanswerableError as error:
+        if alone or scale.b is not None or error.code != "not-identifiable":
+            raise
+        warnings, notes = [Message(error.code, error.message)], []
     balance = motor_balance(used, rig, signals, estimate.law.rows.windows, noise)
     motor_warnings, motor_notes = check_motor(balance, signals)
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
@@ -93,7 +102,19 @@ def momentum(log: Recording, rig: Rig) -> Result:
         budget=tuple(budget),
         provenance=provenance(log, rig),
         details=replace(_details(estimate, signals, scale, noise, motion, (start, stop)), extra=extra),
+        sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0]),
+        covariance=_covariance(estimate.law) if scale.b is None else {},
     )
+
+
+def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
+    """Type A covariance of inertia and gravity torque, which move together at one frequency."""
+    names = ("inertia", "gravity_torque")
+    at = [law.unknowns.index(name) for name in names]
+    return {
+        one: {other: float(law.covariance[i, j]) for other, j in zip(names, at, strict=True)}
+        for one, i in zip(names, at, strict=True)
+    }
 
 
 def _estimate(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> _Estimate:

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from swingid.model.rig import Rig as Rig
     from swingid.recording.recording import Recording as Recording
     from swingid.simulate import simulate as simulate
+    from swingid.study.compare import compare as compare
 
     __version__: str
 
@@ -34,6 +35,7 @@ _HOMES = {
     "Recording": "swingid.recording.recording",
     "Result": "swingid.identify.result",
     "Rig": "swingid.model.rig",
+    "compare": "swingid.study.compare",
     "parse_reference": "swingid.control.references",
 }
 _VERBS = ("identify", "simulate")
@@ -44,6 +46,7 @@ __all__ = [
     "Recording",
     "Result",
     "Rig",
+    "compare",
     "errors",
     "identify",
     "parse_reference",

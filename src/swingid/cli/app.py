@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from swingid.cli.compare import compare
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.init import init
@@ -25,6 +26,7 @@ app = typer.Typer(
 app.command()(init)
 app.command()(simulate)
 app.command()(identify)
+app.command()(compare)
 
 
 def _version(wanted: bool) -> None:

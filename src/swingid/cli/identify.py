@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from enum import StrEnum
 from json import loads as parse_json
 from pathlib import Path
@@ -92,16 +91,9 @@ def _check_usage(
         raise UsageError(f"{len(logs)} logs were given; identify takes one at a time", code="several-logs")
     if variant is not None and method is not Method.ENERGY:
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
-    if report == "-":
-        raise UsageError("--report needs the name of a file; only --json can go to standard output", code="bad-target")
-    used = {os.path.realpath(logs[0]): "the log", os.path.realpath(rig): "the rig file"}
-    for option, target in (("--json", json), ("--report", report)):
-        if target is None or target == "-":
-            continue
-        path = os.path.realpath(target)
-        if path in used:
-            raise UsageError(f"{option} {target} would overwrite {used[path]}; give another name", code="overwrite")
-        used[path] = f"what --{option.strip('-')} writes"
+    from swingid.cli.output import check_targets
+
+    check_targets({"--json": json, "--report": report}, {rig: "the rig file", logs[0]: "the log"})
 
 
 def _identify(

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
 
-from swingid.errors import InputError
+from swingid.errors import InputError, UsageError
 
 
 def say(message: str) -> None:
@@ -82,6 +83,25 @@ def check_target(path: Path) -> None:
         raise cannot_write(path, f"{folder} is not a folder")
     if not os.access(path if path.exists() else folder, os.W_OK):
         raise cannot_write(path, "permission denied")
+
+
+def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) -> None:
+    """Raise UsageError where what an option writes would overwrite an input or what another option writes.
+
+    targets: file by option, "-" only for --json; inputs: what each input file is in words, by its path.
+    """
+    used = {os.path.realpath(path): words for path, words in inputs.items()}
+    for option, target in targets.items():
+        if target is None or (target == "-" and option == "--json"):
+            continue
+        if target == "-":
+            raise UsageError(
+                f"{option} needs the name of a file; only --json can go to standard output", code="bad-target"
+            )
+        path = os.path.realpath(target)
+        if path in used:
+            raise UsageError(f"{option} {target} would overwrite {used[path]}; give another name", code="overwrite")
+        used[path] = f"what {option} writes"
 
 
 def flush(stream: TextIO | None) -> None:

@@ -11,12 +11,27 @@ import typer
 from swingid.errors import InputError, UsageError
 
 if TYPE_CHECKING:
+    from swingid.control.backstepping import Backstepping
     from swingid.control.compensator import Compensator
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
 
 MOST_ROWS = 20_000_000
 """More rows than this are a typing error rather than a run: their arrays would fill some gigabytes."""
+
+
+class Kind(StrEnum):
+    """Controllers."""
+
+    COMPENSATOR = "compensator"
+    BACKSTEPPING = "backstepping"
+
+
+class Law(StrEnum):
+    """Adaptation laws of backstepping."""
+
+    PRINTED = "printed"
+    CONSISTENT = "consistent"
 
 
 class Gains(StrEnum):
@@ -42,9 +57,16 @@ def simulate(
     draw: Annotated[
         bool, typer.Option("--draw", help="Draw every constant with a stated uncertainty, by the seed.")
     ] = False,
+    controller: Annotated[
+        Kind, typer.Option(help="The consecutive compensator (20), or adaptive backstepping (21).")
+    ] = Kind.COMPENSATOR,
+    law: Annotated[
+        Law | None, typer.Option(help="Of backstepping: the adaptation law as printed, or as its proof asks for.")
+    ] = None,
     gains: Annotated[
-        Gains, typer.Option(help="The paper's gains: of its experiment, or of its simulation (for 10 kHz).")
-    ] = Gains.EXPERIMENT,
+        Gains | None,
+        typer.Option(help="Of the compensator: those of the paper's experiment (default), or simulation (for 10 kHz)."),
+    ] = None,
     delta0: Annotated[float | None, typer.Option(help="Error above which the gain grows, rad; (18).")] = None,
     sigma0: Annotated[float | None, typer.Option(help="sigma = sigma0 k_tilde^2, 1/s; (19).")] = None,
     lambda0: Annotated[float | None, typer.Option(help="Growth of the gain, 1/s; (18).")] = None,
@@ -61,6 +83,7 @@ def simulate(
 
     own = {"delta0": delta0, "sigma0": sigma0, "lambda0": lambda0, "k_tilde0": k_tilde0, "k_tilde_max": k_tilde_max}
     given = {name: value for name, value in own.items() if value is not None}
+    _check_controller(controller, law, gains, given)
     if duration * rate > MOST_ROWS:
         raise UsageError(
             f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run",
@@ -75,25 +98,25 @@ def simulate(
     plant = Rig.load(rig)
     angle = _angle(initial_angle, plant)
     motion = None if reference is None else parse_reference(reference)
-    controller = None
+    chosen = None
     if motion is not None:
-        controller = _controller(plant, gains, given)
-    elif given:
-        raise UsageError("gains need a motion to follow; give --reference", code="no-reference")
+        chosen = _compensator(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
+    elif given or gains or law or controller is not Kind.COMPENSATOR:
+        raise UsageError("controllers and gains need a motion to follow; give --reference", code="no-reference")
     elif angle == 0.0:
         raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
     announce_compilation("simulate")
     log = run(
         plant,
         motion,
-        controller,
+        chosen,
         duration=duration,
         rate=rate,
         seed=seed,
         initial_angle=angle,
         draw=draw,
     )
-    tell(_line(log.save(out, plant), log, plant))
+    tell(_line(log.save(out, plant), log, plant, chosen))
 
 
 def _angle(text: str, rig: Rig) -> float:
@@ -109,19 +132,40 @@ def _angle(text: str, rig: Rig) -> float:
         raise UsageError(error.message, code=error.code) from None
 
 
-def _controller(rig: Rig, gains: Gains, given: dict[str, float]) -> Compensator:
+def _check_controller(controller: Kind, law: Law | None, gains: Gains | None, given: dict[str, float]) -> None:
+    """Raise UsageError for gains or a law of the other controller."""
+    if controller is Kind.BACKSTEPPING and (gains or given):
+        name = "gains" if gains else next(iter(given)).replace("_", "-")
+        raise UsageError(f"--{name} belongs to --controller compensator; leave one out", code="other-controller")
+    if controller is Kind.COMPENSATOR and law:
+        raise UsageError("--law belongs to --controller backstepping; leave it out or give both", code="no-law")
+
+
+def _compensator(rig: Rig, gains: Gains | None, given: dict[str, float]) -> Compensator:
     """The compensator with the named gains, those of `given` in their place."""
     from dataclasses import replace
 
     from swingid.control.compensator import Compensator
 
-    named = Compensator.paper if gains is Gains.EXPERIMENT else Compensator.paper_simulation
+    named = Compensator.paper_simulation if gains is Gains.SIMULATION else Compensator.paper
     return replace(named(rig), **given)  # type: ignore[arg-type]
 
 
-def _line(path: Path, log: Recording, rig: Rig) -> str:
-    """What was written, in one line."""
+def _backstepping(rig: Rig, law: Law | None) -> Backstepping:
+    """Backstepping with the paper's gains and a law, by default the printed one."""
+    from swingid.control.backstepping import Backstepping
+
+    return Backstepping.paper(rig, law="consistent" if law is Law.CONSISTENT else "printed")
+
+
+def _line(path: Path, log: Recording, rig: Rig, controller: Compensator | Backstepping | None) -> str:
+    """What was written, in one line, and where the controller's adaptation ended."""
     line = f"wrote {path}: {len(log)} rows, {log.duration:g} s at {log.rate:g} per second, rig {rig.name}"
-    if log.adaptive_gain is not None:
-        line += f", adaptive gain {log.adaptive_gain[-1]:.4g} at the end"
-    return line
+    if log.adaptive_gain is None:
+        return line
+    from swingid.control.backstepping import Backstepping
+
+    last = float(log.adaptive_gain[-1])
+    if isinstance(controller, Backstepping):
+        return f"{line}, its estimate of the inertia {float(controller.inertia(last)):.4g} kg m^2 at the end"
+    return f"{line}, adaptive gain {last:.4g} at the end"

@@ -14,6 +14,7 @@ from swingid.report import tables
 from swingid.report.words import DRIVES, KINDS, parameter_word
 
 if TYPE_CHECKING:
+    import jinja2
     from matplotlib.figure import Figure
 
     from swingid.model.rig import Rig
@@ -42,8 +43,11 @@ def write_report(result: Result, log: Recording | None, rig: Rig | None, path: s
     What there are no data for is left out; a refused result says why, `log` and `rig` may then be None.
     Raises InputError when the file cannot be written; it appears whole or not at all.
     """
-    target = Path(path)
-    page = render(result, log, rig)
+    return write_page(render(result, log, rig), Path(path))
+
+
+def write_page(page: str, target: Path) -> Path:
+    """Write a page, which appears whole or not at all; InputError where that fails."""
     partial = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         partial.write_text(page, encoding="utf-8", newline="\n")
@@ -56,16 +60,20 @@ def write_report(result: Result, log: Recording | None, rig: Rig | None, path: s
 
 def render(result: Result, log: Recording | None, rig: Rig | None) -> str:
     """The report of `write_report` as HTML text, with all figures inside."""
+    return environment().get_template("report.html.j2").render(_context(result, log, rig))
+
+
+def environment() -> jinja2.Environment:
+    """Where the templates are; a name that a template needs and does not get is an error."""
     import jinja2
 
-    environment = jinja2.Environment(
+    return jinja2.Environment(
         loader=jinja2.PackageLoader("swingid.report"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("report.html.j2").render(_context(result, log, rig))
 
 
 def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str, object]:

@@ -1,0 +1,88 @@
+"""Whether the methods agree on a log, and what those that stand apart have in common."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from swingid.identify.result import BudgetEntry, Result
+
+if TYPE_CHECKING:
+    from swingid.study.compare.comparison import Trial
+
+LIMIT = 2.0
+"""Difference, in its own standard uncertainties, beyond which two methods disagree."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """For one log: the method that the others are held against, who disagrees with it, and a sentence on why."""
+
+    log: str
+    reference: str | None
+    apart: tuple[str, ...]
+    message: str
+
+
+def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
+    """Hold every method against the one that rests on least (the first that answers)."""
+    answered = [t for t in trials if "inertia" in t.result.parameters]
+    if len(answered) < 2:
+        return Verdict(
+            log, answered[0].method if answered else None, (), "one method alone answers; nothing to compare."
+        )
+    reference, others = answered[0], answered[1:]
+    deviations = {t.method: deviation(t.result, reference.result) for t in others}
+    apart = tuple(name for name, value in deviations.items() if value is not None and abs(value) > LIMIT)
+    if not apart:
+        return Verdict(log, reference.method, (), f"all methods agree with {reference.method} within their intervals.")
+    named = ", ".join(f"{name} ({deviations[name]:+.1f} standard uncertainties)" for name in apart)
+    verb = "stands" if len(apart) == 1 else "stand"
+    return Verdict(
+        log, reference.method, apart, f"{named} {verb} apart from {reference.method}: {_why(answered, apart)}"
+    )
+
+
+def deviation(a: Result, b: Result) -> float | None:
+    """(a − b) over the standard uncertainty of the difference; constants that both share partly cancel in it.
+
+    Scatter counts as independent although both saw the same noise, which errs on the side of agreement. None where an
+    uncertainty is unknown.
+    """
+    if a.inertia.standard_uncertainty is None or b.inertia.standard_uncertainty is None:
+        return None
+    shared_a, alone_a = _by_constant(a.budget)
+    shared_b, alone_b = _by_constant(b.budget)
+    variance = alone_a + alone_b
+    for key in shared_a.keys() | shared_b.keys():
+        variance += (shared_a.get(key, 0.0) - shared_b.get(key, 0.0)) ** 2
+    gap = a.inertia.value - b.inertia.value
+    return gap / math.sqrt(variance) if variance > 0 else None
+
+
+def _by_constant(budget: Sequence[BudgetEntry]) -> tuple[dict[str, float], float]:
+    """Signed standard uncertainties of the inertia by shared constant, and the variance of all the rest."""
+    shared: dict[str, float] = {}
+    alone = 0.0
+    for entry in budget:
+        if entry.parameter != "inertia":
+            continue
+        if entry.shared_id is None:
+            alone += entry.standard_uncertainty**2
+        else:
+            sign = math.copysign(1.0, entry.sensitivity or 1.0)
+            shared[entry.shared_id] = shared.get(entry.shared_id, 0.0) + sign * entry.standard_uncertainty
+    return shared, alone
+
+
+def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
+    """The assumption that sets those apart from those that agree, in words with what to do."""
+    odd = [t for t in answered if t.method in apart]
+    even = [t for t in answered if t.method not in apart]
+    if all(t.assumptions.motor for t in odd) and not all(t.assumptions.motor for t in even):
+        return "they rest on the motor's constants; calibrate the motor (swingid calibrate) or trust the others."
+    if all(t.assumptions.friction != "any" for t in odd):
+        return "they assume a friction law; try another law, or trust the method that needs none."
+    return "no assumption tells them apart; look at the residuals in their reports."

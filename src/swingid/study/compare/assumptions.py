@@ -1,0 +1,53 @@
+"""What each method takes for granted, so that a disagreement can be read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from swingid.identify.result import Result
+from swingid.model.rig import Rig
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """What a number rests on besides the angles.
+
+    scale: what sets it, "wheel inertia", "torque" or "" (gravity alone). motor: the motor's constants and the
+    voltage. gravity: the stated gravity torque b. friction: what is assumed of the friction of the axis. speed: where
+    the method gets speeds from, "none" where it needs none.
+    """
+
+    scale: str
+    motor: bool
+    gravity: bool
+    friction: str
+    speed: str
+
+    def words(self) -> str:
+        """What the number rests on, in one phrase: 'wheel inertia, motor, b, friction basis'."""
+        parts = [self.scale] if self.scale else []
+        parts += ["motor"] if self.motor else []
+        parts += ["b"] if self.gravity else []
+        parts += [] if self.friction == "any" else [f"friction {self.friction}"]
+        parts += [] if self.speed == "none" else [f"{self.speed} speeds"]
+        return ", ".join(parts)
+
+
+OF_METHOD: dict[str, tuple[bool, str, str]] = {
+    "momentum": (False, "any", "none"),
+    "energy": (True, "basis", "smoothed"),
+}
+"""Per method: whether it needs the motor, what it assumes of friction, its speeds."""
+
+
+def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
+    """Assumptions of `method` on this rig; a rig without a motor has none to rely on, nor b where it is 0 or sought."""
+    motor, friction, speed = OF_METHOD[method]
+    gravity = rig.axis.gravity_torque
+    return Assumptions(
+        scale={"reaction-wheel": "wheel inertia", "direct": "torque", "none": ""}[rig.drive.kind],
+        motor=motor and rig.drive.kind == "reaction-wheel" and result.provenance.get("options") != {"input": "wheel"},
+        gravity=not isinstance(gravity, str) and gravity.value != 0,
+        friction=friction,
+        speed=speed,
+    )

@@ -148,6 +148,29 @@ def test_a_wheel_that_turns_the_wrong_way_is_named(motion, gravity):
     assert caught.value.exit_code == 3
 
 
+@pytest.mark.parametrize("motion", [ONE_TONE, TWO_TONES, Sines((0.8, 6.0, 0.0))])
+@pytest.mark.parametrize("gravity", [78e-3, "unknown"])
+def test_wrong_signs_and_zeros_are_told_apart(motion, gravity):
+    log, rig = wheel(motion), PAPER.changed({"axis.gravity_torque": gravity})
+    wrong = {
+        "angle_sign = -1": replace(log, angle=-log.angle),
+        'angle_zero = "up"': replace(log, angle=log.angle + np.pi),
+        'gravity pulls the wrong way.*wheel_angle_sign = -1.*angle_zero = "up"': replace(log, angle=np.pi - log.angle),
+    }
+    for told, turned in wrong.items():
+        with pytest.raises(InputError, match=told) as caught:
+            identify(turned, rig)
+        assert caught.value.code == "wrong-sign"
+        assert ("gravity" in caught.value.message) == ("angle_zero" in told)
+
+
+@pytest.mark.parametrize("gravity", [78e-3, "unknown"])
+def test_a_wrong_zero_shows_with_a_torque_too(gravity):
+    log = direct_log(TWO_TONES, friction, TIME)
+    with pytest.raises(InputError, match='angle_zero = "up"'):
+        identify(replace(log, angle=log.angle + np.pi), direct_rig(**{"axis.gravity_torque": gravity}))
+
+
 def test_a_torque_of_the_wrong_sign_is_named():
     log = direct_log(TWO_TONES, friction, TIME)
     with pytest.raises(InputError, match=r"torque_sign = -1 under \[log\]"):
@@ -240,6 +263,61 @@ def test_a_turned_voltage_is_named_and_not_used(twin_log):
     result = identify(replace(twin_log, voltage=-twin_log.voltage), PAPER)
     assert codes(result.warnings) == ["voltage-sign"]
     assert result.inertia == identify(twin_log, PAPER).inertia
+
+
+@pytest.mark.parametrize(
+    "off",
+    [
+        {"torque_per_volt": 52.04e-4 * 1.05},
+        {"torque_per_volt": 52.04e-4 * 0.95},
+        {"torque_per_volt": 52.04e-4 * 1.1, "coulomb": 1.3 * 302.02e-5},
+        {"coulomb": 0.7 * 302.02e-5},
+        {"viscous": 4.5e-5},
+    ],
+)
+def test_motor_constants_that_are_off_are_not_taken_for_another_reading(twin_log, off):
+    # With 5 % more torque per volt the constants as given fit the absolute reading better than the true one.
+    rig = PAPER.changed({f"drive.motor.{key}": value for key, value in off.items()})
+    right = identify(twin_log, rig)
+    assert "wheel-angle-reading" not in codes(right.warnings)
+    absolute = identify(replace(twin_log, wheel_angle=twin_log.wheel_angle + twin_log.angle), rig)
+    message = next(m.message for m in absolute.warnings if m.code == "wheel-angle-reading")
+    assert message.startswith("wheel_angle looks absolute, not relative")
+    assert "drive.motor" in message
+
+
+def test_where_nothing_tells_the_readings_from_a_bad_motor_both_are_named(twin_log):
+    # A dead zone that is left out shows in every window, alike under both readings.
+    rig = PAPER.changed({"drive.motor.torque_per_volt": 52.04e-4 * 1.05, "drive.motor.dead_zone": [0, 0]})
+    (warning,) = identify(twin_log, rig).warnings
+    assert warning.code == "wheel-angle-reading"
+    assert (
+        "either wheel_angle is absolute, not relative, or the motor constants are some per cent off" in warning.message
+    )
+
+
+@pytest.mark.parametrize(("omega", "counts"), [(6.0, 16384), (6.0, 1024), (6.2, 16384), (6.2, 1024)])
+def test_a_wheel_that_rests_near_resonance_is_no_bad_motor(omega, counts):
+    # The paper's run with the test body: at 6 rad/s the wheel rests half of the time, where its friction is any torque.
+    body = Rig.builtin("paper-body").changed({"sensors.counts_per_turn": counts})
+    log = simulate(body, Sine(0.8, omega), duration=15.0, seed=3)
+    result = identify(log, body)
+    assert codes(result.warnings) == ["near-resonance"]
+    assert "drive at 10 rad/s or more" in result.warnings[0].message
+    assert result.details.extra["motor_balance_residual"] < 0.1
+    reading = next(note.message for note in result.notes if note.code == "wheel-angle-reading")
+    assert ("the wheel rests" in reading) == (omega == 6.0)
+
+
+def test_a_voltage_measured_at_the_stamps_meets_a_late_angle():
+    rig = PAPER.changed({"sensors.latency": "4 ms"})
+    late = simulate(rig, Sine(0.8, 8.5), duration=15.0, seed=3)
+    residual = {
+        told: identify(late, PAPER.changed({"sensors.latency": told})).details.extra["motor_balance_residual"]
+        for told in ("0 ms", "4 ms")
+    }
+    assert residual["4 ms"] < 0.002
+    assert residual["0 ms"] > 10 * residual["4 ms"]
 
 
 @pytest.mark.parametrize("factor", [0.8, 0.9, 0.95, 1.05, 1.1, 1.3])

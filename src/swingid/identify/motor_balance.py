@@ -1,34 +1,88 @@
 """Row (II), the motor's balance, on test functions: a second opinion on what the wheel angle is.
 
 a12 ∫φ'' q1 + a22 ∫φ'' q2 = N ∫φ (M(u, q2') − f2 N q2' − f3 sgn q2')
+
+While the wheel rests, friction is any torque up to f3, and the balance is told only to within that.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.momentum.balance import Signals, Windows, moved
-from swingid.identify.momentum.fits import Noise
+from swingid.identify.motion import Speed, smooth_speed
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
-from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import curvature_overlap, project
 from swingid.recording.recording import Recording
 
+if TYPE_CHECKING:
+    from swingid.identify.momentum.balance import Signals, Windows
+    from swingid.identify.momentum.fits import Noise
+
 Array = NDArray[np.float64]
+
+SLOW = 4.0
+"""Standard deviations of the wheel's speed below which it cannot be told from rest."""
+
+RESTLESS = 0.05
+"""Windows whose rest leaves more than this share of the typical row open tell nothing of the motor."""
+
+FEWEST_ROWS = 12
 
 
 @dataclass(frozen=True)
 class MotorBalance:
-    """Relative residuals of row (II): wheel angle as stated, wheel angle read the other way, voltage turned."""
+    """Relative residuals of row (II): wheel angle as stated, wheel angle read the other way, voltage turned.
+
+    refitted, refitted_otherwise: the first two with the motor's strength c1 and friction f2, f3 left free, so that
+    constants that are off do not speak for either reading; None where too few windows tell. rests: share of the time in
+    which the wheel cannot be told from rest.
+    """
 
     as_stated: float
     otherwise: float
     turned: float
     is_relative: bool
+    refitted: float | None = None
+    refitted_otherwise: float | None = None
+    rests: float = 0.0
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Row (II) under one reading of the channels, one value per window.
+
+    inertial: left side; driven: right side, friction at rest taken as 0; open: what it may be at rest, ±. free:
+    derivatives of the right side for c1 (relative), f2 and f3 (windows, 3).
+    """
+
+    inertial: Array
+    driven: Array
+    open: Array
+    free: Array
+
+    def residual(self, expected: float) -> float:
+        """What is left, relative to the left side; `expected`: mean square that noise leaves by itself."""
+        left = np.maximum(np.abs(self.inertial - self.driven) - self.open, 0.0)
+        unexplained = max(float(np.mean(left**2)) - 2 * expected, 0.0)
+        return float(np.sqrt(unexplained / self._power))
+
+    def refitted(self, tells: NDArray[np.bool_]) -> float:
+        """What is left with c1, f2 and f3 free, of the windows that tell; noise included."""
+        missing, free = (self.inertial - self.driven)[tells], self.free[tells]
+        free = free / np.maximum(np.sqrt(np.mean(free**2, axis=0)), 1e-300)
+        left = missing - free @ np.linalg.lstsq(free, missing, rcond=1e-10)[0]
+        return float(np.sqrt(np.mean(left**2) / self._power))
+
+    @property
+    def _power(self) -> float:
+        return max(float(np.mean(self.inertial**2)), 1e-300)
 
 
 def motor_torque(motor: Motor, voltage: Array, wheel_speed: Array) -> Array:
@@ -45,48 +99,67 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     if motor is None or wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
         return None
     nodes = signals.nodes
-    speed = signals.motion.speed
     assert signals.wheel_values is not None
-    fitted = local_cubic(nodes.time, signals.wheel_values, speed.grid, speed.half_width)[:, 1]
-    known = np.isfinite(fitted)
-    instants = nodes.instants
-    slopes = spline_slopes(speed.grid[known], fitted[known])
-    wheel_speed = spline_at(speed.grid[known], fitted[known], slopes, instants.ravel(), 0).reshape(instants.shape)
-    late = rig.sensors.of("angle").latency.value  # the signals are on the angle's clock
-    voltage = nodes.hold(log.voltage, late) if log.drive_held else nodes.spline(moved(log.time, log.voltage, -late))
-    gear = motor.gear_ratio.value
-
-    def drag(rate: Array) -> Array:
-        return motor.viscous.value * gear * rate + motor.coulomb.value * np.sign(rate)
-
-    def drive(u: Array, rate: Array) -> Array:
-        return gear * (motor_torque(motor, u, rate) - drag(rate))
-
-    relative = rig.log.wheel_angle_is == "relative"
-    other_speed = wheel_speed - signals.speed if relative else wheel_speed + signals.speed
-    columns = [
-        (signals.angle, 2),
-        (wheel, 2),
-        (drive(voltage, wheel_speed), 0),
-        (drive(voltage, other_speed), 0),
-        (drive(-voltage, wheel_speed), 0),
+    speed = smooth_speed(nodes.time, signals.wheel_values, noise.wheel, spacing=1.5)
+    wheel_speed, voltage = speed.at_nodes(nodes), _voltage(log, rig, nodes)
+    is_relative = rig.log.wheel_angle_is == "relative"
+    sign = -1.0 if is_relative else 1.0
+    other_speed = wheel_speed + sign * signals.speed
+    slow, other_slow = _slow(speed, 0.0), _slow(speed, signals.motion.speed.noise)
+    terms = [
+        *_terms(motor, voltage, wheel_speed, slow),
+        *_terms(motor, voltage, other_speed, other_slow),
+        *_terms(motor, -voltage, wheel_speed, slow),
     ]
-    part = project(nodes, columns, windows.centres, windows.half)
+    part = project(nodes, [(signals.angle, 2), (wheel, 2), *((x, 0) for x in terms)], windows.centres, windows.half)
     a12, a22 = rig.drive.a12, rig.drive.a22
     angle, turn = part[:, 0], part[:, 1]
-    other = turn - angle if relative else turn + angle
-
+    stated, other, turned = (
+        _Reading(inertial, part[:, k], part[:, k + 1], part[:, k + 2 : k + 5])
+        for inertial, k in (
+            (a12 * angle + a22 * turn, 2),
+            (a12 * angle + a22 * (turn + sign * angle), 7),
+            (a12 * angle + a22 * turn, 12),
+        )
+    )
     # what white noise of the angles leaves of row (II) by itself
     power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
     expected = power * float(curvature_overlap(np.zeros(1))[0] * np.mean(windows.half**-3.0))
-
-    def residual(left: Array, right: Array) -> float:
-        unexplained = max(float(np.mean((left - right) ** 2)) - 2 * expected, 0.0)
-        return float(np.sqrt(unexplained / max(float(np.mean(left**2)), 1e-300)))
-
+    tells = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
+    enough = int(np.count_nonzero(tells)) >= FEWEST_ROWS
     return MotorBalance(
-        as_stated=residual(a12 * angle + a22 * turn, part[:, 2]),
-        otherwise=residual(a12 * angle + a22 * other, part[:, 3]),
-        turned=residual(a12 * angle + a22 * turn, part[:, 4]),
-        is_relative=relative,
+        as_stated=stated.residual(expected),
+        otherwise=other.residual(expected),
+        turned=turned.residual(expected),
+        is_relative=is_relative,
+        refitted=stated.refitted(tells) if enough else None,
+        refitted_otherwise=other.refitted(tells) if enough else None,
+        rests=float(np.mean(np.abs(wheel_speed) < slow)),
     )
+
+
+def _voltage(log: Recording, rig: Rig, nodes: GaussNodes) -> Array:
+    """The voltage at the nodes, on the clock of the angle: an angle that is read late meets a later voltage."""
+    assert log.voltage is not None
+    late = rig.sensors.of("angle").latency.value
+    if log.drive_held:
+        return nodes.hold(log.voltage, late)
+    instants = nodes.instants
+    bends = spline_slopes(log.time, log.voltage)
+    return spline_at(log.time, log.voltage, bends, (instants + late).ravel(), 0).reshape(instants.shape)
+
+
+def _slow(speed: Speed, more: float) -> float:
+    """Speed in rad/s that cannot be told from rest; `more`: standard deviation of a speed that is added."""
+    return SLOW * float(np.hypot(speed.noise, more))
+
+
+def _terms(motor: Motor, voltage: Array, rate: Array, slow: float) -> tuple[Array, ...]:
+    """At the nodes: right side of (II), what friction at rest may add to it, and its derivatives for c1, f2, f3."""
+    gear, coulomb = motor.gear_ratio.value, motor.coulomb.value
+    rests = (np.abs(rate) < slow).astype(np.float64)
+    direction: Array = np.sign(rate) * (1.0 - rests)
+    torque = motor_torque(motor, voltage, rate)
+    strength: Array = motor.efficiency.value * motor.torque_per_volt.value * voltage * (torque != 0.0)
+    driven: Array = gear * (torque - motor.viscous.value * gear * rate - coulomb * direction)
+    return driven, gear * coulomb * rests, gear * strength, rate, direction

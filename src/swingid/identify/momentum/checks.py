@@ -26,9 +26,9 @@ BAD_MOTOR = 0.1
 
 
 def check_sign(law: WindowFit, scale: Scale, where: str) -> None:
-    """Raise InputError where the drive's channel has the wrong sign, which row (I) shows by itself.
+    """Raise InputError where a sign or the angle's zero is wrong, which row (I) shows by itself.
 
-    With the sign turned the balance must leave clearly less, or the inertia come out negative as it is.
+    With the drive turned, or gravity, the balance must leave clearly less, or the inertia come out negative as it is.
     """
     key = {"reaction-wheel": "wheel_angle", "direct": "torque"}.get(scale.drive)
     if key is None:
@@ -38,18 +38,53 @@ def check_sign(law: WindowFit, scale: Scale, where: str) -> None:
                 code="negative-inertia",
             )
         return
+    culprit = _wrong_by_gravity_found(law) if scale.b is None else _wrong_by_residuals(law, scale)
+    if culprit is None:
+        return
+    sign = f"set {key}_sign = -1 under [log], or angle_sign = -1 where it is the angle's that is wrong"
+    zero = 'angle_zero = "up" where 0 is the top'
+    found = f"(the inertia would be {law.a11:.3g} {scale.unit})"
+    raise InputError(
+        f"{where}: "
+        + {
+            "drive": f"{key} has the wrong sign against the angle {found}; {sign} (+1 if it is -1 already).",
+            "zero": f"gravity pulls the wrong way, so 0 of the angle seems to be the top {found}; set angle_zero = "
+            '"up" under [log] ("down" if it is "up" already).',
+            "both": f"{key} has the wrong sign against the angle and gravity pulls the wrong way {found}; {sign}, and "
+            f"{zero}.",
+            "either": f"{key} has the wrong sign against the angle, or the angle's zero is wrong {found}; {sign}, or "
+            f"{zero}.",
+        }[culprit],
+        code="wrong-sign",
+    )
+
+
+def _wrong_by_residuals(law: WindowFit, scale: Scale) -> str | None:
+    """What is wrong where gravity is known: "drive", "zero", "both", "either", or None.
+
+    To turn gravity is to turn the drive, and inertia and friction with it, so one more fit tells all.
+    """
     rows = law.rows
     drive = -scale.a12 * rows.wheel + rows.torque
-    turned = known_side(rows, scale) - 2 * drive
     _, columns = columns_of(rows, scale, tuple(name for name in law.unknowns if name in rows.friction))
-    left = fit_linear(columns, turned).residuals
-    better = left @ left < law.fit.residuals @ law.fit.residuals / 9
-    if law.a11 < -3 * law.u or better:
-        raise InputError(
-            f"{where}: {key} has the wrong sign against the angle (the inertia would be {law.a11:.3g} {scale.unit}); "
-            f"set {key}_sign = -1 under [log], or +1 if it is -1 already.",
-            code="wrong-sign",
-        )
+    turned = fit_linear(columns, known_side(rows, scale) - 2 * drive)
+    ratio = float(turned.residuals @ turned.residuals) / max(float(law.fit.residuals @ law.fit.residuals), 1e-300)
+    if scale.b and ratio < 1 / 9:
+        return "drive" if turned.values[0] > 0 else "zero"
+    if law.a11 >= -3 * law.u:
+        return None
+    if not scale.b:
+        return "drive"
+    return "both" if ratio > 9 else "either"
+
+
+def _wrong_by_gravity_found(law: WindowFit) -> str | None:
+    """What is wrong where gravity was sought too: its sign and that of the inertia tell."""
+    gravity, spread = law.value("gravity_torque"), law.uncertainty("gravity_torque")
+    known = abs(gravity) > 3 * spread
+    if law.a11 < -3 * law.u:
+        return ("drive" if gravity < 0 else "both") if known else "either"
+    return "zero" if known and gravity < 0 and law.a11 > 3 * law.u else None
 
 
 def check_answer(
@@ -119,31 +154,58 @@ def _leaning(lean: float, amplitude: float, stiffness: float) -> str:
 def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Message], list[Message]]:
     """What row (II) says of the wheel angle: warnings and notes.
 
-    An absolute wheel angle taken for a relative one cannot be seen in row (I); row (II) shows it when the motor
-    constants are right. A bad balance alone never refuses: motor constants 5 % off look the same.
+    An absolute wheel angle taken for a relative one cannot be seen in row (I); row (II) shows it. Motor constants some
+    per cent off leave as much, so the readings are compared with these left free too. Never refuses.
     """
     if signals.wheel is None:
         return [], []
     if balance is None:
         text = "wheel_angle was taken as [log] says; without voltage and motor constants nothing checks that."
         return [], [Message("wheel-angle-reading", text)]
-    stated, other = ("relative", "absolute") if balance.is_relative else ("absolute", "relative")
-    residuals = (
-        f"the motor's balance leaves {balance.as_stated:.1%} with it and {balance.otherwise:.1%} with the other reading"
-    )
-    if balance.otherwise < CLEARLY * balance.as_stated and balance.otherwise < BAD_MOTOR:
-        text = f'wheel_angle looks {other}, not {stated}: {residuals}; set wheel_angle_is = "{other}" under [log].'
-        return [Message("wheel-angle-reading", text)], []
     if balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
         text = (
             f"voltage seems to have the wrong sign (the motor's balance leaves {balance.as_stated:.1%}, with the sign "
             f"turned {balance.turned:.1%}); momentum does not use it, but set voltage_sign under [log]."
         )
         return [Message("voltage-sign", text)], []
+    stated, other = ("relative", "absolute") if balance.is_relative else ("absolute", "relative")
+    verdict = _reading(balance)
+    if verdict is not None:
+        text = f"{verdict.format(stated=stated, other=other)} ({_residuals(balance)}); " + (
+            f'set wheel_angle_is = "{other}" under [log] if the sensor says so, or check drive.motor.'
+        )
+        return [Message("wheel-angle-reading", text)], []
     if balance.as_stated > BAD_MOTOR:
         text = (
             f"the motor's balance leaves {balance.as_stated:.1%}: the motor constants do not fit this log, or the "
             "wheel angle is not what [log] says; momentum does not use the motor, but check both."
         )
         return [Message("motor-balance", text)], []
-    return [], [Message("wheel-angle-reading", f"wheel_angle taken as {stated} to the pendulum: {residuals}.")]
+    rest = f"; the wheel rests {balance.rests:.0%} of the time, and tells nothing then" if balance.rests > 0.05 else ""
+    text = f"wheel_angle taken as {stated} to the pendulum ({_residuals(balance)}{rest})."
+    return [], [Message("wheel-angle-reading", text)]
+
+
+def _reading(balance: MotorBalance) -> str | None:
+    """What to say where the other reading of the wheel angle fits clearly better, with {stated} and {other}."""
+    refitted, otherwise = balance.refitted, balance.refitted_otherwise
+    if refitted is None or otherwise is None:
+        refitted = otherwise = 1.0
+    if otherwise < CLEARLY * refitted and otherwise < BAD_MOTOR:
+        return "wheel_angle looks {other}, not {stated}, which motor constants that are off can hardly feign"
+    undecided = refitted > CLEARLY * otherwise
+    if undecided and balance.otherwise < CLEARLY * balance.as_stated and balance.otherwise < BAD_MOTOR:
+        return "either wheel_angle is {other}, not {stated}, or the motor constants are some per cent off"
+    return None
+
+
+def _residuals(balance: MotorBalance) -> str:
+    told = (
+        f"the motor's balance leaves {balance.as_stated:.1%} with it and {balance.otherwise:.1%} with the other reading"
+    )
+    if balance.refitted is None or balance.refitted_otherwise is None:
+        return told
+    return (
+        f"{told}, {balance.refitted:.2%} and {balance.refitted_otherwise:.2%} with the motor's strength and friction "
+        "left free"
+    )

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 
-from swingid.errors import UsageError
+from swingid.errors import SwingidError, UsageError
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
@@ -19,19 +19,23 @@ METHODS: dict[str, str] = {
 """Function of each method, imported when it is called. Its options are its keyword arguments."""
 
 
-def identify(log: Recording, rig: Rig, method: str = "momentum", **options: object) -> Result:
+def identify(
+    log: Recording | Sequence[Recording | SwingidError], rig: Rig, method: str = "momentum", **options: object
+) -> Result:
     """Moment of inertia and friction of the body that `log` shows, by the named method.
 
     Parameters
     ----------
-    log : Recording
-        Measured angles, and voltage or torque where the method needs them. Nothing else of it is used.
+    log : Recording, or several of one body on one rig
+        Measured angles, and voltage or torque where the method needs them. Nothing else of it is used. Several give
+        one result with `per_log`; an error may stand in the place of one that could not be read.
     rig : Rig
         The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never knowledge.
     method : one of `METHODS`
         "momentum": test functions on the angles, no motor constant (default). "energy": the paper's (6) and (7).
     options
-        Keyword arguments of the method's function, such as ``variant="printed"`` for "energy".
+        Keyword arguments of the method's function, such as ``variant="printed"`` for "energy". Of several logs also
+        ``friction``: "per-log" (default) or "shared".
 
     Raises
     ------
@@ -41,8 +45,18 @@ def identify(log: Recording, rig: Rig, method: str = "momentum", **options: obje
         The log cannot answer: no motion, too short, not identifiable, no scale.
     """
     function = method_function(method)
+    if isinstance(log, Recording):
+        check_options(method, function, options)
+        return function(log, rig, **options)
+    from swingid.identify.combine.several import FRICTION, identify_several
+
+    known = inspect.signature(function).parameters
+    own = "friction" not in known or options.get("friction") in FRICTION
+    friction = str(options.pop("friction", FRICTION[0])) if own else FRICTION[0]
     check_options(method, function, options)
-    return function(log, rig, **options)
+    if "alone" in known and len(log) > 1:
+        options.setdefault("alone", False)
+    return identify_several(log, lambda one: function(one, rig, **options), friction=friction)
 
 
 def method_function(method: str) -> Callable[..., Result]:

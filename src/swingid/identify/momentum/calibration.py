@@ -57,7 +57,7 @@ def _calibrated(fit: WindowFit, items: list[Imperfection], scale: Scale) -> tupl
     data = LinearFit(solved.values[:unknowns], residuals, solved.influence[:unknowns, :rows], fit.fit.condition)
     scatter = data.covariance(LAG)
     # what the plain fit's covariance holds beyond its own scatter (sensor noise, attenuation) stays
-    covariance = scatter + np.maximum(np.diag(fit.covariance - fit.fit.covariance(LAG)), 0.0) * np.eye(unknowns)
+    covariance = scatter + (fit.covariance - fit.fit.covariance(LAG))
     effects = [
         Effect(item.source, item.std, solved.influence[:unknowns, rows + k] * noise, item.direct, item.shared_id)
         for k, item in enumerate(items)

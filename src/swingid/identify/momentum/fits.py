@@ -112,7 +112,8 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
     covariance = fit.covariance(LAG)
     sensor = _sensor_variance(rows.windows, fit, scale, noise)
     covariance = covariance * max(1.0, sensor / covariance[0, 0] if covariance[0, 0] > 0 else 1.0)
-    covariance[0, 0] += _attenuation(rows.windows, fit, noise) ** 2
+    bias = _attenuation(rows.windows, fit, noise)
+    covariance = covariance + np.outer(bias, bias)
     return WindowFit(rows, unknowns, fit, covariance, float(np.median(rows.windows.half)))
 
 
@@ -128,7 +129,11 @@ def _sensor_variance(windows: Windows, fit: LinearFit, scale: Scale, noise: Nois
     return float(max(variance, 0.0) * power * noise.step)
 
 
-def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> float:
-    """Bias of a11 by noise in its own column ∫φ'' q1 (errors in variables), to first order."""
+def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
+    """Bias of all unknowns by noise in the column ∫φ'' q1 of a11 (errors in variables), to first order.
+
+    It moves what is nearly collinear with a11 along: at one frequency an unknown gravity torque.
+    """
     column_variance = noise.angle**2 * noise.step * float(np.sum(curvature_overlap(np.zeros(1)) / windows.half**3))
-    return float(fit.values[0] * column_variance * (fit.influence[0] @ fit.influence[0]))
+    result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
+    return result

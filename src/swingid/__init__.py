@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from swingid.recording.recording import Recording as Recording
     from swingid.simulate import simulate as simulate
     from swingid.study.compare import compare as compare
+    from swingid.study.rehearse import rehearse as rehearse
 
     __version__: str
 
@@ -37,6 +38,7 @@ _HOMES = {
     "Rig": "swingid.model.rig",
     "compare": "swingid.study.compare",
     "parse_reference": "swingid.control.references",
+    "rehearse": "swingid.study.rehearse",
 }
 _VERBS = ("identify", "simulate")
 _PACKAGES = ("errors", *_VERBS)
@@ -50,6 +52,7 @@ __all__ = [
     "errors",
     "identify",
     "parse_reference",
+    "rehearse",
     "simulate",
 ]
 

@@ -14,6 +14,7 @@ from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted
 from swingid.cli.identify import identify
 from swingid.cli.init import init
 from swingid.cli.output import flush
+from swingid.cli.rehearse import rehearse
 from swingid.cli.simulate import simulate
 
 app = typer.Typer(
@@ -27,6 +28,7 @@ app.command()(init)
 app.command()(simulate)
 app.command()(identify)
 app.command()(compare)
+app.command()(rehearse)
 
 
 def _version(wanted: bool) -> None:

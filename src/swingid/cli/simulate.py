@@ -96,11 +96,11 @@ def simulate(
     from swingid.simulate import simulate as run
 
     plant = Rig.load(rig)
-    angle = _angle(initial_angle, plant)
+    angle = parse_angle(initial_angle, plant)
     motion = None if reference is None else parse_reference(reference)
     chosen = None
     if motion is not None:
-        chosen = _compensator(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
+        chosen = compensator_of(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
     elif given or gains or law or controller is not Kind.COMPENSATOR:
         raise UsageError("controllers and gains need a motion to follow; give --reference", code="no-reference")
     elif angle == 0.0:
@@ -119,7 +119,7 @@ def simulate(
     tell(_line(log.save(out, plant), log, plant, chosen))
 
 
-def _angle(text: str, rig: Rig) -> float:
+def parse_angle(text: str, rig: Rig) -> float:
     """The initial angle in rad, or m on a linear axis; UsageError for what is no number with such a unit."""
     unit = "rad" if rig.axis.kind == "rotary" else "m"
     try:
@@ -141,7 +141,7 @@ def _check_controller(controller: Kind, law: Law | None, gains: Gains | None, gi
         raise UsageError("--law belongs to --controller backstepping; leave it out or give both", code="no-law")
 
 
-def _compensator(rig: Rig, gains: Gains | None, given: dict[str, float]) -> Compensator:
+def compensator_of(rig: Rig, gains: Gains | None, given: dict[str, float]) -> Compensator:
     """The compensator with the named gains, those of `given` in their place."""
     from dataclasses import replace
 

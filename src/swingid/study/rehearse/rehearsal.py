@@ -1,0 +1,207 @@
+"""What error and what interval to expect of each method, from many runs of the planned experiment on the twin."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.identify.run import METHODS, method_function
+from swingid.model.rig import Rig
+from swingid.study.rehearse.trial import Outcome, Plan, run_once
+
+if TYPE_CHECKING:
+    from swingid.control.backstepping import Backstepping
+    from swingid.control.compensator import Compensator
+
+Array = NDArray[np.float64]
+
+SCHEMA = "swingid.rehearse/1"
+FEWEST_RUNS = 5
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What to expect of one method: relative errors of the inertia, and half-widths of its 95 % intervals, per run.
+
+    refusals, warnings: how many runs had which code.
+    """
+
+    method: str
+    errors: Array
+    half_widths: Array
+    refusals: dict[str, int]
+    warnings: dict[str, int]
+
+    @property
+    def answered(self) -> int:
+        """Number of runs with a number."""
+        return int(np.isfinite(self.errors).sum())
+
+    @property
+    def bias(self) -> float:
+        """Mean relative error."""
+        return float(np.nanmean(self.errors)) if self.answered else float("nan")
+
+    @property
+    def rmse(self) -> float:
+        """Root of the mean square of the relative error."""
+        return float(np.sqrt(np.nanmean(self.errors**2))) if self.answered else float("nan")
+
+    @property
+    def p95(self) -> float:
+        """95th percentile of the absolute relative error."""
+        return float(np.nanquantile(np.abs(self.errors), 0.95)) if self.answered else float("nan")
+
+    @property
+    def half_width(self) -> float:
+        """Median relative half-width of the 95 % interval; NaN where no run has one."""
+        known = self.half_widths[np.isfinite(self.half_widths)]
+        return float(np.median(known)) if len(known) else float("nan")
+
+    @property
+    def coverage(self) -> tuple[float, float]:
+        """Share of the intervals that hold the truth, and its binomial standard error (Agresti and Coull)."""
+        known = np.isfinite(self.half_widths)
+        count = int(known.sum())
+        if not count:
+            return float("nan"), float("nan")
+        hits = int((np.abs(self.errors[known]) <= self.half_widths[known]).sum())
+        # two more of each keep the error from vanishing at 100 %
+        share = (hits + 2) / (count + 4)
+        return hits / count, float(np.sqrt(share * (1 - share) / (count + 4)))
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """The expectations of all methods over the same runs."""
+
+    rig: str
+    runs: int
+    expectations: tuple[Expectation, ...]
+    notes: tuple[str, ...]
+
+    def of(self, method: str) -> Expectation:
+        """The expectation of one method."""
+        return next(e for e in self.expectations if e.method == method)
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain data, schema "swingid.rehearse/1"; what is unknown is null."""
+        methods = [
+            {
+                "method": e.method,
+                "answered": e.answered,
+                "bias": _plain(e.bias),
+                "rmse": _plain(e.rmse),
+                "p95": _plain(e.p95),
+                "median_half_width": _plain(e.half_width),
+                "coverage": _plain(e.coverage[0]),
+                "coverage_standard_error": _plain(e.coverage[1]),
+                "refusals": e.refusals,
+                "warnings": e.warnings,
+                "errors": [_plain(x) for x in e.errors],
+                "half_widths": [_plain(x) for x in e.half_widths],
+            }
+            for e in self.expectations
+        ]
+        return {"schema": SCHEMA, "rig": self.rig, "runs": self.runs, "methods": methods, "notes": list(self.notes)}
+
+    def to_json(self) -> str:
+        """The rehearsal as JSON text."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def summary(self) -> str:
+        """A table to read on a terminal."""
+        from swingid.study.rehearse.text import tabulate
+
+        return tabulate(self)
+
+
+def rehearse(
+    rig: Rig,
+    reference: Callable[[Array], Array] | None = None,
+    controller: Compensator | Backstepping | None = None,
+    *,
+    duration: float,
+    rate: float = 1000.0,
+    runs: int = 40,
+    seed: int = 0,
+    initial_angle: float = 0.0,
+    methods: Sequence[str] | None = None,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Rehearsal:
+    """Run the planned experiment `runs` times on the twin of `rig` and identify every log by every method.
+
+    In each run the constants with a stated uncertainty, the imperfections and places of the encoders, noise and jitter
+    are drawn; run k draws by `seed` + k, so the answer is the same for any number of `workers` (processes; default: one
+    per core).
+    The rig must state axis.inertia; friction as in axis.friction. progress(done, runs) is called after each run.
+
+    Raises InputError for a rig without axis.inertia, UsageError for too few runs, UnanswerableError where no method
+    answers in any run.
+    """
+    if runs < FEWEST_RUNS:
+        raise UsageError(f"{runs} runs are too few to expect anything; take {FEWEST_RUNS} or more.", code="few-runs")
+    if rig.axis.inertia is None:
+        raise InputError(
+            f"{rig.source}: axis.inertia is missing, but the twin needs it; give what you expect it to be.",
+            code="no-inertia",
+        )
+    names = tuple(methods or METHODS)
+    for name in names:
+        method_function(name)
+    plan = Plan(rig.text, str(rig.source), reference, controller, duration, rate, initial_angle, names)
+    outcomes: list[tuple[Outcome, ...]] = []
+    for found in _runs(plan, [seed + k for k in range(runs)], workers or os.cpu_count() or 1):
+        outcomes.append(found)
+        if progress is not None:
+            progress(len(outcomes), runs)
+    expectations = tuple(_expectation(name, [found[k] for found in outcomes]) for k, name in enumerate(names))
+    if not any(e.answered for e in expectations):
+        reasons = ", ".join(sorted({reason for e in expectations for reason in e.refusals}))
+        raise UnanswerableError(
+            f"no method found an inertia in any of {runs} runs ({reasons}); plan another motion.", code="all-refused"
+        )
+    return Rehearsal(rig.name, runs, expectations, tuple(_notes(rig)))
+
+
+def _runs(plan: Plan, seeds: list[int], workers: int) -> Iterator[tuple[Outcome, ...]]:
+    """The runs in the order of their seeds; the first one here, so that kernels are compiled once."""
+    yield run_once(plan, seeds[0])
+    if workers == 1:
+        yield from (run_once(plan, seed) for seed in seeds[1:])
+        return
+    with ProcessPoolExecutor(min(workers, len(seeds))) as pool:
+        yield from pool.map(partial(run_once, plan), seeds[1:])
+
+
+def _expectation(method: str, outcomes: Sequence[Outcome]) -> Expectation:
+    return Expectation(
+        method,
+        np.array([o.error for o in outcomes]),
+        np.array([o.half_width for o in outcomes]),
+        dict(Counter(o.reason for o in outcomes if o.reason)),
+        dict(Counter(code for o in outcomes for code in set(o.warnings))),
+    )
+
+
+def _notes(rig: Rig) -> Iterator[str]:
+    if not rig.axis.friction.model_fields_set:
+        yield "the rig states no axis.friction, so the twin swings without; state what you expect of the bearing."
+    exact = rig.constants_without_uncertainty()
+    if exact:
+        yield f"taken as exact, since rig.toml states no uncertainty: {', '.join(exact)}."
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

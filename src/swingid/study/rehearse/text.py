@@ -1,0 +1,51 @@
+"""A rehearsal as a table for a terminal."""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from typing import TYPE_CHECKING
+
+from swingid.identify.format import percent
+
+if TYPE_CHECKING:
+    from swingid.study.rehearse.rehearsal import Expectation, Rehearsal
+
+WIDTH = 100
+HEADINGS = ("method", "RMSE", "bias", "95 % of errors", "95 % interval", "covers", "answers")
+
+
+def tabulate(rehearsal: Rehearsal) -> str:
+    """One line per method: relative errors and half-widths to expect of the inertia; then refusals and notes."""
+    rows = [HEADINGS, *(_cells(e, rehearsal.runs) for e in rehearsal.expectations)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
+    lines = [f"[[{rehearsal.runs} runs of the twin of {rehearsal.rig}: relative error of the inertia to expect]]"]
+    lines += ["    " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines.append("")
+    for e in rehearsal.expectations:
+        lines += [_told(e.method, "refused", e.refusals, rehearsal.runs)] if e.refusals else []
+        lines += [_told(e.method, "warned", e.warnings, rehearsal.runs)] if e.warnings else []
+    for note in rehearsal.notes:
+        lines += textwrap.wrap(f"note: {note}", WIDTH, initial_indent="    ", subsequent_indent="      ")
+    return "\n".join(lines).rstrip()
+
+
+def _cells(e: Expectation, runs: int) -> tuple[str, ...]:
+    if not e.answered:
+        return (e.method, "", "", "", "", "", f"0 of {runs}")
+    known = math.isfinite(e.half_width)
+    share, error = e.coverage
+    return (
+        e.method,
+        percent(e.rmse),
+        percent(e.bias, sign=True),
+        f"within {percent(e.p95)}",
+        f"± {percent(e.half_width)}" if known else "unknown",
+        f"{100 * share:.0f} ± {100 * error:.0f} %" if known else "",
+        f"{e.answered} of {runs}",
+    )
+
+
+def _told(method: str, what: str, codes: dict[str, int], runs: int) -> str:
+    listed = ", ".join(f"{code} in {count} of {runs}" for code, count in sorted(codes.items(), key=lambda c: -c[1]))
+    return f"    {method} {what}: {listed}"

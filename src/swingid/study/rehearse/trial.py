@@ -1,0 +1,95 @@
+"""One rehearsal: the twin draws a rig within its stated uncertainties, logs a run to a file, and methods read it."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import InputError, UnanswerableError
+from swingid.identify.run import identify
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+from swingid.simulate import simulate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.control.backstepping import Backstepping
+    from swingid.control.compensator import Compensator
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The experiment: rig file as text, motion, controller, length (s), rate (1/s), initial angle, methods.
+
+    Everything in it can be sent to another process.
+    """
+
+    rig_text: str
+    rig_source: str
+    reference: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None
+    controller: Compensator | Backstepping | None
+    duration: float
+    rate: float
+    initial_angle: float
+    methods: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one method said of one run: relative error of the inertia, relative half-width of its 95 % interval.
+
+    Both are NaN where the method refused, the half-width also where the uncertainty is unknown; then `reason` is the
+    code of the refusal. warnings: codes.
+    """
+
+    method: str
+    error: float
+    half_width: float
+    reason: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+def run_once(plan: Plan, seed: int) -> tuple[Outcome, ...]:
+    """Simulate with everything drawn by `seed`, write the log, read it as a lab would, and identify it."""
+    rig = Rig.from_text(plan.rig_text, plan.rig_source)
+    # where the grid of an encoder lies is chance, and decides what its rounding does to a motion that repeats
+    place = np.random.default_rng([seed, 1]).random(2)
+    steps = (rig.sensors.of("angle").resolution, rig.sensors.of("wheel").resolution)
+    log = simulate(
+        rig,
+        plan.reference,
+        plan.controller,
+        duration=plan.duration,
+        rate=plan.rate,
+        seed=seed,
+        initial_angle=plan.initial_angle,
+        draw=True,
+        encoder_zero=(float(place[0] * steps[0]), float(place[1] * steps[1])),
+    )
+    truth = log.metadata["truth"]
+    assert isinstance(truth, dict)
+    # what a method may know: neither inertia nor friction, and nothing that is not in the file
+    told = rig.changed({"axis.inertia": None, "axis.friction": None})
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            read = Recording.load(log.save(Path(folder) / "run.parquet", told), told)
+        except (UnanswerableError, InputError) as error:
+            return tuple(Outcome(method, np.nan, np.nan, error.code) for method in plan.methods)
+    return tuple(_outcome(read, told, method, float(truth["inertia"])) for method in plan.methods)
+
+
+def _outcome(log: Recording, rig: Rig, method: str, truth: float) -> Outcome:
+    try:
+        result = identify(log, rig, method)
+    except (UnanswerableError, InputError) as error:
+        return Outcome(method, np.nan, np.nan, error.code)
+    inertia = result.inertia
+    low, high = inertia.interval95 or (np.nan, np.nan)
+    warnings = tuple(warning.code for warning in result.warnings)
+    return Outcome(method, inertia.value / truth - 1, (high - low) / 2 / truth, warnings=warnings)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from swingid.control import law
 from swingid.control.law import compensator_step
+from swingid.control.motor import motor_voltages
 from swingid.errors import UsageError
 
 if TYPE_CHECKING:
@@ -121,26 +122,13 @@ class Compensator:
     def _for_rig(cls, rig: Rig, delta0: float, sigma0: float, lambda0: float, sample_time: float) -> Compensator:
         if rig.drive.kind == "none":
             raise _refused(f"rig {rig.name!r} has no drive to control")
-        wheel = rig.drive.kind == "reaction-wheel"
-        motor = rig.drive.motor
-        coulomb, dead_zone, back_emf_ratio, limit = 0.0, (0.0, 0.0), 0.0, None
-        if motor is not None:
-            limit = motor.voltage_limit
-        if wheel and motor is not None:
-            c1, eta = motor.torque_per_volt.value, motor.efficiency.value
-            coulomb = motor.coulomb.value / (c1 * eta)
-            dead_zone = (motor.dead_zone[0] / (c1 * eta), motor.dead_zone[1] / (c1 * eta))
-            back_emf_ratio = motor.back_emf.value / c1
         return cls(
             delta0=delta0,
             sigma0=sigma0,
             lambda0=lambda0,
-            voltage_limit=limit,
-            coulomb_voltage=coulomb,
-            dead_zone_voltage=dead_zone,
-            back_emf_ratio=back_emf_ratio,
-            plant_sign=-1 if wheel else 1,
+            plant_sign=-1 if rig.drive.kind == "reaction-wheel" else 1,
             sample_time=sample_time,
+            **motor_voltages(rig),
         )
 
     def initial_state(self, angle: float = 0.0, wheel_angle: float | None = None) -> NDArray[np.float64]:

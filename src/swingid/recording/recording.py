@@ -46,8 +46,8 @@ class Recording:
     time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging,
     positive counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous.
     voltage: V. torque: N m (N), what the direct drive applied. reference: as angle; adaptive_gain: k tilde of
-    the controller; these two may hold NaN. drive_held: True when row k's voltage or torque acts from t_k to
-    t_(k+1), False when it is a measurement at t_k.
+    the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held: True when row k's voltage or
+    torque acts from t_k to t_(k+1), False when it is a measurement at t_k.
 
     Velocities are not stored: who needs one says how it got it.
     Raises InputError when the channels do not fit together.
@@ -111,15 +111,16 @@ class Recording:
         return replace(self, **cut)
 
     @classmethod
-    def load(cls, path: str | Path, rig: Rig) -> Recording:
+    def load(cls, path: str | Path, rig: Rig, *, still_axis: bool = False) -> Recording:
         """Read a log (CSV, Parquet, MATLAB v5) by the conventions of `rig.log`, and repair plain faults.
 
-        What was repaired stands in `findings`. Raises InputError for a file that cannot be used and
-        UnanswerableError for one without motion or with too few rows.
+        What was repaired stands in `findings`. still_axis: the axis may be held while the wheel turns, as in a test of
+        the motor. Raises InputError for a file that cannot be used and UnanswerableError for one without motion or with
+        too few rows.
         """
         from swingid.recording.load import load
 
-        return load(path, rig)
+        return load(path, rig, still_axis=still_axis)
 
     def save(self, path: str | Path, rig: Rig | None = None) -> Path:
         """Write CSV or Parquet (by the ending), metadata inside, so that ``load(path, rig)`` gives it back.

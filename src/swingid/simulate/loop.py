@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.control.backstepping import backstepping_step
 from swingid.control.law import compensator_step
 from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2
 from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
@@ -13,7 +14,7 @@ from swingid.numerics.compiled import njit
 from swingid.numerics.inlined import njit_inlined
 
 # Kinds of controller.
-OPEN_LOOP, COMPENSATOR = 0, 1
+OPEN_LOOP, COMPENSATOR, BACKSTEPPING = 0, 1, 2
 
 
 @njit_inlined
@@ -31,6 +32,8 @@ def command(
     u = inputs[k]
     if kind == COMPENSATOR:
         u = compensator_step(inputs[k], angle, wheel_angle, state, parameters)
+    elif kind == BACKSTEPPING:
+        u = backstepping_step(inputs[k], angle, wheel_angle, state, parameters)
     return float(min(max(u, -limit), limit))
 
 

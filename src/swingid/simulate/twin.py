@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.errors import UsageError
 from swingid.model.integrator import Q1, Q2, STATES, V1, V2, Z
@@ -16,7 +17,7 @@ from swingid.model.motion import EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
 from swingid.recording.recording import Recording
 from swingid.simulate import draws
-from swingid.simulate.loop import COMPENSATOR, OPEN_LOOP, closed_loop
+from swingid.simulate.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
 from swingid.simulate.provenance import describe, metadata
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from swingid.model.rig import Rig
 
 Reference = Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]
+Controller = Compensator | Backstepping
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ class Run:
 def simulate(
     rig: Rig,
     reference: Reference | None = None,
-    controller: Compensator | None = None,
+    controller: Controller | None = None,
     *,
     duration: float,
     rate: float = 1000.0,
@@ -102,7 +104,7 @@ def simulate(
 def simulate_run(
     rig: Rig,
     reference: Reference | None = None,
-    controller: Compensator | None = None,
+    controller: Controller | None = None,
     *,
     duration: float,
     rate: float = 1000.0,
@@ -125,9 +127,10 @@ def simulate_run(
     instants, places = _instants(reads, wanted)
     times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
     inputs, open_loop = _inputs(rig, reference, controller, drive, times[:-1], rows)
-    state, gains = np.zeros(1), np.zeros(1)
+    kind, state, gains = OPEN_LOOP, np.zeros(1), np.zeros(1)
     if not open_loop:
         controller = controller or Compensator.paper(rig)
+        kind = BACKSTEPPING if isinstance(controller, Backstepping) else COMPENSATOR
         state, gains = controller.initial_state(initial_angle), controller.parameters(1.0 / rate)
     noise = np.zeros((2, len(inputs)))
     noise[:, :rows] = made.noise
@@ -136,7 +139,7 @@ def simulate_run(
     counts = closed_loop(
         times,
         inputs,
-        OPEN_LOOP if open_loop else COMPENSATOR,
+        kind,
         state,
         gains,
         _limit(rig),
@@ -189,7 +192,7 @@ def _rows(duration: float, rate: float) -> int:
 def _inputs(
     rig: Rig,
     reference: Reference | None,
-    controller: Compensator | None,
+    controller: Controller | None,
     drive: ArrayLike | None,
     times: NDArray[np.float64],
     rows: int,

@@ -59,7 +59,9 @@ def panels_of(log: Recording, *, linear: bool) -> list[Panel]:
     if log.torque is not None:
         panels.append(Panel("force" if linear else "torque", "N" if linear else "N m", log.torque, ORANGE))
     if log.adaptive_gain is not None and np.isfinite(log.adaptive_gain).any():
-        panels.append(Panel("adaptive gain k̃", "", log.adaptive_gain, INK))
+        made = log.metadata.get("simulation")
+        backstepping = isinstance(made, dict) and str(made.get("controller")).startswith("Backstepping")
+        panels.append(Panel("estimate α̂₂" if backstepping else "adaptive gain k̃", "", log.adaptive_gain, INK))
     return panels
 
 

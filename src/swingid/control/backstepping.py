@@ -1,0 +1,232 @@
+"""Adaptive backstepping (21) with the velocity observers (23), the paper's alternative method (section 4.2).
+
+    u2 = (e1 - a3^ x2^ - a2^ sin x1 + a7^ x4^ + n1 (x2^ - y_m') - y_m'' + n2 e2) / a4^
+    e1 = x1 - y_m,   e2 = x2^ + n1 e1 - y_m',   a4^ = c4 a2^,   a7^ = c7 a2^
+    a3^' = -gamma1 e2 x2^
+    a2^' = -gamma2 e2 sin x1                           "printed"
+    a2^' =  gamma2 e2 (-sin x1 + c7 x4^ - c4 u2)       "consistent", what the Lyapunov function asks for
+
+e1 is printed as the opposite, (14); its derivatives and (21) are those of x1 - y_m. The proof leaves out the errors of
+a4^ and a7^, though both follow a2^: hence the second law. The u2 of the law is the one that was applied, u0 - u1 - u3
+after the limit. Both estimates are kept above a least value, as in section 5.
+
+(21) needs y_m' and y_m'': they are taken from the last four references, to second order in the sample time, so that the
+controller is given the same as `Compensator` and nothing of the future.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.control import law
+from swingid.control.law import motor_compensation
+from swingid.control.motor import motor_voltages
+from swingid.control.observer import OBSERVER_PARAMETERS, OBSERVER_STATES, VelocityObserver, observer_step
+from swingid.errors import UsageError
+from swingid.numerics.compiled import njit
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+
+Array = NDArray[np.float64]
+
+# Places in the state: estimates, references before, how many were seen, the two observers.
+ALPHA2, ALPHA3, BEFORE, SEEN, AXIS = 0, 1, 2, 5, 6
+WHEEL, STATES = AXIS + OBSERVER_STATES, AXIS + 2 * OBSERVER_STATES
+# Places in the parameters; SAMPLE_TIME, LIMIT, COULOMB ... BACK_EMF are those of `law`.
+N1, N2, GAMMA1, GAMMA2, C4, C7, CONSISTENT, LEAST = 0, 2, 3, 4, 5, 6, 7, 8
+AXIS_OBSERVER = law.ALPHA
+WHEEL_OBSERVER = AXIS_OBSERVER + OBSERVER_PARAMETERS
+PARAMETERS = WHEEL_OBSERVER + OBSERVER_PARAMETERS
+
+
+@njit
+def reference_rates(reference: float, state: Array, h: float) -> tuple[float, float]:
+    """y_m' and y_m'' at this sample from it and the three before, of which `state` keeps the memory.
+
+    Errors h^2 y_m'''/3 and 11/12 h^2 y_m''''; the first sample gives 0, 0, the next two are of lower order.
+    """
+    y1, y2, y3 = state[BEFORE], state[BEFORE + 1], state[BEFORE + 2]
+    seen = state[SEEN]
+    rate, bend = 0.0, 0.0
+    if seen == 1.0:
+        rate = (reference - y1) / h
+    elif seen >= 2.0:
+        rate = (3.0 * reference - 4.0 * y1 + y2) / (2.0 * h)
+        bend = (reference - 2.0 * y1 + y2) / (h * h)
+    if seen >= 3.0:
+        bend = (2.0 * reference - 5.0 * y1 + 4.0 * y2 - y3) / (h * h)
+    state[BEFORE], state[BEFORE + 1], state[BEFORE + 2] = reference, y1, y2
+    state[SEEN] = min(seen + 1.0, 3.0)
+    return rate, bend
+
+
+@njit
+def backstepping_step(reference: float, angle: float, wheel_angle: float, state: Array, parameters: Array) -> float:
+    """Voltage (V) to hold from this sample to the next; moves `state` on by one sample in place. (21), (23).
+
+    `reference`, `angle`, `wheel_angle` in rad, state from `Backstepping.initial_state`, parameters from
+    `Backstepping.parameters`.
+    """
+    h = parameters[law.SAMPLE_TIME]
+    rate, bend = reference_rates(reference, state, h)
+    x2 = observer_step(angle, state[AXIS:WHEEL], parameters[AXIS_OBSERVER:WHEEL_OBSERVER])
+    x4 = observer_step(wheel_angle, state[WHEEL:STATES], parameters[WHEEL_OBSERVER:PARAMETERS])
+    n1, alpha2, alpha3 = parameters[N1], state[ALPHA2], state[ALPHA3]
+    c4, c7 = parameters[C4], parameters[C7]
+    sine = np.sin(angle)
+    e1 = angle - reference
+    e2 = x2 + n1 * e1 - rate
+    wanted = e1 - alpha3 * x2 - alpha2 * sine + c7 * alpha2 * x4 + n1 * (x2 - rate) - bend + parameters[N2] * e2
+    u2 = wanted / (c4 * alpha2)
+    u0 = motor_compensation(u2, x4, parameters)
+    applied = min(max(u0, -parameters[law.LIMIT]), parameters[law.LIMIT])
+    u2 -= u0 - applied
+    drive = -sine
+    if parameters[CONSISTENT] != 0.0:
+        drive += c7 * x4 - c4 * u2
+    state[ALPHA3] = max(alpha3 - h * parameters[GAMMA1] * e2 * x2, parameters[LEAST])
+    state[ALPHA2] = max(alpha2 + h * parameters[GAMMA2] * e2 * drive, parameters[LEAST])
+    return float(applied)
+
+
+@dataclass(frozen=True)
+class Backstepping:
+    """The controller (21) with its gains, its first estimates and what it knows of rig and motor.
+
+    gravity_torque b (N m); a12, a22 and `carried` = J2 + Jr (kg m^2); c4 = a4/a2 and c7 = a7/a2 of (11) (1/V, s/rad).
+    n1, n2 (1/s), gamma1 (1/rad^2), gamma2 (1/s^2): gains; alpha2 (1/s^2), alpha3 (1/s), least: first estimates and
+    their lower bound; all by default as in section 5. law: "printed" or "consistent". observers: of axis and wheel.
+    coulomb_voltage, dead_zone_voltage, back_emf_ratio, voltage_limit: as in `Compensator`. sample_time (s) is used by
+    `step` alone.
+
+    Not where motor constants or b are unknown; where the reference is not smooth, y_m'' asks for impulses. Raises
+    UsageError for gains out of range.
+    """
+
+    gravity_torque: float
+    a12: float
+    a22: float
+    carried: float
+    c4: float
+    c7: float
+    law: Literal["printed", "consistent"] = "printed"
+    n1: float = 10.0
+    n2: float = 10.0
+    gamma1: float = 10.0
+    gamma2: float = 100.0
+    alpha2: float = 1.0
+    alpha3: float = 1.0
+    least: float = 1e-6
+    observers: tuple[VelocityObserver, VelocityObserver] = (VelocityObserver(), VelocityObserver())
+    coulomb_voltage: float = 0.0
+    dead_zone_voltage: tuple[float, float] = (0.0, 0.0)
+    back_emf_ratio: float = 0.0
+    voltage_limit: float | None = None
+    sample_time: float = 1e-3
+
+    def __post_init__(self) -> None:
+        """Refuse gains that cannot work, in one sentence that names the gain."""
+        for name in ("gravity_torque", "a12", "a22", "c4", "n1", "n2", "alpha2", "alpha3", "least", "sample_time"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise _refused(f"{name} must be positive, and is {getattr(self, name)}")
+        for name in ("gamma1", "gamma2", "carried", "c7"):
+            if not 0.0 <= getattr(self, name) < math.inf:
+                raise _refused(f"{name} must be zero or positive, and is {getattr(self, name)}")
+        if self.voltage_limit is not None and not self.voltage_limit > 0.0:
+            raise _refused(f"voltage_limit must be positive, and is {self.voltage_limit}")
+        if self.law not in ("printed", "consistent"):
+            raise _refused(f"law must be 'printed' or 'consistent', not {self.law!r}")
+
+    @classmethod
+    def paper(
+        cls, rig: Rig, *, law: Literal["printed", "consistent"] = "printed", sample_time: float = 1e-3
+    ) -> Backstepping:
+        """The gains of section 5 for a rig; sample_time (s) is used by `step` alone.
+
+        Raises UsageError for a rig that is no reaction wheel pendulum, or without gravity torque or motor constants,
+        on which (21) stands.
+        """
+        motor, wheel, gravity = rig.drive.motor, rig.drive.wheel, rig.axis.gravity_torque
+        if rig.drive.kind != "reaction-wheel" or motor is None or wheel is None or rig.axis.kind == "linear":
+            raise _refused(f"rig {rig.name!r} is no reaction wheel pendulum with a motor, which (21) is made for")
+        if isinstance(gravity, str) or gravity.value <= 0.0 or motor.torque_per_volt.value <= 0.0:
+            raise _refused(f"rig {rig.name!r} must state axis.gravity_torque and drive.motor.torque_per_volt above 0")
+        a12, a22, n = rig.drive.a12, rig.drive.a22, motor.gear_ratio.value
+        c1, c2, eta = motor.torque_per_volt.value, motor.back_emf.value, motor.efficiency.value
+        ratio = a12 * n / (a22 * gravity.value)
+        return cls(
+            gravity_torque=gravity.value,
+            a12=a12,
+            a22=a22,
+            carried=wheel.inertia.value + motor.rotor_inertia.value,
+            c4=ratio * eta * c1,
+            c7=ratio * (c2 * eta + motor.viscous.value * n),
+            law=law,
+            sample_time=sample_time,
+            **motor_voltages(rig),
+        )
+
+    def initial_state(self, angle: float = 0.0, wheel_angle: float | None = None) -> Array:
+        """State (14,) before the first sample: estimates, memory of the reference, observers.
+
+        The angles are taken for interface's sake: the first sample sets the observers.
+        """
+        del angle, wheel_angle
+        state = np.zeros(STATES)
+        state[ALPHA2], state[ALPHA3] = self.alpha2, self.alpha3
+        return state
+
+    def parameters(self, sample_time: float | None = None) -> Array:
+        """Parameter array of `backstepping_step` for a sample time (s), `self.sample_time` if None.
+
+        Raises UsageError for a sample time that is not positive.
+        """
+        h = self.sample_time if sample_time is None else float(sample_time)
+        if not 0.0 < h < math.inf:
+            raise _refused(f"the sample time must be positive, and is {h}")
+        head = np.zeros(law.ALPHA)
+        head[law.SAMPLE_TIME] = h
+        head[law.LIMIT] = math.inf if self.voltage_limit is None else self.voltage_limit
+        head[law.COULOMB], head[law.BACK_EMF] = self.coulomb_voltage, self.back_emf_ratio
+        head[law.DEAD_NEGATIVE], head[law.DEAD_POSITIVE] = self.dead_zone_voltage
+        head[N1], head[N2], head[GAMMA1], head[GAMMA2] = self.n1, self.n2, self.gamma1, self.gamma2
+        head[C4], head[C7], head[LEAST] = self.c4, self.c7, self.least
+        head[CONSISTENT] = float(self.law == "consistent")
+        return np.concatenate([head, *(observer.parameters(h) for observer in self.observers)])
+
+    def step(self, t: float, angles: Sequence[float], state: Array) -> tuple[float, Array]:
+        """One sample: (voltage (V) held to the next, new state).
+
+        `angles` = (reference, angle, wheel_angle) in rad. The law does not depend on `t` (s), which every controller
+        is given. `state` is left as it is.
+        """
+        del t
+        reference, angle, wheel_angle = angles
+        moved = state.copy()
+        return float(backstepping_step(reference, angle, wheel_angle, moved, _parameters(self))), moved
+
+    def inertia(self, alpha2: Array | float) -> Array:
+        """J1^ (kg m^2) of (22) for estimates of alpha_2 (1/s^2), of any shape."""
+        return np.asarray(self.gravity_torque / np.asarray(alpha2) + self.a12**2 / self.a22 - self.carried)
+
+    def viscous(self, alpha2: Array | float, alpha3: Array | float) -> Array:
+        """f1^ N (N m s) of (22) for estimates of alpha_2 (1/s^2) and alpha_3 (1/s)."""
+        return np.asarray(np.asarray(alpha3) * self.gravity_torque / np.asarray(alpha2))
+
+
+@cache
+def _parameters(controller: Backstepping) -> NDArray[np.float64]:
+    """The parameter array of `step`, made once per controller."""
+    return controller.parameters()
+
+
+def _refused(sentence: str) -> UsageError:
+    return UsageError(f"Backstepping: {sentence}.", code="bad-controller")

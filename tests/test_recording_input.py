@@ -133,6 +133,13 @@ def test_voltage_may_be_missing_unless_the_rig_names_it(tmp_path):
     assert refused(path, rig_with(voltage="u")).code == "missing-column"
 
 
+def test_a_reference_that_the_rig_names_may_be_missing(tmp_path):
+    loaded = Recording.load(changed(tmp_path, ym=None), rig_with(reference="ym"))
+    assert loaded.reference is None
+    assert [(finding.code, finding.level) for finding in loaded.findings] == [("no-reference", "note")]
+    assert Recording.load(changed(tmp_path, ym=None), rig_with()).findings == ()
+
+
 def test_wheel_speed_is_refused_with_what_is_needed(tmp_path):
     with pytest.raises(InputError, match="needs wheel_angle, the logged angle"):
         Recording.load(changed(tmp_path), rig_with(wheel_speed="w2"))

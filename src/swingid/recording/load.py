@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from swingid.recording.formats.table import Table
 
 
-def load(path: str | Path, rig: Rig) -> Recording:
+def load(path: str | Path, rig: Rig, *, still_axis: bool = False) -> Recording:
     """See `Recording.load`."""
     content = _read_bytes(path)
     name = str(path)
@@ -33,13 +33,13 @@ def load(path: str | Path, rig: Rig) -> Recording:
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
         logged, findings = repair(logged, conventions, texts, name)
         channels = conventions.to_model(logged)
-        findings += judge(channels, rig, name)
+        findings += judge(channels, rig, name, still_axis=still_axis)
     metadata = table.metadata.get("metadata")
     return Recording(
         **channels,
         drive_held=_drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
-        findings=(*_saved_findings(table), *unreadable, *findings),
+        findings=(*_saved_findings(table), *unreadable, *_no_reference(table, conventions), *findings),
         source=Source(name, hashlib.sha256(content).hexdigest()),
     )
 
@@ -89,6 +89,14 @@ def _unreadable(table: Table, name: str) -> tuple[Finding, ...]:
         raise InputError(message, code="not-a-table")
     message = f"{lost} of {rows} rows left out: they do not have the cells that the header names."
     return (Finding("unreadable-rows", message, "warning" if lost > MANY * rows else "note"),)
+
+
+def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
+    """A note where the rig file names a reference that the log lacks: nothing but pictures needs it."""
+    column = conventions.columns["reference"]
+    if column in table.columns or "reference" not in conventions.stated or table.metadata:
+        return ()
+    return (Finding("no-reference", f"the log has no column {column!r} (the reference); nothing needs it.", "note"),)
 
 
 def _drive_held(table: Table, conventions: Conventions) -> bool:

@@ -25,18 +25,18 @@ TURN = 2.0 * np.pi
 WIDEST_SWING = {"none": 1.5, "reaction-wheel": 2.0, "direct": 10.0}
 
 
-def judge(channels: Channels, rig: Rig, name: str) -> list[Finding]:
+def judge(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) -> list[Finding]:
     """What is odd about the channels (model units and signs), as findings; `name` is the file's, for messages.
 
-    Raises UnanswerableError for too few rows and for an angle that does not move, InputError for a motion
-    that the axis cannot make (degrees taken for radians).
+    still_axis: the angle may stand still. Raises UnanswerableError for too few rows and for an angle that does not
+    move, InputError for a motion that the axis cannot make (degrees taken for radians).
     """
     time, angle = channels["time"], channels["angle"]
     if time.size < FEWEST_ROWS:
         message = f"{name} has {time.size} usable rows, too few to tell a motion; log some swings."
         raise UnanswerableError(message, code="too-short")
     column = f"column {rig.log.angle!r} (the angle)"
-    if np.ptp(angle) == 0.0:
+    if np.ptp(angle) == 0.0 and not still_axis:
         message = f"{name}: {column} does not change; log a motion, or set [log] angle to the right column."
         raise UnanswerableError(message, code="no-motion")
     _refuse_impossible_swings(angle, rig, f"{name}: {column}")

@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
+from swingid.identify.format import number
+from swingid.identify.friction_laws import friction_units
+from swingid.identify.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.fits import WindowFit, columns_of, known_side
 from swingid.identify.motor_balance import MotorBalance
@@ -14,9 +17,6 @@ from swingid.identify.scale import Scale
 from swingid.numerics.regression import fit_linear
 
 Array = NDArray[np.float64]
-
-HOPELESS = 0.3
-"""Relative standard uncertainty of the inertia above which there is no answer."""
 
 CLEARLY = 0.5
 """A reading of the wheel fits clearly better when its residual is smaller by this factor."""
@@ -100,15 +100,14 @@ def check_answer(
     """
     inertia = parameters["inertia"]
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
+    seen, motion = identifiability_of(law, scale), _main_frequency(law, scale, amplitude)
+    require_seen(seen, *motion)
     if inertia.value <= 0 or relative > HOPELESS or not np.isfinite(relative):
-        raise UnanswerableError(_hopeless(inertia, relative, scale), code="not-identifiable")
+        raise UnanswerableError(_hopeless(inertia, relative, scale, motion), code="not-identifiable")
     warnings: list[Message] = []
-    notes: list[Message] = []
+    notes: list[Message] = [_how_identifiable(seen, law)]
     if scale.b is None and _share(budget, inertia) > 0.02:
-        text = (
-            "inertia and gravity torque can hardly be told apart in this motion; add a second frequency "
-            "or give axis.gravity_torque."
-        )
+        text = f"{seen.combination(_values(law))}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text))
     if scale.drive != "none" and scale.b:
         lean = abs(float(law.fit.influence[0] @ law.rows.gravity)) * abs(scale.b) / law.a11
@@ -124,7 +123,39 @@ def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
     return float(np.sqrt(spread)) / inertia.value
 
 
-def _hopeless(inertia: Parameter, relative: float, scale: Scale) -> str:
+def identifiability_of(law: WindowFit, scale: Scale) -> Identifiability:
+    """What the rows of a fit see of its unknowns, with its own uncertainty of the inertia."""
+    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    _, columns = columns_of(law.rows, scale, tuple(name for name in law.unknowns if name in law.rows.friction))
+    seen = examine(law.unknowns, [units.get(name, "") for name in law.unknowns], columns)
+    return seen.scaled_to(law.u)
+
+
+def _values(law: WindowFit) -> dict[str, float]:
+    return {name: law.value(name) for name in law.unknowns}
+
+
+def _how_identifiable(seen: Identifiability, law: WindowFit) -> Message:
+    text = (
+        f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}; "
+        f"{seen.combination(_values(law))}, and what is unknown beside the inertia makes it "
+        f"{number(seen.inflation, digits=2)} times less certain."
+    )
+    return Message("identifiability", text)
+
+
+def _main_frequency(law: WindowFit, scale: Scale, amplitude: float) -> tuple[float | None, float]:
+    """Main frequency of the motion and of the free swing at its amplitude, rad/s, as the rows show them."""
+    gravity = float(np.linalg.norm(law.rows.gravity))
+    b = law.value("gravity_torque") if scale.b is None else scale.b
+    if gravity == 0.0 or law.a11 <= 0:
+        return None, 0.0
+    sine = 1 - amplitude**2 / 8
+    natural = np.sqrt(max(b, 0.0) / law.a11) * (1 - amplitude**2 / 16)
+    return float(np.sqrt(np.linalg.norm(law.rows.inertia) / gravity * max(sine, 0.3))), float(natural)
+
+
+def _hopeless(inertia: Parameter, relative: float, scale: Scale, motion: tuple[float | None, float]) -> str:
     if inertia.value <= 0 and scale.b is not None:
         return (
             f"the balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; "
@@ -134,7 +165,7 @@ def _hopeless(inertia: Parameter, relative: float, scale: Scale) -> str:
     if scale.b is None:
         return (
             f"inertia and gravity torque move together in this motion (the inertia is uncertain by {spread}); "
-            "add a second frequency, or give axis.gravity_torque."
+            f"{advice_on_gravity(*motion)}."
         )
     return (
         f"the motion does not determine the inertia (it is uncertain by {spread}); "

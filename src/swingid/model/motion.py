@@ -73,6 +73,40 @@ def try_step(
         h *= min(factor, 0.9)
 
 
+@njit_inlined
+def next_step(
+    left: float,
+    tried: float,
+    work: NDArray[np.float64],
+    mode: Mode,
+    u: float,
+    p: NDArray[np.float64],
+    events: int,
+    counts: NDArray[np.int64],
+) -> tuple[float, float, bool]:
+    """Step from row NOW into row NEW, at most `left` (s), which ends where `mode` does.
+
+    Returns its length, the length to try next, and whether the mode has ended; `events` is how many did before in
+    this held interval. Should the mode end, row NEW lies just beyond its end.
+    """
+    h, tried = try_step(left, tried, work, mode, u, p)
+    ended = margin(work, NEW, LAST, mode, u, p) < 0.0
+    if not ended:
+        low = first_dip(work, h, mode)
+        if low < h:
+            step(work, low, mode, u, p)
+            ended = margin(work, NEW, LAST, mode, u, p) < 0.0
+            h = low
+    if ended:
+        floor = min(h, GUARD) if events >= MANY_EVENTS else 0.0
+        h = locate(work, h, mode, u, p)
+        if h < floor:
+            h = floor
+            step(work, h, mode, u, p)
+            counts[GUARDED] += 1
+    return h, tried, ended
+
+
 @njit
 def advance(
     t: float,
@@ -95,21 +129,7 @@ def advance(
     derivative(work, NOW, FIRST, mode, u, p)
     events = 0
     while t < t_end:
-        h, tried = try_step(t_end - t, tried, work, mode, u, p)
-        ended = margin(work, NEW, LAST, mode, u, p) < 0.0
-        if not ended:
-            low = first_dip(work, h, mode)
-            if low < h:
-                step(work, low, mode, u, p)
-                ended = margin(work, NEW, LAST, mode, u, p) < 0.0
-                h = low
-        if ended:
-            floor = min(h, GUARD) if events >= MANY_EVENTS else 0.0
-            h = locate(work, h, mode, u, p)
-            if h < floor:
-                h = floor
-                step(work, h, mode, u, p)
-                counts[GUARDED] += 1
+        h, tried, ended = next_step(t_end - t, tried, work, mode, u, p, events, counts)
         until = t_end if not ended and h >= t_end - t else t + h
         fill_probes(t, h, until, work, instants, seen, counts)
         counts[STEPS] += 1

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from swingid.control.compensator import Compensator as Compensator
     from swingid.control.references import parse_reference as parse_reference
     from swingid.identify import identify as identify
+    from swingid.identify.motor_calibration import calibrate as calibrate
     from swingid.identify.result import Result as Result
     from swingid.model.rig import Rig as Rig
     from swingid.recording.recording import Recording as Recording
@@ -36,6 +37,7 @@ _HOMES = {
     "Recording": "swingid.recording.recording",
     "Result": "swingid.identify.result",
     "Rig": "swingid.model.rig",
+    "calibrate": "swingid.identify.motor_calibration",
     "compare": "swingid.study.compare",
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
@@ -48,6 +50,7 @@ __all__ = [
     "Recording",
     "Result",
     "Rig",
+    "calibrate",
     "compare",
     "errors",
     "identify",

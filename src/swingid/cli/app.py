@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from swingid.cli.calibrate import calibrate
 from swingid.cli.compare import compare
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
@@ -27,6 +28,7 @@ app = typer.Typer(
 app.command()(init)
 app.command()(simulate)
 app.command()(identify)
+app.command()(calibrate)
 app.command()(compare)
 app.command()(rehearse)
 

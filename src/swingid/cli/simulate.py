@@ -11,6 +11,9 @@ import typer
 from swingid.errors import InputError, UsageError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from swingid.control.backstepping import Backstepping
     from swingid.control.compensator import Compensator
     from swingid.model.rig import Rig
@@ -49,6 +52,10 @@ def simulate(
         str | None,
         typer.Option(metavar="MOTION", help='Motion to follow, such as "sine 0.8 rad 8.5 rad/s"; none: no command.'),
     ] = None,
+    voltage: Annotated[
+        str | None,
+        typer.Option(metavar="WORDS", help='Voltage without control, such as "multisine 3 V 1 rad/s + 2 V 7 rad/s".'),
+    ] = None,
     rate: Annotated[float, typer.Option(help="Rows and controller steps per second.")] = 1000.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
     initial_angle: Annotated[
@@ -75,7 +82,7 @@ def simulate(
 ) -> None:
     """Write the log that RIG would make: its closed loop, its sensors, its columns and units.
 
-    Without --reference nothing drives the rig: a free decay from --initial-angle.
+    Without --reference and --voltage nothing drives the rig: a free decay from --initial-angle.
     """
     from swingid.cli.kernels import announce_compilation
     from swingid.cli.output import check_target, tell
@@ -103,8 +110,9 @@ def simulate(
         chosen = compensator_of(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
     elif given or gains or law or controller is not Kind.COMPENSATOR:
         raise UsageError("controllers and gains need a motion to follow; give --reference", code="no-reference")
-    elif angle == 0.0:
-        raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
+    elif angle == 0.0 and voltage is None:
+        raise UsageError("nothing would move; give --reference, --voltage or --initial-angle", code="no-motion")
+    drive = None if voltage is None else _commands(voltage, plant, duration, rate)
     announce_compilation("simulate")
     log = run(
         plant,
@@ -114,9 +122,28 @@ def simulate(
         rate=rate,
         seed=seed,
         initial_angle=angle,
+        drive=drive,
         draw=draw,
     )
     tell(_line(log.save(out, plant), log, plant, chosen))
+
+
+def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.float64]:
+    """One voltage per row from the words of a reference motion with V in the place of rad; UsageError for others."""
+    import re
+
+    import numpy as np
+
+    from swingid.control.references import parse_reference
+
+    if rig.drive.kind != "reaction-wheel":
+        raise UsageError(f"--voltage needs a reaction wheel, and rig {rig.name!r} has none", code="no-drive")
+    words, count = re.subn(r"(?<![A-Za-z])V(?![A-Za-z])", " rad", text)
+    if count == 0 and not text.startswith("file "):
+        example = "multisine 3 V 1 rad/s + 2 V 7 rad/s"
+        raise UsageError(f"--voltage {text!r} has no amplitude in V; write for example {example!r}", code="bad-voltage")
+    wave = parse_reference(words)
+    return np.asarray(wave(np.arange(int(duration * rate + 1e-9) + 1) / rate))
 
 
 def parse_angle(text: str, rig: Rig) -> float:

@@ -1,0 +1,89 @@
+"""``swingid calibrate``: the motor's constants from voltage tests and free swings."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from swingid.errors import UsageError
+
+if TYPE_CHECKING:
+    from swingid.identify.motor_calibration import Calibration
+
+
+def calibrate(
+    logs: Annotated[
+        list[str],
+        typer.Argument(metavar="LOG...", help="Voltage tests with the rod clamped or free, and free swings."),
+    ],
+    rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
+    out: Annotated[
+        str | None, typer.Option(metavar="NEW.toml", help="Write the rig with the constants found, and its comments.")
+    ] = None,
+    json: Annotated[
+        str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
+    ] = None,
+    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write a report as one HTML file.")] = None,
+) -> None:
+    """Find the motor's constants from LOGs of a voltage test, and say which cannot be told apart.
+
+    What kind of test a log is, clamped rod, free rod or free swing, is seen in the log.
+    """
+    _check_usage(logs, rig, out, json, report)
+    provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
+    try:
+        found = _calibrate(logs, rig, out, json, report)
+    except Exception as error:
+        if json is not None:
+            from swingid.cli.identify import write_refusal
+
+            write_refusal(json, "calibrate", error, provenance)
+        raise
+    from swingid.cli.output import say, tell, write_json
+
+    if json is not None:
+        write_json(found.result.to_json(), json)
+    tell(found.result.summary(), to_error=json == "-")
+    for target in (out, report):
+        if target is not None:
+            say(f"wrote {target}")
+
+
+def _check_usage(logs: list[str], rig: str, out: str | None, json: str | None, report: str | None) -> None:
+    """Raise UsageError for a log given twice, and for targets that make no sense or would overwrite something."""
+    from swingid.cli.output import check_targets
+
+    if len({os.path.realpath(log) for log in logs}) < len(logs):
+        raise UsageError("a log was given twice; give each once", code="same-log")
+    if out is not None and not out.lower().endswith(".toml"):
+        raise UsageError(f"--out {out} must end in .toml, as every rig file", code="bad-target")
+    inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
+    check_targets({"--out": out, "--json": json, "--report": report}, inputs)
+
+
+def _calibrate(logs: list[str], rig: str, out: str | None, json: str | None, report: str | None) -> Calibration:
+    """From files to the calibration, its rig file and its report."""
+    from swingid.cli.output import check_target, write_file
+
+    for target in (out, json, report):
+        if target is not None and target != "-":
+            check_target(Path(target))
+    from swingid.cli.kernels import announce_compilation
+    from swingid.identify.motor_calibration import calibrate as run
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+
+    plant = Rig.load(rig)
+    recordings = [Recording.load(log, plant, still_axis=True) for log in logs]
+    announce_compilation("calibrate")
+    found = run(recordings, plant)
+    if out is not None:
+        write_file(Path(out), found.rig.text.encode())
+    if report is not None:
+        from swingid.report import write_report
+
+        write_report(found.result, recordings[0], plant, Path(report))
+    return found

@@ -1,0 +1,216 @@
+"""From products to constants of rig.toml, with a budget of what is uncertain in them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.motor_calibration.channels import WheelLog
+from swingid.identify.motor_calibration.output_error import OutputFit
+from swingid.identify.motor_calibration.products import (
+    COULOMB,
+    COUNT,
+    COUPLING,
+    DAMPING,
+    EMF,
+    GAIN,
+    NEGATIVE,
+    POSITIVE,
+    products_of,
+)
+from swingid.identify.motor_calibration.separation import Separation
+from swingid.identify.result import BudgetEntry
+from swingid.model.rig import Rig
+from swingid.units import Quantity
+
+Array = NDArray[np.float64]
+
+UNITS = {
+    "motor.gain": "N m/V",
+    "motor.damping": "N m s",
+    "motor.breakaway_positive": "N m",
+    "motor.breakaway_negative": "N m",
+    "motor.torque_per_volt": "N m/V",
+    "motor.back_emf": "N m s",
+    "motor.viscous": "N m s",
+    "motor.coulomb": "N m",
+    "motor.dead_zone.positive": "N m",
+    "motor.dead_zone.negative": "N m",
+    "motor.rotor_inertia": "kg m^2",
+}
+"""Everything that a calibration can give: first the products that row (II) shows, then the constants of rig.toml."""
+
+SCATTER = "scatter of the shots and sensor noise"
+
+
+def constants(values: Array, rig: Rig, *, coupled: bool) -> Array:
+    """All of `UNITS`, in order, from products (7,); coupled: the rotor's inertia comes from the products."""
+    motor, wheel = rig.drive.motor, rig.drive.wheel
+    assert motor is not None
+    assert wheel is not None
+    gear, eta, rotor = motor.gear_ratio.value, motor.efficiency.value, motor.rotor_inertia.value
+    if coupled:
+        # ρ = (J2 + N Jr)/(J2 + N² Jr)
+        rho = values[COUPLING]
+        rotor = wheel.inertia.value * (1 - rho) / (gear * (gear * rho - 1))
+    scale = (wheel.inertia.value + gear**2 * rotor) / gear
+    g, v, e, p, n, f = scale * values[[GAIN, DAMPING, EMF, POSITIVE, NEGATIVE, COULOMB]]
+    return np.array([g, v, p, n, g / eta, e / eta, (v - e) / gear, f, max(p - f, 0.0), min(f - n, 0.0), rotor])
+
+
+@dataclass(frozen=True)
+class Change:
+    """One declared imperfection at one standard uncertainty: what it does to all constants (of `UNITS`)."""
+
+    source: str
+    std: float
+    shifts: Array
+    shared_id: str
+
+
+def budget_of(
+    fit: OutputFit, differences: Array, changes: list[Change], values: Array, rig: Rig, *, coupled: bool
+) -> list[BudgetEntry]:
+    """Type A of every constant from scatter and from what the two ways disagree by, type B from `changes`."""
+    jacobian = _jacobian(values, rig, coupled=coupled)
+    scatter = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, fit.covariance, jacobian), 0.0))
+    entries = []
+    for k, name in enumerate(UNITS):
+        entries.append(BudgetEntry(SCATTER, "A", name, float(scatter[k])))
+        if differences[k] > 0:
+            source = "disagreement of test functions and output error"
+            entries.append(BudgetEntry(source, "A", name, float(differences[k])))
+        for change in changes:
+            if change.shifts[k] != 0:
+                shift = float(change.shifts[k])
+                entries.append(BudgetEntry(change.source, "B", name, abs(shift), shift / change.std, change.shared_id))
+    return entries
+
+
+def disagreement(fit: OutputFit, other: Array, covariance: Array, rig: Rig, *, coupled: bool) -> Array:
+    """Uncertainty of each constant where output error and test functions differ beyond three standard deviations."""
+    jacobian = _jacobian(fit.values, rig, coupled=coupled)
+    gap = constants(other, rig, coupled=coupled) - constants(fit.values, rig, coupled=coupled)
+    variance = np.einsum("ij,jk,ik->i", jacobian, covariance + fit.covariance, jacobian)
+    return np.where(np.abs(gap) > 3 * np.sqrt(variance), np.sqrt(np.maximum(gap**2 - variance, 0.0)), 0.0)
+
+
+def _jacobian(values: Array, rig: Rig, *, coupled: bool) -> Array:
+    """Derivatives (11, 7) of the constants to the products, by central differences."""
+    result = np.zeros((len(UNITS), COUNT))
+    for k in range(COUNT):
+        step = np.zeros(COUNT)
+        step[k] = 1e-6 * max(abs(values[k]), 1e-3)
+        high, low = (constants(values + sign * step, rig, coupled=coupled) for sign in (1, -1))
+        result[:, k] = (high - low) / (2 * step[k])
+    return result
+
+
+def declared_changes(
+    fit: OutputFit, logs: list[WheelLog], rig: Rig, split: Separation, *, coupled: bool
+) -> list[Change]:
+    """What every declared uncertainty of the rig does to the constants, at one standard uncertainty each."""
+    base = constants(fit.values, rig, coupled=coupled)
+    found = [*_inertias(fit, rig, base, coupled=coupled), *_held(fit, rig, split, base, coupled=coupled)]
+    for source, std, shared, changes in _sensors(fit, logs, rig):
+        shifts = constants(fit.values + fit.shift(changes), rig, coupled=coupled) - base
+        found.append(Change(source, std, shifts, shared))
+    return found
+
+
+def _inertias(fit: OutputFit, rig: Rig, base: Array, *, coupled: bool) -> Iterator[Change]:
+    """Wheel, rotor and gear: they turn accelerations into torques, and set a12/a22 where it is not fitted."""
+    motor, wheel = rig.drive.motor, rig.drive.wheel
+    assert motor is not None
+    assert wheel is not None
+    keys = {"drive.wheel.inertia": wheel.inertia, "drive.motor.gear_ratio": motor.gear_ratio}
+    if not coupled:
+        keys["drive.motor.rotor_inertia"] = motor.rotor_inertia
+    for key, quantity in keys.items():
+        if not quantity.std:
+            continue
+        other = rig.changed({key: Quantity(quantity.value + quantity.std)})
+        values = fit.values.copy()
+        if not coupled:
+            change = products_of(other)[COUPLING] - values[COUPLING]
+            values = values + _shift_by(fit, COUPLING, change)
+        yield Change(key, quantity.std, constants(values, other, coupled=coupled) - base, key)
+
+
+def _held(fit: OutputFit, rig: Rig, split: Separation, base: Array, *, coupled: bool) -> Iterator[Change]:
+    """Constants that were held at what the rig states, with its uncertainty."""
+    motor = rig.drive.motor
+    assert motor is not None
+    for apart, key, place in ((split.emf, "back_emf", EMF), (split.coulomb, "coulomb", COULOMB)):
+        std = getattr(motor, key).std
+        if apart or not std:
+            continue
+        other = rig.changed({f"drive.motor.{key}": Quantity(getattr(motor, key).value + std)})
+        change = float(products_of(other)[place] - products_of(rig)[place])
+        values = fit.values + _shift_by(fit, place, change)
+        yield Change(f"drive.motor.{key}", std, constants(values, rig, coupled=coupled) - base, f"drive.motor.{key}")
+
+
+def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
+    """Change of all products when the held one at `place` changes by `change`."""
+    slopes = [shot.simulated(fit.values, x)[1][:, place] for shot, x in zip(fit.shots, fit.starts, strict=True)]
+    result = fit.shift([-change * slope for slope in slopes])
+    result[place] += change
+    return result
+
+
+def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[str, float, str, list[Array]]]:
+    """Declared imperfections of the encoders as changes of the logged wheel angle of every shot."""
+    wheel, angle = rig.sensors.of("wheel"), rig.sensors.of("angle")
+    if wheel.latency.std:
+        # a reading δ later than its stamp shows q + q' δ
+        changes = [wheel.latency.std * np.gradient(s.wheel, np.append(0.0, np.cumsum(s.steps))) for s in fit.shots]
+        yield "wheel latency", wheel.latency.std, "sensors.wheel.latency", changes
+    if wheel.nonlinearity:
+        for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+            changes = [wheel.nonlinearity * wave(shot.wheel) for shot in fit.shots]
+            yield (
+                f"wheel encoder nonlinearity ({name})",
+                wheel.nonlinearity,
+                f"sensors.wheel.nonlinearity.{name}",
+                changes,
+            )
+    if all(log.kind == "clamped" for log in logs):
+        return
+    if angle.latency.std:
+        yield "angle latency", angle.latency.std, "sensors.latency", _axis_late(fit, angle.latency.std)
+    if angle.nonlinearity:
+        for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+            changes = _axis_bent(fit, angle.nonlinearity, wave)
+            yield f"angle encoder nonlinearity ({name})", angle.nonlinearity, f"sensors.nonlinearity.{name}", changes
+
+
+def _axis_late(fit: OutputFit, late: float) -> list[Array]:
+    """What a late angle of the axis does, as a change of the wheel's: the simulation moves, the log does not."""
+
+    def moved(axis: Array, angle: Array, steps: Array) -> Array:
+        return axis + late * np.gradient(axis, np.cumsum(steps))
+
+    return _by_axis(fit, moved)
+
+
+def _axis_bent(fit: OutputFit, size: float, wave: object) -> list[Array]:
+    def bent(axis: Array, angle: Array, steps: Array) -> Array:
+        time = np.append(0.0, np.cumsum(steps))
+        ripple = np.gradient(size * wave(angle), time)  # type: ignore[operator]
+        result: Array = axis + np.diff(ripple) / steps
+        return result
+
+    return _by_axis(fit, bent)
+
+
+def _by_axis(fit: OutputFit, change: object) -> list[Array]:
+    """Minus the change of the simulated wheel angle when q1'' of every shot is changed."""
+    result = []
+    for shot, start in zip(fit.shots, fit.starts, strict=True):
+        axis = change(shot.axis, shot.angle, shot.steps)  # type: ignore[operator]
+        result.append(shot.simulated(fit.values, start)[0] - shot.simulated(fit.values, start, axis)[0])
+    return result

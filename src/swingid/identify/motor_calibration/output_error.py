@@ -1,0 +1,230 @@
+"""Output error of row (II): simulated against logged angles of the wheel, on shots with a start of their own.
+
+The wheel's angle integrates, so one simulation over a long log would add up what no model explains; shots of about a
+second, each with its own angle and speed at the start, do not. Those starts are eliminated shot by shot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.motor_calibration.channels import GAP, WheelLog
+from swingid.identify.motor_calibration.products import COULOMB, COUNT, EMF, NEGATIVE, POSITIVE
+from swingid.identify.motor_calibration.wheel_motion import STATES, simulate_wheel
+
+Array = NDArray[np.float64]
+
+SHOT = 1.0
+"""Length of a shot in s: some time constants of a wheel under its damping."""
+
+FEWEST_ROWS, MOST_STEPS = 20, 30
+
+
+@dataclass(frozen=True)
+class Shot:
+    """A part of a log: wheel (n,) in rad; steps, voltage, axis (n−1,) as in `simulate_wheel`; start (q, q')."""
+
+    log: int
+    wheel: Array
+    angle: Array
+    steps: Array
+    voltage: Array
+    axis: Array
+    start: Array
+
+    def simulated(self, values: Array, start: Array, axis: Array | None = None) -> tuple[Array, Array]:
+        """Angles (n,) and their derivatives (n, 9) to products and start; `axis` in place of the logged one."""
+        angles, slopes = np.empty(len(self.wheel)), np.empty((len(self.wheel), STATES))
+        push = self.axis if axis is None else axis
+        simulate_wheel(values, self.steps, self.voltage, push, start[0], start[1], angles, slopes)
+        return angles, slopes
+
+
+@dataclass(frozen=True)
+class OutputFit:
+    """Products (7,) that the simulated angles fit best, with the covariance (7, 7) of the free ones.
+
+    levels: root mean square of the residuals of each log (rad). influence: what a change of every logged angle,
+    given per shot, does to the products (see `shift`).
+    """
+
+    values: Array
+    covariance: Array
+    free: NDArray[np.bool_]
+    shots: tuple[Shot, ...]
+    starts: tuple[Array, ...]
+    levels: Array
+    influence: tuple[Array, ...]
+
+    def shift(self, changes: Sequence[Array]) -> Array:
+        """Change of the products (7,) when the logged angle of each shot changes by `changes` (rad)."""
+        result = np.zeros(COUNT)
+        result[self.free] = sum((k @ c for k, c in zip(self.influence, changes, strict=True)), 0.0)
+        return result
+
+
+def shots_of(logs: Sequence[WheelLog]) -> list[Shot]:
+    """Shots of all logs, each begun where the wheel turns fast, so that its start is a moving one."""
+    found = []
+    for place, log in enumerate(logs):
+        time = log.nodes.time
+        steps = np.diff(time)
+        voltage = log.voltage[:-1] if log.held else (log.voltage[1:] + log.voltage[:-1]) / 2
+        axis = np.diff(log.axis_speed) / steps
+        inside = np.clip(time, log.speed.grid[0], log.speed.grid[-1])
+        speed = log.speed.at(inside)
+        gaps = np.flatnonzero(steps > GAP * log.noise.step) + 1
+        for part in np.split(np.arange(len(time)), gaps):
+            edges = _cuts(time[part], np.abs(speed[part])) + part[0]
+            for first, last in pairwise(edges):
+                if last - first < FEWEST_ROWS:
+                    continue
+                rows, between = slice(first, last + 1), slice(first, last)
+                start = np.array([log.wheel[first], speed[first]])
+                found.append(
+                    Shot(
+                        place, log.wheel[rows], log.angle[rows], steps[between], voltage[between], axis[between], start
+                    )
+                )
+    return found
+
+
+def _cuts(time: Array, speed: Array) -> NDArray[np.int64]:
+    """Rows at which shots begin, about `SHOT` apart, each where the speed is largest nearby; and the last row."""
+    cuts = [0]
+    while time[-1] - time[cuts[-1]] > 1.5 * SHOT:
+        low, high = np.searchsorted(time, time[cuts[-1]] + np.array([0.6, 1.4]) * SHOT)
+        cuts.append(int(low + np.argmax(speed[low:high])) if high > low else int(high))
+    return np.array([*cuts, len(time) - 1])
+
+
+def fit_output(logs: Sequence[WheelLog], start: Array, free: NDArray[np.bool_]) -> OutputFit:
+    """Refine the free products from `start` by Gauss–Newton with halved steps; needs `start` near the answer."""
+    shots = shots_of(logs)
+    weights = np.array([1 / max(log.noise.wheel, 1e-12) for log in logs])
+    values, starts = start.copy(), [shot.start for shot in shots]
+    values, starts = _descend(shots, values, starts, free, weights)
+    parts = [_reduced(shot, values, x, free) for shot, x in zip(shots, starts, strict=True)]
+    levels = np.array(
+        [_rms([p.left for p, s in zip(parts, shots, strict=True) if s.log == k]) for k in range(len(logs))]
+    )
+    if len(logs) > 1:
+        weights = 1 / np.maximum(levels, 1e-12)
+        values, starts = _descend(shots, values, starts, free, weights)
+        parts = [_reduced(shot, values, x, free) for shot, x in zip(shots, starts, strict=True)]
+    return _fitted(shots, parts, values, starts, free, weights, levels)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One shot with its start eliminated: residuals, slopes to the free products, and how the start follows."""
+
+    left: Array
+    slopes: Array
+    follow: Callable[[Array], Array]
+    loss: float
+
+
+def _reduced(shot: Shot, values: Array, start: Array, free: NDArray[np.bool_]) -> _Part:
+    angles, slopes = shot.simulated(values, start)
+    left = shot.wheel - angles
+    own = slopes[:, COUNT:]
+    q, r = np.linalg.qr(own)
+    inverse = np.linalg.pinv(r)
+    wanted = slopes[:, :COUNT][:, free]
+
+    def follow(step: Array) -> Array:
+        result: Array = inverse @ (q.T @ (left - wanted @ step))
+        return result
+
+    return _Part(left - q @ (q.T @ left), wanted - q @ (q.T @ wanted), follow, float(left @ left))
+
+
+def _rms(parts: list[Array]) -> float:
+    joined = np.concatenate(parts) if parts else np.zeros(1)
+    return float(np.sqrt(np.mean(joined**2)))
+
+
+def _loss(shots: list[Shot], values: Array, starts: list[Array], weights: Array) -> float:
+    total = 0.0
+    for shot, start in zip(shots, starts, strict=True):
+        left = shot.wheel - shot.simulated(values, start)[0]
+        total += float(left @ left) * weights[shot.log] ** 2
+    return total
+
+
+def _descend(
+    shots: list[Shot], values: Array, starts: list[Array], free: NDArray[np.bool_], weights: Array
+) -> tuple[Array, list[Array]]:
+    """Gauss–Newton over products and starts, with halved steps while the sum of squares does not fall."""
+    least = _loss(shots, values, starts, weights)
+    for _ in range(MOST_STEPS):
+        parts = [_reduced(shot, values, x, free) for shot, x in zip(shots, starts, strict=True)]
+        step, _ = _solve(shots, parts, weights)
+        for _ in range(10):
+            tried = values.copy()
+            tried[free] += step
+            tried = _allowed(tried, values, free)
+            taken = tried[free] - values[free]
+            follow = [x + part.follow(taken) for x, part in zip(starts, parts, strict=True)]
+            now = _loss(shots, tried, follow, weights)
+            if now <= least:
+                break
+            step = step / 2
+        else:
+            return values, starts
+        gained, values, starts, least = least - now, tried, follow, now
+        if gained <= 1e-9 * least:
+            break
+    return values, starts
+
+
+def _allowed(tried: Array, last: Array, free: NDArray[np.bool_]) -> Array:
+    """Products inside what is physical: no negative torque, no edge of the dead zone on the wrong side."""
+    result = tried.copy()
+    for k in (EMF, COULOMB):
+        if free[k]:
+            result[k] = max(result[k], 0.0)
+    if free[COULOMB]:
+        result[COULOMB] = min(result[COULOMB], max(result[POSITIVE], 0.0), max(result[NEGATIVE], 0.0))
+    return result if np.isfinite(result).all() else last.copy()
+
+
+def _solve(shots: list[Shot], parts: list[_Part], weights: Array) -> tuple[Array, Array]:
+    """Gauss–Newton's step and the inverse of the information matrix."""
+    gram = sum(weights[s.log] ** 2 * p.slopes.T @ p.slopes for s, p in zip(shots, parts, strict=True))
+    right = sum(weights[s.log] ** 2 * p.slopes.T @ p.left for s, p in zip(shots, parts, strict=True))
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    inverse = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-13, hermitian=True) / np.outer(scale, scale)
+    return inverse @ right, inverse
+
+
+def _fitted(
+    shots: list[Shot],
+    parts: list[_Part],
+    values: Array,
+    starts: list[Array],
+    free: NDArray[np.bool_],
+    weights: Array,
+    levels: Array,
+) -> OutputFit:
+    """Covariance from the Jacobian, and from the scatter of the shots where that is larger (cluster-robust)."""
+    _, inverse = _solve(shots, parts, weights)
+    own = [weights[shot.log] ** 2 for shot in shots]
+    count = sum(len(part.left) for part in parts)
+    spare = max(count - len(inverse) - 2 * len(parts), 1)
+    variance = sum(w * float(p.left @ p.left) for w, p in zip(own, parts, strict=True)) / spare
+    scores = np.array([w * p.slopes.T @ p.left for w, p in zip(own, parts, strict=True)])
+    clusters = len(parts) / max(len(parts) - len(inverse), 1)
+    robust = inverse @ (scores.T @ scores) @ inverse * clusters
+    classical = variance * inverse
+    widen = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(classical), 1e-300), 1.0))
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[np.ix_(free, free)] = classical * np.outer(widen, widen)
+    influence = tuple(w * inverse @ p.slopes.T for w, p in zip(own, parts, strict=True))
+    return OutputFit(values, covariance, free, tuple(shots), tuple(starts), levels, influence)

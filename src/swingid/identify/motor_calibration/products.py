@@ -1,0 +1,78 @@
+"""The products of motor constants that row (II) shows, and the way between them and the keys of rig.toml.
+
+Divided by a22, row (II) reads, with B the branch of (8) (+, 0 or −) and 1 an indicator,
+
+    q2'' + ρ q1'' = g u 1[B≠0] − v q2' + e q2' 1[B=0] − p 1[B=+] + n 1[B=−] − f (sgn q2' − 1[B=+] + 1[B=−])
+
+    g = η c1 N/a22,  v = (η c2 + f2 N) N/a22,  e = η c2 N/a22,
+    p = (f3 + d1) N/a22,  n = (f3 − d2) N/a22,  f = f3 N/a22,  ρ = a12/a22
+
+In this form the two columns that are hard to see stand alone: e lives inside the dead zone only, f only where the
+motor's torque does not push the way the wheel turns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.model.rig import Rig
+
+Array = NDArray[np.float64]
+
+GAIN, DAMPING, EMF, POSITIVE, NEGATIVE, COULOMB, COUPLING = range(7)
+COUNT = 7
+
+NAMES = ("gain", "damping", "emf", "breakaway_positive", "breakaway_negative", "coulomb", "coupling")
+UNITS = ("N m/V", "N m s", "N m s", "N m", "N m", "N m", "1")
+FORMULAS = (
+    "efficiency * torque_per_volt",
+    "efficiency * back_emf + gear_ratio * viscous",
+    "efficiency * back_emf",
+    "coulomb + dead_zone[1]",
+    "coulomb - dead_zone[0]",
+    "coulomb",
+    "a12 / a22",
+)
+
+
+def torque_scale(rig: Rig) -> float:
+    """a22/N: what turns an acceleration of the wheel (rad/s²) into a torque on the rotor (N m)."""
+    assert rig.drive.motor is not None
+    return rig.drive.a22 / rig.drive.motor.gear_ratio.value
+
+
+def products_of(rig: Rig) -> Array:
+    """The products (7,) that the rig's constants give, per a22: a start for searches, or what is taken as known."""
+    motor = rig.drive.motor
+    assert motor is not None
+    eta, (low, high) = motor.efficiency.value, motor.dead_zone
+    torques = np.array(
+        [
+            eta * motor.torque_per_volt.value,
+            eta * motor.back_emf.value + motor.gear_ratio.value * motor.viscous.value,
+            eta * motor.back_emf.value,
+            motor.coulomb.value + high,
+            motor.coulomb.value - low,
+            motor.coulomb.value,
+        ]
+    )
+    result: Array = np.append(torques / torque_scale(rig), rig.drive.a12 / rig.drive.a22)
+    return result
+
+
+def dead_zone_edges(values: Array) -> tuple[float, float]:
+    """(d1, d2) of products, per a22: never of the wrong sign."""
+    high = max(values[POSITIVE] - values[COULOMB], 0.0)
+    low = min(values[COULOMB] - values[NEGATIVE], 0.0)
+    return float(high), float(low)
+
+
+def branches(values: Array, voltage: Array, speed: Array) -> Array:
+    """Branch of (8), +1, 0 or −1, at each voltage (V) and wheel speed (rad/s)."""
+    high, low = dead_zone_edges(values)
+    ideal = values[GAIN] * voltage - values[EMF] * speed
+    if high == low == 0.0:
+        return np.where(ideal >= 0, 1.0, -1.0)
+    result: Array = (ideal > high).astype(float) - (ideal < low)
+    return result

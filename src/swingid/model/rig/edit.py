@@ -1,0 +1,86 @@
+"""The text of a rig file with some values replaced where they stand, comments and order kept."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+from swingid.model.rig.text import to_toml, with_values
+from swingid.units import Quantity
+
+_HEADER = re.compile(r"\s*\[\s*([\w.\s-]+?)\s*\]\s*(#.*)?$")
+_PAIR = re.compile(r"(\s*)([\w-]+)(\s*=\s*)(.*)$")
+
+
+def edited(text: str, values: Mapping[str, object]) -> tuple[str, bool]:
+    """TOML `text` with `values` (numbers, lists, Quantities) at dotted keys, and whether its comments were kept.
+
+    A value is replaced on its own line; a missing key goes to the end of its table, a missing table to the end of the
+    file. Where the file is written in another way (dotted keys, inline tables, values over several lines), the whole
+    is written anew from its tables, without comments.
+    """
+    text = text.removeprefix("\ufeff")
+    document = with_values(tomllib.loads(text), values)
+    lines = text.splitlines()
+    for dotted, value in values.items():
+        table, _, key = dotted.rpartition(".")
+        _replace(lines, table, key, value)
+    kept = "\n".join(lines) + "\n"
+    try:
+        same = tomllib.loads(kept) == _plain(document)
+    except tomllib.TOMLDecodeError:
+        same = False
+    return (kept, True) if same else (to_toml(document) + "\n", False)
+
+
+def _replace(lines: list[str], table: str, key: str, value: object) -> None:
+    """Put ``key = value`` into a table's lines, in place."""
+    written = to_toml({key: value}).partition("=")[2].strip()
+    first, last = _table(lines, table)
+    if first < 0:
+        lines += ["", f"[{table}]", f"{key} = {written}"]
+        return
+    for k in range(first, last):
+        pair = _PAIR.match(lines[k])
+        if pair and pair[2] == key:
+            lines[k] = f"{pair[1]}{key}{pair[3]}{written}{_comment(pair[4])}"
+            return
+    while last > first and not lines[last - 1].strip():
+        last -= 1
+    lines.insert(last, f"{key} = {written}")
+
+
+def _table(lines: list[str], name: str) -> tuple[int, int]:
+    """First and last + 1 line of a table's own pairs; (−1, −1) where there is none."""
+    heads = [(k, match[1].replace(" ", "")) for k, line in enumerate(lines) if (match := _HEADER.match(line))]
+    if not name:
+        return 0, heads[0][0] if heads else len(lines)
+    ends = [k for k, _ in heads[1:]] + [len(lines)]
+    for (k, found), end in zip(heads, ends, strict=True):
+        if found == name:
+            return k + 1, end
+    return -1, -1
+
+
+def _comment(rest: str) -> str:
+    """The comment at the end of a pair's value, with the space before it; "" where there is none."""
+    quote = ""
+    for k, sign in enumerate(rest):
+        if quote:
+            quote = "" if sign == quote and rest[k - 1 : k] != "\\" else quote
+        elif sign in "\"'":
+            quote = sign
+        elif sign == "#":
+            return rest[len(rest[:k].rstrip()) :]
+    return ""
+
+
+def _plain(value: Any) -> Any:
+    """Tables as tomllib reads them back: a Quantity is a table of value and std."""
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, Quantity):
+        return {"value": value.value} | ({} if value.std is None else {"std": value.std})
+    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value

@@ -223,6 +223,20 @@ def test_help_and_version_are_exit_0(run: Run) -> None:
     assert run("--version").out.startswith("swingid ")
 
 
+@pytest.mark.parametrize("content", ["t,q1,q2,u\n", "t,q1,q2,u\n" + "0.1,0,0,0\n" * 4])
+def test_a_refusal_is_reported(run: Run, tmp_path: Path, content: str) -> None:
+    path, page = tmp_path / "bad.csv", tmp_path / "report.html"
+    path.write_text(content)
+    page.write_text("an older report")
+    done = run("identify", path, "--rig", "paper", "--report", page)
+    assert done.code in (3, 4)
+    sentence = done.sentence().removeprefix("swingid: ")
+    text = page.read_text(encoding="utf-8")
+    assert "No number" in text
+    assert sentence.rstrip(".") in text
+    assert "an older report" not in text
+
+
 @pytest.mark.parametrize("option", ["--json", "--report"])
 @pytest.mark.parametrize("place", ["missing/r.x", "folder", "file/r.x"])
 def test_unwritable_outputs_are_exit_3_and_named(run: Run, log: Path, tmp_path: Path, option: str, place: str) -> None:

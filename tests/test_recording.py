@@ -198,6 +198,9 @@ def test_saving_fails_in_one_sentence(tmp_path):
         swing().save(tmp_path / "nowhere" / "run.csv")
     assert caught.value.exit_code == 3
     assert list(tmp_path.iterdir()) == []
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SwingidError, match="cannot write"):
+        swing().save(tmp_path / "file" / "run.csv")
 
 
 def test_importing_recording_stays_light():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from enum import StrEnum
 from json import loads as parse_json
 from pathlib import Path
@@ -56,7 +57,9 @@ def identify(
         result = _identify(logs[0], rig, method.value, options, provenance, json, report)
     except Exception as error:
         if json is not None:
-            _write_refusal(json, method.value, error, provenance)
+            write_refusal(json, method.value, error, provenance)
+        if report is not None:
+            _report_refusal(report, method.value, error, provenance)
         raise
     from swingid.cli.output import say, tell, write_json
 
@@ -129,17 +132,26 @@ def _identify(
     return result
 
 
-def _write_refusal(target: str, method: str, error: Exception, provenance: Provenance) -> None:
+def write_refusal(target: str, method: str, error: Exception, provenance: Provenance) -> None:
     """Write the JSON that says why there is no number; a second error while doing so gives way to the first."""
     from swingid.cli.output import write_json
+
+    with suppress(SwingidError):
+        write_json(_refused(method, error, provenance).to_json(), target)
+
+
+def _report_refusal(target: str, method: str, error: Exception, provenance: Provenance) -> None:
+    """Write the report that says why there is no number; a second error while doing so gives way to the first."""
+    from swingid.report import write_report
+
+    with suppress(SwingidError):
+        write_report(_refused(method, error, provenance), None, None, Path(target))
+
+
+def _refused(method: str, error: Exception, provenance: Provenance) -> Result:
+    import swingid
     from swingid.identify.result import refusal
 
     if not isinstance(error, SwingidError):
         error = SwingidError(f"a bug of swingid: {type(error).__name__}", code="bug")
-    import swingid
-
-    provenance["versions"] = {"swingid": swingid.__version__}
-    try:
-        write_json(refusal(method, error, provenance).to_json(), target)
-    except SwingidError:
-        return
+    return refusal(method, error, provenance | {"versions": {"swingid": swingid.__version__}})

@@ -23,6 +23,7 @@ class Method(StrEnum):
 
     MOMENTUM = "momentum"
     ENERGY = "energy"
+    EQUATION_ERROR = "equation-error"
 
 
 class Variant(StrEnum):

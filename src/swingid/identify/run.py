@@ -15,6 +15,7 @@ from swingid.recording.recording import Recording
 METHODS: dict[str, str] = {
     "momentum": "swingid.identify.momentum:momentum",
     "energy": "swingid.identify.energy:energy",
+    "equation-error": "swingid.identify.equation_error:equation_error",
 }
 """Function of each method, imported when it is called. Its options are its keyword arguments."""
 

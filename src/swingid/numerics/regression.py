@@ -52,3 +52,22 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
     values = influence @ target
     condition = float(s[0] / s[-1]) if s[-1] > 0 else float("inf")
     return LinearFit(values, target - columns @ values, influence, condition)
+
+
+def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array:
+    """Covariance of Σ scores, scores (p, n), with the Parzen kernel over `reach` neighbours (Andrews 1991).
+
+    Its window falls off as the fourth power of the frequency, so that scores whose power lies far above the frequency
+    that counts, as those of twice differentiated noise, don't leak into it as they do with Bartlett weights.
+    used: scores that are not zero. Small-sample factor n / (n − p), n = 1.85 used / reach independent stretches.
+    """
+    count = scores.shape[1]
+    covariance = scores @ scores.T
+    for k in range(1, min(reach, count - 1) + 1):
+        x = k / (reach + 1)
+        weight = 1 - 6 * x**2 + 6 * x**3 if x < 0.5 else 2 * (1 - x) ** 3
+        cross = scores[:, k:] @ scores[:, :-k].T
+        covariance += weight * (cross + cross.T)
+    independent = 1.85 * used / (reach + 1)
+    result: Array = covariance * max(independent / max(independent - unknowns, 1.0), 1.0)
+    return result

@@ -40,16 +40,18 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
 
     a11, b: inertia of the axis and gravity torque, as known or as identified.
     """
-    found = [*_constants(rig, rows), *_encoders(rig, signals, rows, a11, b), *_latencies(rig, signals, rows)]
+    found = [*constants(rig, rows), *_encoders(rig, signals, rows, a11, b), *_latencies(rig, signals, rows)]
     return [item for item in found if item.std > 0]
 
 
 def sensitivities(rig: Rig, rows: Rows, influence: Array) -> dict[str, float]:
     """Change of J1 per unit of every constant, by its key, exact ones too; influence: row of a11."""
-    return {item.source: float(influence @ item.rows) + item.direct for item in _constants(rig, rows)}
+    return {item.source: float(influence @ item.rows) + item.direct for item in constants(rig, rows)}
 
 
-def _constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
+def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
+    """The constants of row (I), exact ones (std 0) too."""
+
     def known(key: str, quantity: Quantity, effect: Array, direct: float) -> Imperfection:
         return Imperfection(key, quantity.std or 0.0, effect, direct, key)
 

@@ -36,6 +36,7 @@ class Assumptions:
 OF_METHOD: dict[str, tuple[bool, str, str]] = {
     "momentum": (False, "any", "none"),
     "energy": (True, "basis", "smoothed"),
+    "equation-error": (False, "law", "filtered"),
 }
 """Per method: whether it needs the motor, what it assumes of friction, its speeds."""
 

@@ -1,0 +1,84 @@
+"""A log on an even grid of instants, and central differences there.
+
+Filters need even samples. A log with uneven stamps is carried to an even grid of its median rate by cubic splines;
+a held torque by its exact integral.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.momentum.balance import moved
+from swingid.identify.noise import EVEN
+from swingid.model.rig import Rig
+from swingid.numerics.cumulative import running_integrals
+from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+STENCIL = 2
+"""Rows at each end that the differences cannot reach."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Channels of a log on an even grid: time (n,) s, step s, angle, wheel angle and torque where the drive has them.
+
+    impulse (n,): ∫τ dt from the first row, so that its difference is the torque as it acted. resampled: whether the
+    stamps of the log were uneven.
+    """
+
+    time: Array
+    step: float
+    angle: Array
+    wheel: Array | None
+    impulse: Array | None
+    resampled: bool
+
+
+def even_grid(log: Recording, rig: Rig, every: slice = slice(None)) -> Grid:
+    """The log on its even grid; `every` uses some of the rows only, for independent noise on the same grid.
+
+    The angles' declared latencies are taken off against each other, as in the momentum method.
+    """
+    steps = np.diff(log.time)
+    resampled = bool(np.ptp(steps) > EVEN * steps[0])
+    count = int(np.rint(log.duration * log.rate)) + 1
+    time = np.linspace(log.time[0], log.time[-1], count) if resampled else log.time
+    stamps = log.time[every]
+
+    def carried(values: Array) -> Array:
+        if not resampled and len(stamps) == len(time):
+            return values
+        chosen = np.ascontiguousarray(values[every])
+        return spline_at(stamps, chosen, spline_slopes(stamps, chosen), time, 0)
+
+    wheel = impulse = None
+    if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
+        late = rig.sensors.of("wheel").latency.value - rig.sensors.of("angle").latency.value
+        wheel = carried(moved(log.time, log.wheel_angle, late))
+    if rig.drive.kind == "direct" and log.torque is not None:
+        nodes = GaussNodes(log.time)
+        torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
+        impulse = running_integrals(nodes, [torque], time)[0]
+    return Grid(time, float(time[1] - time[0]), carried(log.angle), wheel, impulse, resampled)
+
+
+def slope(values: Array, step: float) -> Array:
+    """First derivative by central differences of five points, error (ωh)⁴/30; 0 in the outermost rows."""
+    result = np.zeros_like(values)
+    result[2:-2] = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * step)
+    return result
+
+
+def curvature(values: Array, step: float) -> Array:
+    """Second derivative by central differences of five points, error (ωh)⁴/90; 0 in the outermost rows."""
+    result = np.zeros_like(values)
+    inner = 16 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:] - 30 * values[2:-2]
+    result[2:-2] = inner / (12 * step**2)
+    return result

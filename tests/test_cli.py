@@ -183,7 +183,7 @@ def test_a_refusal_replaces_an_older_result(run: Run, log: Path, tmp_path: Path)
         ["weigh"],
         ["identify"],
         ["identify", "a.csv"],
-        ["identify", "a.csv", "b.csv", "--rig", "paper"],
+        ["identify", "a.csv", "a.csv", "--rig", "paper"],
         ["identify", "a.csv", "--rig", "paper", "--method", "magic"],
         ["identify", "a.csv", "--rig", "paper", "--variant", "printed"],
         ["identify", "a.csv", "--rig", "paper", "--report", "-"],

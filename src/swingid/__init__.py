@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from swingid.control.compensator import Compensator as Compensator
     from swingid.control.references import parse_reference as parse_reference
     from swingid.identify import identify as identify
+    from swingid.identify.combine import difference as difference
     from swingid.identify.motor_calibration import calibrate as calibrate
     from swingid.identify.result import Result as Result
     from swingid.model.rig import Rig as Rig
@@ -39,6 +40,7 @@ _HOMES = {
     "Rig": "swingid.model.rig",
     "calibrate": "swingid.identify.motor_calibration",
     "compare": "swingid.study.compare",
+    "difference": "swingid.identify.combine",
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
 }
@@ -52,6 +54,7 @@ __all__ = [
     "Rig",
     "calibrate",
     "compare",
+    "difference",
     "errors",
     "identify",
     "parse_reference",

@@ -11,6 +11,7 @@ import typer
 
 from swingid.cli.calibrate import calibrate
 from swingid.cli.compare import compare
+from swingid.cli.difference import difference
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.init import init
@@ -30,6 +31,7 @@ app.command()(simulate)
 app.command()(identify)
 app.command()(calibrate)
 app.command()(compare)
+app.command()(difference)
 app.command()(rehearse)
 
 

@@ -14,6 +14,8 @@ from swingid.errors import SwingidError, UsageError
 
 if TYPE_CHECKING:
     from swingid.identify.result import Result
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
 
 Provenance = dict[str, object]
 
@@ -34,7 +36,9 @@ class Variant(StrEnum):
 
 
 def identify(
-    logs: Annotated[list[str], typer.Argument(metavar="LOG", help="Log of the rig: .csv, .parquet or .mat.")],
+    logs: Annotated[
+        list[str], typer.Argument(metavar="LOG...", help="Logs of one body on the rig: .csv, .parquet or .mat.")
+    ],
     rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
     method: Annotated[Method, typer.Option(help="How the inertia is found.")] = Method.MOMENTUM,
     variant: Annotated[
@@ -48,14 +52,18 @@ def identify(
     ] = None,
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write a report as one HTML file.")] = None,
 ) -> None:
-    """Identify the moment of inertia and the friction that LOG shows, with their uncertainties."""
+    """Identify the moment of inertia and the friction that LOG shows, with their uncertainties.
+
+    Several logs of one body give one inertia, how far the logs scatter, and which of them disagree.
+    """
     _check_usage(logs, rig, method, variant, json, report)
     options = _options(option or [])
     if variant is not None:
         options["variant"] = variant.value
-    provenance: Provenance = {"log": logs[0], "rig_source": rig, "options": options}
+    source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
+    provenance: Provenance = {**source, "rig_source": rig, "options": options}
     try:
-        result = _identify(logs[0], rig, method.value, options, provenance, json, report)
+        result = _identify(logs, rig, method.value, options, provenance, json, report)
     except Exception as error:
         if json is not None:
             write_refusal(json, method.value, error, provenance)
@@ -91,17 +99,15 @@ def _check_usage(
     logs: list[str], rig: str, method: Method, variant: Variant | None, json: str | None, report: str | None
 ) -> None:
     """Raise UsageError for a combination of options that makes no sense or would overwrite an input."""
-    if len(logs) > 1:
-        raise UsageError(f"{len(logs)} logs were given; identify takes one at a time", code="several-logs")
     if variant is not None and method is not Method.ENERGY:
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
     from swingid.cli.output import check_targets
 
-    check_targets({"--json": json, "--report": report}, {rig: "the rig file", logs[0]: "the log"})
+    check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
 
 
 def _identify(
-    log: str,
+    logs: list[str],
     rig: str,
     method: str,
     options: dict[str, object],
@@ -122,15 +128,35 @@ def _identify(
 
     plant = Rig.load(rig)
     provenance |= {"rig": plant.name, "rig_source": plant.source}
-    recording = Recording.load(log, plant)
-    provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
-    announce_compilation("identify")
-    result = run(recording, plant, method, **options)
+    if len(logs) > 1:
+        recording = None
+        announce_compilation("identify")
+        result = run(_loaded(logs, plant), plant, method, **options)
+    else:
+        recording = Recording.load(logs[0], plant)
+        provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
+        announce_compilation("identify")
+        result = run(recording, plant, method, **options)
     if report is not None:
         from swingid.report import write_report
 
         write_report(result, recording, plant, Path(report))
     return result
+
+
+def _loaded(logs: list[str], rig: Rig) -> dict[str, Recording | SwingidError]:
+    """The logs by their names; the error of one that cannot be used in its place, for the others still count."""
+    from swingid.recording.recording import Recording
+
+    found: dict[str, Recording | SwingidError] = {}
+    for log in logs:
+        if log in found:
+            raise UsageError(f"{log} was given twice; a run counts once", code="same-log-twice")
+        try:
+            found[log] = Recording.load(log, rig)
+        except SwingidError as error:
+            found[log] = error
+    return found
 
 
 def write_refusal(target: str, method: str, error: Exception, provenance: Provenance) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 
 from swingid.errors import SwingidError, UsageError
@@ -15,21 +15,26 @@ from swingid.recording.recording import Recording
 METHODS: dict[str, str] = {
     "momentum": "swingid.identify.momentum:momentum",
     "energy": "swingid.identify.energy:energy",
+    "output-error": "swingid.identify.output_error:output_error",
+    "backstepping": "swingid.identify.backstepping:backstepping",
     "equation-error": "swingid.identify.equation_error:equation_error",
 }
 """Function of each method, imported when it is called. Its options are its keyword arguments."""
 
 
 def identify(
-    log: Recording | Sequence[Recording | SwingidError], rig: Rig, method: str = "momentum", **options: object
+    log: Recording | Sequence[Recording] | Mapping[str, Recording | SwingidError],
+    rig: Rig,
+    method: str = "momentum",
+    **options: object,
 ) -> Result:
     """Moment of inertia and friction of the body that `log` shows, by the named method.
 
     Parameters
     ----------
-    log : Recording, or several of one body on one rig
+    log : Recording, or several of one body on one rig, in a list or by name
         Measured angles, and voltage or torque where the method needs them. Nothing else of it is used. Several give
-        one result with `per_log`; an error may stand in the place of one that could not be read.
+        one result with `per_log`; by name, an error may stand in the place of one that could not be read.
     rig : Rig
         The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never knowledge.
     method : one of `METHODS`

@@ -35,6 +35,7 @@ def summarise(result: Result) -> str:
     parts = [
         ("Identification", _identification(result)),
         ("Parameters", _parameters(result)),
+        ("Logs", _logs(result)),
         ("Uncertainty of the inertia", _budget(result)),
         ("Friction", _friction(result.details)),
         ("Estimates by kind of projection", _kinds(result)),
@@ -75,6 +76,11 @@ def _identification(result: Result) -> list[str]:
 
 
 def _log_text(provenance: dict[str, object]) -> str:
+    tare, loaded, logs = (provenance.get(key) for key in ("tare", "loaded", "logs"))
+    if isinstance(tare, dict) and isinstance(loaded, dict):
+        return f"{loaded.get('result')} less {tare.get('result')}"
+    if isinstance(logs, list):
+        return _count(len(logs), "log")
     path, rows = provenance.get("log"), provenance.get("rows")
     return f"{path or 'made in memory'}" + (f" ({rows} rows)" if rows else "")
 
@@ -118,6 +124,28 @@ def relative(parameter: Parameter, *, fine: bool = False) -> str:
     if parameter.standard_uncertainty > abs(parameter.value):
         return ">\u00a0100\u00a0%" if fine else "> 100 %"
     return percent(parameter.standard_uncertainty / abs(parameter.value), fine=fine)
+
+
+def _logs(result: Result) -> list[str]:
+    """One line per log: its inertia, how far it is from the common one, its doubts or why it was refused."""
+    rows = [log_row(one, result) for one in result.per_log]
+    if not rows:
+        return []
+    wide = [max(len(row[k]) for row in rows) for k in range(3)]
+    return [
+        f"    {name:<{wide[0]}}  {value:<{wide[1]}}  {off:<{wide[2]}}  {said}".rstrip()
+        for name, value, off, said in rows
+    ]
+
+
+def log_row(one: Result, common: Result, *, fine: bool = False) -> tuple[str, str, str, str]:
+    """Of one of several logs: its name, its inertia, its deviation from the common one, what is to be said of it."""
+    name = str(one.provenance.get("log") or "made in memory")
+    if "inertia" not in one.parameters:
+        return name, "no number", "", " ".join(one.error.message.split()) if one.error else ""
+    share = one.inertia.value / common.inertia.value - 1
+    off = percent(share if abs(share) > 1e-12 else 0.0, sign=True, fine=fine)
+    return name, value_text(one.inertia, fine=fine), off, ", ".join(message.code for message in one.warnings)
 
 
 def _budget(result: Result) -> list[str]:

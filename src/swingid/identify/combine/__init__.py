@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from swingid.identify.combine.difference import difference
 from swingid.identify.combine.several import identify_several
 
-__all__ = ["identify_several"]
+__all__ = ["difference", "identify_several"]

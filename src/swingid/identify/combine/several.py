@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 
@@ -31,28 +31,29 @@ FRICTION = ("per-log", "shared")
 
 
 def identify_several(
-    logs: Sequence[Recording | SwingidError],
+    logs: Sequence[Recording] | Mapping[str, Recording | SwingidError],
     identify_one: Identify,
     *,
     friction: str = "per-log",
-    names: Sequence[str] | None = None,
 ) -> Result:
     """One result from several logs of one body on one rig, with the ordinary results in `per_log`.
 
-    logs: two recordings or more; an error in the place of one that could not be read. identify_one: from a
-    recording to its result. friction: "per-log" (each result keeps its own; a note says whether they agree) or "shared"
-    (pooled like the inertia). names: of the logs in messages, else the names of their files.
+    logs: recordings, in a list (then called by their files) or by name; an error in the place of one that could not
+    be read. One alone gives its ordinary result. identify_one: from a recording to its result. friction: "per-log"
+    (each result keeps its own; a note says whether they agree) or "shared" (pooled like the inertia).
 
-    Raises UsageError for an unknown choice of friction or a log given twice; where every log is refused, the error of
-    the first.
+    Raises UsageError for no log, a log given twice or an unknown choice of friction; where every log is refused, the
+    error of the first.
     """
     if friction not in FRICTION:
         raise UsageError(f"unknown friction {friction!r}; choose {' or '.join(FRICTION)}.", code="no-friction-choice")
-    called = _names(logs, names)
-    _refuse_twice(logs, called)
+    by_name = _by_name(logs)
+    if not by_name:
+        raise UsageError("no log was given; give one or more.", code="no-log")
+    _refuse_twice(by_name)
     results: list[Result] = []
     errors: list[SwingidError] = []
-    for log, name in zip(logs, called, strict=True):
+    for name, log in by_name.items():
         try:
             if isinstance(log, SwingidError):
                 raise log
@@ -65,9 +66,9 @@ def identify_several(
             if isinstance(log, Recording):
                 source = {"log": log.source.path or name, "log_sha256": log.source.sha256, "rows": len(log)}
             results.append(refusal("", error, source))
-    if len(errors) == len(logs):
+    if len(errors) == len(results):
         raise errors[0]
-    return combine(results, called, friction=friction)
+    return results[0] if len(results) == 1 else combine(results, _short(list(by_name)), friction=friction)
 
 
 def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = "per-log") -> Result:
@@ -140,18 +141,28 @@ def estimates_of(results: Sequence[Result], friction: str) -> dict[str, list[Est
     }
 
 
-def _names(logs: Sequence[Recording | SwingidError], names: Sequence[str] | None) -> list[str]:
-    """What each log is called: its path, else its number; the bare file name where those differ."""
-    if names is None:
-        paths = [log.source.path if isinstance(log, Recording) else None for log in logs]
-        names = [path or f"log {k + 1}" for k, path in enumerate(paths)]
+def _by_name(
+    logs: Sequence[Recording] | Mapping[str, Recording | SwingidError],
+) -> dict[str, Recording | SwingidError]:
+    """The logs by name: their paths, or their numbers where paths are missing or alike."""
+    if isinstance(logs, Mapping):
+        return dict(logs)
+    paths = [log.source.path for log in logs]
+    unique = len(set(paths)) == len(paths)
+    return {
+        path if path and unique else f"log {k + 1}": log for k, (path, log) in enumerate(zip(paths, logs, strict=True))
+    }
+
+
+def _short(names: Sequence[str]) -> list[str]:
+    """Names for people: of files without their folders, where that tells them apart."""
     bare = [PurePath(name).name for name in names]
     return bare if len(set(bare)) == len(bare) else list(names)
 
 
-def _refuse_twice(logs: Sequence[Recording | SwingidError], names: Sequence[str]) -> None:
+def _refuse_twice(logs: Mapping[str, Recording | SwingidError]) -> None:
     seen: dict[object, str] = {}
-    for log, name in zip(logs, names, strict=True):
+    for name, log in logs.items():
         if not isinstance(log, Recording):
             continue
         key = log.source.sha256 or id(log)

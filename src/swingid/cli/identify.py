@@ -26,6 +26,7 @@ class Method(StrEnum):
     MOMENTUM = "momentum"
     ENERGY = "energy"
     EQUATION_ERROR = "equation-error"
+    BACKSTEPPING = "backstepping"
 
 
 class Variant(StrEnum):

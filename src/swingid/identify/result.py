@@ -92,6 +92,21 @@ class FrictionCurve:
 
 
 @dataclass(frozen=True)
+class Convergence:
+    """How an online estimate of the inertia came to its value.
+
+    times (s), values: the estimate over the log, thinned for drawing. settled: begin and end (s) of the part whose mean
+    is the answer. within: seconds from the first row until it stays within a distance of its final value ("5 %",
+    "1 %"), None where it does not by the end.
+    """
+
+    times: Array
+    values: Array
+    settled: tuple[float, float]
+    within: dict[str, float | None]
+
+
+@dataclass(frozen=True)
 class Details:
     """What the report draws and the curious read: the way from the log to the number.
 
@@ -113,6 +128,7 @@ class Details:
     residual_times: Array = field(default_factory=lambda: np.empty(0))
     residuals: Array = field(default_factory=lambda: np.empty(0))
     extra: dict[str, float] = field(default_factory=dict)
+    convergence: Convergence | None = None
 
 
 @dataclass(frozen=True)

@@ -90,10 +90,15 @@ def between_rows(nodes: GaussNodes, values: Array, *, held: bool) -> Array:
     """
     if not held:
         return nodes.spline(values)
-    gaps = np.diff(nodes.time)
+    return np.repeat(held_between(nodes.time, values)[:, None], nodes.points, axis=1)
+
+
+def held_between(time: Array, values: Array) -> Array:
+    """The mean (n−1,) from row to row of a logged voltage or torque (n,) that is held, lost rows as `between_rows`."""
+    gaps = np.diff(time)
     rows = np.maximum(np.rint(gaps / np.median(gaps)), 1.0)
-    mean = values[:-1] + np.diff(values) * (rows - 1) / (2 * rows)
-    return np.repeat(mean[:, None], nodes.points, axis=1)
+    result: Array = values[:-1] + np.diff(values) * (rows - 1) / (2 * rows)
+    return result
 
 
 def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:

@@ -80,15 +80,11 @@ def check_energy(
     inertia = parameters["inertia"]
     warnings: list[Message] = []
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
-    if inertia.standard_uncertainty is None:
-        text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
-        notes.append(Message("no-uncertainty-inertia", text))
-    elif opinion.windows is not None:
+    if opinion.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
         found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
         warnings += found
         notes += told
-    if opinion.windows is not None and inertia.standard_uncertainty is not None:
         warnings += _against_momentum(inertia, budget, opinion.windows, scale)
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += motor_notes

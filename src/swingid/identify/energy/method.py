@@ -14,11 +14,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.errors import UnanswerableError, UsageError
 from swingid.identify.energy.answer import EnergyEstimate, energy_answer, energy_details
 from swingid.identify.energy.balance import Course, States, states_at
 from swingid.identify.energy.checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
 from swingid.identify.energy.fit import BASIS, fit_nodes, sensor_variance
+from swingid.identify.energy.needs import require_motor, without_latency
 from swingid.identify.energy.passes import Passes, mirrored_passes
 from swingid.identify.energy.printed import (
     DEPTHS,
@@ -32,7 +33,6 @@ from swingid.identify.energy.printed import (
     unequal_losses,
     unequal_speeds,
 )
-from swingid.identify.momentum.balance import moved
 from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import channel_noise
@@ -82,9 +82,9 @@ def energy(
     _check_options(variant, nodes, work)
     scale = Scale.of(rig)
     require_channels(log, rig)
-    _require_motor(log, rig, scale)
+    require_motor(log, rig, scale, "energy")
     noise = channel_noise(log, rig)
-    straight = _without_latency(log, rig)
+    straight = without_latency(log, rig)
     part = _used_part(straight, rig, noise, keep_all=nodes is not None)
     course = Course.of(part.log, rig, part.motion, noise)
     opinion = second_opinion(log.segment(*part.span), rig, part.motion, scale, noise)
@@ -96,6 +96,9 @@ def energy(
     budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, part.motion)
     notes = [part.note, *estimate.notes, *notes]
+    if parameters["inertia"].standard_uncertainty is None:
+        text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
+        notes.append(Message("no-uncertainty-inertia", text))
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
     options: dict[str, object] = {"variant": variant}
@@ -126,34 +129,6 @@ def _check_options(variant: str, nodes: object, work: str) -> None:
         raise UsageError(f'unknown work {work!r} of "energy"; choose "held" or "trapezoid".', code="no-work-rule")
     if variant == "better" and (nodes is not None or work != "held"):
         raise UsageError('nodes and work belong to variant="printed"; leave them out.', code="printed-only")
-
-
-def _require_motor(log: Recording, rig: Rig, scale: Scale) -> None:
-    """The work of the motor needs its voltage and its constants."""
-    if scale.drive != "reaction-wheel":
-        return
-    if log.voltage is None:
-        raise InputError(
-            f"{log.source.path or 'the log'} has no voltage, which the energy method needs; name its column as voltage "
-            "under [log], or use the momentum method, which does not.",
-            code="missing-voltage",
-        )
-    motor = rig.drive.motor
-    if motor is None or motor.torque_per_volt.value == 0:
-        raise UnanswerableError(
-            f"rig {rig.name}: drive.motor.torque_per_volt is not given, but the energy method needs the motor's "
-            "constants; give them, or use the momentum method, which does not need them.",
-            code="no-motor-constants",
-        )
-
-
-def _without_latency(log: Recording, rig: Rig) -> Recording:
-    """The log with each angle moved to its stamp, where the rig declares a latency: the voltage acts at the stamps."""
-    late, wheel_late = rig.sensors.of("angle").latency.value, rig.sensors.of("wheel").latency.value
-    if late == 0 and (wheel_late == 0 or log.wheel_angle is None):
-        return log
-    wheel = None if log.wheel_angle is None else moved(log.time, log.wheel_angle, wheel_late)
-    return replace(log, angle=moved(log.time, log.angle, late), wheel_angle=wheel)
 
 
 def _used_part(log: Recording, rig: Rig, noise: Noise, *, keep_all: bool) -> _Part:

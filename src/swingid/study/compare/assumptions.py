@@ -37,6 +37,7 @@ OF_METHOD: dict[str, tuple[bool, str, str]] = {
     "momentum": (False, "any", "none"),
     "energy": (True, "basis", "smoothed"),
     "equation-error": (False, "law", "filtered"),
+    "backstepping": (True, "viscous", "smoothed"),
 }
 """Per method: whether it needs the motor, what it assumes of friction, its speeds."""
 

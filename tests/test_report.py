@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -209,6 +210,26 @@ def test_importing_costs_no_matplotlib() -> None:
     code = "import sys, swingid.report, swingid.identify.plot; print({'matplotlib', 'jinja2'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"
+
+
+FRAME = """<body style="margin:0"><iframe id="f" src="{page}" style="width:{width}px;height:800px;border:0"></iframe>
+<p id="o"></p><script>document.getElementById("f").onload = () => {{ const page = document.getElementById("f")
+.contentDocument; page.querySelectorAll("details").forEach((d) => d.open = true);
+document.getElementById("o").textContent = "width " + page.documentElement.scrollWidth; }}</script>"""
+
+
+@pytest.mark.skipif(shutil.which("chromium") is None, reason="needs chromium")
+@pytest.mark.parametrize("name", ["clean", "linear", "refused"])
+def test_nothing_but_figures_scrolls_sideways_on_a_phone(tmp_path: Path, pages: dict[str, str], name: str) -> None:
+    (tmp_path / "page.html").write_text(pages[name], encoding="utf-8")
+    (tmp_path / "frame.html").write_text(FRAME.format(page="page.html", width=390), encoding="utf-8")
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files", "--disable-web-security"]
+    flags += [f"--user-data-dir={tmp_path / 'profile'}", "--virtual-time-budget=3000", "--dump-dom"]
+    frame = (tmp_path / "frame.html").as_uri()
+    seen = subprocess.run(["chromium", *flags, frame], capture_output=True, text=True, timeout=60, check=False).stdout
+    width = re.search(r'<p id="o">width (\d+)', seen)
+    assert width is not None
+    assert int(width[1]) <= 390
 
 
 def test_figures_of_a_long_log_stay_small() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from matplotlib.figure import Figure
 
 import factories
 from swingid.errors import UsageError
@@ -15,12 +16,13 @@ from swingid.identify.plot import plot_result
 from swingid.identify.result import COVERAGE_FACTOR
 from swingid.report.figures.budget import draw_budget
 from swingid.report.figures.friction import draw_friction
-from swingid.report.figures.kinds import draw_kinds
+from swingid.report.figures.kinds import _in_percent, draw_kinds
 from swingid.report.figures.log import panels_of, speed_of
 from swingid.report.figures.residuals import draw_residuals
 from swingid.report.figures.swings import draw_swings
 from swingid.report.figures.turning_points import sides_of
-from swingid.report.style import envelope, new_figure, prefixed, to_svg
+from swingid.report.style import envelope, house_style, new_figure, prefixed, to_svg
+from swingid.report.tables import swings_off
 
 
 @given(
@@ -147,6 +149,51 @@ def test_a_hopeless_kind_does_not_set_the_scale() -> None:
     figure = draw_kinds(replace(result, details=replace(result.details, estimates=estimates)))
     assert figure is not None
     assert figure.axes[0].get_xlim()[1] < 1.0  # percent
+
+
+def test_a_bar_that_leaves_the_panel_ends_in_an_arrow() -> None:
+    result = factories.clean_result()
+    assert result.details is not None
+    plain = draw_kinds(result)
+    estimates = {**result.details.estimates, "swing": (result.inertia.value, 1.0)}
+    cut = draw_kinds(replace(result, details=replace(result.details, estimates=estimates)))
+    assert plain is not None
+    assert cut is not None
+
+    def arrows(figure: Figure) -> list[object]:
+        return sorted(str(line.get_marker()) for line in figure.axes[0].lines if line.get_marker() in ("<", ">"))
+
+    assert (arrows(plain), arrows(cut)) == ([], ["<", ">"])
+
+
+def test_kinds_are_compared_in_decimals() -> None:
+    assert _in_percent(-0.0001, 0.0113) == "0.000 ± 0.011\u00a0%"
+    assert _in_percent(-0.0036, 0.005) == "−0.0036 ± 0.0050\u00a0%"
+    assert _in_percent(3.61, 12.3) == "4 ± 12\u00a0%"
+
+
+@pytest.mark.parametrize("law", ["viscous", "coulomb + viscous + quadratic, direction-dependent"])
+def test_the_legend_of_the_friction_law_stays_in_the_figure(law: str) -> None:
+    details = factories.clean_result().details
+    assert details is not None
+    assert details.friction is not None
+    with house_style():
+        figure = draw_friction(replace(details.friction, law=law), linear=False)
+        assert figure is not None
+        figure.draw_without_rendering()
+        legend = figure.axes[0].get_legend()
+        assert legend is not None
+        assert legend.get_window_extent().x1 <= figure.bbox.x1
+
+
+def test_swings_that_lie_off_the_answer_are_explained() -> None:
+    result = factories.clean_result()
+    assert result.details is not None
+    assert result.details.swings is not None
+    assert swings_off(result) == ""
+    off = replace(result.details.swings, values=result.details.swings.values * 0.957)
+    text = swings_off(replace(result, details=replace(result.details, swings=off)))
+    assert text.startswith("Here they lie −4.3\u00a0% from the answer, more than its interval allows")
 
 
 def test_thousands_of_residuals_become_bands() -> None:

@@ -103,6 +103,7 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
         ],
         "budget": tables.budget_rows(result),
         "extra": tables.extra_rows(result),
+        "swings_off": tables.swings_off(result),
         "figures": _figures(result, log, linear=linear) if answered else {},
         "provenance": tables.provenance_rows(result),
         "making": tables.making_rows(log) if answered else [],

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from swingid.identify.format import interval, number, percent, plus_minus, span
 from swingid.identify.result import Result
@@ -15,6 +18,8 @@ from swingid.units import Quantity
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
+
+FEWEST_SWINGS = 4
 
 LONGEST = 160
 """Characters of a provenance or metadata value beyond which only its size is told."""
@@ -30,6 +35,25 @@ class Row:
     spread: str = ""
     remark: str = ""
     bounded: bool = False
+
+
+def swings_off(result: Result) -> str:
+    """A sentence where the swings lie off the answer by more than its interval and their scatter allow, else ""."""
+    swings = result.details.swings if result.details else None
+    if swings is None or len(swings.values) < FEWEST_SWINGS or result.inertia.interval95 is None:
+        return ""
+    answer, (low, high) = result.inertia.value, result.inertia.interval95
+    middle = float(np.median(swings.values))
+    scatter = 1.4826 * float(np.median(np.abs(swings.values - middle)))
+    if not abs(middle - answer) > (high - low) / 2 + 3 * scatter / math.sqrt(len(swings.values)):
+        return ""
+    window = result.details.window if result.details else None
+    short = "" if window is None else f", while the answer rests on windows of ±{number(window, 's', 3, fine=True)}"
+    return (
+        f"Here they lie {percent(middle / answer - 1, sign=True, fine=True)} from the answer, more than its interval "
+        f"allows: each takes in a whole swing, on which weighs what the model lacks, such as friction that is not a "
+        f"function of speed alone{short}."
+    )
 
 
 def parameter_rows(result: Result, *, linear: bool) -> list[Row]:

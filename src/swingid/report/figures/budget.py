@@ -62,6 +62,7 @@ def draw_budget(result: Result) -> Figure | None:
     ax.set_yticks(range(len(bars)), ["\n".join(textwrap.wrap(source, 38)) for source, _, _ in bars])
     ax.invert_yaxis()
     ax.set_xlim(0, 115 * max(share for _, share, _ in bars) or 1.0)
+    ax.locator_params(axis="x", nbins=6)
     ax.grid(visible=False, axis="y")
     ax.tick_params(axis="y", length=0)
     ax.set_xlabel("standard uncertainty, % of the answer")

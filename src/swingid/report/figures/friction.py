@@ -13,6 +13,9 @@ from swingid.report.style import legend_above, new_figure, prefixed
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+LONG = 36
+"""Letters of a law's name that no longer leave room for two columns of the legend."""
+
 
 def draw_friction(curve: FrictionCurve, *, linear: bool) -> Figure | None:
     """Torque (or force) over speed with 95 % bars; the law is drawn apart for the two directions of motion."""
@@ -46,5 +49,5 @@ def draw_friction(curve: FrictionCurve, *, linear: bool) -> Figure | None:
     )
     ax.set_xlabel(f"{'speed' if linear else 'angular speed'}, {speed_unit}")
     ax.set_ylabel(f"{'force' if linear else 'torque'}, {unit}")
-    legend_above(ax, 2)
+    legend_above(ax, 2 if len(curve.law) < LONG else 1)
     return figure

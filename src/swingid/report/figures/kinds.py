@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.format import plus_minus
+from swingid.identify.format import last_place, plus_minus
 from swingid.identify.plot import BLUE, GREEN
 from swingid.identify.result import COVERAGE_FACTOR, Result, combined
 from swingid.report.style import new_figure
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 COARSE = 30.0
@@ -43,7 +44,7 @@ def draw_kinds(result: Result) -> Figure | None:
         if bar <= COARSE * max(finest, own):
             reach = max(reach, abs(off) + bar)
         ax.annotate(
-            plus_minus(off, 100 * uncertainty / abs(inertia.value), "%", fine=True),
+            _in_percent(off, 100 * uncertainty / abs(inertia.value)),
             (1.0, row),
             xycoords=("axes fraction", "data"),
             xytext=(6, 0),
@@ -53,6 +54,9 @@ def draw_kinds(result: Result) -> Figure | None:
         )
     if reach > 0:
         ax.set_xlim(-1.12 * reach, 1.12 * reach)
+        _mark_cut_bars(
+            ax, [100 * (value / inertia.value - 1) for value, _ in estimates.values()], list(spreads.values())
+        )
     ax.set_yticks(range(len(estimates)), list(estimates))
     ax.set_ylim(len(estimates) - 0.5, -0.5)
     ax.grid(visible=False, axis="y")
@@ -61,3 +65,21 @@ def draw_kinds(result: Result) -> Figure | None:
     if own > 0:
         ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
     return figure
+
+
+def _in_percent(off: float, uncertainty: float) -> str:
+    """'0.0036 ± 0.0050 %': as decimals, so that the rows compare at a glance, unless these would be long."""
+    if not (np.isfinite(uncertainty) and uncertainty > 1e-6):
+        return plus_minus(off, uncertainty, "%", fine=True)
+    places = max(0, -last_place(uncertainty))
+    shown = f"{round(off, places) + 0.0:.{places}f}".replace("-", "−")
+    return f"{shown} ± {uncertainty:.{places}f}\u00a0%"
+
+
+def _mark_cut_bars(ax: Axes, offs: list[float], spreads: list[float]) -> None:
+    """An arrow head where a bar leaves the panel."""
+    low, high = ax.get_xlim()
+    for row, (off, spread) in enumerate(zip(offs, spreads, strict=True)):
+        for edge, cut, marker in ((low, off - spread < low, "<"), (high, off + spread > high, ">")):
+            if cut:
+                ax.plot([edge], [row], ls="", marker=marker, ms=5, mew=0, color=BLUE, clip_on=False)

@@ -73,6 +73,7 @@ def _draw_angle(ax: Axes, log: Recording, details: Details, factor: float, span:
             mew=0,
             color=colour,
             label=label if span[0] <= log.time[0] else None,
+            clip_on=False,
         )
     ax.set_xlim(span)
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from swingid.recording.recording import Recording as Recording
     from swingid.simulate import simulate as simulate
     from swingid.study.compare import compare as compare
+    from swingid.study.design import design as design
     from swingid.study.rehearse import rehearse as rehearse
 
     __version__: str
@@ -40,6 +41,7 @@ _HOMES = {
     "Rig": "swingid.model.rig",
     "calibrate": "swingid.identify.motor_calibration",
     "compare": "swingid.study.compare",
+    "design": "swingid.study.design",
     "difference": "swingid.identify.combine",
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
@@ -54,6 +56,7 @@ __all__ = [
     "Rig",
     "calibrate",
     "compare",
+    "design",
     "difference",
     "errors",
     "identify",

@@ -11,7 +11,9 @@ import typer
 
 from swingid.cli.calibrate import calibrate
 from swingid.cli.compare import compare
+from swingid.cli.design import design
 from swingid.cli.difference import difference
+from swingid.cli.convert import convert
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.init import init
@@ -31,7 +33,9 @@ app.command()(simulate)
 app.command()(identify)
 app.command()(calibrate)
 app.command()(compare)
+app.command()(convert)
 app.command()(difference)
+app.command()(design)
 app.command()(rehearse)
 
 

@@ -146,15 +146,15 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.f
     return np.asarray(wave(np.arange(int(duration * rate + 1e-9) + 1) / rate))
 
 
-def parse_angle(text: str, rig: Rig) -> float:
-    """The initial angle in rad, or m on a linear axis; UsageError for what is no number with such a unit."""
+def parse_angle(text: str, rig: Rig, option: str = "--initial-angle") -> float:
+    """An angle in rad, or m on a linear axis; UsageError for what is no number with such a unit."""
     unit = "rad" if rig.axis.kind == "rotary" else "m"
     try:
         return float(text)
     except ValueError:
         from swingid.units import parse_quantity
     try:
-        return parse_quantity(text, unit, "--initial-angle").value
+        return parse_quantity(text, unit, option).value
     except InputError as error:
         raise UsageError(error.message, code=error.code) from None
 

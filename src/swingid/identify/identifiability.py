@@ -106,15 +106,15 @@ class Identifiability:
         for name in self.together:
             k, value = self.names.index(name), values.get(name, 0.0)
             unit = self.units[k]
-            sizes.append(percent(moves[k] / value, sign=True) if value else f"{number(moves[k], unit, 2)}")
+            sizes.append(percent(moves[k] / value, sign=True) if value else number(moves[k], unit, 2))
         return f"{text} ({' with '.join(sizes)} is one standard uncertainty)"
 
 
 def examine(names: Sequence[str], units: Sequence[str], columns: Array, noise: float = 1.0) -> Identifiability:
     """Judge linear equations: columns (rows, unknowns), and the standard deviation of one row's error.
 
-    The first unknown is the one that is wanted. The errors of rows are independent: give rows divided by their errors where these differ, and the
-    information matrix to `examine_information` where they are correlated.
+    The first unknown is the one that is wanted. The errors of rows are independent: give rows divided by their errors
+    where these differ, and the information matrix to `examine_information` where they are correlated.
     """
     sizes = np.linalg.norm(columns, axis=0)
     scale = np.where(sizes > 0, sizes, 1.0)

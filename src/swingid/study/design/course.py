@@ -1,0 +1,127 @@
+"""The motion that a reference asks for, without a controller: angles, wheel and voltage from rows (I) and (II).
+
+q1 is the reference itself. Row (I) then gives the wheel, from rest, and row (II) with the dead zone turned round the
+voltage. A real controller lags and overshoots, so limits are kept with some distance (see `candidates`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.control.references import Multisine, Sine
+from swingid.model.friction import static_curve
+from swingid.model.parameters import rig_vector
+from swingid.model.rig import Rig
+from swingid.numerics.compiled import njit
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Course:
+    """Angle (rad or m), speeds, and what the drive does, at evenly spaced instants (s); None where there is none."""
+
+    time: Array
+    angle: Array
+    speed: Array
+    wheel_angle: Array | None
+    wheel_speed: Array | None
+    voltage: Array | None
+    torque: Array | None
+
+    def recording(self, start: float) -> Recording:
+        """What perfect sensors would log of it from `start` (s) on."""
+        late = self.time >= start
+        channels = (self.wheel_angle, self.voltage, self.torque)
+        wheel, voltage, torque = (None if x is None else x[late] for x in channels)
+        return Recording(
+            time=self.time[late],
+            angle=self.angle[late],
+            wheel_angle=wheel,
+            voltage=voltage,
+            torque=torque,
+            drive_held=False,
+        )
+
+    @property
+    def peaks(self) -> dict[str, float]:
+        """Largest angle, speed, wheel speed, voltage and torque, SI."""
+        named = {
+            "angle": self.angle,
+            "speed": self.speed,
+            "wheel_speed": self.wheel_speed,
+            "voltage": self.voltage,
+            "torque": self.torque,
+        }
+        return {name: float(np.abs(x).max()) for name, x in named.items() if x is not None}
+
+
+@njit
+def _friction(speeds: Array, p: Array) -> Array:
+    result = np.empty(len(speeds))
+    for k in range(len(speeds)):
+        result[k] = static_curve(speeds[k], p)
+    return result
+
+
+def course_of(rig: Rig, reference: Sine | Multisine, duration: float, rate: float) -> Course:
+    """The course of `rig` (its axis.inertia, friction and gravity torque are what is expected) over `duration` (s)."""
+    time = np.arange(int(duration * rate) + 1) / rate
+    angle, speed, acceleration = (derivative(reference, time, order) for order in range(3))
+    p = rig_vector(rig)
+    gravity = 0.0 if isinstance(rig.axis.gravity_torque, str) else rig.axis.gravity_torque.value
+    resisting = gravity * np.sin(angle) + _friction(speed, p)
+    assert rig.axis.inertia is not None
+    if rig.drive.kind == "direct":
+        torque = rig.axis.inertia.value * acceleration + resisting
+        return Course(time, angle, speed, None, None, None, torque)
+    drive = rig.drive
+    assert drive.wheel is not None
+    assert drive.motor is not None
+    a11 = rig.axis.inertia.value + drive.wheel.inertia.value + drive.motor.rotor_inertia.value
+    momentum = -_integral(resisting, rate)
+    wheel_speed = (momentum - a11 * speed) / drive.a12
+    wheel_acceleration = (-resisting - a11 * acceleration) / drive.a12
+    voltage = _voltage(rig, drive.a12 * acceleration + drive.a22 * wheel_acceleration, wheel_speed)
+    correction = np.diff(wheel_acceleration) / (12 * rate**2)
+    wheel_angle = _integral(wheel_speed, rate) - np.concatenate([[0.0], np.cumsum(correction)])
+    return Course(time, angle, speed, wheel_angle, wheel_speed, voltage, None)
+
+
+def derivative(reference: Sine | Multisine, time: Array, order: int) -> Array:
+    """The reference or a derivative of it at `time` (s)."""
+    total = np.zeros_like(time)
+    for part in parts_of(reference):
+        factor = part.amplitude * part.frequency**order
+        total += factor * np.sin(part.frequency * time + part.phase + 0.5 * np.pi * order)
+    return total
+
+
+def parts_of(reference: Sine | Multisine) -> tuple[Sine, ...]:
+    """The sines of a reference."""
+    return reference.parts if isinstance(reference, Multisine) else (reference,)
+
+
+def _integral(values: Array, rate: float) -> Array:
+    """Running trapezoid from 0."""
+    result: Array = np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / (2 * rate))])
+    return result
+
+
+def _voltage(rig: Rig, torque: Array, wheel_speed: Array) -> Array | None:
+    """Voltage at which row (II) gives `torque` (N m) on its left side; None for a motor without a torque constant."""
+    motor = rig.drive.motor
+    assert motor is not None
+    if motor.torque_per_volt.value == 0:
+        return None
+    gear = motor.gear_ratio.value
+    drag = motor.viscous.value * gear * wheel_speed + motor.coulomb.value * np.sign(wheel_speed)
+    shaft = torque / gear + drag
+    low, high = motor.dead_zone
+    ideal = shaft + np.where(shaft > 0, high, low)
+    result: Array = (ideal / motor.efficiency.value + motor.back_emf.value * wheel_speed) / motor.torque_per_volt.value
+    return result

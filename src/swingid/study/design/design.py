@@ -1,0 +1,393 @@
+"""From a wanted uncertainty to a motion: candidates, their predictions, the shortest that does, one run of the twin."""
+
+from __future__ import annotations
+
+import json
+import math
+import shlex
+from dataclasses import dataclass
+
+from swingid.control.references import Multisine, Sine
+from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
+from swingid.identify.format import percent
+from swingid.identify.identifiability import HOPELESS
+from swingid.identify.result import combined
+from swingid.identify.summary import sorted_budget
+from swingid.model.rig import Rig
+from swingid.study.design.candidates import Limits, candidates
+from swingid.study.design.course import course_of, parts_of
+from swingid.study.design.information import Prediction, predict
+from swingid.study.design.trial import Trial, try_on_twin
+from swingid.units import Quantity, parse_quantity
+
+SCHEMA = "swingid.design/1"
+
+ANGLE = 0.8
+"""Largest angle of a rotary axis where none is asked for, rad; the paper's."""
+
+LONGEST = 60.0
+"""Longest run where none is asked for, s."""
+
+SETTLING = 6.0
+"""Time the controller is given before its motion counts, s (the paper's gains take 4 to 6 s)."""
+
+LOOK = 10.0
+"""Used time at which candidates are first compared, s."""
+
+SWINGS = 8
+"""Fewest periods of the slowest sine that count."""
+
+LEAN = 0.8
+"""Per cent of inertia per per cent of gravity torque above which a motion is near resonance."""
+
+PAPER_DELTA0 = 0.08
+"""delta0 of the paper's experiment, rad."""
+
+SHOWN = 8
+"""Candidates that are worked out to the end."""
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """A motion with what is predicted of it.
+
+    duration (s) contains `settling`; delta0 (rad): the error that the compensator may keep (18); peaks: SI, by name.
+    """
+
+    reference: str
+    duration: float
+    settling: float
+    rate: float
+    delta0: float
+    peaks: dict[str, float]
+    prediction: Prediction
+
+    @property
+    def relative(self) -> float:
+        """Predicted standard uncertainty of the inertia as a share of it."""
+        return self.prediction.relative
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain data."""
+        parameters = {
+            name: {
+                "value": p.value,
+                "standard_uncertainty": p.standard_uncertainty,
+                "interval95": None if p.interval95 is None else list(p.interval95),
+                "unit": p.unit,
+            }
+            for name, p in self.prediction.parameters.items()
+        }
+        return {
+            "reference": self.reference,
+            "duration": self.duration,
+            "settling": self.settling,
+            "rate": self.rate,
+            "delta0": self.delta0,
+            "relative_uncertainty": self.relative,
+            "parameters": parameters,
+            "budget": [entry.__dict__ for entry in self.prediction.budget],
+            "condition": _finite(self.prediction.seen.condition),
+            "inflation": _finite(self.prediction.seen.inflation),
+            "peaks": self.peaks,
+        }
+
+
+@dataclass(frozen=True)
+class Design:
+    """The proposal that reaches the wanted relative standard uncertainty, those beside it, and one run on the twin."""
+
+    rig: str
+    rig_source: str
+    wanted: float
+    proposal: Proposal
+    others: tuple[Proposal, ...]
+    trial: Trial | None
+    notes: tuple[str, ...]
+
+    @property
+    def command(self) -> str:
+        """The command that makes the log of the proposal on the twin."""
+        source = self.rig_source.removeprefix("built-in ")
+        p = self.proposal
+        return (
+            f"swingid simulate --rig {shlex.quote(source)} --reference {shlex.quote(p.reference)} "
+            f"--duration {p.duration:g} --rate {p.rate:g} --delta0 {p.delta0:g} --out run.parquet"
+        )
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain data, schema "swingid.design/1"."""
+        return {
+            "schema": SCHEMA,
+            "status": "ok",
+            "rig": self.rig,
+            "rig_source": self.rig_source,
+            "wanted": self.wanted,
+            "proposal": self.proposal.to_dict(),
+            "command": self.command,
+            "others": [other.to_dict() for other in self.others],
+            "trial": None if self.trial is None else self.trial.__dict__,
+            "notes": list(self.notes),
+            "error": None,
+        }
+
+    def to_json(self) -> str:
+        """The design as JSON text."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def summary(self) -> str:
+        """A table to read on a terminal."""
+        from swingid.study.design.text import tabulate
+
+        return tabulate(self)
+
+
+def design(
+    rig: Rig,
+    uncertainty: float | str = "0.05 %",
+    *,
+    duration: float = LONGEST,
+    max_angle: float | None = None,
+    max_speed: float | None = None,
+    inertia: float | str | None = None,
+    gravity_torque: float | str | None = None,
+    rate: float = 1000.0,
+    settling: float = SETTLING,
+    check: bool = True,
+) -> Design:
+    """Propose the motion that gives the inertia of `rig` with the wanted standard uncertainty, by the method momentum.
+
+    uncertainty: a share (5e-4 or "0.05 %") or an absolute value with its unit ("1.5e-6 kg*m^2"). duration: longest run
+    (s). max_angle: rad (m); default 0.8 rad. max_speed: of the wheel against the body (without a wheel: of the axis),
+    rad/s (m/s). The voltage limit is the rig's. inertia, gravity_torque: what is expected, where the rig does not say;
+    the rig's axis.friction is what friction is expected to be. rate: rows per second. settling (s): the controller's
+    time to reach its motion. check: run the proposal once on the twin (with the paper's gains).
+
+    Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
+    motion within the limits reaches the uncertainty.
+    """
+    expected = _expected(rig, inertia, gravity_torque)
+    assert expected.axis.inertia is not None
+    wanted = _share(uncertainty, expected.axis.inertia.value, rig)
+    limits = _limits(rig, max_angle, max_speed)
+    for name, value in (("duration", duration), ("rate", rate)):
+        if not 0 < value < math.inf:
+            raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
+    if duration < settling + 3:
+        raise UsageError(
+            f"duration is {duration:g} s, but the controller takes {settling:g} s to settle; allow more.",
+            code="too-short",
+        )
+    given = rig.changed({"axis.inertia": None, "axis.friction": None})
+    natural = _natural(expected)
+    motions = candidates(expected, limits, natural, 2 * math.pi * SWINGS / (duration - settling))
+    looked = _look(motions, given, expected, rate, settling, duration)
+    if not looked:
+        raise UnanswerableError(
+            "no motion within the limits tells the inertia; allow a larger angle, speed, voltage or duration.",
+            code="no-motion",
+        )
+    reached, missed = _work_out(looked, given, expected, wanted, duration)
+    for place, proposal in enumerate(reached):
+        trial = (
+            try_on_twin(expected, proposal, limits, wanted) if check and rig.drive.kind == "reaction-wheel" else None
+        )
+        if trial is None or trial.passed:
+            others = tuple(p for k, p in enumerate([*reached, *missed]) if k != place)
+            return Design(rig.name, str(rig.source), wanted, proposal, others, trial, tuple(_notes(rig, trial)))
+    raise UnanswerableError(_why_not(reached, missed, wanted, duration), code="not-reachable")
+
+
+def _expected(rig: Rig, inertia: float | str | None, gravity_torque: float | str | None) -> Rig:
+    """The rig as it is expected to be; InputError for what is not known at all."""
+    if rig.drive.kind == "none":
+        raise UnanswerableError(
+            f"rig {rig.name} has no drive, so its motion cannot be chosen; release it from a large angle.",
+            code="no-drive",
+        )
+    linear = rig.axis.kind == "linear"
+    changes: dict[str, object] = {}
+    if inertia is not None:
+        changes["axis.inertia"] = _read(inertia, "kg" if linear else "kg*m^2", "inertia")
+    elif rig.axis.inertia is None:
+        raise InputError(
+            f'{rig.source}: axis.inertia is missing; state what you expect there or as --inertia "3e-3 kg*m^2".',
+            code="no-inertia",
+        )
+    if gravity_torque is not None:
+        changes["axis.gravity_torque"] = _read(gravity_torque, "N*m", "gravity_torque")
+    elif isinstance(rig.axis.gravity_torque, str):
+        raise InputError(
+            f"{rig.source}: axis.gravity_torque is unknown; state what you expect as --gravity-torque.",
+            code="no-gravity-torque",
+        )
+    return rig.changed(changes) if changes else rig
+
+
+def refused(rig: Rig, error: SwingidError) -> str:
+    """The JSON text that says why there is no design."""
+    reason = {"code": error.code, "message": error.message}
+    data = {"schema": SCHEMA, "status": "refused", "rig": rig.name, "rig_source": str(rig.source), "error": reason}
+    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
+
+
+def _read(value: float | str, unit: str, name: str) -> Quantity:
+    """A quantity that the caller gave; UsageError for what is none."""
+    try:
+        return parse_quantity(float(value) if _is_number(value) else value, unit, name)
+    except InputError as error:
+        raise UsageError(error.message, code=error.code) from None
+
+
+def _is_number(value: float | str) -> bool:
+    try:
+        float(value)
+    except ValueError:
+        return False
+    return True
+
+
+def _share(uncertainty: float | str, inertia: float, rig: Rig) -> float:
+    """The wanted relative standard uncertainty."""
+    if isinstance(uncertainty, str) and not _is_number(uncertainty) and not uncertainty.rstrip().endswith("%"):
+        share = _read(uncertainty, "kg" if rig.axis.kind == "linear" else "kg*m^2", "uncertainty").value / inertia
+    else:
+        share = _read(uncertainty, "", "uncertainty").value
+    if not 0 < share < HOPELESS:
+        raise UsageError(
+            f"uncertainty is {share:.3g} of the inertia, but must be above 0 and below {HOPELESS:g}; "
+            'write for example "0.05 %".',
+            code="out-of-range",
+        )
+    return share
+
+
+def _limits(rig: Rig, max_angle: float | None, max_speed: float | None) -> Limits:
+    if max_angle is None:
+        if rig.axis.kind == "linear":
+            raise UsageError("a linear axis needs max_angle, its largest excursion in m.", code="no-limit")
+        max_angle = ANGLE
+    for name, value in (("max_angle", max_angle), ("max_speed", max_speed)):
+        if value is not None and not 0 < value < math.inf:
+            raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
+    motor = rig.drive.motor
+    return Limits(max_angle, max_speed, None if motor is None else motor.voltage_limit)
+
+
+def _natural(expected: Rig) -> float:
+    """Frequency of the free swing, rad/s."""
+    assert expected.axis.inertia is not None
+    gravity = expected.axis.gravity_torque
+    b = gravity.value if isinstance(gravity, Quantity) else 0.0
+    return math.sqrt(b / expected.axis.inertia.value)
+
+
+def _proposal(
+    motion: Sine | Multisine, given: Rig, expected: Rig, rate: float, settling: float, used: float
+) -> Proposal:
+    """A motion with its prediction for `used` seconds after `settling`."""
+    course = course_of(expected, motion, settling + used, rate)
+    prediction = predict(course.recording(settling), given, expected)
+    return Proposal(
+        motion.describe(), settling + used, settling, rate, _kept_error(motion, expected), course.peaks, prediction
+    )
+
+
+def _kept_error(motion: Sine | Multisine, rig: Rig) -> float:
+    """delta0 of (18): a tenth of the amplitude, at most the paper's, and above what noise makes of the error."""
+    sensor = rig.sensors.of("angle")
+    tenth = 0.1 * sum(part.amplitude for part in parts_of(motion))
+    return float(f"{min(max(tenth, 0.5 * (sensor.noise + sensor.resolution)), PAPER_DELTA0):.2g}")
+
+
+def _look(
+    motions: list[Sine | Multisine], given: Rig, expected: Rig, rate: float, settling: float, duration: float
+) -> list[tuple[Sine | Multisine, Proposal]]:
+    """Every motion over one and the same used time; those near resonance and those without an answer are left out."""
+    found = []
+    for motion in motions:
+        slowest = min(part.frequency for part in parts_of(motion))
+        used = min(max(LOOK, 2 * math.pi * SWINGS / slowest), duration - settling)
+        try:
+            proposal = _proposal(motion, given, expected, rate, settling, used)
+        except UnanswerableError:
+            continue
+        if proposal.prediction.lean <= LEAN and math.isfinite(proposal.relative):
+            found.append((motion, proposal))
+    return found
+
+
+def _work_out(
+    looked: list[tuple[Sine | Multisine, Proposal]], given: Rig, expected: Rig, wanted: float, duration: float
+) -> tuple[list[Proposal], list[Proposal]]:
+    """The best candidates with the time they need, shortest first, and those that do not reach it."""
+
+    def needed(proposal: Proposal) -> tuple[float, float]:
+        left = wanted**2 - proposal.prediction.part("B") ** 2
+        share = proposal.prediction.part("A") ** 2 / left if left > 0 else math.inf
+        return max(share * (proposal.duration - proposal.settling), _shortest(proposal)), proposal.relative
+
+    def _shortest(proposal: Proposal) -> float:
+        return min(LOOK, proposal.duration - proposal.settling) / 2
+
+    reached: list[Proposal] = []
+    missed: list[Proposal] = []
+    for motion, first in sorted(looked, key=lambda item: needed(item[1]))[:SHOWN]:
+        slowest = min(part.frequency for part in parts_of(motion))
+        least = max(2 * math.pi * SWINGS / slowest, LOOK / 2)
+        longest = duration - first.settling
+        used = float(math.ceil(min(max(needed(first)[0], least), longest)))
+        proposal = first
+        while True:
+            used = min(used, longest)
+            proposal = _proposal(motion, given, expected, first.rate, first.settling, used)
+            if proposal.relative <= wanted or used >= longest:
+                break
+            used = min(float(math.ceil(max(1.3 * used, min(needed(proposal)[0], longest)))), longest)
+        (reached if proposal.relative <= wanted else missed).append(proposal)
+    reached.sort(key=lambda p: (p.duration, p.relative))
+    missed.sort(key=lambda p: p.relative)
+    return reached, missed
+
+
+def _why_not(reached: list[Proposal], missed: list[Proposal], wanted: float, duration: float) -> str:
+    """Which source keeps the uncertainty up, and what to do about it."""
+    if reached:
+        return (
+            f'by prediction "{reached[0].reference}" reaches {percent(wanted)}, but on the twin the controller does '
+            "not hold such motions within the limits; allow a larger angle or voltage, or a longer settling."
+        )
+    best = missed[0]
+    value = best.prediction.parameters["inertia"].value
+    entries = sorted_budget(best.prediction.budget, "inertia")
+    worst, share = entries[0], entries[0].standard_uncertainty / value
+    head = (
+        f'{percent(wanted)} is out of reach: the best motion within the limits, "{best.reference}" for '
+        f"{best.duration:g} s, gives {percent(best.relative)}, of which {worst.source} makes {percent(share)}"
+    )
+    if worst.type == "A":
+        return f"{head}; allow more than {duration:g} s or larger swings, or read the angle more finely."
+    left = wanted**2 - (combined(entries[1:], "inertia") / value) ** 2
+    if left <= 0:
+        return f"{head} and {entries[1].source} {percent(entries[1].standard_uncertainty / value)}; know both better."
+    return f"{head}; know it to {percent(math.sqrt(left) / share)} of the uncertainty that rig.toml states."
+
+
+def _notes(rig: Rig, trial: Trial | None) -> list[str]:
+    notes = []
+    if not rig.axis.friction.model_fields_set:
+        notes.append("the rig states no axis.friction, so none is expected; state what you expect of the bearing.")
+    exact = rig.constants_without_uncertainty()
+    used = [key for key in exact if key.split(".")[-1] in ("inertia", "rotor_inertia", "gear_ratio", "gravity_torque")]
+    if used:
+        notes.append(f"taken as exact, since rig.toml states no uncertainty: {', '.join(used)}.")
+    sensor = rig.sensors.of("angle")
+    if sensor.noise == 0 and sensor.resolution == 0:
+        notes.append("the rig states neither noise nor resolution of its angle sensor, so the data count as perfect.")
+    if trial is None:
+        notes.append("not tried on the twin, whose controller has no gains for this drive.")
+    return notes
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,187 @@
+"""What the momentum method will know after a planned motion: information matrix of its rows, and the budget.
+
+The motion is free of noise; the errors of the sensors go through the linear fit θ = K y of the very windows that the
+method would choose: an error e1(t) of the angle moves row i by ∫(a11 φ_i'' + b cos q1 φ_i) e1 dt, one of the wheel by
+∫a12 φ_i'' e2 dt. What rig.toml declares as uncertain goes the way it goes in the method (`imperfections`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UnanswerableError
+from swingid.identify.friction_laws import friction_units
+from swingid.identify.identifiability import Identifiability, examine, examine_information
+from swingid.identify.momentum.balance import Rows, Signals, rows_of
+from swingid.identify.momentum.choice import choose_law
+from swingid.identify.momentum.fits import BASIS, columns_of
+from swingid.identify.momentum.imperfections import Imperfection, imperfections
+from swingid.identify.momentum.windows import law_windows
+from swingid.identify.motion import find_motion
+from swingid.identify.noise import channel_noise
+from swingid.identify.result import BudgetEntry, Parameter, combined
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
+from swingid.model.rig.sensors import Sensor
+from swingid.numerics.regression import fit_linear
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.numerics.test_functions import curvature_overlap, superpose
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+DRAWS = 100
+"""Places of the encoders' grids that are tried; the standard deviation is then known to 7 %."""
+
+FINE = 0.5
+"""White noise of this share of an encoder's step makes its rounding white too."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """What to expect of the method.
+
+    parameters: the expected values with predicted uncertainties. budget: as of a result. window: half-length of the
+    test functions (s). lean: what 1 % of the gravity torque moves the inertia by, in per cent. seen: identifiability.
+    """
+
+    parameters: dict[str, Parameter]
+    budget: tuple[BudgetEntry, ...]
+    window: float
+    lean: float
+    seen: Identifiability
+
+    @property
+    def relative(self) -> float:
+        """Predicted standard uncertainty of the inertia as a share of it."""
+        inertia = self.parameters["inertia"]
+        return (inertia.standard_uncertainty or 0.0) / inertia.value
+
+    def part(self, kind: str) -> float:
+        """The same of the entries of one type, "A" or "B"."""
+        entries = [entry for entry in self.budget if entry.type == kind]
+        return combined(entries, "inertia") / self.parameters["inertia"].value
+
+
+def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
+    """Prediction for the noise-free `log` of a planned motion.
+
+    rig: what the method will be given; expected: the same with the inertia, friction and gravity torque expected.
+    Raises UnanswerableError where the method would find no answer.
+    """
+    scale = Scale.of(rig)
+    seen_log = with_errors(log, rig, np.random.default_rng(0))
+    noise = channel_noise(seen_log, rig)
+    moving = find_motion(log.time, seen_log.angle, noise.angle)
+    half = choose_law(Signals.of(seen_log, rig, moving), rig, scale, noise)[0].half
+    signals = Signals.of(log, rig, find_motion(log.time, log.angle, noise.angle))
+    rows = rows_of(signals, law_windows(signals, half))
+    unknowns, columns = columns_of(rows, scale, BASIS)
+    if len(rows.windows) <= 2 * len(unknowns):
+        raise UnanswerableError("the motion is too short for its slowest swing.", code="too-short")
+    assert expected.axis.inertia is not None
+    a11 = expected.axis.inertia.value + scale.carried
+    b = expected.axis.gravity_torque
+    gravity = 0.0 if isinstance(b, str) else b.value
+    items = imperfections(rig, signals, rows, a11, gravity)
+    power = ((a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2) * noise.step / half**3
+    row_noise = float(np.sqrt(2 * power * curvature_overlap(np.zeros(1))[0]))
+    influence, effects = _fit(columns, items, row_noise)
+    covariance = _sensors(log, rig, rows, influence, a11, gravity)
+    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    named = [units.get(name, "") for name in unknowns]
+    if np.linalg.matrix_rank(covariance, hermitian=True) == len(unknowns):
+        seen = examine_information(unknowns, named, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
+    else:  # perfect sensors: only the columns tell
+        seen = examine(unknowns, named, columns)
+    budget, parameters = [], {}
+    for k, (name, value) in enumerate((("inertia", a11 - scale.carried), ("gravity_torque", gravity))):
+        if name not in unknowns:
+            continue
+        budget.append(BudgetEntry("sensor noise and resolution", "A", name, float(np.sqrt(covariance[k, k]))))
+        for item, effect in zip(items, effects.T, strict=True):
+            shift = float(effect[k]) + (item.direct * item.std if name == "inertia" else 0.0)
+            budget.append(BudgetEntry(item.source, "B", name, abs(shift), shift / item.std, item.shared_id))
+        parameters[name] = Parameter.of(value, combined(budget, name), units[name])
+    lean = abs(float(influence[0] @ rows.gravity)) * gravity / a11
+    return Prediction(parameters, tuple(budget), half, lean, seen)
+
+
+def _fit(columns: Array, items: list[Imperfection], row_noise: float) -> tuple[Array, Array]:
+    """Influence of the rows (unknowns, rows), and what one standard deviation of each item does (unknowns, items).
+
+    Encoder nonlinearities join the unknowns with their standard deviation as prior, as in the method.
+    """
+    unknowns = columns.shape[1]
+    own = [k for k, item in enumerate(items) if item.calibrates]
+    amplitudes = -np.column_stack([items[k].rows * items[k].std for k in own]) if own else np.empty((len(columns), 0))
+    prior = np.hstack([np.zeros((len(own), unknowns)), max(row_noise, 1e-12) * np.eye(len(own))])
+    matrix = np.vstack([np.hstack([columns, amplitudes]), prior])
+    whole = fit_linear(matrix, np.zeros(len(matrix))).influence[:unknowns]
+    influence = whole[:, : len(columns)]
+    effects = (
+        np.column_stack([influence @ item.rows * item.std for item in items]) if items else np.empty((unknowns, 0))
+    )
+    for place, k in enumerate(own):
+        effects[:, k] = whole[:, len(columns) + place] * row_noise
+    return influence, effects
+
+
+def _sensors(log: Recording, rig: Rig, rows: Rows, influence: Array, a11: float, b: float) -> Array:
+    """Covariance of the unknowns from noise, resolution and jitter of both angles."""
+    time, step = np.asarray(log.time), float(log.time[1] - log.time[0])
+    windows = rows.windows
+    curved, plain = (
+        np.stack([superpose(time, windows.centres, windows.half, row, order) for row in influence]) * step
+        for order in (2, 0)
+    )
+    axis = a11 * curved + b * np.cos(log.angle) * plain
+    channels = [(axis, log.angle, rig.sensors.of("angle"))]
+    if log.wheel_angle is not None:
+        channels.append((rig.drive.a12 * curved, log.wheel_angle, rig.sensors.of("wheel")))
+    covariance = np.zeros((len(influence), len(influence)))
+    together = np.zeros_like(axis)
+    for weights, values, sensor in channels:
+        rounded = sensor.resolution if sensor.noise >= FINE * sensor.resolution else 0.0
+        covariance += (sensor.noise**2 + rounded**2 / 12) * (weights @ weights.T)
+        if sensor.resolution > rounded:
+            covariance += _grid(weights, values, sensor)
+        together += sensor.jitter * weights * spline_at(time, values, spline_slopes(time, values), time, 1)
+    result: Array = covariance + together @ together.T  # a row's jitter is common to its channels
+    return result
+
+
+def _grid(weights: Array, values: Array, sensor: Sensor) -> Array:
+    """Covariance from the rounding of a motion that repeats, over random places of the encoder's grid."""
+    random = np.random.default_rng(1)
+    effects = np.empty((DRAWS, len(weights)))
+    for k in range(DRAWS):
+        place = values / sensor.resolution + random.random()
+        if sensor.noise > 0:
+            place = place + random.standard_normal(len(values)) * sensor.noise / sensor.resolution
+        effects[k] = weights @ (np.round(place) - place) * sensor.resolution
+    result: Array = effects.T @ effects / DRAWS
+    return result
+
+
+def with_errors(log: Recording, rig: Rig, random: np.random.Generator) -> Recording:
+    """A log as the rig's encoders would read it: noise and rounding."""
+
+    def read(values: Array, sensor: Sensor) -> Array:
+        noisy = values + sensor.noise * random.standard_normal(len(values))
+        if sensor.resolution == 0:
+            return noisy
+        return np.asarray(np.round(noisy / sensor.resolution + random.random()) * sensor.resolution)
+
+    wheel = None if log.wheel_angle is None else read(log.wheel_angle, rig.sensors.of("wheel"))
+    return Recording(
+        time=log.time,
+        angle=read(log.angle, rig.sensors.of("angle")),
+        wheel_angle=wheel,
+        voltage=log.voltage,
+        torque=log.torque,
+        drive_held=log.drive_held,
+    )

@@ -1,0 +1,288 @@
+"""From a fit of angles to parameters, uncertainty budget, and what the report draws."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.energy.fit import block_covariance
+from swingid.identify.friction_laws import friction_units
+from swingid.identify.momentum.agreement import SEEN
+from swingid.identify.momentum.fits import Noise
+from swingid.identify.motion import Motion
+from swingid.identify.output_error.problem import Problem, problem_of
+from swingid.identify.output_error.search import Searched
+from swingid.identify.output_error.solver import influence_of, reduce
+from swingid.identify.output_error.unknowns import FRICTION, Places, Unknowns, constant_places, constant_value
+from swingid.identify.result import BudgetEntry, Details, FrictionCurve, Parameter, combined
+from swingid.identify.scale import Scale
+from swingid.model.friction import static_curve
+from swingid.model.parameters import COULOMB_N, STATIC_N
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+SCATTER = "scatter of the residuals and sensor noise"
+CURVE_KNOTS = 12
+LESS = 0.1
+"""Weight of a channel (of half of the log) when the estimate is taken mostly from the other."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A finished fit: unknowns and values; influence K (m, r) of the readings; covariance (m, m) of type A.
+
+    declared: shift of the values (m,) by one unit of every constant or imperfection, with its source, standard
+    deviation (None: exact) and shared_id. kinds: inertia, standard uncertainty and unexplained gap to the answer when
+    some of the readings count less.
+    """
+
+    searched: Searched
+    influence: Array
+    covariance: Array
+    declared: tuple[tuple[str, float | None, str, Array], ...]
+    kinds: dict[str, tuple[float, float, float]]
+
+    @property
+    def unknowns(self) -> Unknowns:
+        """The unknowns, in order."""
+        return self.searched.unknowns
+
+    @property
+    def values(self) -> Array:
+        """Their values."""
+        return self.searched.fit.values
+
+
+def estimate_of(
+    searched: Searched, problem: Problem, log: Recording, rig: Rig, scale: Scale, motion: Motion, noise: Noise
+) -> Estimate:
+    """Judge a fit: covariance, what every constant of the rig does to it, and how parts of the readings agree."""
+    fit = searched.fit
+    influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
+    covariance = _covariance(influence, fit.residuals, problem, motion)
+    declared = (
+        *_constants(searched, problem, influence, rig, scale),
+        *_encoders(searched, problem, influence, log, rig, noise, motion),
+        *_latencies(problem, fit.prediction.rates, influence, rig),
+    )
+    return Estimate(searched, influence, covariance, declared, _kinds(searched, problem, influence, covariance))
+
+
+def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Motion) -> Array:
+    """That of white noise of the sensors, no less than the residuals' own scatter over half swings (Newey–West) shows.
+
+    Correlated residuals (an encoder's grid, a model that is not quite right) count as many times as they repeat.
+    """
+    freedom = max(len(residuals) - len(influence) - problem.states * (len(problem.rows) - 1), 1)
+    size = max(1.0, float(residuals @ residuals) / freedom)
+    white: Array = influence @ influence.T * size
+    blocks = np.searchsorted(motion.turning_times, problem.times)
+    segment = np.searchsorted(problem.rows, np.arange(len(residuals)), side="right")
+    _, label = np.unique(np.column_stack([segment, blocks]), axis=0, return_inverse=True)
+    scores = np.array([np.bincount(label.ravel(), row) for row in influence * residuals])
+    robust = block_covariance(scores, len(influence))
+    floor = np.maximum(np.diag(white), 1e-300)
+    stretch = np.sqrt(np.maximum(np.diag(robust) / floor, 1.0))
+    result: Array = white * np.outer(stretch, stretch)
+    return result
+
+
+def _constants(
+    searched: Searched, problem: Problem, influence: Array, rig: Rig, scale: Scale
+) -> Iterator[tuple[str, float | None, str, Array]]:
+    """dθ/dc = −K ∂y/∂c for every constant c that is not an unknown (implicit function theorem)."""
+    sought = {item.places for item in searched.unknowns.items}
+    places: dict[str, Places] = {
+        key: own for key, own in constant_places(rig, scale).items() if own not in sought and _is_felt(key, problem)
+    }
+    if not places:
+        return
+    unknowns, fit = searched.unknowns, searched.fit
+    entries = unknowns.entries(problem.states, list(places.values()))
+    columns = len(unknowns) + len(places)
+    slopes = problem.predict(unknowns.vector(fit.values), entries, fit.states, columns).slopes
+    own = slopes[:, problem.states + len(unknowns) :] / problem.sigma[:, None]
+    shifts = -influence @ own
+    for key, shift in zip(places, shifts.T, strict=True):
+        yield key, constant_value(rig, key)[1], key, shift
+
+
+def _is_felt(key: str, problem: Problem) -> bool:
+    """Whether a constant enters: the motor's do not where the measured wheel is the input."""
+    inertias = ("drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
+    return problem.input == "voltage" or not key.startswith("drive.") or key in inertias
+
+
+def _encoders(
+    searched: Searched, problem: Problem, influence: Array, log: Recording, rig: Rig, noise: Noise, motion: Motion
+) -> Iterator[tuple[str, float | None, str, Array]]:
+    """Once-per-turn nonlinearity of each encoder, measured = q + α cos q + β sin q."""
+    if rig.axis.kind == "linear":
+        return
+    shapes = (("cosine", np.cos), ("sine", np.sin))
+    for channel, prefix, here in (("angle", "", ~problem.wheel), ("wheel", "wheel.", problem.wheel)):
+        std = rig.sensors.of("angle" if channel == "angle" else "wheel").nonlinearity
+        if std == 0 or (channel == "wheel" and problem.input not in ("voltage", "wheel")):
+            continue
+        for name, shape in shapes:
+            if channel == "wheel" and problem.input == "wheel":
+                assert log.wheel_angle is not None
+                effect = -_other_input(searched, problem, log, rig, noise, motion, std * shape(log.wheel_angle)) / std
+            else:
+                effect = np.where(here, shape(problem.measured), 0.0)
+            shift = influence @ (effect / problem.sigma)
+            yield f"{channel} encoder nonlinearity ({name})", std, f"sensors.{prefix}nonlinearity.{name}", shift
+
+
+def _other_input(
+    searched: Searched, problem: Problem, log: Recording, rig: Rig, noise: Noise, motion: Motion, error: Array
+) -> Array:
+    """Change of the predicted readings when the measured wheel, which is the input, is off by `error` (rows,)."""
+    assert log.wheel_angle is not None
+    other = replace(log, wheel_angle=log.wheel_angle + error)
+    length = float(np.max(np.diff(problem.knots[np.append(problem.bounds[:-1], problem.bounds[-1] - 1)])))
+    again = problem_of(other, rig, noise, "wheel", length, np.inf)
+    if len(again.measured) != len(problem.measured):
+        return np.zeros(len(problem.measured))
+    fit, unknowns = searched.fit, searched.unknowns
+    entries = unknowns.entries(problem.states)
+    p = unknowns.vector(fit.values)
+    return again.predict(p, entries, fit.states, len(unknowns)).outputs - fit.prediction.outputs
+
+
+def _latencies(
+    problem: Problem, rates: Array, influence: Array, rig: Rig
+) -> Iterator[tuple[str, float | None, str, Array]]:
+    """A channel read δ later than stated shows q + q' δ; as the input, a late wheel is an early angle."""
+    late = influence @ (np.where(problem.wheel, 0.0, rates) / problem.sigma)
+    std = rig.sensors.of("angle").latency.std
+    if std and problem.input != "none":
+        yield "angle latency", std, "sensors.latency", late
+    std = rig.sensors.of("wheel").latency.std
+    if std and problem.input in ("voltage", "wheel"):
+        turning = influence @ (np.where(problem.wheel, rates, 0.0) / problem.sigma)
+        yield "wheel latency", std, "sensors.wheel.latency", turning if problem.input == "voltage" else -late
+
+
+def _kinds(
+    searched: Searched, problem: Problem, influence: Array, covariance: Array
+) -> dict[str, tuple[float, float, float]]:
+    """The inertia when one channel, or one half of the log, counts `LESS`: one Gauss–Newton step from the answer."""
+    fit = searched.fit
+    middle = problem.times[problem.rows[(len(problem.rows) - 1) // 2]]
+    groups = {"mostly its first half": problem.times < middle, "mostly its second half": problem.times >= middle}
+    if len(problem.rows) < 3:
+        groups = {}
+    if problem.input == "voltage":
+        groups |= {"mostly the angle": ~problem.wheel, "mostly the wheel": problem.wheel}
+    ratio = covariance[0, 0] / max(float(influence[0] @ influence[0]), 1e-300)
+    found = {}
+    for name, mostly in groups.items():
+        weights = fit.weights * np.where(mostly, 1.0, LESS**2)
+        reduced = reduce(problem, fit.prediction.slopes, fit.residuals, weights)
+        other = influence_of(problem, fit.prediction.slopes, weights, reduced)[0]
+        shift = float(other @ fit.residuals)
+        variance = float((other - influence[0]) @ (other - influence[0])) * ratio
+        gap = float(np.sqrt(shift**2 - variance)) if shift**2 > SEEN**2 * variance else 0.0
+        found[name] = float(fit.values[0]) + shift, float(np.sqrt(other @ other * ratio)), gap
+    return found
+
+
+def answer_of(estimate: Estimate, scale: Scale) -> tuple[dict[str, Parameter], list[BudgetEntry], dict[str, float]]:
+    """Parameters, budget, and the sensitivity of the inertia to each constant."""
+    weights = _sought(estimate.unknowns)
+    units = friction_units(scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
+    covariance = estimate.covariance
+    budget = [
+        BudgetEntry(SCATTER, "A", name, float(np.sqrt(np.maximum(own @ covariance @ own, 0.0))))
+        for name, own in weights.items()
+    ]
+    budget += [
+        BudgetEntry(f"disagreement of readings, {name}", "A", "inertia", gap)
+        for name, (_, _, gap) in estimate.kinds.items()
+        if gap > 0
+    ]
+    sensitivities: dict[str, float] = {}
+    for source, std, shared_id, shift in estimate.declared:
+        if source == shared_id:
+            sensitivities[source] = float(shift[0])
+        if not std:
+            continue
+        for name, own in weights.items():
+            slope = float(own @ shift)
+            budget.append(BudgetEntry(source, "B", name, abs(slope) * std, slope, shared_id))
+    parameters = {}
+    for name, own in weights.items():
+        spread = combined(budget, name)
+        parameters[name] = Parameter.of(float(own @ estimate.values), spread if spread > 0 else None, units[name])
+    return parameters, budget, sensitivities
+
+
+def _sought(unknowns: Unknowns) -> dict[str, Array]:
+    """Weights of every reported parameter on the unknowns: the static friction is Stribeck's peak on Coulomb's."""
+    unit = {name: np.eye(len(unknowns))[k] for k, name in enumerate(unknowns.names)}
+    if "stribeck" not in unit:
+        return unit
+    sides = [unit[name] for name in ("coulomb", "coulomb_positive", "coulomb_negative") if name in unit]
+    peak = unit.pop("stribeck")
+    # a peak of no height has no speed
+    return unit | {"static": peak + np.mean(sides, axis=0)}
+
+
+def details_of(
+    estimate: Estimate, problem: Problem, scale: Scale, motion: Motion, span: tuple[float, float], law: str
+) -> Details:
+    """What the report draws; the residuals are those of the axis' angle, in rad (m)."""
+    fit = estimate.searched.fit
+    kinds = {name: (value, u) for name, (value, u, _) in estimate.kinds.items()}
+    own = float(np.sqrt(estimate.covariance[0, 0]))
+    return Details(
+        start=span[0],
+        stop=span[1],
+        turning_times=motion.turning_times,
+        turning_angles=motion.turning_angles,
+        friction=_curve(estimate, float(np.max(np.abs(fit.prediction.rates[~problem.wheel]))), law),
+        estimates={"all readings": (float(estimate.values[0]), own)} | kinds,
+        residual_times=problem.times[~problem.wheel],
+        residuals=(fit.residuals * problem.sigma)[~problem.wheel],
+    )
+
+
+def _curve(estimate: Estimate, fastest: float, law: str) -> FrictionCurve:
+    """The fitted law as a curve, with type A uncertainties."""
+    unknowns = estimate.unknowns
+    p = unknowns.vector(estimate.values)
+    side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5
+    side[0] = 1e-6 * fastest
+    speeds = np.concatenate([-side[::-1], side])
+    torques = np.array([static_curve(v, p) for v in speeds])
+    slopes = np.zeros((len(speeds), len(unknowns)))
+    p_speed = _peak_speed(unknowns, estimate.values)
+    peak = np.exp(-((speeds / p_speed) ** 2)) if p_speed else np.zeros_like(speeds)
+    up = speeds > 0
+    height = p[STATIC_N] - p[COULOMB_N]
+    shapes = {
+        "coulomb": np.sign(speeds),
+        "viscous": speeds,
+        "quadratic": speeds * np.abs(speeds),
+        "cubic": speeds**3,
+        "offset": np.ones_like(speeds),
+        "stribeck": np.sign(speeds) * peak,
+        "stribeck_speed": np.sign(speeds) * height * peak * 2 * speeds**2 / (p_speed or 1.0) ** 3,
+    }
+    for side_name, here in (("positive", up), ("negative", ~up)):
+        shapes |= {f"{name}_{side_name}": np.where(here, shapes[name], 0.0) for name in ("coulomb", "viscous")}
+    for k, name in enumerate(unknowns.names):
+        if name in FRICTION:
+            slopes[:, k] = shapes[name]
+    spread = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, estimate.covariance, slopes), 0.0))
+    return FrictionCurve(speeds, torques, spread, law, torques, estimate.searched.candidates)
+
+
+def _peak_speed(unknowns: Unknowns, values: Array) -> float:
+    return float(values[unknowns.names.index("stribeck_speed")]) if "stribeck_speed" in unknowns.names else 0.0

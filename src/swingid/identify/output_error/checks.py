@@ -1,0 +1,165 @@
+"""Does the output-error answer make sense? Its residuals against the sensors, its model against the swings' balance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swingid.errors import UnanswerableError
+from swingid.identify.energy.checks import SecondOpinion, gap_to_momentum
+from swingid.identify.format import percent
+from swingid.identify.identifiability import HOPELESS, advice, examine_information, require_seen
+from swingid.identify.momentum.checks import check_answer, check_motor
+from swingid.identify.motion import Motion
+from swingid.identify.output_error.answer import Estimate
+from swingid.identify.output_error.problem import Problem
+from swingid.identify.provenance import exact_constants
+from swingid.identify.result import BudgetEntry, Message, Parameter
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
+
+POOR = 2.0
+"""Residual, in what noise and declared imperfections of the sensors explain, from which on the fit is poor."""
+
+SMALL = 2e-5
+"""Unexplained residual, as a share of the motion, that is not worth a word."""
+
+MOVES = (
+    "drive.motor.torque_per_volt",
+    "drive.motor.efficiency",
+    "drive.wheel.inertia",
+    "drive.motor.gear_ratio",
+)
+
+
+def check_fit(
+    parameters: dict[str, Parameter],
+    budget: list[BudgetEntry],
+    sensitivities: dict[str, float],
+    estimate: Estimate,
+    problem: Problem,
+    opinion: SecondOpinion,
+    rig: Rig,
+    scale: Scale,
+    motion: Motion,
+) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
+    inertia, fit = parameters["inertia"], estimate.searched.fit
+    unknowns = estimate.unknowns
+    seen = examine_information(unknowns.names, [item.unit for item in unknowns.items], fit.reduced.matrix)
+    require_seen(seen)
+    spread = inertia.standard_uncertainty or np.inf
+    if spread > HOPELESS * inertia.value:
+        values = dict(zip(unknowns.names, estimate.values, strict=True))
+        raise UnanswerableError(
+            f"the motion does not determine the inertia (uncertain by {percent(spread / inertia.value)}): "
+            f"{seen.scaled_to(spread).combination(values)}; {advice(seen)}, or leave fewer constants free.",
+            code="not-identifiable",
+        )
+    warnings = [*_poor_fit(estimate, problem, rig, scale), *_search_doubts(estimate)]
+    notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
+    if opinion.windows is not None:
+        amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
+        found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
+        warnings += found
+        notes += [note for note in told if note.code != "identifiability"]
+        warnings += _against_momentum(inertia, opinion, problem, scale)
+    notes.append(_conditioning(estimate, seen.condition, seen.inflation))
+    notes.append(_search_note(estimate, problem))
+    motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
+    notes += motor_notes
+    # a motor that does not fit shows in the residuals, or the motor is not used
+    warnings += [message for message in motor_warnings if message.code != "motor-balance"]
+    if problem.input == "voltage":
+        notes.append(_leaning_on_motor(rig, sensitivities, inertia))
+    return warnings, notes
+
+
+def misfit(estimate: Estimate, problem: Problem, rig: Rig) -> dict[str, tuple[float, float]]:
+    """Residual (rms, rad or m) of each channel, and what noise, jitter and the encoder's nonlinearity explain of it."""
+    fit = estimate.searched.fit
+    found = {}
+    for channel, here in (("angle", ~problem.wheel), ("wheel", problem.wheel)):
+        if not here.any():
+            continue
+        sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
+        left = float(np.sqrt(np.mean((fit.residuals * problem.sigma)[here] ** 2)))
+        rate = float(np.sqrt(np.mean(fit.prediction.rates[here] ** 2)))
+        parts = (problem.sigma[here][0], sensor.nonlinearity, sensor.jitter * rate)
+        found[channel] = left, float(np.sqrt(np.sum(np.square(parts))))
+    return found
+
+
+def _poor_fit(estimate: Estimate, problem: Problem, rig: Rig, scale: Scale) -> list[Message]:
+    """A warning where the residuals are far above what the sensors explain."""
+    told = []
+    for channel, (left, expected) in misfit(estimate, problem, rig).items():
+        here = problem.wheel if channel == "wheel" else ~problem.wheel
+        size = float(np.ptp(problem.measured[here]))
+        if left > POOR * expected and np.sqrt(left**2 - expected**2) > SMALL * size:
+            told.append(f"{left / expected:.3g} times for the {channel}")
+    if not told:
+        return []
+    causes = ["the friction law"]
+    if problem.input == "voltage":
+        causes.append("the motor constants")
+    elif scale.drive == "direct":
+        causes.append("the timing or the gain of the torque")
+    text = (
+        f"the residuals are above what the sensors explain ({', '.join(told)}), so the model is not this rig: doubt "
+        f"{' and '.join(causes)}; the interval does not hold that error."
+    )
+    return [Message("poor-fit", text)]
+
+
+def _search_doubts(estimate: Estimate) -> list[Message]:
+    if estimate.searched.fit.converged:
+        return []
+    text = "the search for the least squares did not settle; take fewer unknowns or a simpler friction law."
+    return [Message("not-converged", text)]
+
+
+def _against_momentum(inertia: Parameter, opinion: SecondOpinion, problem: Problem, scale: Scale) -> list[Message]:
+    """A warning where the momentum balance of the same swings says otherwise."""
+    assert opinion.windows is not None
+    if not gap_to_momentum(inertia.value, inertia.standard_uncertainty or 0.0, opinion.windows, scale):
+        return []
+    difference = inertia.value / (opinion.windows.a11 - scale.carried) - 1
+    cause = "motor constants that are off" if problem.input == "voltage" else "friction that is not of this law"
+    text = (
+        f"this inertia is {abs(difference):.1%} {'more' if difference > 0 else 'less'} than the momentum balance of "
+        f"the same swings gives; the likely cause is {cause}, and the momentum method leans less on that."
+    )
+    return [Message("disagrees-with-momentum", text)]
+
+
+def _conditioning(estimate: Estimate, condition: float, inflation: float) -> Message:
+    names = ", ".join(estimate.unknowns.names)
+    text = (
+        f"sought together: {names}; condition {condition:.2g}, and what is unknown beside the inertia makes it "
+        f"{inflation:.2g} times less certain."
+    )
+    return Message("identifiability", text)
+
+
+def _search_note(estimate: Estimate, problem: Problem) -> Message:
+    searched, segments = estimate.searched, len(problem.rows) - 1
+    text = f"{segments} segment{'s' if segments > 1 else ''} of {len(problem.measured) // segments} readings"
+    text += ", each with initial values of its own"
+    if searched.starts > 1:
+        text += f"; {searched.agreeing} of {searched.starts} starts ended at the same inertia"
+    return Message("search", f"{text}.")
+
+
+def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:
+    """How far this answer stands on the motor's constants."""
+    assert rig.drive.motor is not None
+    assert rig.drive.wheel is not None
+    motor = rig.drive.motor
+    values = (motor.torque_per_volt, motor.efficiency, rig.drive.wheel.inertia, motor.gear_ratio)
+    moves = [
+        f"{key} by {sensitivities[key] * quantity.value / inertia.value:+.2g} %"
+        for key, quantity in zip(MOVES, values, strict=True)
+        if key in sensitivities
+    ]
+    text = f"simulated with the held voltage: 1 % more of a constant moves this inertia: {', '.join(moves)}; "
+    return Message("leans-on-the-motor", text + 'input="wheel" needs no motor constant.')

@@ -1,0 +1,200 @@
+"""Where the search begins, and which friction law it ends with.
+
+The start comes from the log itself: the linear fit of row (I) on test functions over its first swings. Other starts,
+well off it, are followed on a few segments, so that a better minimum elsewhere does not go unseen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.friction_laws import DIRECTIONS, LAWS
+from swingid.identify.momentum.fits import WindowFit
+from swingid.identify.output_error.problem import Problem
+from swingid.identify.output_error.solver import Fit, reduce, solve
+from swingid.identify.output_error.unknowns import FRICTION, Unknowns, free_start, friction_unknowns
+from swingid.identify.scale import Scale
+from swingid.model.parameters import STRIBECK_SPEED
+from swingid.model.rig import Rig
+
+Array = NDArray[np.float64]
+
+OFF = ((1.6, 3.0), (0.6, 0.3))
+"""Factors of inertia and friction of the other starts."""
+
+FEW = 2
+"""Segments on which other starts are followed."""
+
+ROUGH, SAME = 1e-3, 0.01
+"""How closely other starts are followed, and how near in inertia they count as having ended alike."""
+
+RICHEST = "coulomb + viscous + quadratic, direction-dependent"
+"""The law about whose motion all laws are compared."""
+
+PEAKS = (0.02, 0.06, 0.2)
+"""Stribeck speeds tried, in shares of the highest speed."""
+
+
+@dataclass(frozen=True)
+class Searched:
+    """The fit, of how many starts how many ended at its inertia, and the laws tried with their BIC above the best."""
+
+    unknowns: Unknowns
+    fit: Fit
+    starts: int
+    agreeing: int
+    candidates: dict[str, float]
+
+
+def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale, fastest: float) -> Array:
+    """Values to begin with: the linear fit's, the rig's for freed constants, of friction at least a bit."""
+    torque = max(abs(windows.value("coulomb")) + abs(windows.value("viscous")) * fastest, 1e-6 * windows.a11 * fastest)
+    even = windows.value("offset"), windows.value("viscous_even")
+    known = {
+        "inertia": windows.a11 - scale.carried,
+        "coulomb": windows.value("coulomb"),
+        "coulomb_positive": windows.value("coulomb") + even[0],
+        "coulomb_negative": windows.value("coulomb") - even[0],
+        "viscous": windows.value("viscous"),
+        "viscous_positive": windows.value("viscous") + even[1],
+        "viscous_negative": windows.value("viscous") - even[1],
+        "quadratic": windows.value("quadratic"),
+    }
+    least = {"viscous": torque / fastest, "quadratic": torque / fastest**2, "cubic": torque / fastest**3}
+    values = []
+    for item in unknowns.items:
+        if item.name == "gravity_torque" and scale.b is None:
+            value = max(windows.value("gravity_torque"), 1e-3 * windows.a11)
+        elif item.name == "inertia":
+            value = known["inertia"] if known["inertia"] > 0 else 0.1 * abs(windows.a11)
+        elif item.name == "stribeck_speed":
+            value = PEAKS[1] * fastest
+        elif item.name == "offset":
+            value = even[0]
+        elif item.name in FRICTION:
+            value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))
+        else:
+            value = free_start(rig, item.name)
+        values.append(value)
+    return np.array(values)
+
+
+def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int, enough: float) -> Searched:
+    """Fit from the best of several starts: `values` (m,), and `starts` − 1 off it, tried on a few segments.
+
+    enough: as in `solve`.
+    """
+    chosen = list(np.unique(np.linspace(0, len(problem.bounds) - 2, FEW).astype(int)))
+    some = problem.part(chosen)
+    tried = [solve(some, unknowns, values, some.starts, loss, ROUGH)] if starts > 1 else []
+    for k in range(starts - 1):
+        inertia, friction = OFF[k % len(OFF)]
+        power = 1 + k // len(OFF)
+        factors = [
+            inertia**power if name == "inertia" else friction**power if name in FRICTION else 1.0
+            for name in unknowns.names
+        ]
+        tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH))
+    agreeing = 1
+    if tried:
+        best = min(tried, key=lambda fit: fit.cost)
+        spread = SAME * abs(best.values[0])
+        agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)
+        values = best.values if np.isfinite(best.cost) else values
+    fit = solve(problem, unknowns, values, problem.starts, loss, enough)
+    return Searched(unknowns, fit, max(starts, 1), agreeing, {})
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Gram matrix of every friction term beside inertia and other unknowns, and the residuals, about one motion.
+
+    values (n,): what each unknown is where the columns were taken, so that a law's own values can be told.
+    """
+
+    names: tuple[str, ...]
+    gram: Array
+    values: Array
+
+
+def choose_law(
+    problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float
+) -> tuple[str, dict[str, float]]:
+    """Friction law of least information criterion, and the criterion of all laws above it.
+
+    unknowns, fit: those of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
+    the best one is fitted anew. independent: number of readings that count as independent.
+    """
+    scores: dict[str, float] = {}
+    for share in PEAKS:
+        columns = _columns(problem, unknowns, fit, share * fastest)
+        for odd in LAWS:
+            for direction in DIRECTIONS:
+                if "stribeck" not in LAWS[odd] and share != PEAKS[0]:
+                    continue
+                score = _score(columns, odd + direction, independent)
+                if score is not None:
+                    scores[odd + direction] = min(scores.get(odd + direction, np.inf), score)
+    best = min(scores, key=lambda name: scores[name])
+    return best, {name: score - scores[best] for name, score in sorted(scores.items(), key=lambda item: item[1])}
+
+
+def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Columns:
+    p = unknowns.vector(fit.values)
+    body = tuple(k for k, name in enumerate(unknowns.names) if name not in FRICTION)
+    names = ("coulomb", "viscous", "quadratic", "cubic", "stribeck", "offset", "coulomb_positive", "viscous_positive")
+    places = [unknowns.items[k].places for k in body] + [FRICTION[name] for name in names]
+    # the height of Stribeck's peak is 0 here, so its speed moves nothing but its own column
+    p[STRIBECK_SPEED] = peak
+    bare = Unknowns((), unknowns.base)
+    entries = bare.entries(problem.states, places)
+    prediction = problem.predict(p, entries, fit.states, len(places))
+    extended = np.column_stack([prediction.slopes, problem.sigma * fit.residuals])
+    reduced = reduce(problem, extended, fit.residuals, fit.weights)
+    at = dict(zip(unknowns.names, fit.values, strict=True))
+    values = [at[unknowns.names[k]] for k in body]
+    friction = {"coulomb": at["coulomb_negative"], "viscous": at["viscous_negative"], "quadratic": at["quadratic"]}
+    for name in ("coulomb", "viscous"):
+        friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
+    values += [friction.get(name, 0.0) for name in names]
+    return _Columns((*(unknowns.names[k] for k in body), *names), reduced.matrix, np.array(values))
+
+
+def _score(columns: _Columns, law: str, independent: float) -> float | None:
+    """Information criterion of a law, None where it is no law of friction (negative beyond its uncertainty)."""
+    odd, _, direction = law.partition(", ")
+    wanted = list(LAWS[odd])
+    if direction:
+        wanted.append("offset" if direction == "offset" or "coulomb" not in wanted else "coulomb_positive")
+    if direction.startswith("direction"):
+        wanted.append("viscous_positive")
+        if "viscous" not in wanted:
+            wanted.append("viscous")
+    n = len(columns.names)
+    own = [k for k, name in enumerate(columns.names) if name in wanted or name not in FRICTION]
+    # the law's residual: what is left now plus what its unknowns must undo of the terms that it lacks
+    blend = np.zeros((n + 1, len(own) + 1))
+    blend[own, np.arange(len(own))] = 1.0
+    blend[n, -1] = 1.0
+    for k in range(n):
+        if k not in own:
+            blend[k, -1] = columns.values[k]
+    gram = blend.T @ columns.gram @ blend
+    inner, right, total = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
+    scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    inverse = np.linalg.inv(inner * np.outer(scale, scale) + 1e-12 * np.eye(len(own))) * np.outer(scale, scale)
+    change = inverse @ right
+    lost = max(float(total - change @ right), 1e-300)
+    values = columns.values[own] + change
+    spread = np.sqrt(np.maximum(np.diag(inverse) * lost / independent, 0.0))
+    for k, value, u in zip(own, values, spread, strict=True):
+        free = (
+            columns.names[k] in ("offset", "coulomb_positive", "viscous_positive") or columns.names[k] not in FRICTION
+        )
+        if not free and value < -2 * u and law != "viscous":
+            return None
+    count = len(friction_unknowns(law))
+    return float(independent * np.log(lost) + count * np.log(independent))

@@ -1,0 +1,180 @@
+"""Gauss–Newton with Levenberg and Marquardt's damping on a `Problem`: bounds, robust loss, initial values eliminated.
+
+Each segment's initial values stand in its own rows only, so they leave the normal equations by a Schur complement:
+what is solved has the size of the unknowns however long the log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UsageError
+from swingid.identify.output_error.problem import Prediction, Problem
+from swingid.identify.output_error.unknowns import Unknowns
+
+Array = NDArray[np.float64]
+
+LOSSES = ("linear", "huber", "soft_l1")
+
+BEND = 3.0
+"""Residual, in standard deviations as the fit leaves them, from which on a robust loss counts a reading less."""
+
+CLOSE_ENOUGH = 1e-7
+"""The search ends when a step promises to lower the cost by less than this share of it."""
+
+MOST_STEPS = 40
+HARDEST = 1e10
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Normal equations without the initial values: matrix (m, m), right side (m,), and what brings those back.
+
+    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment.
+    """
+
+    matrix: Array
+    right: Array
+    own: Array
+    cross: Array
+    right_own: Array
+
+    def states(self, step: Array) -> Array:
+        """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""
+        right = self.right_own - self.cross @ step
+        solved: Array = np.asarray(np.linalg.solve(self.own, right[..., None])[..., 0], dtype=np.float64)
+        return solved
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where the search ended: values (m,) of the unknowns, initial values (k, s), and the prediction there.
+
+    residuals (r,) in standard deviations of the sensor, weights (r,) of the robust loss, cost the mean of the loss.
+    converged: whether the last step promised nothing more.
+    """
+
+    values: Array
+    states: Array
+    prediction: Prediction
+    residuals: Array
+    weights: Array
+    cost: float
+    reduced: Reduced
+    converged: bool
+
+
+def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduced) -> Array:
+    """Influence (m, r) of residuals (in standard deviations of the sensor) on the unknowns."""
+    s = problem.states
+    root: Array = weights / problem.sigma
+    body: Array = slopes[:, s:] * root[:, None]
+    for k in range(len(problem.rows) - 1):
+        rows = slice(problem.rows[k], problem.rows[k + 1])
+        body[rows] -= (slopes[rows, :s] * root[rows, None]) @ np.linalg.solve(reduced.own[k], reduced.cross[k])
+    scale = 1 / np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+    inverse = np.linalg.pinv(reduced.matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
+    result: Array = (inverse * np.outer(scale, scale)) @ body.T
+    return result
+
+
+def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Reduced:
+    """Normal equations of weighted residuals with every segment's initial values eliminated."""
+    s, m = problem.states, slopes.shape[1] - problem.states
+    count = len(problem.rows) - 1
+    own, cross, right_own = np.empty((count, s, s)), np.empty((count, s, m)), np.empty((count, s))
+    matrix, right = np.zeros((m, m)), np.zeros(m)
+    root = np.sqrt(weights)
+    scaled = slopes * (root / problem.sigma)[:, None]
+    target = residuals * root
+    for k in range(count):
+        rows = slice(problem.rows[k], problem.rows[k + 1])
+        block = scaled[rows].T @ scaled[rows]
+        aim = target[rows] @ scaled[rows]
+        own[k], cross[k], right_own[k] = block[:s, :s], block[:s, s:], aim[:s]
+        held = np.linalg.solve(own[k], np.column_stack([cross[k], right_own[k]]))
+        matrix += block[s:, s:] - cross[k].T @ held[:, :m]
+        right += aim[s:] - cross[k].T @ held[:, m]
+    return Reduced(matrix, right, own, cross, right_own)
+
+
+def loss_of(residuals: Array, loss: str) -> tuple[float, Array]:
+    """Mean loss and weights of residuals; a robust loss bends at `BEND` of their median size, at least the sensor's.
+
+    Raises UsageError for an unknown loss.
+    """
+    if loss not in LOSSES:
+        raise UsageError(f"unknown loss {loss!r}; choose one of {', '.join(LOSSES)}.", code="unknown-loss")
+    squares = residuals**2
+    if loss == "linear":
+        return float(np.mean(squares)), np.ones_like(residuals)
+    bend = BEND * max(1.0, 1.4826 * float(np.median(np.abs(residuals))))
+    x = squares / bend**2
+    if loss == "soft_l1":
+        root = np.sqrt(1 + x)
+        return float(np.mean(2 * bend**2 * (root - 1))), 1 / root
+    size = np.sqrt(np.maximum(x, 1.0))
+    return float(np.mean(bend**2 * np.where(x <= 1, x, 2 * size - 1))), 1 / size
+
+
+def solve(
+    problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str, enough: float = CLOSE_ENOUGH
+) -> Fit:
+    """Least squares from `values` (m,) and `states` (k, s); the best point found, converged or not.
+
+    enough: share of the cost that a step must promise for the search to go on.
+    """
+    low, high = unknowns.bounds
+    here = _at(problem, unknowns, np.clip(values, low, high), states, loss)
+    if not np.isfinite(here.cost):
+        return here
+    damping = 1e-4
+    for _ in range(MOST_STEPS):
+        step, promised = _step(here, low, high, damping)
+        if promised <= enough * here.cost and damping <= 1e-2:
+            return replace(here, converged=bool(np.isfinite(here.cost)))
+        trial = np.clip(here.values + step, low, high)
+        moved = here.states + here.reduced.states(trial - here.values)
+        there = _at(problem, unknowns, trial, moved, loss)
+        if there.cost < here.cost:
+            here, damping = there, max(damping / 10, 1e-12)
+        elif damping > HARDEST or (promised <= 1e-4 * here.cost and there.cost - here.cost <= 1e-9 * here.cost):
+            return replace(here, converged=promised <= 1e-4 * here.cost)
+        else:
+            damping *= 10
+    return here
+
+
+def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
+    entries = unknowns.entries(problem.states)
+    prediction = problem.predict(unknowns.vector(values), entries, states, len(unknowns))
+    residuals = (problem.measured - prediction.outputs) / problem.sigma
+    if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
+        empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))
+        return Fit(values, states, prediction, residuals, residuals, np.inf, empty, converged=False)
+    cost, weights = loss_of(residuals, loss)
+    reduced = reduce(problem, prediction.slopes, residuals, weights)
+    return Fit(values, states, prediction, residuals, weights, cost, reduced, converged=False)
+
+
+def _step(fit: Fit, low: Array, high: Array, damping: float) -> tuple[Array, float]:
+    """Damped step of the unknowns, those at a bound that it would leave held, and the promised fall of the cost."""
+    matrix, right = fit.reduced.matrix, fit.reduced.right
+    free = np.ones(len(right), dtype=bool)
+    step = np.zeros(len(right))
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    for _ in range(len(right)):
+        at = np.nonzero(free)[0]
+        inner = matrix[np.ix_(at, at)] * np.outer(scale[at], scale[at]) + damping * np.eye(len(at))
+        step[:] = 0.0
+        step[at] = scale[at] * np.linalg.lstsq(inner, scale[at] * right[at], rcond=1e-14)[0]
+        pushed = free & (((fit.values <= low) & (step < 0)) | ((fit.values >= high) & (step > 0)))
+        if not pushed.any():
+            break
+        free &= ~pushed
+    own = np.linalg.solve(fit.reduced.own, fit.reduced.right_own[..., None])[..., 0]
+    fall = float(2 * step @ right - step @ matrix @ step + np.sum(own * fit.reduced.right_own))
+    return step, fall / max(len(fit.residuals), 1)

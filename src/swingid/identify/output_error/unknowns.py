@@ -1,0 +1,247 @@
+"""The unknowns of a fit, and how each stands in the rig's vector of constants.
+
+Every unknown θ moves some places of the vector linearly, p = base + D θ: the Coulomb friction stands in four places,
+the wheel's inertia in a11, a12 and a22. Friction is a law of `identify.friction_laws`; Stribeck's peak is sought as its
+height over the Coulomb friction, so that plain bounds keep the law one of friction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UsageError
+from swingid.identify.friction_laws import DIRECTIONS, LAWS, friction_units, law_terms
+from swingid.identify.output_error.axis_motion import GAIN
+from swingid.identify.scale import Scale
+from swingid.model.parameters import (
+    A11,
+    A12,
+    A22,
+    AXIS_STICKS,
+    C1,
+    C2,
+    COULOMB_N,
+    COULOMB_P,
+    CUBIC,
+    ETA,
+    F2,
+    F3,
+    GEAR,
+    MOTOR_KEYS,
+    OFFSET,
+    QUADRATIC,
+    SIZE,
+    STATIC_N,
+    STATIC_P,
+    STRIBECK_SPEED,
+    VISCOUS_N,
+    VISCOUS_P,
+    WHEEL_STATIC,
+    B,
+    vector,
+)
+from swingid.model.rig import Rig
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Entries = tuple[Ints, Ints, Array]
+Places = tuple[tuple[int, float], ...]
+
+FRICTION: dict[str, Places] = {
+    "viscous": ((VISCOUS_P, 1.0), (VISCOUS_N, 1.0)),
+    "viscous_positive": ((VISCOUS_P, 1.0),),
+    "viscous_negative": ((VISCOUS_N, 1.0),),
+    "coulomb": ((COULOMB_P, 1.0), (COULOMB_N, 1.0), (STATIC_P, 1.0), (STATIC_N, 1.0)),
+    "coulomb_positive": ((COULOMB_P, 1.0), (STATIC_P, 1.0)),
+    "coulomb_negative": ((COULOMB_N, 1.0), (STATIC_N, 1.0)),
+    "stribeck": ((STATIC_P, 1.0), (STATIC_N, 1.0)),
+    "stribeck_speed": ((STRIBECK_SPEED, 1.0),),
+    "quadratic": ((QUADRATIC, 1.0),),
+    "cubic": ((CUBIC, 1.0),),
+    "offset": ((OFFSET, 1.0),),
+}
+"""Places of the friction unknowns; "stribeck" is the static less the Coulomb friction."""
+
+FREE = ("gravity_torque", *(key for key in MOTOR_KEYS if key != "gear_ratio"), "wheel_inertia")
+"""What may be asked for beside inertia and friction. "viscous" and "coulomb" of the motor are motor_viscous, …"""
+
+MOTOR_NAMES = {"viscous": "motor_viscous", "coulomb": "motor_coulomb"}
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One unknown: name, unit, bounds, and the places of the vector that it moves with their weights."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    places: Places
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """The unknowns in order ("inertia" first), and the vector with all of them at zero."""
+
+    items: tuple[Unknown, ...]
+    base: Array
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(item.name for item in self.items)
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest values."""
+        return np.array([item.low for item in self.items]), np.array([item.high for item in self.items])
+
+    def entries(self, states: int, more: Sequence[Places] = ()) -> Entries:
+        """(place, column, weight) of every unknown, then of `more`; columns count from `states`."""
+        flat = [
+            (place, states + column, weight)
+            for column, places in enumerate([*(item.places for item in self.items), *more])
+            for place, weight in places
+        ]
+        places, columns, weights = zip(*flat, strict=True)
+        return np.array(places, dtype=np.int64), np.array(columns, dtype=np.int64), np.array(weights, dtype=np.float64)
+
+    def vector(self, values: Array) -> Array:
+        """The rig's vector (SIZE,) for values of the unknowns."""
+        p = np.append(self.base, 1.0)
+        for item, value in zip(self.items, values, strict=True):
+            for place, weight in item.places:
+                p[place] += weight * value
+        p[AXIS_STICKS] = float(max(p[STATIC_P], p[STATIC_N]) > 0.0)
+        return p[:SIZE]
+
+
+def friction_unknowns(law: str) -> tuple[str, ...]:
+    """Names of the unknowns of a friction law. Raises UsageError for an unknown law."""
+    odd, comma, direction = law.partition(",")
+    if odd not in LAWS or comma + direction not in DIRECTIONS:
+        text = f'unknown friction law {law!r}; choose "auto" or one of {", ".join(LAWS)}'
+        raise UsageError(f'{text}, each also with ", offset" or ", direction-dependent".', code="unknown-law")
+    terms = law_terms(law)
+    directed = "viscous_even" in terms
+    names: list[str] = []
+    for term in terms:
+        if directed and term in ("coulomb", "viscous"):
+            names += [f"{term}_positive", f"{term}_negative"]
+        elif not (term == "viscous_even" or (term == "offset" and directed and "coulomb" in terms)):
+            names.append(term)
+    if directed and "viscous" not in terms:
+        names += ["viscous_positive", "viscous_negative"]
+    return (*names, "stribeck_speed") if "stribeck" in terms else tuple(names)
+
+
+def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
+    """Places of every constant of rig.toml that the motion feels, by its key; derivatives at the stated values."""
+    found: dict[str, Places] = {}
+    if not scale.linear:
+        found["axis.gravity_torque"] = ((B, 1.0),)
+    if scale.drive == "direct":
+        found["log.torque_gain"] = ((GAIN, 1.0 / rig.log.torque_gain.value),)
+    if scale.drive != "reaction-wheel" or rig.drive.motor is None:
+        return found
+    motor = rig.drive.motor
+    gear, rotor = motor.gear_ratio.value, motor.rotor_inertia.value
+    found |= {
+        "drive.wheel.inertia": ((A11, 1.0), (A12, 1.0), (A22, 1.0)),
+        "drive.motor.rotor_inertia": ((A11, 1.0), (A12, gear), (A22, gear**2)),
+        "drive.motor.gear_ratio": ((A12, rotor), (A22, 2 * gear * rotor), (GEAR, 1.0)),
+        "drive.motor.torque_per_volt": ((C1, 1.0),),
+        "drive.motor.back_emf": ((C2, 1.0),),
+        "drive.motor.viscous": ((F2, 1.0),),
+        "drive.motor.coulomb": ((F3, 1.0), (WHEEL_STATIC, abs(gear))),
+        "drive.motor.efficiency": ((ETA, 1.0),),
+    }
+    return found
+
+
+def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
+    """Value and standard uncertainty of a constant by its key."""
+    holder: object = rig
+    for part in key.split("."):
+        holder = getattr(holder, part)
+    return float(getattr(holder, "value", 0.0)), getattr(holder, "std", None)
+
+
+def unknowns_of(rig: Rig, scale: Scale, law: str, free: Sequence[str], fastest: float) -> Unknowns:
+    """Inertia, gravity torque where it is "unknown" or asked for, the friction law, and the constants asked for.
+
+    fastest: highest speed of the motion (rad/s), within shares of which a Stribeck speed is sought.
+    Raises UsageError for an unknown law or constant.
+    """
+    places = constant_places(rig, scale)
+    units = friction_units(scale.linear)
+    items = [Unknown("inertia", scale.unit, 1e-12, np.inf, ((A11, 1.0),))]
+    for name in dict.fromkeys((*(("gravity_torque",) if scale.b is None else ()), *free)):
+        key = _free_key(name)
+        if key not in places:
+            has = ", ".join(
+                _free_name(key) for key in places if key not in ("drive.motor.gear_ratio", "log.torque_gain")
+            )
+            raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
+        items.append(Unknown(name, _unit(key, scale), 0.0, np.inf, places[key]))
+    for name in friction_unknowns(law):
+        low = -np.inf if name == "offset" else 0.0
+        high = np.inf
+        if name == "stribeck_speed":
+            low, high = 0.003 * fastest, fastest
+        unit = units["coulomb" if name == "stribeck" else name]
+        items.append(Unknown(name, unit, low, high, FRICTION[name]))
+    return Unknowns(tuple(items), _base(rig, scale, items))
+
+
+def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
+    """The vector of the rig's constants with every unknown at zero."""
+    stated: dict[str, float] = {"axis.inertia": 1.0, "axis.gravity_torque": scale.b or 0.0}
+    for key in constant_places(rig, scale):
+        if key.startswith("drive."):
+            stated[key] = constant_value(rig, key)[0]
+    if rig.drive.motor is not None:
+        stated["drive.motor.dead_zone.negative"], stated["drive.motor.dead_zone.positive"] = rig.drive.motor.dead_zone
+    base = vector(stated, scale.drive)
+    base[A11] -= 1.0
+    for item in items:
+        value = stated.get(_free_key(item.name), 0.0)
+        if item.name == "inertia" or item.name in FRICTION:
+            continue
+        for place, weight in item.places:
+            base[place] -= weight * value
+    return base
+
+
+def _free_key(name: str) -> str:
+    """rig.toml's key of a constant that may be free."""
+    plain = {own: key for key, own in MOTOR_NAMES.items()}.get(name, name)
+    if name == "gravity_torque":
+        return "axis.gravity_torque"
+    if name == "wheel_inertia":
+        return "drive.wheel.inertia"
+    return f"drive.motor.{plain}"
+
+
+def _free_name(key: str) -> str:
+    last = key.rpartition(".")[2]
+    return "wheel_inertia" if key == "drive.wheel.inertia" else MOTOR_NAMES.get(last, last)
+
+
+def _unit(key: str, scale: Scale) -> str:
+    units = {"torque_per_volt": "N m/V", "back_emf": "N m s", "viscous": "N m s", "coulomb": "N m", "efficiency": "1"}
+    last = key.rpartition(".")[2]
+    return scale.torque_unit if last == "gravity_torque" else units.get(last, "kg m^2")
+
+
+def free_start(rig: Rig, name: str) -> float:
+    """Where the search for a free constant begins: at its stated value, 0 where none is."""
+    return constant_value(rig, _free_key(name))[0]

@@ -26,6 +26,7 @@ from swingid.identify.motor_calibration.products import (
     GAIN,
     NEGATIVE,
     POSITIVE,
+    allowed,
     branches,
 )
 from swingid.numerics.regression import LinearFit, fit_linear
@@ -37,6 +38,12 @@ LAG = 4
 """Neighbouring windows (2L long, one every L/2) that share data."""
 
 FEWEST_ROWS, MOST_STEPS = 24, 40
+EMPTY = 4e-3
+"""A column of less than this share of what it would be at full strength shows nothing."""
+
+PARALLEL, SHARE = 1e-7, 0.05
+"""Singular values below this share of the largest mean that columns with such a share in the direction are parallel."""
+
 SHORTEST, LONGEST = 12, 1.0
 """Half-lengths of the windows: at least so many samples, at most so many seconds."""
 
@@ -156,8 +163,22 @@ def _fit(rows: tuple[LogRows, ...], start: Array, free: NDArray[np.bool_], half:
     covariance = np.zeros((COUNT, COUNT))
     covariance[np.ix_(free, free)] = fit.covariance(LAG)
     power = float(np.sqrt(np.mean((target - columns @ values) ** 2) / np.mean(target**2)))
-    seen = np.linalg.norm(columns, axis=0) > 0
+    seen = _seen(columns, rows, free)
     return BalanceFit(values, covariance, free, seen, fit, rows, half, power)
+
+
+def _seen(columns: Array, rows: tuple[LogRows, ...], free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which products the columns show: neither an empty column nor one that is a sum of others."""
+    sizes = np.linalg.norm(columns, axis=0)
+    whole = np.linalg.norm(np.concatenate([part.windows.half for part in rows])) * 32 / 35
+    volts = max(float(np.abs(part.voltage).max()) for part in rows)
+    full = np.array([whole * volts, sizes[DAMPING], sizes[DAMPING], whole, whole, whole, 0.0])
+    seen = np.asarray(sizes > EMPTY * full)
+    where = np.flatnonzero(seen & free)
+    _, s, directions = np.linalg.svd(columns[:, where] / sizes[where], full_matrices=False)
+    for k in np.flatnonzero(s < PARALLEL * s[0]):
+        seen[where[np.abs(directions[k]) > SHARE]] = False
+    return seen
 
 
 def _gauss_newton(
@@ -179,7 +200,7 @@ def _gauss_newton(
         step = np.zeros(COUNT)
         step[free] = fit.values - values[free]
         for _ in range(6):
-            tried = values + step
+            tried = allowed(values + step, free)
             new = stacked(tried)
             now = loss(tried, new)
             if now <= least * (1 + 1e-12):
@@ -187,7 +208,7 @@ def _gauss_newton(
             step = step / 2
         else:
             break
-        settled = bool(np.all(np.abs(step) <= 1e-9 * np.abs(tried) + 1e-15))
+        settled = bool(np.all(np.abs(tried - values) <= 1e-9 * np.abs(tried) + 1e-15))
         values, columns, least = tried, new, now
         if settled:
             break

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify.momentum.balance import moved
 from swingid.identify.momentum.fits import Noise
-from swingid.identify.motion import FEWEST_ROWS, Speed, smooth_speed
+from swingid.identify.motion import FEWEST_ROWS, WIDTHS, Speed, smooth_speed, speed_on_grid
 from swingid.identify.noise import channel_noise
 from swingid.model.rig import Rig
 from swingid.numerics.quadrature import GaussNodes
@@ -29,6 +29,9 @@ IDLE = 1e-3
 
 SLOWEST = 0.02
 """Below this share of its largest speed the wheel is about to rest or to turn back."""
+
+CALM = 0.1
+"""Noise of the axis' speed as a share of the slowest speed of the wheel that counts."""
 
 GAP = 4.5
 """Missing rows beyond so many sample steps end a part."""
@@ -68,7 +71,7 @@ class WheelLog:
 
     wheel, angle (n,): rad, moved to their stamps. voltage (n,) in V; held from row to row where `held`. speed: the
     wheel's smoothed speed. runs (k, 2): begin and end (s) of the parts in which the wheel turns one way without rest
-    and no row is missing. axis_speed (n,): q1' in rad/s, zero where the axis is held.
+    and no row is missing. smooth (n,): the axis' angle without most of its noise; both are 0 where the axis is held.
     """
 
     name: str
@@ -81,7 +84,7 @@ class WheelLog:
     speed: Speed
     noise: Noise
     runs: Array
-    axis_speed: Array
+    smooth: Array
 
     @classmethod
     def of(cls, log: Recording, rig: Rig, kind: Kind) -> WheelLog:
@@ -100,10 +103,10 @@ class WheelLog:
         noise = channel_noise(log, rig)
         wheel = moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value)
         speed = smooth_speed(log.time, wheel, noise.wheel)
-        angle, axis_speed = np.zeros(len(log)), np.zeros(len(log))
+        angle = smooth = np.zeros(len(log))
         if kind == "driven":
             angle = moved(log.time, log.angle, rig.sensors.of("angle").latency.value)
-            axis_speed = smooth_speed(log.time, angle, noise.angle).at(log.time)
+            smooth = _smoothed(log.time, angle, noise, _slowest(speed))
         runs = _runs(speed, log.time, GAP * noise.step)
         if len(runs) == 0:
             raise UnanswerableError(
@@ -122,7 +125,7 @@ class WheelLog:
             speed=speed,
             noise=noise,
             runs=runs,
-            axis_speed=axis_speed,
+            smooth=smooth,
         )
 
     def voltage_at_nodes(self) -> Array:
@@ -130,9 +133,21 @@ class WheelLog:
         return self.nodes.hold(self.voltage) if self.held else self.nodes.spline(self.voltage)
 
 
+def _slowest(speed: Speed) -> float:
+    """Speed (rad/s) below which the wheel may be about to rest or to turn back."""
+    return max(6 * speed.noise, SLOWEST * float(np.abs(speed.speed).max()))
+
+
+def _smoothed(time: Array, angle: Array, noise: Noise, slowest: float) -> Array:
+    """q1 (rad) at the stamps, smoothed only until the noise of its speed is too small to turn the wheel back."""
+    white = noise.angle / (CALM * slowest)
+    width = max(WIDTHS[0] * noise.step, float(np.cbrt(9.375 * noise.step * white**2)))
+    return speed_on_grid(time, angle, noise.angle, width, 3.0).angle_at(time)
+
+
 def _runs(speed: Speed, time: Array, gap: float) -> Array:
     """Parts (k, 2) in s in which |q2'| stays above its threshold with one sign and between gaps of the log."""
-    least = max(6 * speed.noise, SLOWEST * float(np.abs(speed.speed).max()))
+    least = _slowest(speed)
     sign = np.where(np.abs(speed.speed) > least, np.sign(speed.speed), 0.0)
     gaps = np.flatnonzero(np.diff(time) > gap)
     broken = np.searchsorted(time[gaps], speed.grid)

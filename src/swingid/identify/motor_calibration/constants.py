@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -180,37 +181,23 @@ def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[s
             )
     if all(log.kind == "clamped" for log in logs):
         return
-    if angle.latency.std:
-        yield "angle latency", angle.latency.std, "sensors.latency", _axis_late(fit, angle.latency.std)
-    if angle.nonlinearity:
+    if late := angle.latency.std:
+        yield "angle latency", late, "sensors.latency", _by_axis(fit, lambda q, t: late * np.gradient(q, t))
+    if size := angle.nonlinearity:
         for name, wave in (("cosine", np.cos), ("sine", np.sin)):
-            changes = _axis_bent(fit, angle.nonlinearity, wave)
-            yield f"angle encoder nonlinearity ({name})", angle.nonlinearity, f"sensors.nonlinearity.{name}", changes
+            changes = _by_axis(fit, partial(_scaled, wave=wave, size=size))
+            yield f"angle encoder nonlinearity ({name})", size, f"sensors.nonlinearity.{name}", changes
 
 
-def _axis_late(fit: OutputFit, late: float) -> list[Array]:
-    """What a late angle of the axis does, as a change of the wheel's: the simulation moves, the log does not."""
-
-    def moved(axis: Array, angle: Array, steps: Array) -> Array:
-        return axis + late * np.gradient(axis, np.cumsum(steps))
-
-    return _by_axis(fit, moved)
+def _scaled(angle: Array, time: Array, *, wave: Callable[[Array], Array], size: float) -> Array:
+    return size * wave(angle)
 
 
-def _axis_bent(fit: OutputFit, size: float, wave: object) -> list[Array]:
-    def bent(axis: Array, angle: Array, steps: Array) -> Array:
-        time = np.append(0.0, np.cumsum(steps))
-        ripple = np.gradient(size * wave(angle), time)  # type: ignore[operator]
-        result: Array = axis + np.diff(ripple) / steps
-        return result
-
-    return _by_axis(fit, bent)
-
-
-def _by_axis(fit: OutputFit, change: object) -> list[Array]:
-    """Minus the change of the simulated wheel angle when q1'' of every shot is changed."""
+def _by_axis(fit: OutputFit, error: Callable[[Array, Array], Array]) -> list[Array]:
+    """An error of the axis' angle, of (angle, time), as a change of the wheel's: minus what the simulation does."""
     result = []
     for shot, start in zip(fit.shots, fit.starts, strict=True):
-        axis = change(shot.axis, shot.angle, shot.steps)  # type: ignore[operator]
-        result.append(shot.simulated(fit.values, start)[0] - shot.simulated(fit.values, start, axis)[0])
+        time = np.append(0.0, np.cumsum(shot.steps))
+        other = shot.simulated(fit.values, start, shot.angle - error(shot.angle, time))[0]
+        result.append(shot.simulated(fit.values, start)[0] - other)
     return result

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from swingid.identify.momentum import momentum
-from swingid.identify.result import BudgetEntry, Message, Parameter, Result
+from swingid.identify.result import BudgetEntry, Message, Parameter, Result, combined
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -62,19 +62,29 @@ def free_swing(log: Recording, rig: Rig) -> FreeSwing:
     u = math.sqrt(sum(e.standard_uncertainty**2 for e in budget))
     parameters = {RATIO: Parameter.of(ratio, u, "1/s^2")}
     if known:
-        carried = 0.0
-        if rig.drive.wheel is not None and rig.drive.motor is not None:
-            carried = rig.drive.wheel.inertia.value + rig.drive.motor.rotor_inertia.value
-        names = {name: f"axis.friction.{name}" for name in found.parameters} | {"inertia": "axis.inertia"}
-        for name, parameter in found.parameters.items():
-            value = parameter.value - (carried if name == "inertia" else 0.0)
-            parameters[names[name]] = Parameter.of(value, parameter.standard_uncertainty, parameter.unit)
-        budget += [
-            BudgetEntry(e.source, e.type, names[e.parameter], e.standard_uncertainty, e.sensitivity, e.shared_id)
-            for e in found.budget
-        ]
+        own_parameters, own_budget = _with_torques(found, rig)
+        parameters |= own_parameters
+        budget += own_budget
     name = log.source.path or "the log"
     text = f"{name}: nothing drives the axis and the wheel rests on the rod: a free swing."
     wheel = {"wheel-still"}  # that the wheel rests on the rod is as it should be
     warnings = tuple(w for w in found.warnings if w.code not in wheel)
     return FreeSwing(name, parameters, tuple(budget), warnings, (Message("log-kind", text), *found.notes), found)
+
+
+def _with_torques(found: Result, rig: Rig) -> tuple[dict[str, Parameter], list[BudgetEntry]]:
+    """J1 and the friction of the axis, as rig.toml names them: the wheel and the rotor ride on the rod."""
+    wheel, motor = rig.drive.wheel, rig.drive.motor
+    names = {name: f"axis.friction.{name}" for name in found.parameters} | {"inertia": "axis.inertia"}
+    budget = [replace(entry, parameter=names[entry.parameter]) for entry in found.budget]
+    carried = 0.0
+    if wheel is not None and motor is not None:
+        for key, mass in (("drive.wheel.inertia", wheel.inertia), ("drive.motor.rotor_inertia", motor.rotor_inertia)):
+            carried += mass.value
+            if mass.std:
+                budget.append(BudgetEntry(key, "B", "axis.inertia", mass.std, -1.0, key))
+    parameters = {names[name]: parameter for name, parameter in found.parameters.items()}
+    inertia = found.parameters["inertia"]
+    u = combined(budget, "axis.inertia")
+    parameters["axis.inertia"] = Parameter.of(inertia.value - carried, u, inertia.unit)
+    return parameters, budget

@@ -40,6 +40,9 @@ Array = NDArray[np.float64]
 SERIOUS = 0.005
 """Test functions and output error that differ by more than this share (and their uncertainties) cast doubt."""
 
+CLEAR = 10.0
+"""Constants smaller than so many of their uncertainties are left out of that comparison."""
+
 KINDS = {
     "clamped": "the axis is still while the wheel turns: the rod is clamped.",
     "driven": "axis and wheel both move: row (II) with the measured axis.",
@@ -178,7 +181,10 @@ def _judged(
     """Warnings and notes: kinds of logs, how well both ways agree, what the simulation leaves."""
     notes = [Message("log-kind", f"{log.name}: {KINDS[log.kind]}") for log in logs]
     products = [name for name in list(UNITS)[:4] if name in known]
-    gaps = {name: abs(own[name] / parameters[name].value - 1) for name in products if parameters[name].value}
+    clear = [
+        name for name in products if abs(parameters[name].value) > CLEAR * (parameters[name].standard_uncertainty or 0)
+    ]
+    gaps = {name: abs(own[name] / parameters[name].value - 1) for name in clear}
     worst = max(gaps, key=lambda name: gaps[name])
     text = (
         f"test functions (±{first.half:.3g} s) and output error ({len(refined.shots)} shots) differ by "

@@ -6,7 +6,7 @@ second, each with its own angle and speed at the start, do not. Those starts are
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.motor_calibration.channels import GAP, WheelLog
-from swingid.identify.motor_calibration.products import COULOMB, COUNT, EMF, NEGATIVE, POSITIVE
+from swingid.identify.motor_calibration.products import COUNT, COUPLING, allowed
 from swingid.identify.motor_calibration.wheel_motion import STATES, simulate_wheel
 
 Array = NDArray[np.float64]
@@ -27,22 +27,28 @@ FEWEST_ROWS, MOST_STEPS = 20, 30
 
 @dataclass(frozen=True)
 class Shot:
-    """A part of a log: wheel (n,) in rad; steps, voltage, axis (n−1,) as in `simulate_wheel`; start (q, q')."""
+    """A part of a log: wheel (n,) in rad; steps, voltage, kicks (n−1,) as in `simulate_wheel`; start (q, q').
+
+    angle (n,): the smoothed angle of the axis, from which the kicks come. rough (n,): what smoothing took away. The
+    wheel felt it too, and too fast for its damping to matter: q2 + ρ q1 is the same with it or without.
+    """
 
     log: int
     wheel: Array
     angle: Array
+    rough: Array
     steps: Array
     voltage: Array
-    axis: Array
+    kicks: Array
     start: Array
 
-    def simulated(self, values: Array, start: Array, axis: Array | None = None) -> tuple[Array, Array]:
-        """Angles (n,) and their derivatives (n, 9) to products and start; `axis` in place of the logged one."""
+    def simulated(self, values: Array, start: Array, angle: Array | None = None) -> tuple[Array, Array]:
+        """Angles (n,) and their derivatives (n, 9) to products and start; `angle` (of the axis) instead of its own."""
         angles, slopes = np.empty(len(self.wheel)), np.empty((len(self.wheel), STATES))
-        push = self.axis if axis is None else axis
-        simulate_wheel(values, self.steps, self.voltage, push, start[0], start[1], angles, slopes)
-        return angles, slopes
+        kicks = self.kicks if angle is None else kicks_of(angle, self.steps)
+        simulate_wheel(values, self.steps, self.voltage, kicks, start[0], start[1], angles, slopes)
+        slopes[:, COUPLING] -= self.rough
+        return angles - values[COUPLING] * self.rough, slopes
 
 
 @dataclass(frozen=True)
@@ -70,28 +76,45 @@ class OutputFit:
 
 def shots_of(logs: Sequence[WheelLog]) -> list[Shot]:
     """Shots of all logs, each begun where the wheel turns fast, so that its start is a moving one."""
-    found = []
-    for place, log in enumerate(logs):
-        time = log.nodes.time
-        steps = np.diff(time)
-        voltage = log.voltage[:-1] if log.held else (log.voltage[1:] + log.voltage[:-1]) / 2
-        axis = np.diff(log.axis_speed) / steps
-        inside = np.clip(time, log.speed.grid[0], log.speed.grid[-1])
-        speed = log.speed.at(inside)
-        gaps = np.flatnonzero(steps > GAP * log.noise.step) + 1
-        for part in np.split(np.arange(len(time)), gaps):
-            edges = _cuts(time[part], np.abs(speed[part])) + part[0]
-            for first, last in pairwise(edges):
-                if last - first < FEWEST_ROWS:
-                    continue
-                rows, between = slice(first, last + 1), slice(first, last)
-                start = np.array([log.wheel[first], speed[first]])
-                found.append(
-                    Shot(
-                        place, log.wheel[rows], log.angle[rows], steps[between], voltage[between], axis[between], start
-                    )
-                )
-    return found
+    return [shot for place, log in enumerate(logs) for shot in _shots(place, log)]
+
+
+def kicks_of(angle: Array, steps: Array) -> Array:
+    """Changes (n−1,) of the speed of an angle (n,) that runs straight from sample to sample; the first is 0."""
+    return np.append(0.0, np.diff(np.diff(angle) / steps))
+
+
+def _shots(place: int, log: WheelLog) -> Iterator[Shot]:
+    time = log.nodes.time
+    steps = np.diff(time)
+    voltage = log.voltage[:-1] if log.held else (log.voltage[1:] + log.voltage[:-1]) / 2
+    speed = log.speed.at(np.clip(time, log.speed.grid[0], log.speed.grid[-1]))
+    for part in _parts(log):
+        edges = _cuts(time[part], np.abs(speed[part])) + part[0]
+        for first, last in pairwise(edges):
+            if last - first < FEWEST_ROWS:
+                continue
+            rows, between = slice(first, last + 1), slice(first, last)
+            yield Shot(
+                log=place,
+                wheel=log.wheel[rows],
+                angle=log.smooth[rows],
+                rough=log.angle[rows] - log.smooth[rows],
+                steps=steps[between],
+                voltage=voltage[between],
+                kicks=kicks_of(log.smooth[rows], steps[between]),
+                start=np.array([log.wheel[first], speed[first]]),
+            )
+
+
+def _parts(log: WheelLog) -> list[NDArray[np.int64]]:
+    """Rows between gaps; of a moving axis only the runs, for when a resting wheel lets go hangs on q1'' there."""
+    time = log.nodes.time
+    if log.kind == "driven":
+        places = np.searchsorted(time, log.runs)
+        return [np.arange(first, last) for first, last in places]
+    gaps = np.flatnonzero(np.diff(time) > GAP * log.noise.step) + 1
+    return np.split(np.arange(len(time)), gaps)
 
 
 def _cuts(time: Array, speed: Array) -> NDArray[np.int64]:
@@ -169,7 +192,7 @@ def _descend(
         for _ in range(10):
             tried = values.copy()
             tried[free] += step
-            tried = _allowed(tried, values, free)
+            tried = allowed(tried, free)
             taken = tried[free] - values[free]
             follow = [x + part.follow(taken) for x, part in zip(starts, parts, strict=True)]
             now = _loss(shots, tried, follow, weights)
@@ -184,24 +207,15 @@ def _descend(
     return values, starts
 
 
-def _allowed(tried: Array, last: Array, free: NDArray[np.bool_]) -> Array:
-    """Products inside what is physical: no negative torque, no edge of the dead zone on the wrong side."""
-    result = tried.copy()
-    for k in (EMF, COULOMB):
-        if free[k]:
-            result[k] = max(result[k], 0.0)
-    if free[COULOMB]:
-        result[COULOMB] = min(result[COULOMB], max(result[POSITIVE], 0.0), max(result[NEGATIVE], 0.0))
-    return result if np.isfinite(result).all() else last.copy()
-
-
 def _solve(shots: list[Shot], parts: list[_Part], weights: Array) -> tuple[Array, Array]:
     """Gauss–Newton's step and the inverse of the information matrix."""
-    gram = sum(weights[s.log] ** 2 * p.slopes.T @ p.slopes for s, p in zip(shots, parts, strict=True))
-    right = sum(weights[s.log] ** 2 * p.slopes.T @ p.left for s, p in zip(shots, parts, strict=True))
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    inverse = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-13, hermitian=True) / np.outer(scale, scale)
-    return inverse @ right, inverse
+    slopes = np.concatenate([weights[s.log] * p.slopes for s, p in zip(shots, parts, strict=True)])
+    left = np.concatenate([weights[s.log] * p.left for s, p in zip(shots, parts, strict=True)])
+    scale = np.linalg.norm(slopes, axis=0)
+    scale[scale == 0] = 1.0
+    q, r = np.linalg.qr(slopes / scale)
+    inverse = np.linalg.pinv(r, rcond=1e-12) / scale[:, None]
+    return inverse @ (q.T @ left), inverse @ inverse.T
 
 
 def _fitted(

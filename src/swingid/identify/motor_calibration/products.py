@@ -68,6 +68,19 @@ def dead_zone_edges(values: Array) -> tuple[float, float]:
     return float(high), float(low)
 
 
+def allowed(values: Array, free: NDArray[np.bool_]) -> Array:
+    """Products moved to the nearest that are physical: no negative torque, no edge of the dead zone on a wrong side."""
+    result = values.copy()
+    if free[EMF]:
+        result[EMF] = min(max(result[EMF], 0.0), max(result[DAMPING], 0.0))
+    for k in (POSITIVE, NEGATIVE):
+        if free[k]:
+            result[k] = max(result[k], 0.0 if free[COULOMB] else result[COULOMB])
+    if free[COULOMB]:
+        result[COULOMB] = min(max(result[COULOMB], 0.0), result[POSITIVE], result[NEGATIVE])
+    return result
+
+
 def branches(values: Array, voltage: Array, speed: Array) -> Array:
     """Branch of (8), +1, 0 or −1, at each voltage (V) and wheel speed (rad/s)."""
     high, low = dead_zone_edges(values)

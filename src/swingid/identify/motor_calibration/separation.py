@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.identify.motor_calibration.balance import BalanceFit
+from swingid.identify.motor_calibration.channels import IDLE
 from swingid.identify.motor_calibration.products import (
     COULOMB,
     COUPLING,
@@ -34,6 +35,7 @@ NEARLY = 3.0
 KNOWN = 1 / 3
 """Gain and damping must be known to this share, or there is no answer."""
 
+SIDES = {POSITIVE: "positive", NEGATIVE: "negative"}
 WORDS = {
     GAIN: "efficiency * torque_per_volt",
     DAMPING: "efficiency * back_emf + gear_ratio * viscous",
@@ -68,21 +70,20 @@ def separate(fit: BalanceFit, rig: Rig, name: str) -> Separation:
     _refuse_blind(fit, u, name)
     free, values, notes = fit.free.copy(), fit.values.copy(), []
     stated_values = products_of(rig)
-    for k, side in ((POSITIVE, "positive"), (NEGATIVE, "negative")):
-        if free[k] and not np.isfinite(u[k]):
-            free[k], values[k] = False, max(stated_values[k], values[COULOMB])
-            text = f"the motor never pushes the {side} way, so {WORDS[k]} is not seen and stays as the rig states it."
-            notes.append(Message("not-seen", text))
+    sides = {k: side for k, side in SIDES.items() if not np.isfinite(u[k])}
+    notes += [_side_note(k, side) for k, side in sides.items()]
     emf = _apart(fit.values[EMF], u[EMF], u[DAMPING])
     coulomb = _apart(fit.values[COULOMB], u[COULOMB], min(u[POSITIVE], u[NEGATIVE]))
     if not emf:
         free[EMF], values[EMF] = False, min(stated_values[EMF], max(fit.values[DAMPING], 0.0))
         notes.append(_emf_note(rig))
     if not coulomb:
-        least = max(min(fit.values[POSITIVE], fit.values[NEGATIVE]), 0.0)
+        least = max(min((fit.values[k] for k in SIDES if k not in sides), default=0.0), 0.0)
         known = _states(rig, "coulomb")
         free[COULOMB], values[COULOMB] = False, min(stated_values[COULOMB], least) if known else least
         notes.append(_coulomb_note(known))
+    for k in sides:
+        free[k], values[k] = False, max(stated_values[k], values[COULOMB])
     return Separation(free, values, emf, coulomb, tuple(notes))
 
 
@@ -98,27 +99,33 @@ def _apart(value: float, own: float, of_sum: float) -> bool:
 
 
 def _refuse_blind(fit: BalanceFit, u: Array, name: str) -> None:
-    if not fit.seen[GAIN]:
+    voltage = max(float(np.abs(part.log.voltage).max()) for part in fit.rows)
+    if voltage < IDLE:
         raise UnanswerableError(
             f"{name}: the voltage never drives the wheel, so torque_per_volt cannot be known; log a voltage test of "
             "several frequencies.",
             code="no-voltage",
         )
     blind = [k for k in (GAIN, DAMPING) if not u[k] <= KNOWN * abs(fit.values[k])]
-    if blind or fit.values[GAIN] <= 0:
-        if fit.values[GAIN] < 0 and GAIN not in blind:
-            raise UnanswerableError(
-                f"{name}: a positive voltage turns the wheel backwards, so a sign is wrong; check log.voltage_sign and "
-                "log.wheel_angle_sign.",
-                code="wrong-sign",
-            )
-        together = " and ".join(WORDS[k] for k in blind)
-        others = "friction" if len(blind) == 2 else "the other constants"
+    if blind:
+        others = [k for k in (POSITIVE, NEGATIVE) if not u[k] <= KNOWN * abs(fit.values[k])]
+        together = " and ".join(WORDS[k] for k in [*blind, *others])
         raise UnanswerableError(
-            f"{name}: {together} cannot be told from {others}, because the wheel's motion is too plain; log a voltage "
-            "test of several frequencies that turns the wheel both ways.",
+            f"{name}: {together} cannot be told apart, because the voltage is too plain or too short; log a test of "
+            "several frequencies that turns the wheel both ways.",
             code="not-identifiable",
         )
+    if fit.values[GAIN] < 0:
+        raise UnanswerableError(
+            f"{name}: a positive voltage turns the wheel backwards, so a sign is wrong; check log.voltage_sign and "
+            "log.wheel_angle_sign.",
+            code="wrong-sign",
+        )
+
+
+def _side_note(place: int, side: str) -> Message:
+    text = f"the motor never pushes the {side} way, so {WORDS[place]} is not seen and stays as the rig states it."
+    return Message("not-seen", text)
 
 
 def _states(rig: Rig, key: str) -> bool:

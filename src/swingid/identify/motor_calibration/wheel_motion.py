@@ -1,8 +1,9 @@
 """Row (II) simulated in closed form from event to event, with exact sensitivities, under a held voltage.
 
-Between events the wheel obeys q2'' = α − λ q2' with constant α and λ: the voltage is held, the axis' acceleration is
-constant within a sample, and the branch of (8) and the sign of q2' stay. Events are a stop or reversal of the wheel,
-which may stick there, and the edges of the dead zone. At an edge M is continuous, so sensitivities pass
+Between events the wheel obeys q2'' = α − λ q2' with constant α and λ: the voltage is held, and the branch of (8) and
+the sign of q2' stay. The measured axis enters as straight lines between its samples: each change of its speed kicks
+the wheel by −ρ times as much, so that q2 follows −ρ q1 exactly from sample to sample. Events are a stop or reversal
+of the wheel, which may stick there, and the edges of the dead zone. At an edge M is continuous, so sensitivities pass
 unchanged; at a reversal the acceleration jumps from a to a', and the sensitivity of the speed is multiplied by
 a'/a (the saltation of the flow); a wheel that sticks forgets it. Products as in `products`, per a22.
 """
@@ -88,16 +89,14 @@ def _branch(ideal: float, high: float, low: float) -> int:
 
 
 @njit
-def _law(
-    products: Array, branch: int, side: float, u: float, axis: float, d_alpha: Array, d_rate: Array
-) -> tuple[float, float]:
+def _law(products: Array, branch: int, side: float, u: float, d_alpha: Array, d_rate: Array) -> tuple[float, float]:
     """(α, λ) of q2'' = α − λ q2' in a mode, and their derivatives to the products, which are its coefficients."""
     above, below = (1.0 if branch > 0 else 0.0), (1.0 if branch < 0 else 0.0)
     d_alpha[:] = 0.0
     d_rate[:] = 0.0
     d_alpha[GAIN] = u * (above + below)
     d_alpha[POSITIVE], d_alpha[NEGATIVE] = -above, below
-    d_alpha[COULOMB], d_alpha[COUPLING] = above - below - side, -axis
+    d_alpha[COULOMB] = above - below - side
     d_rate[DAMPING], d_rate[EMF] = 1.0, above + below - 1.0
     alpha = rate = 0.0
     for j in range(COUNT):
@@ -130,7 +129,7 @@ def _next_event(
 
 @njit
 def _over_sample(
-    products: Array, h: float, u: float, axis: float, q: float, v: float, s: Array, d_alpha: Array, d_rate: Array
+    products: Array, h: float, u: float, q: float, v: float, s: Array, d_alpha: Array, d_rate: Array
 ) -> tuple[float, float]:
     """Angle and speed after a sample of h (s) from (q, v), through all events; `s` is moved along."""
     f, emf = products[COULOMB], products[EMF]
@@ -143,13 +142,13 @@ def _over_sample(
     for _ in range(MOST_EVENTS):
         side = 1.0 if v > 0.0 else -1.0
         if v == 0.0:
-            hold = _dead(ideal, high, low) - products[COUPLING] * axis
+            hold = _dead(ideal, high, low)
             if abs(hold) <= f:
                 s[1, :] = 0.0
                 break
             side = 1.0 if hold > 0.0 else -1.0
         branch = forced if forced != NO_BRANCH else _branch(ideal - emf * v, high, low)
-        alpha, rate = _law(products, branch, side, u, axis, d_alpha, d_rate)
+        alpha, rate = _law(products, branch, side, u, d_alpha, d_rate)
         if before != 0.0:
             s[1, :] *= alpha / before
             before = 0.0
@@ -171,12 +170,12 @@ def _over_sample(
 
 @njit
 def simulate_wheel(
-    products: Array, steps: Array, voltage: Array, axis: Array, q: float, v: float, angles: Array, sensitivities: Array
+    products: Array, steps: Array, voltage: Array, kicks: Array, q: float, v: float, angles: Array, sensitivities: Array
 ) -> None:
     """Angle of the wheel at each sample of a part, and its derivatives.
 
-    steps (n−1,) in s, voltage (n−1,) in V and axis (n−1,) = q1'' in rad/s² hold from sample to sample; q, v: angle
-    and speed at the start. angles (n,) and sensitivities (n, 9) are filled.
+    steps (n−1,) in s and voltage (n−1,) in V from sample to sample; kicks (n−1,): change of q1' in rad/s at the begin
+    of each; q, v: angle and speed at the start. angles (n,) and sensitivities (n, 9) are filled.
     """
     s = np.zeros((3, STATES))
     s[0, COUNT] = s[1, COUNT + 1] = 1.0
@@ -184,6 +183,9 @@ def simulate_wheel(
     angles[0] = q
     sensitivities[0] = s[0]
     for k in range(len(steps)):
-        q, v = _over_sample(products, steps[k], voltage[k], axis[k], q, v, s, d_alpha, d_rate)
+        if kicks[k] != 0.0:
+            v -= products[COUPLING] * kicks[k]
+            s[1, COUPLING] -= kicks[k]
+        q, v = _over_sample(products, steps[k], voltage[k], q, v, s, d_alpha, d_rate)
         angles[k + 1] = q
         sensitivities[k + 1] = s[0]

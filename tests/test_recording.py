@@ -192,7 +192,7 @@ def test_a_saved_file_is_not_read_by_another_rigs_conventions(tmp_path):
 
 
 def test_saving_fails_in_one_sentence(tmp_path):
-    with pytest.raises(InputError, match=r"a recording is written as \.parquet or \.csv"):
+    with pytest.raises(InputError, match=r"a recording is written as \.parquet, \.csv"):
         swing().save(tmp_path / "run.xlsx")
     with pytest.raises(SwingidError, match="cannot write") as caught:
         swing().save(tmp_path / "nowhere" / "run.csv")

@@ -256,12 +256,6 @@ def test_real_logs_load_clean(data_dir):
     assert log.angle.max() == pytest.approx(2.6, abs=0.01)
 
 
-def test_a_matlab_file_of_timeseries_says_what_to_save(data_dir):
-    rig = rig_with("none", time="t_s", angle="theta")
-    with pytest.raises(InputError, match="objects such as timeseries; save plain arrays"):
-        Recording.load(data_dir / "free_pendulum" / "SinglePendulumArm_RawData_1.mat", rig)
-
-
 @pytest.mark.parametrize(
     ("name", "log"), [("emps", "emps/DATA_EMPS.mat"), ("free_pendulum", "free_pendulum/free_swing.csv")]
 )

@@ -173,8 +173,8 @@ def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels,
     voltage_is_due = "voltage" in conventions.stated and not table.metadata  # what swingid wrote, it wrote whole
     wanted = ("time", *conventions.channels) if conventions.rate is None else conventions.channels
     for channel in wanted:
-        column = conventions.columns[channel]
-        if column not in table.columns:
+        column = table.find(conventions.columns[channel])
+        if column is None:
             if channel in ("reference", "adaptive_gain") or (channel == "voltage" and not voltage_is_due):
                 continue
             raise _missing(table, channel, conventions, name)

@@ -12,6 +12,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions, gather
 from swingid.recording.formats import read_table
+from swingid.recording.header_units import with_header_units
 from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
 from swingid.recording.repair import MANY, repair
@@ -23,10 +24,16 @@ if TYPE_CHECKING:
 
 def load(path: str | Path, rig: Rig, *, still_axis: bool = False) -> Recording:
     """See `Recording.load`."""
-    content = _read_bytes(path)
+    content = read_bytes(path)
     name = str(path)
     table = read_table(content, name)
-    conventions = Conventions.of(rig)
+    return from_table(table, rig, Source(name, hashlib.sha256(content).hexdigest()), still_axis=still_axis)
+
+
+def from_table(table: Table, rig: Rig, source: Source, *, still_axis: bool = False) -> Recording:
+    """The Recording in a table of named columns; raises as `Recording.load`."""
+    name = source.path or "the table"
+    conventions, units = with_header_units(table, rig, name)
     _check_origin(table, conventions, name)
     unreadable = _unreadable(table, name)
     logged, texts = gather(table, conventions, name)
@@ -39,12 +46,12 @@ def load(path: str | Path, rig: Rig, *, still_axis: bool = False) -> Recording:
         **channels,
         drive_held=_drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
-        findings=(*_saved_findings(table), *unreadable, *_no_reference(table, conventions), *findings),
-        source=Source(name, hashlib.sha256(content).hexdigest()),
+        findings=(*_saved_findings(table), *unreadable, *units, *_no_reference(table, conventions), *findings),
+        source=source,
     )
 
 
-def _read_bytes(path: str | Path) -> bytes:
+def read_bytes(path: str | Path) -> bytes:
     """The file's bytes; InputError that says which of the ways in which a path can be wrong it is."""
     try:
         content = Path(path).read_bytes()
@@ -94,7 +101,7 @@ def _unreadable(table: Table, name: str) -> tuple[Finding, ...]:
 def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
     """A note where the rig file names a reference that the log lacks: nothing but pictures needs it."""
     column = conventions.columns["reference"]
-    if column in table.columns or "reference" not in conventions.stated or table.metadata:
+    if table.find(column) is not None or "reference" not in conventions.stated or table.metadata:
         return ()
     return (Finding("no-reference", f"the log has no column {column!r} (the reference); nothing needs it.", "note"),)
 

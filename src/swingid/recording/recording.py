@@ -112,7 +112,7 @@ class Recording:
 
     @classmethod
     def load(cls, path: str | Path, rig: Rig, *, still_axis: bool = False) -> Recording:
-        """Read a log (CSV, Parquet, MATLAB v5) by the conventions of `rig.log`, and repair plain faults.
+        """Read a log of any format (see docs/formats.md) by the conventions of `rig.log`, and repair plain faults.
 
         What was repaired stands in `findings`. still_axis: the axis may be held while the wheel turns, as in a test of
         the motor. Raises InputError for a file that cannot be used and UnanswerableError for one without motion or with
@@ -122,8 +122,20 @@ class Recording:
 
         return load(path, rig, still_axis=still_axis)
 
+    @classmethod
+    def from_columns(cls, data: object, rig: Rig, *, still_axis: bool = False) -> Recording:
+        """A log that is in memory: a mapping of arrays by column, or a pandas, polars or Arrow table.
+
+        Read and repaired as `load` does, by the columns, units and signs of `rig.log`. Raises UsageError for data of
+        another kind, else as `load`.
+        """
+        from swingid.recording.formats.memory import table_of
+        from swingid.recording.load import from_table
+
+        return from_table(table_of(data), rig, Source(), still_axis=still_axis)
+
     def save(self, path: str | Path, rig: Rig | None = None) -> Path:
-        """Write CSV or Parquet (by the ending), metadata inside, so that ``load(path, rig)`` gives it back.
+        """Write a file in the format of its ending, metadata inside, so that ``load(path, rig)`` gives it back.
 
         Columns, units and signs are those of `rig.log`; without a rig t, q1, q2, u, tau, ym, k in SI units.
         Raises InputError when the ending is another or the file cannot be written.

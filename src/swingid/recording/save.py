@@ -36,6 +36,12 @@ def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
     if rig is not None:
         metadata["drive"] = rig.drive.kind
     content: bytes = module.write(conventions.to_log(channels), metadata)
+    write_whole(target, content)
+    return target
+
+
+def write_whole(target: Path, content: bytes) -> None:
+    """Write a file that appears whole or not at all; InputError that names it and the reason."""
     partial = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         partial.write_bytes(content)
@@ -44,7 +50,6 @@ def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
         with suppress(OSError):
             partial.unlink(missing_ok=True)
         raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
-    return target
 
 
 def _check_even(recording: Recording, rate: float, target: Path) -> None:

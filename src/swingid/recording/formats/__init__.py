@@ -6,15 +6,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
-from swingid.recording.formats import csv, matlab, parquet
+from swingid.recording.formats import csv, hdf5, json_rows, matlab, mcap, parquet
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     from swingid.recording.formats.table import Table
 
-READERS: tuple[ModuleType, ...] = (parquet, matlab, csv)
-WRITERS: tuple[ModuleType, ...] = (parquet, csv)
+READERS: tuple[ModuleType, ...] = (parquet, matlab, hdf5, mcap, json_rows, csv)
+WRITERS: tuple[ModuleType, ...] = (parquet, csv, matlab, hdf5, mcap, json_rows)
 
 
 def read_table(content: bytes, name: str) -> Table:
@@ -24,7 +24,8 @@ def read_table(content: bytes, name: str) -> Table:
     """
     by_magic = [f for f in READERS if f.MAGIC and content.startswith(f.MAGIC)]
     by_ending = [f for f in READERS if Path(name).suffix.lower() in f.ENDINGS]
-    reader = (by_magic + by_ending + [csv])[0]
+    by_text = [json_rows] if content[:64].lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[{")) else []
+    reader = (by_magic + by_text + by_ending + [csv])[0]
     table: Table = reader.read(content, name)
     return table
 
@@ -34,5 +35,6 @@ def writer_for(path: Path) -> ModuleType:
     for module in WRITERS:
         if path.suffix.lower() in module.ENDINGS:
             return module
-    endings = " or ".join(module.ENDINGS[0] for module in WRITERS)
+    *first, last = (module.ENDINGS[0] for module in WRITERS)
+    endings = f"{', '.join(first)} or {last}"
     raise InputError(f"cannot write {path}: a recording is written as {endings}.", code="unknown-ending")

@@ -14,10 +14,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def table_from_arrow(table: Any, name: str, raw_metadata: str, unreadable_rows: int = 0) -> Table:
+def table_from_arrow(
+    table: Any, name: str, raw_metadata: str, unreadable_rows: int = 0, units: tuple[str, ...] = ()
+) -> Table:
     """Named columns of a pyarrow.Table; names lose the blanks around them.
 
     name: the file's, for messages. raw_metadata: JSON text that swingid wrote. unreadable_rows: left out by the reader.
+    units: of the columns in their order, from a line below the header.
     Raises InputError when two columns have one name, or the file has columns and no row.
     """
     names = [str(column).strip() for column in table.column_names]
@@ -27,7 +30,8 @@ def table_from_arrow(table: Any, name: str, raw_metadata: str, unreadable_rows: 
     if names and table.num_rows == 0:
         raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
     columns = {column: _array(table.column(k)) for k, column in enumerate(names)}
-    return Table(columns, parse_metadata(raw_metadata), unreadable_rows)
+    stated = {column: unit for column, unit in zip(names, units, strict=False) if unit}
+    return Table(columns, parse_metadata(raw_metadata), unreadable_rows, stated)
 
 
 def parse_metadata(raw: str) -> dict[str, object]:

@@ -1,6 +1,7 @@
-"""Text tables: comma, semicolon (also with decimal comma), tab or blanks between the cells.
+"""Text tables of any dialect: tab, semicolon, comma, bar or blanks between the cells, decimal comma, quoted cells.
 
-swingid's own files open with one comment line, ``# swingid: {json}``; other comment lines on top are skipped.
+swingid's own files open with one comment line, ``# swingid: {json}``. Other comments and titles above the header are
+left out, a line of units below it is kept; columns without a header are called column1, column2 and so on.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import table_from_arrow
+from swingid.recording.formats.dialect import find_layout, is_number, split_cells
 from swingid.recording.formats.table import METADATA_KEY, Table
 
 if TYPE_CHECKING:
@@ -34,51 +36,52 @@ _OTHER_KINDS = {
     b"PK\x03\x04": "an Excel workbook or a zip archive",
     b"\xd0\xcf\x11\xe0": "an old Excel or Word file",
     b"\x1f\x8b": "a gzip archive",
-    b"\x89HDF": "an HDF5 file",
-    b"{": "JSON",
-    b"[": "JSON",
     b"<": "HTML or XML",
 }
-_DECIMAL_COMMA = re.compile(rb"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
+_COMMENTS = (b"#", b"%", b"//")
 
 
 def read(content: bytes, name: str) -> Table:
     """The table in the bytes of a text file called `name`.
 
-    Separator and decimal comma are found in the first lines; rows with too few or too many cells are left out and
-    counted. Raises InputError, naming the file, for other kinds of file, no header, no rows, or lines without columns.
+    The layout is found in the first lines; rows with too few or too many cells are left out and counted. Raises
+    InputError, naming the file, for other kinds of file, no rows, or lines without columns.
     """
     import pyarrow as pa
     import pyarrow.csv as pc
 
     content = _as_text(content, name)
     raw_metadata, body = _split_comments(content)
-    lines = [line for line in body[:100_000].splitlines() if line.strip()][:20]
-    if not lines:
+    layout = find_layout(body)
+    if layout is None:
         raise InputError(
             f"{name} is empty; a log needs a header line with column names and rows of numbers.",
             code="empty-file",
         )
-    delimiter = _delimiter(lines[0])
-    if delimiter == b" ":
-        body = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", body))
-    cells = [cell for line in lines[1:] for cell in line.split(delimiter)]
-    decimal = "," if delimiter != b"," and any(map(_DECIMAL_COMMA.match, cells)) else "."
-    if all(_is_number(cell, decimal) for cell in lines[0].split(delimiter)):
-        message = f"{name} has no header line; put the column names into its first line."
-        raise InputError(message, code="no-header")
+    if layout.header_width != layout.width:
+        message = f"{name} is not a table: its header names {layout.header_width} columns, but its rows have"
+        raise InputError(f"{message} {layout.width} cells.", code="not-a-table")
+    rows = body[layout.rows :]
+    if layout.delimiter == b" ":
+        rows = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", rows))
+    names = layout.names or [f"column{k}" for k in range(1, layout.width + 1)]
+    if not rows.strip():
+        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
     ragged = _RaggedRows()
     try:
         table = pc.read_csv(
-            io.BytesIO(body),
-            read_options=pc.ReadOptions(block_size=min(max(len(body) + 1, 1 << 16), 1 << 30)),  # types from all rows
-            parse_options=pc.ParseOptions(delimiter=delimiter.decode(), invalid_row_handler=ragged),
-            convert_options=pc.ConvertOptions(decimal_point=decimal, strings_can_be_null=True),
+            io.BytesIO(rows),
+            read_options=pc.ReadOptions(
+                column_names=list(names),
+                block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
+            ),
+            parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=ragged),
+            convert_options=pc.ConvertOptions(decimal_point=layout.decimal, strings_can_be_null=True),
         )
     except pa.ArrowException:
         message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
-    return table_from_arrow(table, name, raw_metadata, ragged.count)
+    return table_from_arrow(table, name, raw_metadata, ragged.count, layout.units)
 
 
 def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
@@ -132,29 +135,24 @@ def _as_text(content: bytes, name: str) -> bytes:
     return content
 
 
+def _names_columns(line: bytes, rest: bytes) -> bool:
+    """Whether a comment is the header of the rows below it, as numpy.savetxt and MATLAB users write it."""
+    below = find_layout(rest)
+    if below is None or below.names or below.header_width != below.width:
+        return False
+    cells = split_cells(line.strip(), below.delimiter)
+    return len(cells) == below.width and not any(is_number(cell, below.decimal) for cell in cells)
+
+
 def _split_comments(content: bytes) -> tuple[str, bytes]:
     """The metadata of swingid from the comment lines on top, and what follows them."""
     metadata, mark = "{}", f"# {METADATA_KEY}:".encode()
-    while content.startswith(b"#"):
+    while content.lstrip(b"\r\n").startswith(_COMMENTS):
+        content = content.lstrip(b"\r\n")
         line, _, rest = content.partition(b"\n")
         if line.startswith(mark):
             metadata = line[len(mark) :].decode("utf-8", "replace")
-        elif _is_number(re.split(rb"[,;\s]", rest.lstrip(b" "), maxsplit=1)[0], "."):
+        elif line.startswith((b"#", b"%")) and _names_columns(line[1:], rest):
             return metadata, content[1:].lstrip(b" \t")  # numpy.savetxt puts the header itself behind the #
         content = rest
     return metadata, content
-
-
-def _delimiter(line: bytes) -> bytes:
-    for delimiter in (b"\t", b";", b","):
-        if delimiter in line:
-            return delimiter
-    return b" " if len(line.split()) > 1 else b","
-
-
-def _is_number(cell: bytes, decimal: str) -> bool:
-    try:
-        float(cell.replace(decimal.encode(), b"."))
-    except ValueError:
-        return False
-    return True

@@ -6,20 +6,27 @@ was cut off is what people have.
 
 from __future__ import annotations
 
+import io
+import json
+import re
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.formats.table import Table
+from swingid.recording.formats import hdf5
+from swingid.recording.formats.arrow import parse_metadata
+from swingid.recording.formats.matlab_objects import read_objects
+from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.vectors import add_vectors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Columns = dict[str, NDArray[np.float64] | NDArray[np.object_]]
+    from swingid.recording.formats.vectors import Columns
 
 ENDINGS = (".mat",)
 MAGIC = b"MATLAB "
@@ -36,12 +43,11 @@ _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f
 def read(content: bytes, name: str) -> Table:
     """Vectors by their name, fields of a struct as ``s.field``, a matrix as ``name(:,2)`` or, if wide, ``name(2,:)``.
 
-    Scalars, texts, cells, sparse and complex arrays are left out. Raises InputError for v7.3 (HDF5) and v4 files,
-    damaged ones, and files that hold only objects such as timeseries.
+    Scalars, texts, cells, sparse and complex arrays are left out. A v7.3 file is HDF5 and read as such; where there
+    are no vectors, time series inside objects are looked for. Raises InputError for v4 files and damaged ones.
     """
-    if b"\x89HDF\r\n\x1a\n" in content[:1024]:
-        message = f"{name} is a MATLAB v7.3 file (HDF5), which is not read; save it with the option '-v7'."
-        raise InputError(message, code="matlab-v73")
+    if hdf5.MAGIC in content[:1024]:
+        return hdf5.read(content, name)
     if not content.startswith(b"MATLAB 5.0"):
         message = f"{name} is not a MATLAB v5 file; save it in MATLAB with the option '-v7', or export CSV."
         raise InputError(message, code="not-a-table")
@@ -57,10 +63,33 @@ def read(content: bytes, name: str) -> Table:
     except (ValueError, KeyError, StopIteration, struct.error, zlib.error):
         message = f"{name} is not a whole MATLAB file: damaged, or cut off while it was written; save it again."
         raise InputError(message, code="not-a-table") from None
+    raw = "".join(map(chr, columns.pop(METADATA_KEY, np.empty(0)).astype(np.int64)))
     if not columns:
-        message = f"{name} holds no vectors of numbers, only scalars or objects such as timeseries"
-        raise InputError(f"{message}; save plain arrays in MATLAB.", code="not-a-table")
-    return Table(columns)
+        columns = read_objects(content, name)
+    if not columns:
+        message = f"{name} holds no vectors of numbers and no time series; save arrays in MATLAB, or export CSV."
+        raise InputError(message, code="not-a-table")
+    return Table(columns, parse_metadata(raw))
+
+
+def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+    """The bytes of a MATLAB v5 file with one column vector per column; reads back bit for bit.
+
+    A name that MATLAB does not allow gets "_" in the place of other characters. Metadata (JSON) are the character
+    codes in the variable `swingid`.
+    """
+    from scipy.io import savemat
+
+    names = {column: re.sub(r"\W", "_", column, flags=re.ASCII)[:31] for column in columns}
+    names = {column: name if name[0].isalpha() else f"x_{name}"[:31] for column, name in names.items()}
+    if len(set(names.values())) < len(names):
+        message = "two columns would have one name in MATLAB; write another format, or rename them"
+        raise InputError(f"{message}: {', '.join(names)}.", code="double-column")
+    codes = np.frombuffer(json.dumps(metadata).encode(), np.uint8).astype(np.float64)
+    buffer = io.BytesIO()
+    variables = {name: columns[column].reshape(-1, 1) for column, name in names.items()}
+    savemat(buffer, {**variables, METADATA_KEY: codes}, do_compression=True)  # type: ignore[arg-type]
+    return buffer.getvalue()
 
 
 def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
@@ -104,21 +133,8 @@ def _collect(columns: Columns, prefix: str, kind: int, data: bytes, order: str, 
             for field, (inner, value) in zip(fields, parts, strict=True):
                 _collect(columns, f"{name}.{field}", inner, value, order, depth + 1)
     elif not is_complex:
-        _add(columns, name, _numbers(*next(parts), order).astype(np.float64), shape)
+        add_vectors(columns, name, _numbers(*next(parts), order).astype(np.float64).reshape(shape, order="F"))
 
 
 def _numbers(kind: int, data: bytes, order: str) -> NDArray[np.generic]:
     return np.frombuffer(data, order + _NUMBERS[kind])
-
-
-def _add(columns: Columns, name: str, values: NDArray[np.float64], shape: tuple[int, ...]) -> None:
-    """A vector under its name, a matrix as its columns, or as its rows where these are longer."""
-    array = values.reshape(shape, order="F")
-    if array.size < 2 or array.ndim != 2:
-        return
-    if 1 in shape:
-        columns[name] = values
-    elif shape[0] >= shape[1]:
-        columns.update({f"{name}(:,{k})": column for k, column in enumerate(array.T, start=1)})
-    else:
-        columns.update({f"{name}({k},:)": row for k, row in enumerate(array, start=1)})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -16,17 +17,40 @@ if TYPE_CHECKING:
 METADATA_KEY = "swingid"
 
 
+_UNIT = re.compile(r"^(?P<name>.*?\S)\s*[\[(](?P<unit>[^\[\]()=]{1,12})[\])]$")
+
+
+def split_unit(column: str) -> tuple[str, str]:
+    """Name and unit of a header cell: "theta [deg]" gives ("theta", "deg"), "x(:,2)" stays as it is."""
+    match = _UNIT.match(column)
+    if match is None or not re.search(r"[A-Za-z°%µ]", match["unit"]):
+        return column, ""
+    return match["name"], match["unit"].strip()
+
+
 @dataclass(frozen=True)
 class Table:
     """Columns of a file by name, float64 arrays or, where cells hold text, object arrays (str and None).
 
     `metadata` is what swingid wrote into the file, empty for other files; `unreadable_rows` counts rows with
-    the wrong number of cells, which the reader left out.
+    the wrong number of cells, which the reader left out. `units`: by column, from a line of units below the header.
     """
 
     columns: Mapping[str, NDArray[np.float64] | NDArray[np.object_]]
     metadata: Mapping[str, object] = field(default_factory=dict)
     unreadable_rows: int = 0
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def find(self, name: str) -> str | None:
+        """The column called `name`: exactly, else the only one that is so but for a unit such as " [deg]" or " (V)"."""
+        if name in self.columns:
+            return name
+        bare = [column for column in self.columns if split_unit(column)[0] == name]
+        return bare[0] if len(bare) == 1 else None
+
+    def unit(self, column: str) -> str:
+        """The unit that the header states for a column, in its row of units or its name; "" where it states none."""
+        return self.units.get(column, "") or split_unit(column)[1]
 
     def numbers(self, name: str) -> tuple[NDArray[np.float64], str | None]:
         """Column `name` as float64, NaN where a cell is no number; and the first text among the numbers."""

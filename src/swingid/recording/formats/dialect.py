@@ -1,0 +1,133 @@
+"""How a text table is laid out, from its first lines: delimiter, decimal sign, header, where the rows begin."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+DELIMITERS = (b"\t", b";", b",", b"|")
+
+UNITS = frozenset(
+    (
+        *("s", "sec", "ms", "us", "µs", "ns", "rad", "deg", "°", "turn", "turns", "rev", "counts", "count"),
+        *("v", "mv", "a", "ma", "nm", "n*m", "n·m", "n.m", "mnm", "n", "m", "mm", "cm"),
+        *("rad/s", "deg/s", "°/s", "rpm", "hz", "1", "-"),
+    )
+)
+"""What may stand in a line of units, in lower case and without brackets."""
+
+_DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
+_SAMPLE = 60
+"""Lines looked at."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Delimiter (one byte; a blank for any run of them), decimal sign, names, units, offset of the rows.
+
+    names are empty where the table has no header; width is the number of cells of a row. header_width differs from
+    it where the header names another number of columns.
+    """
+
+    delimiter: bytes
+    decimal: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rows: int
+    width: int
+    header_width: int
+
+
+def find_layout(body: bytes) -> Layout | None:
+    """The layout of a table in UTF-8 text without its comments; None for text without a line."""
+    lines = _lines(body)
+    if not lines:
+        return None
+    delimiter = _delimiter([line for line, _ in lines])
+    cells = [split_cells(line, delimiter) for line, _ in lines]
+    width = Counter(len(row) for row in cells[1:] or cells).most_common(1)[0][0]
+    decimal = "."
+    if delimiter != b"," and any(_DECIMAL_COMMA.match(cell) for row in cells[1:] for cell in row):
+        decimal = ","
+    first = next(k for k, row in enumerate(cells) if len(row) == width)
+    if _numeric(cells[first], decimal):
+        above = len(cells[first - 1]) if first else 0
+        # two names or more above the first row are a header that does not fit; one is a title
+        return Layout(delimiter, decimal, (), (), lines[first][1], width, above if above > 1 else width)
+    names = tuple(cell.strip() or f"column{k}" for k, cell in enumerate(cells[first], start=1))
+    at = first + 1
+    units: tuple[str, ...] = ()
+    if at + 1 < len(cells) and _is_units(cells[at]) and _numeric(cells[at + 1], decimal):
+        units = tuple(_bare(cell) for cell in cells[at])
+        at += 1
+    rows = lines[at][1] if at < len(lines) else len(body)
+    return Layout(delimiter, decimal, names, units, rows, width, width)
+
+
+def split_cells(line: bytes, delimiter: bytes) -> list[str]:
+    """Cells of one line, quotes taken off."""
+    text = line.decode("utf-8", "replace")
+    if delimiter == b" ":
+        return text.split()
+    try:
+        return next(csv.reader([text], delimiter=delimiter.decode()), [])
+    except csv.Error:  # a quote that does not end
+        return text.split(delimiter.decode())
+
+
+def _lines(body: bytes) -> list[tuple[bytes, int]]:
+    """The first lines that hold something, each with its offset."""
+    found: list[tuple[bytes, int]] = []
+    at = 0
+    for line in body[:200_000].splitlines(keepends=True):
+        if line.strip() and len(found) < _SAMPLE:
+            found.append((line.rstrip(b"\r\n"), at))
+        at += len(line)
+    return found
+
+
+def _delimiter(lines: Sequence[bytes]) -> bytes:
+    """The one that splits most lines into the same number of cells, and these into numbers; else that of the first."""
+
+    def fitness(delimiter: bytes) -> float:
+        """Share of lines with the commonest number of cells, times the share of their cells that are numbers."""
+        rows = [split_cells(line, delimiter) for line in lines]
+        width, count = Counter(map(len, rows)).most_common(1)[0]
+        cells = [cell for row in rows if len(row) == width for cell in row]
+        numbers = sum(is_number(cell, "." if delimiter == b"," else ",") or is_number(cell, ".") for cell in cells)
+        return count / len(rows) * (1 + numbers / len(cells)) if width > 1 else 0.0
+
+    fit = {delimiter: fitness(delimiter) for delimiter in (*DELIMITERS, b" ")}
+    best = max(fit, key=lambda delimiter: fit[delimiter])
+    if fit[best] > 0.5:
+        return best
+    in_header = [delimiter for delimiter in DELIMITERS if delimiter in lines[0]]
+    if in_header:
+        return in_header[0]
+    return b" " if len(lines[0].split()) > 1 else b","
+
+
+def _numeric(cells: Sequence[str], decimal: str) -> bool:
+    """Whether a line holds numbers and blanks only, one number at least."""
+    return any(map(str.strip, cells)) and all(not cell.strip() or is_number(cell, decimal) for cell in cells)
+
+
+def is_number(cell: str, decimal: str) -> bool:
+    """Whether the text of a cell is a number."""
+    try:
+        float(cell.strip().strip('"').replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _is_units(cells: Sequence[str]) -> bool:
+    bare = [_bare(cell).lower() for cell in cells]
+    return any(bare) and all(cell in UNITS or not cell for cell in bare)
+
+
+def _bare(cell: str) -> str:
+    return cell.strip().strip("[]()").strip()

@@ -1,0 +1,65 @@
+"""HDF5, and with it MATLAB v7.3: every vector of numbers in the file, by its path; by the package h5py."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.formats.arrow import parse_metadata
+from swingid.recording.formats.optional import require
+from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.vectors import add_vectors
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.recording.formats.vectors import Columns
+
+ENDINGS = (".h5", ".hdf5")
+MAGIC = b"\x89HDF\r\n\x1a\n"
+
+
+def read(content: bytes, name: str) -> Table:
+    """Data sets as columns: a vector as ``group.dataset``, a matrix as its columns (MATLAB stores them as rows).
+
+    Raises InputError for a damaged file, one without vectors, and where h5py is missing.
+    """
+    h5py = require("h5py", "h5py", name, "an HDF5 file (MATLAB v7.3 is one)")
+    columns: Columns = {}
+
+    def collect(group: Any, prefix: str) -> None:
+        for key, item in group.items():
+            if isinstance(item, h5py.Group) and not key.startswith("#"):
+                collect(item, f"{prefix}{key}.")
+            elif isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf":
+                array = item[()]
+                # MATLAB writes its arrays with the axes swapped
+                add_vectors(columns, prefix + key, array.T if "MATLAB_class" in item.attrs else array)
+
+    try:
+        with h5py.File(io.BytesIO(content), "r") as file:
+            collect(file, "")
+            raw = file.attrs.get(METADATA_KEY, "{}")
+    except (OSError, RuntimeError, ValueError, KeyError, TypeError):
+        message = f"{name} is not a whole HDF5 file: damaged, or cut off while it was written; save it again."
+        raise InputError(message, code="not-a-table") from None
+    if not columns:
+        message = f"{name} holds no vectors of numbers, only scalars, texts or objects; save plain arrays."
+        raise InputError(message, code="not-a-table")
+    return Table(columns, parse_metadata(raw if isinstance(raw, str) else "{}"))
+
+
+def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+    """The bytes of an HDF5 file, one data set per column, metadata (JSON) as an attribute; reads back bit for bit."""
+    h5py = require("h5py", "h5py", "the output", "an HDF5 file")
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", track_order=True) as file:
+        for name, values in columns.items():
+            file.create_dataset(name.replace("/", "."), data=values, compression="gzip", compression_opts=4)
+        file.attrs[METADATA_KEY] = json.dumps(metadata)
+    return buffer.getvalue()

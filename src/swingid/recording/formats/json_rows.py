@@ -1,0 +1,133 @@
+"""JSON lines (one object per row) and JSON: a list of rows, an object of arrays, or a list of rows inside an object."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.formats import bam
+from swingid.recording.formats.table import METADATA_KEY, Table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.recording.formats.vectors import Columns
+
+ENDINGS = (".jsonl", ".ndjson", ".json")
+MAGIC = b""
+NOT_JSON = "is not JSON: damaged, or cut off while it was written; save it again"
+
+
+def read(content: bytes, name: str) -> Table:
+    """Rows as columns by their keys; nested objects give ``outer.inner``. What swingid wrote keeps its metadata.
+
+    Raises InputError for text that is no JSON, or holds no rows.
+    """
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{name} {NOT_JSON}.", code="not-a-table") from None
+    metadata: Mapping[str, object] = {}
+    rows, header, lost = _parse(text, name)
+    if rows and set(rows[0]) == {METADATA_KEY}:
+        first = rows.pop(0)[METADATA_KEY]
+        metadata = first if isinstance(first, dict) else {}
+    if isinstance(header, dict) and bam.is_bam(header):
+        rows = bam.decoded(rows)
+    columns = _columns(rows) if rows else _arrays(header)
+    if not columns:
+        message = f"{name} holds no rows: JSON lines, a list of objects, or an object of arrays is needed."
+        raise InputError(message, code="not-a-table")
+    return Table(columns, metadata, lost)
+
+
+def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+    """The bytes of a JSON lines file: metadata in the first line, then one object per row; reads back bit for bit."""
+    names = list(columns)
+    lines = [json.dumps({METADATA_KEY: dict(metadata)})]
+    for row in zip(*(columns[name].tolist() for name in names), strict=True):
+        cells = {name: (value if np.isfinite(value) else None) for name, value in zip(names, row, strict=True)}
+        lines.append(json.dumps(cells))
+    return ("\n".join(lines) + "\n").encode()
+
+
+def _parse(text: str, name: str) -> tuple[list[dict[str, Any]], object, int]:
+    """Rows, what stands around them, and the number of lines that are no JSON."""
+    try:
+        whole = json.loads(text)
+    except RecursionError:
+        raise InputError(f"{name} {NOT_JSON}.", code="not-a-table") from None
+    except ValueError:
+        return _lines(text, name)
+    if isinstance(whole, list):
+        return [row for row in whole if isinstance(row, dict)], None, sum(not isinstance(row, dict) for row in whole)
+    if isinstance(whole, dict):
+        for value in whole.values():
+            if isinstance(value, list) and value and all(isinstance(row, dict) for row in value):
+                return list(value), whole, 0
+        if set(whole) == {METADATA_KEY}:
+            return [whole], None, 0
+    return [], whole, 0
+
+
+def _lines(text: str, name: str) -> tuple[list[dict[str, Any]], object, int]:
+    rows, lost = [], 0
+    for line in text.splitlines():
+        if not line.strip():
+            continue
+        try:
+            row = json.loads(line)
+        except (ValueError, RecursionError):
+            row = None
+        if isinstance(row, dict):
+            rows.append(row)
+        else:
+            lost += 1
+    if not rows:
+        raise InputError(f"{name} {NOT_JSON}.", code="not-a-table")
+    return rows, None, lost
+
+
+def _columns(rows: list[dict[str, Any]]) -> Columns:
+    """Columns over all keys that occur; a row without a key has no number there."""
+    flat = [_flat(row) for row in rows]
+    names = dict.fromkeys(key for row in flat for key in row)
+    found: Columns = {}
+    for name in names:
+        cells = [row.get(name) for row in flat]
+        if all(cell is None or isinstance(cell, int | float) for cell in cells):
+            found[name] = np.array([np.nan if cell is None else _number(cell) for cell in cells])
+        else:
+            found[name] = np.array([None if cell is None else str(cell) for cell in cells], dtype=object)
+    return found
+
+
+def _number(cell: float) -> float:
+    try:
+        return float(cell)
+    except OverflowError:  # an integer of hundreds of digits
+        return float("nan")
+
+
+def _flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    cells: dict[str, Any] = {}
+    for key, value in row.items():
+        if isinstance(value, dict):
+            cells |= _flat(value, f"{prefix}{key}.")
+        elif not isinstance(value, list):
+            cells[prefix + str(key)] = value
+    return cells
+
+
+def _arrays(header: object) -> Columns:
+    """The arrays of numbers in an object."""
+    found: Columns = {}
+    for key, value in header.items() if isinstance(header, dict) else ():
+        numbers = isinstance(value, list) and all(isinstance(cell, int | float) or cell is None for cell in value)
+        if numbers and len(value) > 1:
+            found[str(key)] = np.array([np.nan if cell is None else _number(cell) for cell in value])
+    return found

@@ -1,0 +1,135 @@
+"""MCAP, the container of robotics: topics of JSON messages and of ROS 2 `sensor_msgs/JointState`; by package mcap."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.formats.optional import require
+from swingid.recording.formats.table import METADATA_KEY, Table
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.recording.formats.vectors import Columns
+
+ENDINGS = (".mcap",)
+MAGIC = b"\x89MCAP0\r\n"
+
+JOINT_STATE = "sensor_msgs/msg/JointState"
+LONGEST = 9e9
+"""Of a log, s: its instants in ns have 64 bits."""
+
+KINDS = ("position", "velocity", "effort")
+
+
+def read(content: bytes, name: str) -> Table:
+    """One column per field: ``topic.field`` of JSON messages, ``topic.joint.position`` (velocity, effort) of joints.
+
+    The instants are those of the header's stamp where a message has one, else of the log: ``topic.time``. Where the
+    file has one topic, its name is left out: ``time``, ``joint.position``. Raises InputError for a damaged file, one
+    without such messages, and where mcap is missing.
+    """
+    reader_of = require("mcap.reader", "mcap", name, "an MCAP file").make_reader
+    topics: dict[str, list[dict[str, float]]] = {}
+    metadata: dict[str, object] = {}
+    try:
+        reader = reader_of(io.BytesIO(content))
+        for record in reader.iter_metadata():
+            if record.name == METADATA_KEY:
+                metadata = json.loads(record.metadata.get("json", "{}"))
+        decode = _ros2_decoder()
+        for schema, channel, message in reader.iter_messages():
+            cells = _cells(schema, channel, message, decode, name)
+            if cells:
+                topics.setdefault(channel.topic.strip("/").replace("/", "."), []).append(cells)
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file may fail anywhere in the other package
+        message = f"{name} is not a whole MCAP file ({type(error).__name__}): damaged or cut off; record it again."
+        raise InputError(message, code="not-a-table") from None
+    if not topics:
+        message = f"{name} holds no messages in JSON and none of {JOINT_STATE}; export the log as CSV or Parquet."
+        raise InputError(message, code="not-a-table")
+    columns: Columns = {}
+    for topic, rows in topics.items():
+        prefix = "" if len(topics) == 1 else f"{topic}."
+        for key in dict.fromkeys(key for row in rows for key in row):
+            columns[prefix + key] = np.array([row.get(key, np.nan) for row in rows])
+    return Table(columns, metadata if isinstance(metadata, dict) else {})
+
+
+def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+    """The bytes of an MCAP file with one topic of JSON messages, one per row; reads back bit for bit.
+
+    The log time of a message is its column `t` or `time` in ns where there is one.
+    """
+    writer_of = require("mcap.writer", "mcap", "the output", "an MCAP file").Writer
+    buffer = io.BytesIO()
+    writer = writer_of(buffer)
+    writer.start(library="swingid")
+    schema = writer.register_schema("swingid.row", "jsonschema", b'{"type": "object"}')
+    channel = writer.register_channel("/swingid", "json", schema)
+    writer.add_metadata(METADATA_KEY, {"json": json.dumps(metadata)})
+    names = list(columns)
+    stamps = _stamps(columns, len(next(iter(columns.values()))))
+    for stamp, row in zip(stamps, zip(*(columns[name].tolist() for name in names), strict=True), strict=True):
+        cells = {name: value for name, value in zip(names, row, strict=True) if np.isfinite(value)}
+        writer.add_message(channel, log_time=stamp, publish_time=stamp, data=json.dumps(cells).encode())
+    writer.finish()
+    return buffer.getvalue()
+
+
+def _stamps(columns: Mapping[str, NDArray[np.float64]], rows: int) -> list[int]:
+    """Log times in ns: the column `t` or `time` from its start where it rises, else the number of the row.
+
+    Readers sort messages by them, so they must rise.
+    """
+    clock = next((columns[name] for name in ("t", "time") if name in columns), None)
+    if clock is None or not (np.diff(clock) > 1e-9).all() or not clock[-1] - clock[0] < LONGEST:
+        return list(range(rows))
+    return [round(1e9 * since) for since in (clock - clock[0]).tolist()]
+
+
+def _ros2_decoder() -> Any:
+    try:
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError:
+        return None
+    return DecoderFactory()
+
+
+def _cells(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> dict[str, float]:
+    """The numbers of one message with its instant as "time" (unless it has a "t" or "time" of its own)."""
+    cells: dict[str, float] = {}
+    if channel.message_encoding == "json":
+        found = json.loads(message.data)
+        cells = _numbers(found) if isinstance(found, dict) else {}
+    elif channel.message_encoding == "cdr" and schema is not None and schema.name == JOINT_STATE:
+        if decode is None:
+            require("mcap_ros2.decoder", "mcap-ros2-support", name, "an MCAP file with ROS 2 messages")
+        decoder = decode.decoder_for(channel.message_encoding, schema)
+        state = decoder(message.data)
+        stamp = state.header.stamp
+        cells["time"] = stamp.sec + 1e-9 * stamp.nanosec
+        for kind in KINDS:
+            for joint, value in zip(state.name, getattr(state, kind), strict=False):
+                cells[f"{joint}.{kind}"] = float(value)
+    if cells and not {"t", "time"} & cells.keys():
+        cells["time"] = 1e-9 * message.log_time
+    return cells
+
+
+def _numbers(found: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
+    cells: dict[str, float] = {}
+    for key, value in found.items():
+        if isinstance(value, dict):
+            cells |= _numbers(value, f"{prefix}{key}.")
+        elif isinstance(value, int | float):
+            cells[prefix + str(key)] = float(value)
+    return cells

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.control.observer import VelocityObserver
-from swingid.identify.energy.balance import held_between, motor_drag, narrowed
+from swingid.identify.energy.balance import motor_drag, narrowed
+from swingid.identify.energy.chain import held_between
 from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import Motion, smooth_speed, speed_on_grid
 from swingid.identify.motor_balance import motor_torque

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.energy.balance import Course, States
+from swingid.identify.energy.chain import Chain
 from swingid.identify.energy.effects import effects
 from swingid.identify.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.identify.friction_laws import friction_units
@@ -73,6 +74,7 @@ def energy_answer(
                 sensitivities[item.source] = slope
             if item.std > 0:
                 budget.append(BudgetEntry(item.source, "B", name, abs(slope) * item.std, slope, item.shared_id))
+    budget = [entry for entry in budget if entry.parameter in values]
     parameters = {}
     for name, value in values.items():
         spread = None if fit.covariance is None else combined(budget, name)
@@ -125,6 +127,25 @@ def _type_a(estimate: EnergyEstimate, weights: dict[str, Array]) -> list[BudgetE
             spread = float(np.sqrt(difference**2 - variance))
             entries.append(BudgetEntry(f"disagreement: {name}", "A", "inertia", spread))
     return entries + common
+
+
+def judged_chain(
+    estimate: EnergyEstimate, smoothed: EnergyEstimate, chain: Chain, scale: Scale
+) -> tuple[EnergyEstimate, list[Message]]:
+    """What observers and W_f moved, from what the default gives, as an uncertainty and, for W_f, in a warning."""
+    fit, other = estimate.fit, smoothed.fit
+    source = "what observers and filter move"
+    moves = {name: abs(fit.value(name) - other.value(name)) for name in ("inertia", "viscous", "coulomb", "quadratic")}
+    common = {(name, source): move for name, move in moves.items() if name in fit.unknowns}
+    judged = replace(estimate, common=estimate.common | common)
+    if chain.filter_time == 0 or scale.drive == "none":
+        return judged, []
+    share = (fit.a11 - other.a11) / (other.a11 - scale.carried)
+    text = (
+        f"W_f of {1e3 * chain.filter_time:g} ms takes a part of the drive; with the observers it moves this inertia by "
+        f"{share:+.2%} from that of smoothed speeds and the drive as it was held; filter_time=0 leaves the drive alone."
+    )
+    return judged, [Message("filtered-drive", text)]
 
 
 def energy_details(

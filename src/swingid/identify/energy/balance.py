@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.identify.energy.chain import Chain, between_rows, filtered_drive, observed_speed
 from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import Motion, Speed, narrowest, smooth_speed, speed_on_grid
 from swingid.identify.motor_balance import motor_torque
@@ -30,6 +31,8 @@ Array = NDArray[np.float64]
 
 SHARE = 0.7
 """Of the half-width that is best for one speed: over the nodes of all swings noise averages out, bias does not."""
+
+SMOOTHED = Chain()
 
 SPACING = 1.5
 """Places per half-width at which speeds are computed; a spline runs through them."""
@@ -55,50 +58,40 @@ class Course:
     power: Array
 
     @classmethod
-    def of(cls, log: Recording, rig: Rig, motion: Motion, noise: Noise) -> Course:
+    def of(cls, log: Recording, rig: Rig, motion: Motion, noise: Noise, chain: Chain = SMOOTHED) -> Course:
         """The course of the part of a log that `motion` describes; angles at their stamps (latency taken off)."""
         samples_per_swing = motion.half_period * log.rate if len(motion.turning_times) > 1 else len(log)
         nodes = GaussNodes(log.time, 2 if samples_per_swing > 200 else 3)
-        axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
+        if chain.observers:
+            axis = observed_speed(log.time, log.angle, noise.angle)
+        else:
+            axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
         speed = axis.at_nodes(nodes)
         nothing = np.zeros_like(speed)
-        if rig.drive.kind == "direct":
-            assert log.torque is not None
-            torque = between_rows(nodes, log.torque, held=log.drive_held)
-            turn = nodes.spline(log.angle, derivative=1)
-            return cls(nodes, axis, None, speed, turn, nothing, torque, nothing, torque * turn)
         if rig.drive.kind == "none":
             return cls(nodes, axis, None, speed, nothing, nothing, nothing, nothing, nothing)
+        command = log.voltage if rig.drive.kind == "reaction-wheel" else log.torque
+        assert command is not None
+        if chain.filter_time > 0:
+            drive = filtered_drive(nodes, command, chain.filter_time, held=log.drive_held)
+        else:
+            drive = between_rows(nodes, command, held=log.drive_held)
+        if rig.drive.kind == "direct":
+            turn = speed if chain.observers else nodes.spline(log.angle, derivative=1)
+            return cls(nodes, axis, None, speed, turn, nothing, drive, nothing, drive * turn)
         assert log.wheel_angle is not None
-        assert log.voltage is not None
         assert rig.drive.motor is not None
-        wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
-        turn = nodes.spline(log.wheel_angle, derivative=1)
+        if chain.observers:
+            wheel = observed_speed(log.time, log.wheel_angle, noise.wheel)
+        else:
+            wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
         wheel_speed = wheel.at_nodes(nodes)
-        voltage = between_rows(nodes, log.voltage, held=log.drive_held)
+        turn = wheel_speed if chain.observers else nodes.spline(log.wheel_angle, derivative=1)
         motor = rig.drive.motor
-        torque = motor_torque(motor, voltage, wheel_speed)
+        torque = motor_torque(motor, drive, wheel_speed)
         active = (torque != 0.0).astype(np.float64)
         power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
-        return cls(nodes, axis, wheel, speed, turn, wheel_speed, voltage, active, power)
-
-
-def between_rows(nodes: GaussNodes, values: Array, *, held: bool) -> Array:
-    """A logged voltage or torque at the nodes: constant from row to row if held, else a spline through the rows.
-
-    Where rows are missing the values lost are taken to lie on a straight line, each of them held.
-    """
-    if not held:
-        return nodes.spline(values)
-    return np.repeat(held_between(nodes.time, values)[:, None], nodes.points, axis=1)
-
-
-def held_between(time: Array, values: Array) -> Array:
-    """The mean (n−1,) from row to row of a logged voltage or torque (n,) that is held, lost rows as `between_rows`."""
-    gaps = np.diff(time)
-    rows = np.maximum(np.rint(gaps / np.median(gaps)), 1.0)
-    result: Array = values[:-1] + np.diff(values) * (rows - 1) / (2 * rows)
-    return result
+        return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power)
 
 
 def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:

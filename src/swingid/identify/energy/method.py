@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError, UsageError
-from swingid.identify.energy.answer import EnergyEstimate, energy_answer, energy_details
+from swingid.identify.energy.answer import EnergyEstimate, energy_answer, energy_details, judged_chain
 from swingid.identify.energy.balance import Course, States, states_at
+from swingid.identify.energy.chain import Chain
 from swingid.identify.energy.checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
 from swingid.identify.energy.fit import BASIS, fit_nodes, sensor_variance
 from swingid.identify.energy.needs import require_motor, without_latency
@@ -69,43 +70,42 @@ def energy(
     variant: str = "better",
     nodes: Sequence[Nodes] | Nodes | None = None,
     work: str = "held",
+    velocities: str = "smoothed",
+    filter_time: float | None = None,
 ) -> Result:
     """Identify inertia and friction from the energy balance of mirrored passes.
 
     variant: "better" or "printed". nodes: for "printed", instants (t10, t11, t20, t21) in s or a list of such, in the
     place of those found in the motion. work: for "printed", "held" (the voltage constant from row to row) or
-    "trapezoid" (on the samples, as a user of the printed formula might do; for comparison only).
+    "trapezoid" (on the samples, as a user of the printed formula might do; for comparison only). velocities:
+    "smoothed", or "observers" for the paper's post-processing, observers (23) both ways and the drive through W_f of
+    `filter_time` (0.0125 s if not given, 0 for none), for comparison only.
 
     Raises UsageError for unknown options, InputError where a channel is missing or has the wrong sign,
     UnanswerableError where the motor's constants are missing or the motion cannot tell.
     """
     _check_options(variant, nodes, work)
+    how = _How(variant, nodes, work, Chain.of(velocities, filter_time))
     scale = Scale.of(rig)
     require_channels(log, rig)
     require_motor(log, rig, scale, "energy")
     noise = channel_noise(log, rig)
-    straight = without_latency(log, rig)
-    part = _used_part(straight, rig, noise, keep_all=nodes is not None)
-    course = Course.of(part.log, rig, part.motion, noise)
+    part = _used_part(without_latency(log, rig), rig, noise, keep_all=nodes is not None)
     opinion = second_opinion(log.segment(*part.span), rig, part.motion, scale, noise)
-    if variant == "printed":
-        estimate = _printed(part, rig, scale, course, nodes, work)
-    else:
-        estimate = _better(part, rig, scale, course)
+    estimate, course = _estimate(part, rig, scale, noise, how)
+    doubts: list[Message] = []
+    if how.chain.observers:
+        smoothed, _ = _estimate(part, rig, scale, noise, replace(how, chain=Chain()))
+        estimate, doubts = judged_chain(estimate, smoothed, how.chain, scale)
     estimate = _judged(estimate, opinion, scale)
     budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, part.motion)
-    notes = [part.note, *estimate.notes, *notes]
+    warnings, notes = [*doubts, *warnings], [part.note, *estimate.notes, *notes]
     if parameters["inertia"].standard_uncertainty is None:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
         notes.append(Message("no-uncertainty-inertia", text))
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
-    options: dict[str, object] = {"variant": variant}
-    if nodes is not None:
-        options["nodes"] = node_tuples(nodes)
-    if work != "held":
-        options["work"] = work
     details = energy_details(estimate, rig, scale, course, part.motion, part.span)
     if opinion.balance is not None:
         details = replace(details, extra=details.extra | {"motor_balance_residual": opinion.balance.as_stated})
@@ -116,10 +116,38 @@ def energy(
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(budget),
-        provenance=provenance(log, rig, options),
+        provenance=provenance(log, rig, how.options()),
         details=details,
         sensitivities=sensitivities,
     )
+
+
+@dataclass(frozen=True)
+class _How:
+    """The options."""
+
+    variant: str
+    nodes: Sequence[Nodes] | Nodes | None
+    work: str
+    chain: Chain
+
+    def options(self) -> dict[str, object]:
+        """Those that are not the default, and the variant, for the provenance."""
+        options: dict[str, object] = {"variant": self.variant}
+        if self.nodes is not None:
+            options["nodes"] = node_tuples(self.nodes)
+        if self.work != "held":
+            options["work"] = self.work
+        if self.chain.observers:
+            options |= {"velocities": "observers", "filter_time": self.chain.filter_time}
+        return options
+
+
+def _estimate(part: _Part, rig: Rig, scale: Scale, noise: Noise, how: _How) -> tuple[EnergyEstimate, Course]:
+    course = Course.of(part.log, rig, part.motion, noise, how.chain)
+    if how.variant == "printed":
+        return _printed(part, rig, scale, course, how.nodes, how.work), course
+    return _better(part, rig, scale, course), course
 
 
 def _check_options(variant: str, nodes: object, work: str) -> None:

@@ -25,6 +25,7 @@ class Method(StrEnum):
 
     MOMENTUM = "momentum"
     ENERGY = "energy"
+    OUTPUT_ERROR = "output-error"
     EQUATION_ERROR = "equation-error"
     BACKSTEPPING = "backstepping"
 

@@ -39,7 +39,8 @@ def _toml(value: object) -> str:
 def swing(rate: float = 1000.0, duration: float = 5.0, amplitude: float = 0.8, wheel: float = 20.0) -> Recording:
     """A reaction wheel pendulum's motion that starts at rest and swings with 8.5 rad/s; peak wheel speed 8.5 wheel."""
     time = np.arange(round(duration * rate)) / rate
-    start = np.minimum(1.0, time) ** 3
+    share = np.minimum(1.0, time)
+    start = share**3 * (10 - 15 * share + 6 * share**2)  # without a kink, which would hide a spike of 50 Hz beside it
     reference = amplitude * np.sin(8.5 * time) * start
     angle = amplitude * np.sin(8.5 * time - 0.02) * start
     wheel_angle = -wheel * np.sin(8.5 * time - 0.02) * start

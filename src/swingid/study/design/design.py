@@ -44,7 +44,10 @@ PAPER_DELTA0 = 0.08
 """delta0 of the paper's experiment, rad."""
 
 SHOWN = 8
-"""Candidates that are worked out to the end."""
+"""Candidates that are worked out to the end, at most."""
+
+ENOUGH = 5
+"""Candidates that reach what is wanted, after which no more are worked out."""
 
 
 @dataclass(frozen=True)
@@ -188,6 +191,7 @@ def design(
             code="no-motion",
         )
     reached, missed = _work_out(looked, given, expected, wanted, duration)
+    failed = ""
     for place, proposal in enumerate(reached):
         trial = (
             try_on_twin(expected, proposal, limits, wanted) if check and rig.drive.kind == "reaction-wheel" else None
@@ -195,7 +199,8 @@ def design(
         if trial is None or trial.passed:
             others = tuple(p for k, p in enumerate([*reached, *missed]) if k != place)
             return Design(rig.name, str(rig.source), wanted, proposal, others, trial, tuple(_notes(rig, trial)))
-    raise UnanswerableError(_why_not(reached, missed, wanted, duration), code="not-reachable")
+        failed = failed or trial.why
+    raise UnanswerableError(_why_not(reached, missed, wanted, duration, failed), code="not-reachable")
 
 
 def _expected(rig: Rig, inertia: float | str | None, gravity_torque: float | str | None) -> Rig:
@@ -333,6 +338,8 @@ def _work_out(
     reached: list[Proposal] = []
     missed: list[Proposal] = []
     for motion, first in sorted(looked, key=lambda item: needed(item[1]))[:SHOWN]:
+        if len(reached) == ENOUGH:
+            break
         slowest = min(part.frequency for part in parts_of(motion))
         least = max(2 * math.pi * SWINGS / slowest, LOOK / 2)
         longest = duration - first.settling
@@ -350,12 +357,12 @@ def _work_out(
     return reached, missed
 
 
-def _why_not(reached: list[Proposal], missed: list[Proposal], wanted: float, duration: float) -> str:
+def _why_not(reached: list[Proposal], missed: list[Proposal], wanted: float, duration: float, failed: str) -> str:
     """Which source keeps the uncertainty up, and what to do about it."""
     if reached:
         return (
-            f'by prediction "{reached[0].reference}" reaches {percent(wanted)}, but on the twin the controller does '
-            "not hold such motions within the limits; allow a larger angle or voltage, or a longer settling."
+            f'by prediction "{reached[0].reference}" reaches {percent(wanted)}, but on the twin neither it nor any '
+            f"other does ({failed}); allow a larger angle or voltage, or a longer settling."
         )
     best = missed[0]
     value = best.prediction.parameters["inertia"].value

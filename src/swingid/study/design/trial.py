@@ -59,9 +59,8 @@ def try_on_twin(expected: Rig, proposal: Proposal, limits: Limits, wanted: float
     """Simulate the proposal and identify the log."""
     assert expected.axis.inertia is not None
     truth = expected.axis.inertia.value
-    log = simulate(
-        expected, parse_reference(proposal.reference), duration=proposal.duration, rate=proposal.rate, seed=0
-    )
+    motion, controller = parse_reference(proposal.reference), controller_of(expected, proposal)
+    log = simulate(expected, motion, controller, duration=proposal.duration, rate=proposal.rate, seed=0)
     settled = log.segment(min(proposal.settling, log.duration / 2), float(log.time[-1]))
     angle = float(np.abs(settled.angle).max())
     voltage = None if settled.voltage is None else float(np.abs(settled.voltage).max())

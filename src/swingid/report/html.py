@@ -35,6 +35,7 @@ TITLES = {
     "residuals": "Residuals over time",
     "budget": "Uncertainty budget of the inertia",
     "kinds": "Estimates by kind of projection",
+    "convergence": "Online estimate over time",
 }
 
 
@@ -160,6 +161,7 @@ def _figures(result: Result, log: Recording | None, *, linear: bool) -> dict[str
 
 def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, Figure | None]:
     from swingid.report.figures.budget import draw_budget
+    from swingid.report.figures.convergence import draw_convergence
     from swingid.report.figures.friction import draw_friction
     from swingid.report.figures.kinds import draw_kinds
     from swingid.report.figures.log import draw_log
@@ -170,6 +172,7 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
     details = result.details
     drawn: dict[str, Figure | None] = {"budget": draw_budget(result), "swings": draw_swings(result)}
     drawn["kinds"] = draw_kinds(result)
+    drawn["convergence"] = draw_convergence(result)
     if log is not None:
         start, stop = (details.start, details.stop) if details else (None, None)
         drawn["log"] = draw_log(log, start, stop, linear=linear)

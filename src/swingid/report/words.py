@@ -66,6 +66,9 @@ SENSORS = {
 
 KINDS = {
     "law": "windows all over the motion, friction fitted beside the inertia",
+    "printed law": "α̂₂ driven by the error times −sin q₁, as the paper prints it",
+    "consistent law": "α̂₂ driven by the error times its own regressor, as the proof asks for",
+    "smoothed velocities": "speeds by local cubics, which look ahead, in the place of observers",
     "swing": "each window inside one swing, away from the turning points",
     "even": "windows about the turning points, where friction that is odd in speed vanishes without any law",
 }

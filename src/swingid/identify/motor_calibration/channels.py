@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify.momentum.balance import moved
-from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import FEWEST_ROWS, WIDTHS, Speed, smooth_speed, speed_on_grid
-from swingid.identify.noise import channel_noise
+from swingid.identify.noise import Noise, channel_noise
 from swingid.model.rig import Rig
 from swingid.numerics.quadrature import GaussNodes
 from swingid.recording.recording import Recording

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from swingid.identify.momentum import momentum
+from swingid.identify.momentum.method import momentum
 from swingid.identify.result import BudgetEntry, Message, Parameter, Result, combined
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording

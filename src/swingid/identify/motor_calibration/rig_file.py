@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from swingid.errors import InputError
 from swingid.identify.motor_calibration.separation import Separation
 from swingid.identify.result import Message, Parameter
 from swingid.model.parameters import FRICTION_KEYS
@@ -33,21 +34,30 @@ def calibrated_rig(
             values["drive.motor.efficiency"] = eta.value
             text = "efficiency is written without uncertainty: it acts only with torque_per_volt and back_emf."
             notes.append(Message("efficiency-fixed", text))
-    if "axis.inertia" in found:
-        own = {name: p for name, p in found.items() if name.startswith("axis.") and name.rpartition(".")[2] in KNOWN}
-        for key in FRICTION_KEYS:
-            name = f"axis.friction.{key}"
-            if getattr(rig.axis.friction, key) is not None and name not in own:
-                values[name] = None
-        values |= {name: _quantity(p, least=0.0 if name != "axis.friction.offset" else None) for name, p in own.items()}
-    text, kept = edited(rig.text, values)
+    text, kept = edited(rig.text, values | _axis(rig, found))
+    try:
+        Rig.from_text(text, rig.source, default_name=rig.name)
+    except InputError as error:
+        text, kept = edited(rig.text, values)
+        notes.append(Message("friction-not-written", f"friction and inertia of the axis were not written: {error}"))
     if not kept:
         message = "the rig file is written in a way whose comments could not be kept; its tables were written anew."
         notes.append(Message("comments-lost", message))
     return Rig.from_text(text, rig.source, default_name=rig.name), notes
 
 
-KNOWN = (*FRICTION_KEYS, "inertia")
+def _axis(rig: Rig, found: Mapping[str, Parameter]) -> dict[str, object]:
+    """Inertia and friction of a free swing in the place of what the rig said of them; nothing without a swing."""
+    if "axis.inertia" not in found:
+        return {}
+    values: dict[str, object] = {"axis.inertia": _quantity(found["axis.inertia"], least=0.0)}
+    for key in (*FRICTION_KEYS, "lugre"):
+        name = f"axis.friction.{key}"
+        if name in found:
+            values[name] = _quantity(found[name], least=None if key == "offset" else 0.0)
+        elif getattr(rig.axis.friction, key) is not None:
+            values[name] = None
+    return values
 
 
 def _motor(rig: Rig, found: Mapping[str, Parameter], split: Separation, *, coupled: bool) -> dict[str, object]:

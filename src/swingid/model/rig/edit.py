@@ -17,12 +17,14 @@ _PAIR = re.compile(r"(\s*)([\w-]+)(\s*=\s*)(.*)$")
 def edited(text: str, values: Mapping[str, object]) -> tuple[str, bool]:
     """TOML `text` with `values` (numbers, lists, Quantities) at dotted keys, and whether its comments were kept.
 
-    A value is replaced on its own line; a missing key goes to the end of its table, a missing table to the end of the
-    file. Where the file is written in another way (dotted keys, inline tables, values over several lines), the whole
-    is written anew from its tables, without comments.
+    None takes a key away. A value is replaced on its own line; a missing key goes to the end of its table, a missing
+    table to the end of the file. Where the file is written in another way (dotted keys, inline tables, values over
+    several lines), the whole is written anew from its tables, without comments.
     """
     text = text.removeprefix("\ufeff")
-    document = with_values(tomllib.loads(text), values)
+    old = tomllib.loads(text)
+    values = {dotted: value for dotted, value in values.items() if value is not None or _there(old, dotted)}
+    document = with_values(old, values)
     lines = text.splitlines()
     for dotted, value in values.items():
         table, _, key = dotted.rpartition(".")
@@ -35,18 +37,33 @@ def edited(text: str, values: Mapping[str, object]) -> tuple[str, bool]:
     return (kept, True) if same else (to_toml(document) + "\n", False)
 
 
+def _there(document: Mapping[str, Any], dotted: str) -> bool:
+    """Whether there is a value at a dotted key."""
+    at: Any = document
+    for part in dotted.split("."):
+        if not isinstance(at, Mapping) or part not in at:
+            return False
+        at = at[part]
+    return True
+
+
 def _replace(lines: list[str], table: str, key: str, value: object) -> None:
-    """Put ``key = value`` into a table's lines, in place."""
-    written = to_toml({key: value}).partition("=")[2].strip()
+    """Put ``key = value`` into a table's lines, in place; None takes the line away."""
+    written = "" if value is None else to_toml({key: value}).partition("=")[2].strip()
     first, last = _table(lines, table)
     if first < 0:
-        lines += ["", f"[{table}]", f"{key} = {written}"]
+        lines += ["", f"[{table}]", f"{key} = {written}"] if written else []
         return
     for k in range(first, last):
         pair = _PAIR.match(lines[k])
         if pair and pair[2] == key:
+            if not written:
+                del lines[k]
+                return
             lines[k] = f"{pair[1]}{key}{pair[3]}{written}{_comment(pair[4])}"
             return
+    if not written:
+        return
     while last > first and not lines[last - 1].strip():
         last -= 1
     lines.insert(last, f"{key} = {written}")
@@ -57,10 +74,9 @@ def _table(lines: list[str], name: str) -> tuple[int, int]:
     heads = [(k, match[1].replace(" ", "")) for k, line in enumerate(lines) if (match := _HEADER.match(line))]
     if not name:
         return 0, heads[0][0] if heads else len(lines)
-    ends = [k for k, _ in heads[1:]] + [len(lines)]
-    for (k, found), end in zip(heads, ends, strict=True):
+    for place, (k, found) in enumerate(heads):
         if found == name:
-            return k + 1, end
+            return k + 1, heads[place + 1][0] if place + 1 < len(heads) else len(lines)
     return -1, -1
 
 

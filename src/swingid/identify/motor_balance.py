@@ -23,7 +23,7 @@ from swingid.recording.recording import Recording
 
 if TYPE_CHECKING:
     from swingid.identify.momentum.balance import Signals, Windows
-    from swingid.identify.momentum.fits import Noise
+    from swingid.identify.noise import Noise
 
 Array = NDArray[np.float64]
 

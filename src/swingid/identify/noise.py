@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import grid_step, sample_noise
 from swingid.model.rig import Rig
 from swingid.numerics.compiled import njit
@@ -15,6 +16,16 @@ Array = NDArray[np.float64]
 
 EVEN = 1e-6
 """Relative differences of the steps below which stamps count as evenly spaced."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one sample of the angle and of the wheel angle, the sample step in s, the angle's grid."""
+
+    angle: float
+    wheel: float
+    step: float
+    resolution: float = 0.0
 
 
 def channel_noise(log: Recording, rig: Rig) -> Noise:

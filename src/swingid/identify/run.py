@@ -13,8 +13,8 @@ from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
 METHODS: dict[str, str] = {
-    "momentum": "swingid.identify.momentum:momentum",
-    "energy": "swingid.identify.energy:energy",
+    "momentum": "swingid.identify.momentum.method:momentum",
+    "energy": "swingid.identify.energy.method:energy",
     "output-error": "swingid.identify.output_error:output_error",
     "backstepping": "swingid.identify.backstepping:backstepping",
     "equation-error": "swingid.identify.equation_error:equation_error",

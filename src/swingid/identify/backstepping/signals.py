@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from swingid.control.observer import VelocityObserver
 from swingid.identify.energy.balance import motor_drag, narrowed
 from swingid.identify.energy.chain import held_between
-from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import Motion, smooth_speed, speed_on_grid
 from swingid.identify.motor_balance import motor_torque
+from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.numerics.spline import spline_at, spline_slopes

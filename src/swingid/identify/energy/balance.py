@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.energy.chain import Chain, between_rows, filtered_drive, observed_speed
-from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import Motion, Speed, narrowest, smooth_speed, speed_on_grid
 from swingid.identify.motor_balance import motor_torque
+from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor

@@ -10,10 +10,11 @@ from swingid.errors import InputError
 from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.momentum.balance import Signals, rows_of
 from swingid.identify.momentum.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
-from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows
 from swingid.identify.momentum.windows import law_windows
 from swingid.identify.motion import Motion
 from swingid.identify.motor_balance import MotorBalance, motor_balance
+from swingid.identify.noise import Noise
 from swingid.identify.provenance import exact_constants
 from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.identify.scale import Scale

@@ -73,7 +73,7 @@ def fit_nodes(states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = B
     columns = columns_at(states, scale, terms)
     matrix = np.column_stack([within_blocks(column) for column in columns.values()])
     target = within_blocks(states.known(rig, scale))
-    influence = _influence(matrix)
+    influence = influence_of(matrix)
     values = influence @ target
     residuals = target - matrix @ values
     scores = (influence * residuals).reshape(len(columns), len(states.instants), -1).sum(axis=2)
@@ -86,7 +86,7 @@ def fit_nodes(states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = B
     )
 
 
-def _influence(matrix: Array) -> Array:
+def influence_of(matrix: Array) -> Array:
     """Pseudo-inverse from the normal equations of the scaled columns: a third of the time of an SVD of all rows.
 
     Directions of less than 1e-6 of the largest singular value are dropped (the square is what is left of 16 digits).

@@ -31,12 +31,11 @@ from swingid.identify.energy.printed import (
     printed_fit,
     states_of_pairs,
     trapezoid_work,
-    unequal_losses,
     unequal_speeds,
 )
-from swingid.identify.momentum.fits import Noise
+from swingid.identify.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
 from swingid.identify.motion import Motion, find_motion
-from swingid.identify.noise import channel_noise
+from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.provenance import provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
@@ -98,6 +97,9 @@ def energy(
         smoothed, _ = _estimate(part, rig, scale, noise, replace(how, chain=Chain()))
         estimate, doubts = judged_chain(estimate, smoothed, how.chain, scale)
     estimate = _judged(estimate, opinion, scale)
+    symmetry = _symmetry(estimate, part, rig, scale, course)
+    if symmetry is not None:
+        estimate = replace(estimate, common=estimate.common | symmetry.entry())
     budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, part.motion)
     warnings, notes = [*doubts, *warnings], [part.note, *estimate.notes, *notes]
@@ -107,6 +109,9 @@ def energy(
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
     details = energy_details(estimate, rig, scale, course, part.motion, part.span)
+    if symmetry is not None:
+        notes.append(symmetry.note(parameters["inertia"].value))
+        details = replace(details, extra=details.extra | {"symmetry_bound": symmetry.bound})
     if opinion.balance is not None:
         details = replace(details, extra=details.extra | {"motor_balance_residual": opinion.balance.as_stated})
     return Result(
@@ -195,6 +200,15 @@ def _better(part: _Part, rig: Rig, scale: Scale, course: Course) -> EnergyEstima
     return EnergyEstimate("better", fit, states, passes.turning, passes.sides, others, {}, sensor, None, ())
 
 
+def _symmetry(estimate: EnergyEstimate, part: _Part, rig: Rig, scale: Scale, course: Course) -> Symmetry | None:
+    """What the asymmetry of the passes can do; None where too few swings show the friction."""
+    mirrored = mirrored_passes(part.motion, LEVELS, part.log.time, part.longest_gap)
+    if len(mirrored.turning) < FEWEST_BLOCKS:
+        return None
+    states = states_at(course, mirrored.instants, linear=scale.linear)
+    return asymmetry_bound(estimate.fit, estimate.states, course, friction_profile(course, states, rig, scale))
+
+
 def _inner(states: States) -> States:
     """The states at the nodes within two thirds of each half swing, counted in time from the turning point."""
     cut = len(LEVELS) // 3
@@ -234,8 +248,5 @@ def _printed(
         notes = (Message("trapezoid-work", text),)
     fit, each = printed_fit(states, rig, scale, course.axis)
     sensor = sensor_variance(fit, states, course, rig)
-    common = {
-        ("inertia", "unequal losses of the two passes"): abs(unequal_losses(fit, states)),
-        ("viscous", "unequal speeds of the two passes"): abs(unequal_speeds(fit, states)),
-    }
+    common = {("viscous", "unequal speeds of the two passes"): abs(unequal_speeds(fit, states))}
     return EnergyEstimate("printed", fit, states, turning, sides, {}, common, sensor, each, notes)

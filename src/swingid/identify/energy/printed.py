@@ -124,12 +124,6 @@ def printed_fit(states: States, rig: Rig, scale: Scale, axis: Speed) -> tuple[No
     return fit, each[0]
 
 
-def unequal_losses(fit: NodeFit, states: States) -> float:
-    """Error of a11 by B1 ≠ B2, estimated with the f1 of (7): what (6) takes for equal and is not."""
-    losses = fit.value("viscous") * states.friction["viscous"].ravel()
-    return float(fit.influence[0] @ losses)
-
-
 def unequal_speeds(fit: NodeFit, states: States) -> float:
     """Error of f1 by the kinetic energy of the axis that (7) leaves out, with the inertia of (6)."""
     return float(fit.influence[1] @ (0.5 * fit.a11 * states.speed**2).ravel())

@@ -8,13 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.equation_error.effects import effects
-from swingid.identify.equation_error.fit import RowFit
-from swingid.identify.equation_error.grid import curvature
-from swingid.identify.equation_error.rows import RowFilter
+from swingid.identify.equation_error.scatter import Fitted
 from swingid.identify.friction_laws import friction_units, law_columns, parameter_weights
 from swingid.identify.momentum.agreement import SEEN
-from swingid.identify.momentum.balance import Rows
-from swingid.identify.momentum.fits import Noise, columns_of, known_side
+from swingid.identify.momentum.fits import columns_of, known_side
 from swingid.identify.motion import Motion
 from swingid.identify.result import BudgetEntry, Details, FrictionCurve, Parameter, SwingSeries, combined
 from swingid.identify.scale import Scale
@@ -24,26 +21,6 @@ Array = NDArray[np.float64]
 
 SCATTER = "scatter of the rows and sensor noise"
 CURVE_KNOTS = 8
-GRID_PLACES = 8
-
-
-@dataclass(frozen=True)
-class Fitted:
-    """A fit of filtered rows, the filter, and the rows of the whole log."""
-
-    fit: RowFit
-    row_filter: RowFilter
-    rows: Rows
-
-    def samples(self, own: Array) -> Array:
-        """How much a combination `own` of the unknowns gains per unit of a11 q1 (or a12 q2) in each row of the log."""
-        return curvature(self.row_filter.adjoint(own @ self.fit.fit.influence), self.row_filter.grid.step)
-
-    def variance(self, own: Array, scale: Scale, noise: Noise) -> float:
-        """Variance of a combination of unknowns: scatter of the rows, or white noise of both angles if that is more."""
-        power = (self.fit.a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
-        expected = float(np.sum(self.samples(own) ** 2)) * power
-        return max(float(own @ self.fit.covariance @ own), expected, 0.0)
 
 
 @dataclass(frozen=True)
@@ -55,11 +32,10 @@ class Estimate:
     terms: tuple[str, ...]
     stribeck_speed: float
     others: dict[str, Fitted]
-    instruments: bool
 
 
 def answer(
-    estimate: Estimate, rig: Rig, scale: Scale, noise: Noise, motion: Motion
+    estimate: Estimate, rig: Rig, scale: Scale, motion: Motion
 ) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
     """Budget and parameters: type A first, then every declared imperfection."""
     chosen, fit = estimate.chosen, estimate.chosen.fit
@@ -71,13 +47,9 @@ def answer(
     sought |= {name: own @ unit[friction] for name, own in parameter_weights(estimate.terms).items()}
     values = {name: float(own @ fit.fit.values) for name, own in sought.items()}
     values["inertia"] -= scale.carried
-    budget = [
-        BudgetEntry(SCATTER, "A", name, float(np.sqrt(chosen.variance(own, scale, noise))))
-        for name, own in sought.items()
-    ]
-    budget += _type_a(estimate, scale, noise, motion)
-    b = fit.value("gravity_torque") if scale.b is None else scale.b
-    for item in effects(rig, chosen.row_filter, chosen.rows, fit.a11, b):
+    budget = [BudgetEntry(SCATTER, "A", name, float(np.sqrt(chosen.variance(own)))) for name, own in sought.items()]
+    budget += _type_a(estimate, motion)
+    for item in effects(rig, chosen.row_filter, chosen.rows, fit.a11, chosen.stiffness):
         shifts = fit.fit.influence @ item.rows
         for name, own in sought.items():
             slope = float(own @ shifts) + (item.direct if name == "inertia" else 0.0)
@@ -88,54 +60,16 @@ def answer(
     return budget, parameters
 
 
-def _type_a(estimate: Estimate, scale: Scale, noise: Noise, motion: Motion) -> list[BudgetEntry]:
+def _type_a(estimate: Estimate, motion: Motion) -> list[BudgetEntry]:
     """Type A errors of the inertia that the scatter does not show: alike in all rows, or seen by other fits only."""
     chosen = estimate.chosen
-    found = _common(chosen, noise, motion, estimate.instruments)
-    own = _total(chosen, scale, noise, found)
+    found = chosen.common(motion)
+    own = chosen.total(motion)
     for name, other in estimate.others.items():
-        total = _total(other, scale, noise, _common(other, noise, motion, estimate.instruments))
-        difference, variance = other.fit.a11 - chosen.fit.a11, abs(total**2 - own**2)
+        difference, variance = other.fit.a11 - chosen.fit.a11, abs(other.total(motion) ** 2 - own**2)
         if abs(difference) > SEEN * np.sqrt(variance):
             found[f"disagreement: {name}"] = float(np.sqrt(difference**2 - variance))
     return [BudgetEntry(source, "A", "inertia", spread) for source, spread in found.items()]
-
-
-def _common(one: Fitted, noise: Noise, motion: Motion, instruments: bool) -> dict[str, float]:
-    """Errors of the inertia that are alike in all rows, by source."""
-    found = {}
-    if not instruments:
-        found["noise in the acceleration (least squares)"] = abs(one.fit.a11) * attenuation(one, noise)
-    if noise.resolution > 0:
-        found["place of the encoder's grid"] = _grid_spread(one, noise.resolution, motion)
-    return found
-
-
-def _total(one: Fitted, scale: Scale, noise: Noise, common: dict[str, float]) -> float:
-    """Type A standard uncertainty of a11 but for disagreement with other fits."""
-    own = np.eye(len(one.fit.unknowns))[0]
-    return float(np.sqrt(one.variance(own, scale, noise) + sum(spread**2 for spread in common.values())))
-
-
-def attenuation(one: Fitted, noise: Noise) -> float:
-    """Share by which white noise of the angle in its own regressor lowers the inertia of least squares."""
-    fit, row_filter = one.fit, one.row_filter
-    weights = np.zeros(len(row_filter.instants))
-    weights[len(weights) // 2] = 1.0
-    response = curvature(row_filter.adjoint(weights), row_filter.grid.step)
-    variance = noise.angle**2 * float(response @ response)
-    # influence · influence is the inverse of the power of the acceleration that no other regressor has
-    return float(variance * fit.weights.sum() * (fit.fit.influence[0] @ fit.fit.influence[0]))
-
-
-def _grid_spread(one: Fitted, resolution: float, motion: Motion) -> float:
-    """What the place of the encoder's grid does to a11, over shifts of the grid; as `systematics.grid_spread`."""
-    speed = motion.speed
-    smooth = speed.angle_at(np.clip(one.row_filter.grid.time, speed.grid[0], speed.grid[-1]))
-    weights = one.samples(np.eye(len(one.fit.unknowns))[0]) * one.fit.a11
-    shifted = smooth / resolution + np.arange(GRID_PLACES)[:, None] / GRID_PLACES
-    shifts = ((np.round(shifted) - shifted) @ weights) * resolution
-    return float(np.sqrt(np.mean(shifts**2)))
 
 
 def details(estimate: Estimate, scale: Scale, motion: Motion, span: tuple[float, float]) -> Details:

@@ -1,12 +1,13 @@
 """Weighted least squares or instrumental variables on filtered rows, with uncertainties that know of the filter.
 
 Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration.
-Instruments take it away. Here they are the same regressors from the other half of the rows of the log (every second
-one): white noise of the two halves is independent, so the moment conditions Z'(y − X θ) = 0 hold for the true θ.
-(Replicated measurements as instruments: Söderström 2018, "Errors-in-Variables Methods in System Identification".)
-The robotics form, Janot, Vandanjon and Gautier 2014, simulates the instruments; for row (I) that takes the noisy wheel
-angle or a controller as input, and is consistent only where the noise of that input does not matter. Noise that
-neighbouring rows share, such as the steps of a coarse encoder near rest, is not removed.
+Instruments take it away: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The lag is
+longer than the filter remembers, so noise of the sensors is in one of the two only, and it points to the past, so
+that the motion's own answer to that noise, through a controller, is not in the instruments either. Of such lags the one
+that tells most is taken: near half a period, or a multiple of it. (Delayed signals as instruments: Söderström and Stoica
+1983, "Instrumental Variable Methods for System Identification". The robotics form, Janot, Vandanjon and Gautier 2014,
+simulates the instruments; for row (I) that takes a controller or the noisy wheel angle as input, which are not known or
+not independent of the noise.)
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from swingid.numerics.regression import LinearFit, hac_covariance
 Array = NDArray[np.float64]
 Bools = NDArray[np.bool_]
 
-ROBUST = 3.0
+ROBUST = 5.0
 """Robust standard deviations of a residual beyond which its row weighs less (Huber)."""
 
 ROUNDS = 4
@@ -55,15 +56,15 @@ class RowFit:
         return float(self.fit.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
 
 
-def fit_rows(halves: tuple[Rows, Rows], scale: Scale, terms: tuple[str, ...], usable: Bools, reach: int) -> RowFit:
-    """Fit the rows; `halves` are the same rows from independent noise, or one and the same for plain least squares.
+def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, reach: int, lag: int) -> RowFit:
+    """Fit the rows by least squares (lag 0), or with the regressors `lag` rows earlier as instruments.
 
     usable (rows,): which to use. reach: rows over which the covariance looks for correlation.
     Raises UnanswerableError where too few rows are left.
     """
-    unknowns, first = columns_of(halves[0], scale, terms)
-    _, second = columns_of(halves[1], scale, terms)
-    targets = known_side(halves[0], scale), known_side(halves[1], scale)
+    unknowns, columns = columns_of(rows, scale, terms)
+    target = known_side(rows, scale)
+    instruments, usable = lagged(columns, usable, lag)
     if usable.sum() < 5 * len(unknowns):
         raise UnanswerableError(
             f"{usable.sum()} filtered rows are left, too few for {len(unknowns)} unknowns; record a longer run, "
@@ -72,29 +73,56 @@ def fit_rows(halves: tuple[Rows, Rows], scale: Scale, terms: tuple[str, ...], us
         )
     weights = usable.astype(np.float64)
     for _ in range(ROUNDS):
-        fit, scores = _solve((first, second), targets, weights)
+        fit = _solve(columns, target, instruments, weights)
         weights = usable * _huber(fit.residuals, usable)
-    covariance = hac_covariance(scores, reach, len(unknowns), int(usable.sum()))
+    covariance = hac_covariance(fit.influence * fit.residuals, reach, len(unknowns), int(usable.sum()))
     return RowFit(unknowns, fit, covariance, weights)
 
 
-def _solve(columns: tuple[Array, Array], targets: tuple[Array, Array], weights: Array) -> tuple[LinearFit, Array]:
-    """Symmetric instrumental-variable solution, each half the instrument of the other; and the scores (p, rows)."""
-    first, second = columns
-    scale = np.sqrt(np.abs(weights @ (first * second)))
+def lagged(columns: Array, usable: Bools, lag: int) -> tuple[Array, Bools]:
+    """The columns `lag` rows earlier, and the rows that are usable with them."""
+    if lag == 0:
+        return columns, usable
+    earlier, sound = np.zeros_like(columns), np.zeros_like(usable)
+    earlier[lag:] = columns[:-lag]
+    sound[lag:] = usable[lag:] & usable[:-lag]
+    return earlier, sound
+
+
+def best_lag(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, shortest: int, longest: int) -> int:
+    """The lag of the instruments, in rows, that gives the inertia the least variance under white residuals."""
+    _, columns = columns_of(rows, scale, terms)
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    best, least = 0, np.inf
+    for lag in range(shortest, longest + 1):
+        earlier, sound = lagged(columns, usable, lag)
+        z, x = earlier[sound], columns[sound]
+        if len(z) < 5 * x.shape[1]:
+            break
+        inverse = np.linalg.pinv(z.T @ x, rcond=1e-12)
+        variance = float(inverse[0] @ (z.T @ z) @ inverse[0])
+        if variance < least:
+            best, least = lag, variance
+    if best == 0:
+        raise UnanswerableError(
+            "the log is too short for instruments from an earlier swing; record a longer run, or leave instruments out.",
+            code="too-short",
+        )
+    return best
+
+
+def _solve(columns: Array, target: Array, instruments: Array, weights: Array) -> LinearFit:
+    """Solution of Z'W (y − X θ) = 0, and its condition with columns of unit length."""
+    used = np.sqrt(weights)[:, None]
+    scale = np.linalg.norm(columns * used, axis=0)
     scale[scale == 0] = 1.0
-    one, two = first / scale, second / scale
-    cross = two.T @ (weights[:, None] * one)
-    gram = (cross + cross.T) / 2
-    powers = np.abs(np.linalg.eigvalsh(gram))
-    inverse = np.linalg.pinv(gram, rcond=1e-14, hermitian=True)
-    right = two.T @ (weights * targets[0]) + one.T @ (weights * targets[1])
-    scaled = inverse @ right / 2
-    left = targets[0] - one @ scaled, targets[1] - two @ scaled
-    scores = inverse @ (two.T * left[0] + one.T * left[1]) * weights / 2 / scale[:, None]
-    influence = inverse @ (one + two).T * weights / 2 / scale[:, None]
-    condition = float(np.sqrt(powers.max() / powers.min())) if powers.min() > 0 else float("inf")
-    return LinearFit(scaled / scale, (left[0] + left[1]) / 2, influence, condition), scores
+    weighted = (instruments / scale).T * weights
+    gram = weighted @ (columns / scale)
+    spread = np.linalg.svd(gram, compute_uv=False)
+    influence = (np.linalg.pinv(gram, rcond=1e-14) @ weighted) / scale[:, None]
+    values = influence @ target
+    condition = float(np.sqrt(spread[0] / spread[-1])) if spread[-1] > 0 else float("inf")
+    return LinearFit(values, target - columns @ values, influence, condition)
 
 
 def _huber(residuals: Array, usable: Bools) -> Array:

@@ -41,22 +41,15 @@ class Grid:
     resampled: bool
 
 
-def even_grid(log: Recording, rig: Rig, every: slice = slice(None)) -> Grid:
-    """The log on its even grid; `every` uses some of the rows only, for independent noise on the same grid.
-
-    The angles' declared latencies are taken off against each other, as in the momentum method.
-    """
+def even_grid(log: Recording, rig: Rig) -> Grid:
+    """The log on its even grid; the angles' declared latencies are taken off against each other, as in momentum."""
     steps = np.diff(log.time)
     resampled = bool(np.ptp(steps) > EVEN * steps[0])
     count = int(np.rint(log.duration * log.rate)) + 1
     time = np.linspace(log.time[0], log.time[-1], count) if resampled else log.time
-    stamps = log.time[every]
 
     def carried(values: Array) -> Array:
-        if not resampled and len(stamps) == len(time):
-            return values
-        chosen = np.ascontiguousarray(values[every])
-        return spline_at(stamps, chosen, spline_slopes(stamps, chosen), time, 0)
+        return spline_at(log.time, values, spline_slopes(log.time, values), time, 0) if resampled else values
 
     wheel = impulse = None
     if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:

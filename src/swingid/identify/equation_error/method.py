@@ -15,21 +15,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.errors import UsageError
-from swingid.identify.equation_error.answer import Estimate, Fitted, answer, details
-from swingid.identify.equation_error.cutoff import Cutoff, choose_cutoff
-from swingid.identify.equation_error.fit import RowFit, fit_rows
+from swingid.identify.equation_error.answer import Estimate, answer, details
+from swingid.identify.equation_error.cutoff import SETTLING, Cutoff, choose_cutoff
+from swingid.identify.equation_error.fit import RowFit, best_lag, fit_rows
 from swingid.identify.equation_error.grid import Grid, even_grid
 from swingid.identify.equation_error.rows import RowFilter, filtered_rows, friction_columns
+from swingid.identify.equation_error.scatter import Fitted
 from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_terms
 from swingid.identify.momentum.balance import Signals, rows_of
 from swingid.identify.momentum.checks import check_answer, check_motor, check_sign
-from swingid.identify.momentum.fits import BASIS, Noise, WindowFit
+from swingid.identify.momentum.fits import BASIS, WindowFit
 from swingid.identify.momentum.fits import fit_rows as fit_windows
 from swingid.identify.momentum.imperfections import sensitivities
 from swingid.identify.momentum.windows import law_windows
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.motor_balance import motor_balance
-from swingid.identify.noise import channel_noise
+from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.provenance import exact_constants, provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
@@ -40,16 +41,19 @@ from swingid.recording.recording import Recording
 RICHER = "coulomb + viscous + quadratic, direction-dependent"
 """The law that judges the chosen one."""
 
+LAGS = 2.0
+"""Periods of the motion over which the lag of the instruments is sought."""
+
 
 @dataclass(frozen=True)
 class _Part:
-    """The part of the log that is used: on its grid, also in two halves of independent noise, and its motion."""
+    """The part of the log that is used, on its grid, its motion, and intervals that are closed to rows."""
 
     log: Recording
     motion: Motion
-    whole: Grid
-    halves: tuple[Grid, Grid]
+    grid: Grid
     closed: np.ndarray
+    noise: Noise
     span: tuple[float, float]
     note: Message
 
@@ -66,7 +70,7 @@ def equation_error(
 
     cutoff: of the low-pass in Hz; left out, the rule of `cutoff.choose_cutoff`. friction: a name of
     `friction_laws.LAWS`, also with ", offset" or ", direction-dependent". instruments: instrumental variables against
-    the bias of noisy regressors, for noise that is independent from row to row.
+    the bias of noisy regressors, for noise that is independent from swing to swing.
 
     Raises UsageError for unknown options, InputError where a channel is missing or has the wrong sign,
     UnanswerableError where the motion cannot tell. Prefer `momentum` for coarse, noisy or slow sensors.
@@ -75,14 +79,14 @@ def equation_error(
     scale = Scale.of(rig)
     require_channels(log, rig)
     noise = channel_noise(log, rig)
-    part = _used_part(log, rig, noise, instruments)
+    part = _used_part(log, rig, noise)
     doubts = _second_opinion(part, rig, scale, noise)
     chosen = choose_cutoff(part.motion.speed, *part.span, noise, None if cutoff is None else float(cutoff))
-    estimate = _estimate(part, scale, chosen, friction, terms)
-    budget, parameters = answer(estimate, rig, scale, noise, part.motion)
+    estimate = _estimate(part, scale, chosen, friction, terms, instruments)
+    budget, parameters = answer(estimate, rig, scale, part.motion)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
     warnings, notes = check_answer(parameters, budget, _as_windows(estimate.chosen), scale, amplitude)
-    how = _how(part, chosen, friction, instruments)
+    how = _how(part, chosen, friction, estimate.chosen.lag * estimate.chosen.row_filter.row_step)
     notes = [part.note, *how, *exact_constants(_exact(rig)), *notes, *doubts[1]]
     warnings = [*warnings, *doubts[0]]
     for finding in log.findings:
@@ -119,48 +123,58 @@ def _terms(friction: str) -> tuple[str, ...]:
     return law_terms(friction)
 
 
-def _used_part(log: Recording, rig: Rig, noise: Noise, instruments: bool) -> _Part:
+def _used_part(log: Recording, rig: Rig, noise: Noise) -> _Part:
     found = find_motion(log.time, log.angle, noise.angle)
     start, stop, note = usable_part(found, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
     span = float(used.time[0]), float(used.time[-1])
     motion = found.within(*span)
-    whole = even_grid(used, rig)
-    halves = (even_grid(used, rig, slice(0, None, 2)), even_grid(used, rig, slice(1, None, 2)))
     longest = max(4.5 * noise.step, 0.05 * motion.half_period)
     late = np.nonzero(np.diff(used.time) > longest)[0]
     gaps = np.column_stack([used.time[late], used.time[late + 1]])
     closed = np.vstack([motion.rests, gaps])
-    return _Part(used, motion, whole, halves if instruments else (whole, whole), closed, span, note)
+    return _Part(used, motion, even_grid(used, rig), closed, noise, span, note)
 
 
-def _estimate(part: _Part, scale: Scale, cutoff: Cutoff, law: str, terms: tuple[str, ...]) -> Estimate:
+def _estimate(
+    part: _Part, scale: Scale, cutoff: Cutoff, law: str, terms: tuple[str, ...], instruments: bool
+) -> Estimate:
     fastest = float(np.max(np.abs(part.motion.speed.speed)))
     speeds = fastest * STRIBECK_SHARES if "stribeck" in terms else np.ones(1)
-    tried = [_fit(part, scale, cutoff, terms, speed) for speed in speeds]
+
+    def fitted(at: Cutoff, with_terms: tuple[str, ...], speed: float) -> Fitted:
+        return _fit(part, scale, at, with_terms, speed, instruments)
+
+    tried = [fitted(cutoff, terms, speed) for speed in speeds]
     best = int(np.argmin([one.fit.weights @ one.fit.fit.residuals**2 for one in tried]))
-    others = {}
-    for other in cutoff.beside(1 / part.whole.step):
-        others[f"cut-off {other.frequency:.3g} Hz"] = _fit(part, scale, other, terms, float(speeds[best]))
+    speed = float(speeds[best])
+    others = {
+        f"cut-off {beside.frequency:.3g} Hz": fitted(beside, terms, speed)
+        for beside in cutoff.beside(1 / part.grid.step)
+    }
     richer = law_terms(RICHER)
     if set(richer) - set(terms):
-        others["a richer law of friction"] = _fit(part, scale, cutoff, richer, 1.0)
-    others["a memory of friction"] = _fit(part, scale, cutoff, (*terms, "memory"), float(speeds[best]))
-    instruments = part.halves[0] is not part.halves[1]
-    return Estimate(tried[best], law, terms, float(speeds[best]), others, instruments)
+        others["a richer law of friction"] = fitted(cutoff, richer, 1.0)
+    others["a memory of friction"] = fitted(cutoff, (*terms, "memory"), speed)
+    return Estimate(tried[best], law, terms, speed, others)
 
 
-def _fit(part: _Part, scale: Scale, cutoff: Cutoff, terms: tuple[str, ...], stribeck_speed: float) -> Fitted:
+def _fit(
+    part: _Part, scale: Scale, cutoff: Cutoff, terms: tuple[str, ...], stribeck_speed: float, instruments: bool
+) -> Fitted:
     """The fit at one cut-off with one law."""
-    row_filter = RowFilter.of(part.whole, cutoff, part.closed)
-    friction = friction_columns(part.motion, part.whole, terms, stribeck_speed)
-    rows = filtered_rows(row_filter, part.whole, friction, linear=scale.linear)
-    halves = rows, rows
-    if part.halves[0] is not part.whole:
-        first, second = (filtered_rows(row_filter, half, friction, linear=scale.linear) for half in part.halves)
-        halves = first, second
-    reach = int(4 * part.motion.half_period / row_filter.row_step)
-    return Fitted(fit_rows(halves, scale, terms, row_filter.usable, reach), row_filter, rows)
+    row_filter = RowFilter.of(part.grid, cutoff, part.closed)
+    friction = friction_columns(part.motion, part.grid, terms, stribeck_speed)
+    rows = filtered_rows(row_filter, friction, linear=scale.linear)
+    period = 2 * part.motion.half_period / row_filter.row_step
+    lag = 0
+    if instruments:
+        shortest = int(np.ceil(SETTLING / cutoff.frequency / row_filter.row_step))
+        lag = best_lag(rows, scale, terms, row_filter.usable, shortest, shortest + int(LAGS * period))
+    reach = min(int(2 * period), len(rows.windows) // 4)
+    fit = fit_rows(rows, scale, terms, row_filter.usable, reach, lag)
+    b = fit.value("gravity_torque") if scale.b is None else scale.b
+    return Fitted(fit, row_filter, rows, lag, reach, 0.0 if scale.linear else b, scale, part.noise)
 
 
 def _as_windows(one: Fitted) -> WindowFit:
@@ -188,15 +202,15 @@ def _second_opinion(part: _Part, rig: Rig, scale: Scale, noise: Noise) -> tuple[
     return own[0], own[1]
 
 
-def _how(part: _Part, cutoff: Cutoff, friction: str, instruments: bool) -> list[Message]:
+def _how(part: _Part, cutoff: Cutoff, friction: str, lag: float) -> list[Message]:
     """Notes on what was done to the log."""
     text = f"low-pass at {cutoff.frequency:.3g} Hz ({cutoff.reason}), zero phase, every term alike."
     notes = [Message("cutoff", text)]
     notes.append(Message("friction-law", f"the friction law was taken as {friction}; a wrong one biases the inertia."))
-    if part.whole.resampled:
+    if part.grid.resampled:
         notes.append(Message("resampled", "the stamps are uneven, so splines carried the log to an even grid first."))
-    if instruments:
-        text = "instruments: each half of the rows is that of the other, which takes their noise as independent."
+    if lag > 0:
+        text = f"instruments: the regressors {lag:.3g} s earlier, which takes noise so far apart as independent."
         notes.append(Message("instruments", text))
     return notes
 

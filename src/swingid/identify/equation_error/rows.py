@@ -113,8 +113,9 @@ def _impulses(grid: Grid, motion: Motion) -> Array:
     return density
 
 
-def filtered_rows(row_filter: RowFilter, grid: Grid, friction: dict[str, Array], *, linear: bool) -> Rows:
-    """The filtered rows of one grid: all rows kept, usable or not. The viscous term is the slope of this grid."""
+def filtered_rows(row_filter: RowFilter, friction: dict[str, Array], *, linear: bool) -> Rows:
+    """The filtered rows: all that are kept, usable or not. The viscous term is the slope of the angle itself."""
+    grid = row_filter.grid
     step, zero = grid.step, np.zeros(len(grid.time))
     named = dict(friction)
     if "viscous" in named:

@@ -11,9 +11,10 @@ import numpy as np
 from swingid.errors import UnanswerableError
 from swingid.identify.momentum.balance import Signals, rows_of
 from swingid.identify.momentum.calibration import with_declared
-from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows
 from swingid.identify.momentum.systematics import grid_spread
 from swingid.identify.momentum.windows import law_windows
+from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Rows, Windows
+from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import curvature_overlap
@@ -23,16 +24,6 @@ basis would be nearly collinear.
 
 LAG = 4
 """Neighbouring rows that share data (windows of length 2L, one every L/2), and so are correlated."""
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Standard deviations of one sample of the angle and of the wheel angle, the sample step in s, the angle's grid."""
-
-    angle: float
-    wheel: float
-    step: float
-    resolution: float = 0.0
 
 
 @dataclass(frozen=True)

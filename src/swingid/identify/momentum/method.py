@@ -19,7 +19,7 @@ from swingid.identify.momentum.balance import Rows, Signals, rows_of
 from swingid.identify.momentum.calibration import with_declared
 from swingid.identify.momentum.checks import check_answer, check_motor, check_sign
 from swingid.identify.momentum.choice import choose_law
-from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows, known_side
+from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows, known_side
 from swingid.identify.momentum.friction import FrictionLaw, fit_friction
 from swingid.identify.momentum.imperfections import imperfections, sensitivities
 from swingid.identify.momentum.loss import loss_unexplained
@@ -27,7 +27,7 @@ from swingid.identify.momentum.systematics import grid_spread, timing_spread
 from swingid.identify.momentum.windows import even_windows, swing_windows
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.motor_balance import motor_balance
-from swingid.identify.noise import channel_noise
+from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.provenance import exact_constants, provenance
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
 from swingid.identify.scale import Scale, require_channels

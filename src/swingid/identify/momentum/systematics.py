@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.identify.momentum.balance import Signals
-from swingid.identify.momentum.fits import Noise, WindowFit
+from swingid.identify.momentum.fits import WindowFit
+from swingid.identify.noise import Noise
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import superpose
 

@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.identify.energy.checks import DISAGREES
 from swingid.identify.energy.fit import block_covariance
 from swingid.identify.friction_laws import friction_units
 from swingid.identify.momentum.agreement import SEEN
-from swingid.identify.momentum.fits import Noise
+from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motion import Motion
+from swingid.identify.noise import Noise
 from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.output_error.search import Searched
 from swingid.identify.output_error.solver import influence_of, reduce
@@ -193,8 +195,14 @@ def _kinds(
     return found
 
 
-def answer_of(estimate: Estimate, scale: Scale) -> tuple[dict[str, Parameter], list[BudgetEntry], dict[str, float]]:
-    """Parameters, budget, and the sensitivity of the inertia to each constant."""
+def answer_of(
+    estimate: Estimate, scale: Scale, windows: WindowFit | None
+) -> tuple[dict[str, Parameter], list[BudgetEntry], dict[str, float]]:
+    """Parameters, budget, and the sensitivity of the inertia to each constant.
+
+    windows: the momentum balance of some of the swings. Residuals cannot show what a wrong model does to the inertia,
+    another method can.
+    """
     weights = _sought(estimate.unknowns)
     units = friction_units(scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
     covariance = estimate.covariance
@@ -207,6 +215,13 @@ def answer_of(estimate: Estimate, scale: Scale) -> tuple[dict[str, Parameter], l
         for name, (_, _, gap) in estimate.kinds.items()
         if gap > 0
     ]
+    if estimate.searched.spread > 0:
+        budget.append(BudgetEntry("choice of the friction law", "A", "inertia", estimate.searched.spread))
+    if windows is not None:
+        difference = float(estimate.values[0]) - (windows.a11 - scale.carried)
+        variance = combined(budget, "inertia") ** 2 + windows.u**2
+        if difference**2 > SEEN**2 * variance:
+            budget.append(BudgetEntry(DISAGREES, "A", "inertia", float(np.sqrt(difference**2 - variance))))
     sensitivities: dict[str, float] = {}
     for source, std, shared_id, shift in estimate.declared:
         if source == shared_id:

@@ -10,7 +10,7 @@ from swingid.identify.format import percent
 from swingid.identify.identifiability import HOPELESS, advice, examine_information, require_seen
 from swingid.identify.momentum.checks import check_answer, check_motor
 from swingid.identify.motion import Motion
-from swingid.identify.output_error.answer import Estimate
+from swingid.identify.output_error.answer import SCATTER, Estimate
 from swingid.identify.output_error.problem import Problem
 from swingid.identify.provenance import exact_constants
 from swingid.identify.result import BudgetEntry, Message, Parameter
@@ -62,7 +62,7 @@ def check_fit(
         found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
         warnings += found
         notes += [note for note in told if note.code != "identifiability"]
-        warnings += _against_momentum(inertia, opinion, problem, scale)
+        warnings += _against_momentum(inertia, budget, opinion, problem, scale)
     notes.append(_conditioning(estimate, seen.condition, seen.inflation))
     notes.append(_search_note(estimate, problem))
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
@@ -118,10 +118,13 @@ def _search_doubts(estimate: Estimate) -> list[Message]:
     return [Message("not-converged", text)]
 
 
-def _against_momentum(inertia: Parameter, opinion: SecondOpinion, problem: Problem, scale: Scale) -> list[Message]:
+def _against_momentum(
+    inertia: Parameter, budget: list[BudgetEntry], opinion: SecondOpinion, problem: Problem, scale: Scale
+) -> list[Message]:
     """A warning where the momentum balance of the same swings says otherwise."""
     assert opinion.windows is not None
-    if not gap_to_momentum(inertia.value, inertia.standard_uncertainty or 0.0, opinion.windows, scale):
+    scatter = next(e.standard_uncertainty for e in budget if e.parameter == "inertia" and e.source == SCATTER)
+    if not gap_to_momentum(inertia.value, scatter, opinion.windows, scale):
         return []
     difference = inertia.value / (opinion.windows.a11 - scale.carried) - 1
     cause = "motor constants that are off" if problem.input == "voltage" else "friction that is not of this law"

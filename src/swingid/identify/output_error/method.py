@@ -71,7 +71,7 @@ def output_error(
     problem = problem_of(used, rig, noise, source, length, max(4.5 * noise.step, 0.05 * motion.half_period))
     searched, law = _searched(problem, rig, scale, opinion, motion, law, free, loss, starts)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
-    parameters, budget, sensitivities = answer_of(estimate, scale)
+    parameters, budget, sensitivities = answer_of(estimate, scale, opinion.windows)
     warnings, notes = check_fit(parameters, budget, sensitivities, estimate, problem, opinion, rig, scale, motion)
     notes = [note, *notes]
     for finding in log.findings:
@@ -155,7 +155,7 @@ def _searched(
     if law != "auto":
         return found, law
     independent = _independent(problem, found)
-    law, candidates = choose_law(problem, unknowns, found.fit, independent, fastest)
+    law, candidates, spread = choose_law(problem, unknowns, found.fit, independent, fastest)
     unknowns = unknowns_of(rig, scale, law, free, fastest)
     begin = first_values(unknowns, windows, rig, scale, fastest)
     known = dict(zip(found.unknowns.names, found.fit.values, strict=True))
@@ -163,7 +163,7 @@ def _searched(
         known[name] = 0.5 * (known[f"{name}_positive"] + known[f"{name}_negative"])
     begin = np.array([known.get(name, value) for name, value in zip(unknowns.names, begin, strict=True)])
     fit = solve(problem, unknowns, begin, found.fit.states, loss)
-    return replace(found, unknowns=unknowns, fit=fit, candidates=candidates), law
+    return replace(found, unknowns=unknowns, fit=fit, candidates=candidates, spread=spread), law
 
 
 def _independent(problem: Problem, found: Searched) -> float:

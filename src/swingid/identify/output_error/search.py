@@ -40,13 +40,17 @@ PEAKS = (0.02, 0.06, 0.2)
 
 @dataclass(frozen=True)
 class Searched:
-    """The fit, of how many starts how many ended at its inertia, and the laws tried with their BIC above the best."""
+    """The fit, of how many starts how many ended at its inertia, and the laws tried with their BIC above the best.
+
+    spread: standard deviation of the inertia over these laws by their likelihoods; 0 where one law was asked for.
+    """
 
     unknowns: Unknowns
     fit: Fit
     starts: int
     agreeing: int
     candidates: dict[str, float]
+    spread: float = 0.0
 
 
 def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale, fastest: float) -> Array:
@@ -120,26 +124,43 @@ class _Columns:
     values: Array
 
 
+@dataclass(frozen=True)
+class _Verdict:
+    """Bayesian and Akaike information criterion of a law (up to the same constant), and its inertia."""
+
+    bayes: float
+    akaike: float
+    inertia: float
+
+
+_NOTHING = _Verdict(np.inf, np.inf, 0.0)
+
+
 def choose_law(
     problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float
-) -> tuple[str, dict[str, float]]:
-    """Friction law of least information criterion, and the criterion of all laws above it.
+) -> tuple[str, dict[str, float], float]:
+    """Friction law of least Bayesian information criterion, the criterion of all laws above it, and their spread.
 
     unknowns, fit: those of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
-    the best one is fitted anew. independent: number of readings that count as independent.
+    the best one is fitted anew. independent: number of readings that count as independent. The spread is that of the
+    inertia over all laws with Akaike's weights (Burnham and Anderson 2002, 4.3), which do not favour the smaller laws.
     """
-    scores: dict[str, float] = {}
+    tried: dict[str, _Verdict] = {}
     for share in PEAKS:
         columns = _columns(problem, unknowns, fit, share * fastest)
         for odd in LAWS:
             for direction in DIRECTIONS:
                 if "stribeck" not in LAWS[odd] and share != PEAKS[0]:
                     continue
-                score = _score(columns, odd + direction, independent)
-                if score is not None:
-                    scores[odd + direction] = min(scores.get(odd + direction, np.inf), score)
-    best = min(scores, key=lambda name: scores[name])
-    return best, {name: score - scores[best] for name, score in sorted(scores.items(), key=lambda item: item[1])}
+                verdict = _judge(columns, odd + direction, independent)
+                if verdict is not None and verdict.bayes < tried.get(odd + direction, _NOTHING).bayes:
+                    tried[odd + direction] = verdict
+    ranked = sorted(tried, key=lambda name: tried[name].bayes)
+    least = min(verdict.akaike for verdict in tried.values())
+    weights = np.exp([-0.5 * (verdict.akaike - least) for verdict in tried.values()])
+    off = np.array([verdict.inertia for verdict in tried.values()]) - tried[ranked[0]].inertia
+    spread = float(np.sqrt(weights @ off**2 / weights.sum()))
+    return ranked[0], {name: tried[name].bayes - tried[ranked[0]].bayes for name in ranked}, spread
 
 
 def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Columns:
@@ -163,8 +184,8 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
     return _Columns((*(unknowns.names[k] for k in body), *names), reduced.matrix, np.array(values))
 
 
-def _score(columns: _Columns, law: str, independent: float) -> float | None:
-    """Information criterion of a law, None where it is no law of friction (negative beyond its uncertainty)."""
+def _judge(columns: _Columns, law: str, independent: float) -> _Verdict | None:
+    """Information criteria of a law, None where it is no law of friction (negative beyond its uncertainty)."""
     odd, _, direction = law.partition(", ")
     wanted = list(LAWS[odd])
     if direction:
@@ -197,4 +218,5 @@ def _score(columns: _Columns, law: str, independent: float) -> float | None:
         if not free and value < -2 * u and law != "viscous":
             return None
     count = len(friction_unknowns(law))
-    return float(independent * np.log(lost) + count * np.log(independent))
+    likelihood = float(independent * np.log(lost))
+    return _Verdict(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, float(values[0]))

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from swingid.identify.result import BudgetEntry, Result
+from swingid.identify.combine.shares import Identity, estimate_of, sum_of
+from swingid.identify.result import Result
 
 if TYPE_CHECKING:
     from swingid.study.compare.comparison import Trial
@@ -53,28 +53,13 @@ def deviation(a: Result, b: Result) -> float | None:
     """
     if a.inertia.standard_uncertainty is None or b.inertia.standard_uncertainty is None:
         return None
-    shared_a, alone_a = _by_constant(a.budget)
-    shared_b, alone_b = _by_constant(b.budget)
-    variance = alone_a + alone_b
-    for key in shared_a.keys() | shared_b.keys():
-        variance += (shared_a.get(key, 0.0) - shared_b.get(key, 0.0)) ** 2
-    gap = a.inertia.value - b.inertia.value
-    return gap / math.sqrt(variance) if variance > 0 else None
+    gap = sum_of((estimate_of(a, "inertia", _source("a")), estimate_of(b, "inertia", _source("b"))), (1.0, -1.0))
+    return gap.value / gap.u if gap.u > 0 else None
 
 
-def _by_constant(budget: Sequence[BudgetEntry]) -> tuple[dict[str, float], float]:
-    """Signed standard uncertainties of the inertia by shared constant, and the variance of all the rest."""
-    shared: dict[str, float] = {}
-    alone = 0.0
-    for entry in budget:
-        if entry.parameter != "inertia":
-            continue
-        if entry.shared_id is None:
-            alone += entry.standard_uncertainty**2
-        else:
-            sign = math.copysign(1.0, entry.sensitivity or 1.0)
-            shared[entry.shared_id] = shared.get(entry.shared_id, 0.0) + sign * entry.standard_uncertainty
-    return shared, alone
+def _source(run: str) -> Identity:
+    """A constant is the same in both results, anything else is not."""
+    return lambda entry: entry.shared_id or f"{run}: {entry.source}"
 
 
 def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:

@@ -37,6 +37,7 @@ OF_METHOD: dict[str, tuple[bool, str, str]] = {
     "momentum": (False, "any", "none"),
     "energy": (True, "basis", "smoothed"),
     "equation-error": (False, "law", "filtered"),
+    "output-error": (True, "law", "none"),
     "backstepping": (True, "viscous", "smoothed"),
 }
 """Per method: whether it needs the motor, what it assumes of friction, its speeds."""
@@ -46,9 +47,12 @@ def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
     """Assumptions of `method` on this rig; a rig without a motor has none to rely on, nor b where it is 0 or sought."""
     motor, friction, speed = OF_METHOD[method]
     gravity = rig.axis.gravity_torque
+    options = result.provenance.get("options")
+    if isinstance(options, dict) and options.get("input") == "wheel":
+        motor = False
     return Assumptions(
         scale={"reaction-wheel": "wheel inertia", "direct": "torque", "none": ""}[rig.drive.kind],
-        motor=motor and rig.drive.kind == "reaction-wheel" and result.provenance.get("options") != {"input": "wheel"},
+        motor=motor and rig.drive.kind == "reaction-wheel",
         gravity=not isinstance(gravity, str) and gravity.value != 0,
         friction=friction,
         speed=speed,

@@ -3,7 +3,7 @@
     python examples/balanced_pendulum.py [FOLDER]
 
 Two logs of the twin, identified from their files and subtracted; then the other direction: a wheel stated 1 % wrong is
-found out by the body, whose inertia is known. Writes the logs and the results as JSON into FOLDER (default: out/balanced_pendulum).
+found out by the body, whose inertia is known. Logs and results (JSON) go to FOLDER, or to out/balanced_pendulum.
 """
 
 from __future__ import annotations

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import PurePath
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swingid.errors import UsageError
 from swingid.identify.format import common_exponent, plus_minus, power_of_ten, pretty_unit
-from swingid.identify.result import COVERAGE_FACTOR, Parameter, Result, SwingSeries
+from swingid.identify.result import COVERAGE_FACTOR, Parameter, Result, SwingSeries, combined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,6 +24,7 @@ SIDES = ((1.0, "^", BLUE, "upper turning points"), (-1.0, "v", ORANGE, "lower tu
 def plot_result(result: Result, ax: Axes | None = None) -> Axes:
     """Draw the inertia of every swing with its 95 % interval, and the answer with its own, into `ax`.
 
+    Of several logs each one's inertia is drawn in the place of the swings'.
     Without `ax` a new figure is made by pyplot. Upper and lower turning points have their own marker and colour: a
     gap between them shows friction that depends on the direction, or an error of the angle's zero.
     Raises UsageError for a refused result, which has no number to draw.
@@ -39,7 +41,9 @@ def plot_result(result: Result, ax: Axes | None = None) -> Axes:
     scale = 10.0**-exponent
     _draw_answer(ax, inertia, scale)
     swings = result.details.swings if result.details else None
-    if swings is not None and len(swings.times):
+    if result.per_log:
+        _draw_logs(ax, result, scale)
+    elif swings is not None and len(swings.times):
         draw_swing_points(ax, swings, scale)
     else:
         ax.text(0.5, 0.9, "this method gives no inertia per swing", transform=ax.transAxes, ha="center", color=GREY)
@@ -47,7 +51,7 @@ def plot_result(result: Result, ax: Axes | None = None) -> Axes:
             ax.set_xlim(result.details.start, result.details.stop)
     unit = pretty_unit(inertia.unit)
     quantity = "mass" if inertia.unit == "kg" else "inertia"
-    ax.set_xlabel("time, s")
+    ax.set_xlabel("" if result.per_log else "time, s")
     ax.set_ylabel(f"{quantity}, {power_of_ten(exponent)} {unit}" if exponent else f"{quantity}, {unit}")
     ax.ticklabel_format(axis="y", useOffset=False, style="plain")
     _add_deviation(ax, inertia.value * scale)
@@ -61,6 +65,26 @@ def _draw_answer(ax: Axes, inertia: Parameter, scale: float) -> None:
         low, high = inertia.interval95
         ax.axhspan(low * scale, high * scale, color=GREEN, alpha=0.22, lw=0, zorder=0.5, label="95 % interval")
     ax.axhline(inertia.value * scale, color=GREEN, lw=1.6, zorder=3, label=f"answer {answer}")
+
+
+def _draw_logs(ax: Axes, result: Result, scale: float) -> None:
+    """One point per log: thin bars hold everything (95 %), thick ones what the data alone say (type A)."""
+    names = [PurePath(str(one.provenance.get("log") or f"log {k + 1}")).name for k, one in enumerate(result.per_log)]
+    first = next(k for k, one in enumerate(result.per_log) if "inertia" in one.parameters)
+    for k, one in enumerate(result.per_log):
+        if "inertia" not in one.parameters:
+            ax.annotate("refused", (k, 0.5), xycoords=("data", "axes fraction"), rotation=90, color=GREY, ha="center")
+            continue
+        own = [entry for entry in one.budget if entry.type == "A"]
+        value, whole = scale * one.inertia.value, one.inertia.standard_uncertainty or 0.0
+        bars = ((whole, 0.9, "a log, 95 %"), (combined(own, "inertia"), 3.0, "its own share, 95 % (type A)"))
+        for u, width, label in bars:
+            reach, named = COVERAGE_FACTOR * u * scale, label if k == first else None
+            ax.errorbar(k, value, yerr=reach, fmt="o", ms=5, color=BLUE, elinewidth=width, label=named)
+    ax.set_xticks(range(len(names)), names)
+    ax.set_xlim(-0.5, len(names) - 0.5)
+    if len(names) > 4:
+        ax.tick_params(axis="x", labelrotation=30)
 
 
 def draw_swing_points(ax: Axes, swings: SwingSeries, scale: float, offset: float = 0.0) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from swingid.errors import InputError
 from swingid.identify.format import interval
 from swingid.identify.result import Result
-from swingid.identify.summary import relative, segment_text, value_text, why_unknown
+from swingid.identify.summary import log_row, relative, segment_text, value_text, why_unknown
 from swingid.report import tables
 from swingid.report.words import DRIVES, KINDS, parameter_word
 
@@ -35,6 +35,7 @@ TITLES = {
     "residuals": "Residuals over time",
     "budget": "Uncertainty budget of the inertia",
     "kinds": "Estimates by kind of projection",
+    "logs": "Inertia of every log",
     "convergence": "Online estimate over time",
 }
 
@@ -102,6 +103,7 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
         "kinds": [
             (name, KINDS[name]) for name in (result.details.estimates if result.details else ()) if name in KINDS
         ],
+        "logs": [log_row(one, result, fine=True) for one in result.per_log],
         "budget": tables.budget_rows(result),
         "extra": tables.extra_rows(result),
         "swings_off": tables.swings_off(result),
@@ -165,6 +167,7 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
     from swingid.report.figures.friction import draw_friction
     from swingid.report.figures.kinds import draw_kinds
     from swingid.report.figures.log import draw_log
+    from swingid.report.figures.logs import draw_logs
     from swingid.report.figures.residuals import draw_residuals
     from swingid.report.figures.swings import draw_swings
     from swingid.report.figures.turning_points import draw_turning_points
@@ -172,6 +175,7 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
     details = result.details
     drawn: dict[str, Figure | None] = {"budget": draw_budget(result), "swings": draw_swings(result)}
     drawn["kinds"] = draw_kinds(result)
+    drawn["logs"] = draw_logs(result)
     drawn["convergence"] = draw_convergence(result)
     if log is not None:
         start, stop = (details.start, details.stop) if details else (None, None)

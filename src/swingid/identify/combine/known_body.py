@@ -79,17 +79,15 @@ def calibrated(runs: Runs, inertias: tuple[Estimate, Estimate], known: Estimate)
         **{name: (estimate, runs.unit) for name, estimate in corrected.items()},
     }
     warnings, notes = _verdict(lever, own)
-    return ScaleCorrection(
-        {name: Parameter.of(estimate.value, estimate.u, unit) for name, (estimate, unit) in found.items()},
-        [
-            entry
-            for name, (estimate, _) in found.items()
-            for entry in estimate.entries(name)
-            if entry.standard_uncertainty
-        ],
-        warnings,
-        notes,
-    )
+    # what cancels leaves its rounding behind
+    budget = [
+        entry
+        for name, (estimate, _) in found.items()
+        for entry in estimate.entries(name)
+        if entry.standard_uncertainty > 1e-9 * estimate.u
+    ]
+    parameters = {name: Parameter.of(estimate.value, estimate.u, unit) for name, (estimate, unit) in found.items()}
+    return ScaleCorrection(parameters, budget, warnings, notes)
 
 
 def _verdict(lever: Lever, delta: Estimate) -> tuple[list[Message], list[Message]]:

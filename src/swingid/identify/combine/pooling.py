@@ -5,7 +5,9 @@ its own, b_i the variance τ² of whatever differs from run to run and no budget
 Res. NBS 87, 377), the choice of consensus building among laboratories (Koepke, Lafarge, Possolo and Toman 2017,
 Metrologia 54, S34; Veroniki et al. 2016, Res. Synth. Methods 7, 55), with the shared sources taken off the observed
 scatter as in the general method of moments (DerSimonian and Kacker 2007, Contemp. Clin. Trials 28, 105). A Birge ratio
-would blame every log in proportion to what it states, which holds for wrong uncertainties, not for runs that differ.
+would blame every log in proportion to what it states: right for wrong uncertainties, not for differing runs. Where
+τ > 0 the interval is Student's with n − 1 degrees of freedom (Hartung and Knapp 2001, Stat. Med. 20, 3875). Two or
+three logs hardly tell τ: where it is estimated as 0 by chance, the interval is that of the logs' own uncertainties.
 """
 
 from __future__ import annotations
@@ -52,11 +54,20 @@ def pool(estimates: Sequence[Estimate]) -> Pooled:
     weights = 1 / (own + between)
     weights = weights / weights.sum()
     pooled = sum_of(estimates, weights)
+    if between == 0:
+        return Pooled(pooled, weights, 0.0, math.inf)
     extra = math.sqrt(between * float(weights @ weights))
-    if extra > 0:
-        pooled = replace(pooled, shares=pooled.shares | {BETWEEN: Share(BETWEEN, "A", extra)})
-    freedom = math.inf if extra == 0 else (len(values) - 1) * (pooled.u / extra) ** 4
-    return Pooled(pooled, weights, math.sqrt(between), freedom)
+    pooled = replace(pooled, shares=pooled.shares | {BETWEEN: Share(BETWEEN, "A", extra)})
+    # τ is known from these logs alone, so what averages out over them has n − 1 degrees of freedom
+    averaged = between + np.array([_alone(estimates, k) for k in range(len(values))])
+    share = float(weights**2 @ averaged) / pooled.u**2
+    return Pooled(pooled, weights, math.sqrt(between), (len(values) - 1) / share**2)
+
+
+def _alone(estimates: Sequence[Estimate], k: int) -> float:
+    """Variance of log k by sources that no other log has."""
+    others = {key for j, estimate in enumerate(estimates) if j != k for key in estimate.shares}
+    return sum(share.u**2 for key, share in estimates[k].shares.items() if key not in others)
 
 
 def student(value: float, u: float, freedom: float, unit: str) -> Parameter:

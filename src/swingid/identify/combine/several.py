@@ -19,6 +19,7 @@ from swingid.identify.combine.verdicts import (
     pair_disagreement,
     pooling_note,
     refused,
+    shared_friction_note,
     uncertain,
     undetermined,
 )
@@ -120,6 +121,8 @@ def _pooled(
     notes = [pooling_note(pooled["inertia"], names, joint=pairs is not None)]
     if friction == "per-log":
         notes.append(friction_note(results, estimates_of(results, "shared"), names))
+    else:
+        notes.append(shared_friction_note(results, pooled))
     common = Result(
         method=results[0].method,
         status="ok",

@@ -138,6 +138,16 @@ def pooling_note(inertia: Pooled, names: Sequence[str], *, joint: bool) -> Messa
     return Message("several-logs", f"{text}; {scatter}; what the logs share does not average out.")
 
 
+def shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> Message:
+    """Which friction parameters were pooled, and that logs with other laws have others."""
+    shared, all_of_them = list(pooled), dict.fromkeys(name for result in results for name in result.parameters)
+    left = [name for name in all_of_them if name not in shared]
+    text = f"pooled: {', '.join(name for name in shared if name not in PAIR) or 'no friction parameter'}"
+    if left:
+        text += f"; not given by every log with an uncertainty, see per_log: {', '.join(left)}"
+    return Message("friction-shared", text + ".")
+
+
 def friction_note(results: Sequence[Result], estimates: dict[str, list[Estimate]], names: Sequence[str]) -> Message:
     """Whether friction, left to each log, agrees between them. estimates: of the parameters that all logs give."""
     own = {name: each for name, each in estimates.items() if name not in PAIR}

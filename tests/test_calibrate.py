@@ -289,6 +289,18 @@ def test_calibration_mends_the_energy_method(tmp_path):
     assert after.interval95[0] <= INERTIA <= after.interval95[1]
 
 
+def test_an_error_of_the_wheel_cancels_in_the_energy_method():
+    """A wheel 1 % off scales the calibrated torques with it: J1 moves by about 1 %, not by 10 %."""
+    swing = simulate(PAPER, Sine(0.8, 8.5), duration=20, seed=1)
+    heavy = given(BIT14, **{"drive.wheel.inertia": 1.01 * 11.34e-5})
+    alone = identify(swing, heavy, method="energy").inertia.value / INERTIA - 1
+    together = (
+        identify(swing, calibrate(clamped(sensors=BIT14), heavy).rig, method="energy").inertia.value / INERTIA - 1
+    )
+    assert alone == pytest.approx(-0.10, abs=0.01)
+    assert together == pytest.approx(0.0075, abs=0.001)
+
+
 # --- bad input -------------------------------------------------------------------------------------------------
 
 

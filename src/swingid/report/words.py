@@ -52,6 +52,17 @@ RIG = {
     "log.torque_gain": Word("gain of the logged torque"),
 }
 
+CALIBRATED = {
+    "motor.gain": Word("motor torque per volt with efficiency", "η c₁", "N m/V"),
+    "motor.damping": Word("torque lost per wheel speed, back-EMF and viscous", "η c₂ + f₂ N", "N m s"),
+    "motor.breakaway_positive": Word("torque at which the wheel breaks away, forward", "f₃ + d₁", "N m"),
+    "motor.breakaway_negative": Word("torque at which the wheel breaks away, backward", "f₃ − d₂", "N m"),
+    "motor.dead_zone.positive": Word("dead zone, upper edge", "d₁", "N m"),
+    "motor.dead_zone.negative": Word("dead zone, lower edge", "d₂", "N m"),
+    "gravity_per_inertia": Word("gravity torque per inertia of the whole axis", "b/a₁₁", "1/s^2"),
+}
+"""What a motor calibration names besides the keys of a rig."""
+
 NOT_USED = ("axis.inertia", "axis.friction.")
 """Keys that identification never reads: they are what it seeks."""
 
@@ -94,4 +105,7 @@ def parameter_word(name: str, *, linear: bool) -> Word:
         return Word("gravity torque", "b")
     if name == "offset" and linear:
         return Word("constant force")
-    return FRICTION.get(name, Word(name.replace("_", " ")))
+    for table, key in ((FRICTION, name), (CALIBRATED, name), (RIG, name), (RIG, f"drive.{name}")):
+        if key in table:
+            return table[key]
+    return Word(name.replace("_", " "))

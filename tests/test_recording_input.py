@@ -208,9 +208,35 @@ def test_a_constant_angle(tmp_path):
     assert "'q1'" in error.message
 
 
-def test_a_still_wheel_warns(tmp_path):
-    loaded = Recording.load(changed(tmp_path, q2=np.zeros(500)), rig_with())
+@pytest.mark.parametrize("still", [0, 300])
+def test_a_still_wheel_warns(tmp_path, still):
+    wheel = np.where(np.arange(500) < still, LOG.wheel_angle, LOG.wheel_angle[still])
+    loaded = Recording.load(changed(tmp_path, q2=wheel), rig_with())
     assert [(f.code, f.level) for f in loaded.findings] == [("wheel-still", "warning")]
+    assert ("from 3 to 4.99 s" in loaded.findings[0].message) == (still == 300)
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "code"),
+    [
+        ("q1", 1e300 * LOG.angle, "absurd-number"),
+        ("q2", 1e300 * LOG.wheel_angle, "absurd-number"),
+        ("u", 1e300 * LOG.voltage, "absurd-number"),
+        ("t", 1e300 * LOG.time, "absurd-time"),
+        ("t", 1e-300 * LOG.time, "absurd-time"),
+        ("t", 1e6 * LOG.time, "absurd-time"),
+        ("t", 1e3 * (1.7e9 + LOG.time), "absurd-time"),
+    ],
+)
+def test_numbers_that_no_rig_logs_are_refused(tmp_path, column, values, code):
+    error = refused(changed(tmp_path, **{column: values}))
+    assert error.code == code
+    assert f"'{column}'" in error.message
+    assert len(error.message) < 300
+
+
+def test_seconds_since_1970_are_seconds(tmp_path):
+    assert Recording.load(changed(tmp_path, t=1.7e9 + LOG.time), rig_with()).findings == ()
 
 
 @pytest.mark.parametrize("amplitude", [0.4, 0.8, 2.5])

@@ -14,11 +14,13 @@ from recording_cases import columns_of, rig_with, swing, write_columns
 from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.recording import Recording
+from swingid.recording.jumps import find_jumps
 from swingid.recording.spikes import find_spikes
 from swingid.recording.unwrap import is_wrapped, unwrap
 
 TURN = 2.0 * np.pi
 LOG = swing(rate=200.0)
+LONG = swing(duration=9.0)
 
 
 def load(tmp_path, rig=None, **columns):
@@ -117,7 +119,7 @@ def test_planted_spikes_are_found_and_nothing_else(data, counts, rate):
     rows = len(log)
     gaps = data.draw(st.lists(st.integers(13, 30), min_size=1, max_size=8))
     spikes = np.cumsum(gaps) + data.draw(st.integers(0, rows - sum(gaps) - 10))
-    sizes = np.array(data.draw(st.lists(st.floats(0.4, 1e4), min_size=len(gaps), max_size=len(gaps))))
+    sizes = np.array(data.draw(st.lists(st.floats(0.4, 1e3), min_size=len(gaps), max_size=len(gaps))))
     signs = np.where(np.arange(len(gaps)) % 2, 1.0, -1.0)
     for channel in (log.angle, log.wheel_angle):
         values = np.floor(channel * counts / TURN) * TURN / counts if counts else channel.copy()
@@ -141,6 +143,30 @@ def test_clean_motions_have_no_spikes(noise, counts, uneven):
         values = motion + noise * rng.normal(size=time.size)
         values = np.floor(values * counts / TURN) * TURN / counts if counts else values
         assert not find_spikes(time, values).any()
+        assert find_jumps(time, values) == []
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-3, 1e-2])
+@pytest.mark.parametrize("counts", [0, 16384, 1024])
+@pytest.mark.parametrize("uneven", [False, True])
+@pytest.mark.parametrize("size", [-1.0, 0.3])
+def test_a_planted_jump_is_found_with_its_size(noise, counts, uneven, size):
+    rng = np.random.default_rng(4)
+    time = np.arange(8000) / 1000.0
+    if uneven:
+        time += rng.uniform(0.0, 0.0008, 8000)
+    values = np.interp(time, LONG.time, LONG.angle) + noise * rng.normal(size=8000) + size * (np.arange(8000) >= 5000)
+    values = np.floor(values * counts / TURN) * TURN / counts if counts else values
+    assert [row for row, _ in find_jumps(time, values)] == [5000]
+    assert find_jumps(time, values)[0][1] == pytest.approx(
+        size, abs=6 * noise + (3 * TURN / counts if counts else 1e-3)
+    )
+
+
+def test_a_jump_warns(tmp_path):
+    loaded = load(tmp_path, q2=LOG.wheel_angle + 3.0 * (np.arange(1000) >= 700))
+    assert codes(loaded) == [("jumps", "warning")]
+    assert f"'q2' jumps by 3 at {LOG.time[700]:g} s" in loaded.findings[0].message
 
 
 def test_spikes_are_dropped_counted_and_warned(tmp_path):

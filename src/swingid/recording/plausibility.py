@@ -17,8 +17,14 @@ if TYPE_CHECKING:
 
 FEWEST_ROWS = 10
 SLOWEST_STEP = 0.5  # s: with less than two rows a second a swing of a pendulum cannot be seen
+NO_STEP = 60.0  # s: no swing at all
+LONG_REST = 0.1  # of the log: a wheel that rests so long while the axis swings is an encoder that died
 TO_AND_FRO = 3  # passes between the outer quarters of the range: a body that swings, not one that spins down
 TURN = 2.0 * np.pi
+SHORTEST_STEP = 1e-7  # s
+
+#: Largest values that a rig may log: a clock that counts seconds from any epoch, angles of years of turning.
+LARGEST = {"time": 1e11, "angle": 1e9, "wheel_angle": 1e12, "voltage": 1e6, "torque": 1e9}
 
 #: Range of a to-and-fro motion, in turns, that gravity does not allow: a free body swings over less than one turn,
 #: a reaction wheel is too weak to throw it over the top and back time and again, a strong motor is not.
@@ -31,9 +37,11 @@ def judge(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) 
     still_axis: the angle may stand still. Raises UnanswerableError for too few rows and for an angle that does not
     move, InputError for a motion that the axis cannot make (degrees taken for radians).
     """
+    _refuse_absurd_numbers(channels, rig, name)
     time, angle = channels["time"], channels["angle"]
     if time.size < FEWEST_ROWS:
-        message = f"{name} has {time.size} usable rows, too few to tell a motion; log some swings."
+        rows = "1 usable row" if time.size == 1 else f"{time.size} usable rows"
+        message = f"{name} has {rows}, too few to tell a motion; log some swings."
         raise UnanswerableError(message, code="too-short")
     column = f"column {rig.log.angle!r} (the angle)"
     if np.ptp(angle) == 0.0 and not still_axis:
@@ -42,14 +50,50 @@ def judge(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) 
     _refuse_impossible_swings(angle, rig, f"{name}: {column}")
     findings = []
     wheel = channels.get("wheel_angle")
-    if wheel is not None and np.ptp(wheel) == 0.0:
-        message = f"column {rig.log.wheel_angle!r} (wheel angle) does not change; is the wheel's encoder connected?"
-        findings.append(Finding("wheel-still", message, "warning"))
+    still = None if wheel is None else _longest_rest(time, wheel)
+    if still is not None and time[-1] - time[0] > 0:
+        first, last = still
+        swings = np.ptp(angle[first : last + 1]) > 0.5 * np.ptp(angle)
+        if swings and time[last] - time[first] > LONG_REST * (time[-1] - time[0]):
+            part = "" if last - first == time.size - 1 else f" from {time[first]:.4g} to {time[last]:.4g} s"
+            message = f"column {rig.log.wheel_angle!r} (wheel angle) does not change{part} while the axis swings"
+            findings.append(Finding("wheel-still", f"{message}; is the wheel's encoder connected?", "warning"))
     step = float(np.median(np.diff(time)))
+    if step > NO_STEP:
+        message = f"{name}: one row in {step:g} s is too slow for a swing; column {rig.log.time!r} has to be in seconds"
+        raise InputError(f"{message} (is it in us or ns?).", code="absurd-time")
     if step > SLOWEST_STEP:
         message = f"one row in {step:g} s is too slow for a swing; the time has to be in seconds, is it in ms?"
         findings.append(Finding("slow-rows", message, "warning"))
     return findings
+
+
+def _longest_rest(time: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[int, int]:
+    """First and last row of the longest time in which `values` do not change at all."""
+    edges = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [len(values)]))
+    first, last = edges[:-1], edges[1:] - 1
+    longest = int(np.argmax(time[last] - time[first]))
+    return int(first[longest]), int(last[longest])
+
+
+def _refuse_absurd_numbers(channels: Channels, rig: Rig, name: str) -> None:
+    """Numbers that no instrument writes: another unit, another column, or a fault of the logger."""
+    for channel, largest in LARGEST.items():
+        peak = float(np.abs(channels[channel]).max(initial=0.0)) if channel in channels else 0.0
+        if peak <= largest:
+            continue
+        where = f"{name}: column {getattr(rig.log, channel)!r}"
+        if channel == "time":
+            message = f"{where} reaches {peak:.3g}, which is no time in s; is it in ms, us or ns? Log seconds"
+            raise InputError(f"{message}, or set [log] rate where rows are evenly spaced.", code="absurd-time")
+        what = f"the {channel.replace('_', ' ')} reaches {peak:.3g}"
+        raise InputError(f"{where}: {what}, which no rig does; set [log] {channel} and its unit.", code="absurd-number")
+    steps = np.diff(channels["time"])
+    if steps.size and not float(np.median(steps)) >= SHORTEST_STEP:
+        message = (
+            f"{name}: column {rig.log.time!r} rises by {np.median(steps):.3g} from row to row, which is no time in s"
+        )
+        raise InputError(f"{message}; log seconds, or set [log] rate where rows are evenly spaced.", code="absurd-time")
 
 
 def _refuse_impossible_swings(angle: NDArray[np.float64], rig: Rig, column: str) -> None:
@@ -63,6 +107,6 @@ def _refuse_impossible_swings(angle: NDArray[np.float64], rig: Rig, column: str)
     side = np.where(angle > high - (high - low) / 4, 1, np.where(angle < low + (high - low) / 4, -1, 0))
     passes = np.count_nonzero(np.diff(side[side != 0]))
     if passes >= TO_AND_FRO:
-        message = f"{column} swings to and fro over {turns:.1f} turns, which gravity does not allow"
+        message = f"{column} swings to and fro over {turns:.3g} turns, which gravity does not allow"
         fix = 'set [log] angle_unit = "deg" if it is in degrees, or check [log] angle'
         raise InputError(f"{message}; {fix}.", code="implausible-angle")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.recording.jumps import find_jumps
 from swingid.recording.recording import Finding
 from swingid.recording.spikes import find_spikes
 from swingid.recording.unwrap import is_wrapped, unwrap
@@ -44,6 +45,7 @@ def repair(
     channels = _drop_repeated(channels, columns, name, findings)
     channels, spikes = _make_continuous(channels, turns, columns, findings)
     channels = _drop_spikes(channels, spikes, findings)
+    _warn_of_jumps(channels, columns, findings)
     _note_gaps(channels["time"], columns["time"], findings)
     return channels, findings
 
@@ -168,6 +170,17 @@ def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[F
         message = f"{found.size} of {rows} rows left out: isolated spikes of an angle at {shown} s."
         findings.append(Finding("spikes", message, "warning"))
     return channels
+
+
+def _warn_of_jumps(channels: Channels, columns: Mapping[str, str], findings: list[Finding]) -> None:
+    for channel in ANGLES:
+        jumps = find_jumps(channels["time"], channels[channel]) if channel in channels else []
+        if not jumps:
+            continue
+        shown = ", ".join(f"{size:.3g} at {channels['time'][row]:g} s" for row, size in jumps[:3])
+        message = f"column {columns[channel]!r} jumps by {shown}{', ...' if len(jumps) > 3 else ''}"
+        message += "; if the encoder slipped or lost counts there, use a log of one side of it."
+        findings.append(Finding("jumps", message, "warning"))
 
 
 def _note_gaps(time: NDArray[np.float64], column: str, findings: list[Finding]) -> None:

@@ -97,11 +97,17 @@ def _require_same(tare: Result, loaded: Result, names: tuple[str, str]) -> None:
             f"{names[0]} gives {units[0]} and {names[1]} gives {units[1]}; both must be of one kind of axis.",
             code="different-units",
         )
-    hashes = [result.provenance.get("log_sha256") for result in (tare, loaded)]
-    if hashes[0] is not None and hashes[0] == hashes[1]:
+    if names[0] == names[1] or _logs(tare) & _logs(loaded):
         raise InputError(
             f"{names[0]} and {names[1]} are of the same log; the body was in one of the runs only.", code="same-log"
         )
+
+
+def _logs(result: Result) -> set[str]:
+    """Hashes of the logs of a result, of one or several."""
+    several = result.provenance.get("logs_sha256")
+    hashes = several if isinstance(several, list) else [result.provenance.get("log_sha256")]
+    return {text for text in hashes if isinstance(text, str)}
 
 
 def _constant(result: Result, key: str) -> tuple[float, float] | None:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from swingid import errors as errors
+    from swingid.control.backstepping import Backstepping as Backstepping
     from swingid.control.compensator import Compensator as Compensator
     from swingid.control.references import parse_reference as parse_reference
     from swingid.identify import identify as identify
@@ -31,10 +32,12 @@ if TYPE_CHECKING:
     from swingid.study.compare import compare as compare
     from swingid.study.design import design as design
     from swingid.study.rehearse import rehearse as rehearse
+    from swingid.study.validate import validate as validate
 
     __version__: str
 
 _HOMES = {
+    "Backstepping": "swingid.control.backstepping",
     "Compensator": "swingid.control.compensator",
     "Recording": "swingid.recording.recording",
     "Result": "swingid.identify.result",
@@ -45,11 +48,13 @@ _HOMES = {
     "difference": "swingid.identify.combine",
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
+    "validate": "swingid.study.validate",
 }
 _VERBS = ("identify", "simulate")
 _PACKAGES = ("errors", *_VERBS)
 
 __all__ = [
+    "Backstepping",
     "Compensator",
     "Recording",
     "Result",
@@ -63,6 +68,7 @@ __all__ = [
     "parse_reference",
     "rehearse",
     "simulate",
+    "validate",
 ]
 
 

@@ -11,15 +11,16 @@ import typer
 
 from swingid.cli.calibrate import calibrate
 from swingid.cli.compare import compare
+from swingid.cli.convert import convert
 from swingid.cli.design import design
 from swingid.cli.difference import difference
-from swingid.cli.convert import convert
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.init import init
 from swingid.cli.output import flush
 from swingid.cli.rehearse import rehearse
 from swingid.cli.simulate import simulate
+from swingid.cli.validate import validate
 
 app = typer.Typer(
     name="swingid",
@@ -37,6 +38,7 @@ app.command()(convert)
 app.command()(difference)
 app.command()(design)
 app.command()(rehearse)
+app.command()(validate)
 
 
 def _version(wanted: bool) -> None:

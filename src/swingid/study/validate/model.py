@@ -1,0 +1,58 @@
+"""The model that a result stands for: the rig's constants with the identified inertia, gravity torque and friction."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import InputError, UnanswerableError
+from swingid.identify.friction_laws import friction_units
+from swingid.identify.output_error.problem import Input
+from swingid.identify.result import Result
+from swingid.model.parameters import constants, vector
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+def model_vector(result: Result, rig: Rig) -> Array:
+    """Parameter vector of `rig` with what `result` found in the place of axis.inertia, friction and unknown gravity.
+
+    Raises InputError for a refused result, and for one of the other kind of axis.
+    """
+    if "inertia" not in result.parameters:
+        raise InputError("the result has no inertia: it was refused; give one with a number.", code="refused-result")
+    linear = rig.axis.kind == "linear"
+    if (result.inertia.unit == "kg") != linear:
+        kind = "linear" if linear else "rotary"
+        raise InputError(
+            f"the result is in {result.inertia.unit}, but rig {rig.name} is {kind}; give the rig of the result.",
+            code="other-axis",
+        )
+    found = {name: parameter.value for name, parameter in result.parameters.items()}
+    changes: dict[str, object] = {"axis.inertia": found["inertia"], "axis.friction": None}
+    if "gravity_torque" in found:
+        changes["axis.gravity_torque"] = found["gravity_torque"]
+    values = {key: quantity.value for key, quantity in constants(rig.changed(changes)).items()}
+    # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
+    values |= {f"axis.friction.{name}": found[name] for name in friction_units(linear) if name in found}
+    return vector(values, rig.drive.kind)
+
+
+def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | None) -> Input:
+    """What drives the prediction: the measured wheel unless the voltage is wanted, the torque, or nothing."""
+    if rig.drive.kind != "reaction-wheel":
+        return "torque" if rig.drive.kind == "direct" else "none"
+    if wanted == "voltage":
+        motor = rig.drive.motor
+        if log.voltage is None or motor is None or motor.torque_per_volt.value <= 0:
+            raise UnanswerableError(
+                "a prediction from the voltage needs the log's voltage and drive.motor.torque_per_volt; take the wheel "
+                "as input.",
+                code="no-motor-constants",
+            )
+        return "voltage"
+    return "wheel"

@@ -1,0 +1,198 @@
+"""Predict logs that were not fitted, in a free run and swing by swing, and say how well, as MATLAB's `compare` does.
+
+fit = 100 % · (1 − ‖y − ŷ‖ / ‖y − mean y‖). In the free run the motion's initial values are the only thing that the log
+tells (estimated by least squares, as `compare` does); swing by swing they are measured anew at the start of each swing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UnanswerableError
+from swingid.identify.motion import find_motion, smooth_speed
+from swingid.identify.noise import Noise, channel_noise
+from swingid.identify.output_error.problem import Problem, problem_of
+from swingid.identify.result import Result
+from swingid.identify.scale import require_channels
+from swingid.identify.segment import usable_part
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+from swingid.study.validate.model import drive_of, model_vector
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+SCHEMA = "swingid.validate/1"
+NO_ENTRIES: tuple[Ints, Ints, Array] = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
+STEPS = 8
+"""Gauss–Newton steps towards the initial values of the free run; three do."""
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """One log, measured and predicted: instants (s) and angles (rad or m) at its rows from `start` to `stop`.
+
+    free_fit, swing_fit: in per cent, 100 is perfect, 0 no better than the mean. free_rms, swing_rms: of the error, in
+    the unit of the angle; noise: standard deviation of one reading of the sensor.
+    """
+
+    log: str
+    input: str
+    time: Array
+    measured: Array
+    free: Array
+    swing: Array
+    noise: float
+
+    @property
+    def free_fit(self) -> float:
+        """Normalised fit of the free run in per cent; −inf where it ran away."""
+        return fit_percent(self.measured, self.free)
+
+    @property
+    def swing_fit(self) -> float:
+        """Normalised fit of the predictions one swing ahead in per cent."""
+        return fit_percent(self.measured, self.swing)
+
+    @property
+    def free_rms(self) -> float:
+        """Root mean square error of the free run."""
+        return _rms(self.free - self.measured)
+
+    @property
+    def swing_rms(self) -> float:
+        """Root mean square error one swing ahead."""
+        return _rms(self.swing - self.measured)
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Predictions of one result for several logs."""
+
+    method: str
+    linear: bool
+    predictions: tuple[Prediction, ...]
+
+    def to_dict(self) -> dict[str, object]:
+        """Plain data, schema "swingid.validate/1", without the curves."""
+        logs = [
+            {
+                "log": p.log,
+                "input": p.input,
+                "start": float(p.time[0]),
+                "stop": float(p.time[-1]),
+                "free_run_fit_percent": _plain(p.free_fit),
+                "one_swing_ahead_fit_percent": _plain(p.swing_fit),
+                "free_run_rms": _plain(p.free_rms),
+                "one_swing_ahead_rms": _plain(p.swing_rms),
+                "sensor_noise": p.noise,
+                "unit": "m" if self.linear else "rad",
+            }
+            for p in self.predictions
+        ]
+        return {"schema": SCHEMA, "method": self.method, "logs": logs}
+
+    def to_json(self) -> str:
+        """The validation as JSON text."""
+        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def summary(self) -> str:
+        """A table to read on a terminal."""
+        from swingid.study.validate.text import tabulate
+
+        return tabulate(self)
+
+
+def fit_percent(measured: Array, predicted: Array) -> float:
+    """100 (1 − ‖y − ŷ‖ / ‖y − mean y‖), MATLAB's normalised fit; −inf for a prediction that is not finite."""
+    if not np.isfinite(predicted).all():
+        return float("-inf")
+    return float(100 * (1 - np.linalg.norm(measured - predicted) / np.linalg.norm(measured - np.mean(measured))))
+
+
+def validate(
+    result: Result, logs: Recording | Sequence[Recording], rig: Rig, *, input: Literal["voltage", "wheel"] | None = None
+) -> Validation:
+    """Predict `logs` by the model that `result` identified, and compare.
+
+    input: what drives the prediction of a reaction wheel, "wheel" (its measured angle; needs no motor, default) or
+    "voltage" (both rows of the model). rig: that of the logs; its inertia and friction are not read.
+
+    Raises InputError for a refused result or a missing channel, UnanswerableError for a log without motion.
+    """
+    p = model_vector(result, rig)
+    several = [logs] if isinstance(logs, Recording) else list(logs)
+    predictions = tuple(_of_log(log, rig, p, input, log.source.path or f"log {k + 1}") for k, log in enumerate(several))
+    return Validation(result.method, rig.axis.kind == "linear", predictions)
+
+
+def _of_log(log: Recording, rig: Rig, p: Array, wanted: Literal["voltage", "wheel"] | None, name: str) -> Prediction:
+    require_channels(log, rig)
+    source = drive_of(log, rig, wanted)
+    noise = channel_noise(log, rig)
+    motion = find_motion(log.time, log.angle, noise.angle)
+    start, stop, _ = usable_part(motion, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+    used = log.segment(start, stop)
+    whole = motion.within(start, stop)
+    gap = max(4.5 * noise.step, 0.05 * whole.half_period)
+    runs = [problem_of(used, rig, noise, source, length, gap) for length in (np.inf, whole.half_period)]
+    if not len(runs[0].measured):
+        raise UnanswerableError(f"{name} has no stretch of rows long enough to predict.", code="too-short")
+    free = _readings(runs[0], p, _estimated_starts(runs[0], p))
+    swing = _readings(runs[1], p, _measured_starts(runs[1], used, rig, noise))
+    axis, steps = ~runs[0].wheel, ~runs[1].wheel
+    time = runs[0].times[axis]
+    # segments too short to predict are left out of either; what both hold is compared
+    _, mine, others = np.intersect1d(time, runs[1].times[steps], return_indices=True)
+    measured = runs[0].measured[axis][mine]
+    return Prediction(name, source, time[mine], measured, free[axis][mine], swing[steps][others], noise.angle)
+
+
+def _readings(problem: Problem, p: Array, starts: Array) -> Array:
+    found = problem.predict(p, NO_ENTRIES, starts, 0)
+    return found.outputs if found.finite else np.full(len(problem.measured), np.nan)
+
+
+def _measured_starts(problem: Problem, log: Recording, rig: Rig, noise: Noise) -> Array:
+    """Angle and speed of the channels at the start of every segment, from their smoothed angles, see `motion.Speed`."""
+    instants = problem.knots[problem.bounds[:-1]]
+    channels = [("angle", log.angle, noise.angle)]
+    if problem.input == "voltage" and log.wheel_angle is not None:
+        channels.append(("wheel", log.wheel_angle, noise.wheel))
+    columns = []
+    for name, values, sigma in channels:
+        speed = smooth_speed(log.time + rig.sensors.of(name).latency.value, values, sigma)
+        columns += [speed.angle_at(instants), speed.at(instants)]
+    return np.column_stack(columns)
+
+
+def _estimated_starts(problem: Problem, p: Array) -> Array:
+    """Initial values of every segment by least squares, Gauss–Newton from those that the angles show."""
+    starts = problem.starts.copy()
+    best, cost = starts.copy(), np.inf
+    for _ in range(STEPS):
+        found = problem.predict(p, NO_ENTRIES, starts, 0)
+        left = (problem.measured - found.outputs) / problem.sigma
+        now = float(left @ left) if found.finite and np.isfinite(left).all() else np.inf
+        if not now < cost * (1 - 1e-9):
+            break
+        best, cost = starts.copy(), now
+        for k in range(len(starts)):
+            rows = slice(problem.rows[k], problem.rows[k + 1])
+            slopes = found.slopes[rows] / problem.sigma[rows, None]
+            starts[k] += np.linalg.lstsq(slopes, left[rows], rcond=None)[0]
+    return best
+
+
+def _rms(error: Array) -> float:
+    return float(np.sqrt(np.mean(error**2)))
+
+
+def _plain(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -54,6 +54,12 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
     return LinearFit(values, target - columns @ values, influence, condition)
 
 
+def parzen(reach: int) -> Array:
+    """Parzen's weights of lags 0 to `reach`, shape (reach + 1,)."""
+    x = np.arange(reach + 1) / (reach + 1)
+    return np.asarray(np.where(x < 0.5, 1 - 6 * x**2 + 6 * x**3, 2 * (1 - x) ** 3))
+
+
 def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array:
     """Covariance of Σ scores, scores (p, n), with the Parzen kernel over `reach` neighbours (Andrews 1991).
 
@@ -61,11 +67,9 @@ def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array
     that counts, as those of twice differentiated noise, don't leak into it as they do with Bartlett weights.
     used: scores that are not zero. Small-sample factor n / (n − p), n = 1.85 used / reach independent stretches.
     """
-    count = scores.shape[1]
+    reach = min(reach, scores.shape[1] - 1)
     covariance = scores @ scores.T
-    for k in range(1, min(reach, count - 1) + 1):
-        x = k / (reach + 1)
-        weight = 1 - 6 * x**2 + 6 * x**3 if x < 0.5 else 2 * (1 - x) ** 3
+    for k, weight in enumerate(parzen(reach)[1:], start=1):
         cross = scores[:, k:] @ scores[:, :-k].T
         covariance += weight * (cross + cross.T)
     independent = 1.85 * used / (reach + 1)

@@ -1,13 +1,13 @@
 """Weighted least squares or instrumental variables on filtered rows, with uncertainties that know of the filter.
 
 Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration.
-Instruments take it away: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The lag is
-longer than the filter remembers, so noise of the sensors is in one of the two only, and it points to the past, so
-that the motion's own answer to that noise, through a controller, is not in the instruments either. Of such lags the one
-that tells most is taken: near half a period, or a multiple of it. (Delayed signals as instruments: Söderström and Stoica
-1983, "Instrumental Variable Methods for System Identification". The robotics form, Janot, Vandanjon and Gautier 2014,
-simulates the instruments; for row (I) that takes a controller or the noisy wheel angle as input, which are not known or
-not independent of the noise.)
+Instruments take it away: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The lag
+is longer than the filter remembers, so noise of the sensors is in one of the two only, and it points to the past, so
+that the motion's own answer to that noise, through a controller, is not in the instruments either. Of such lags the
+one that tells most is taken. (Delayed signals as instruments: Söderström and Stoica 1983, "Instrumental Variable
+Methods for System Identification". The robotics form, Janot, Vandanjon and Gautier 2014, simulates the instruments;
+for row (I) that takes a controller or the noisy wheel angle as input, which are not known or not independent of the
+noise.)
 """
 
 from __future__ import annotations
@@ -30,6 +30,8 @@ ROBUST = 5.0
 """Robust standard deviations of a residual beyond which its row weighs less (Huber)."""
 
 ROUNDS = 4
+
+LAGS_TRIED = 40
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ def best_lag(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, sh
     _, columns = columns_of(rows, scale, terms)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     best, least = 0, np.inf
-    for lag in range(shortest, longest + 1):
+    for lag in range(shortest, longest + 1, max(1, (longest - shortest) // LAGS_TRIED)):
         earlier, sound = lagged(columns, usable, lag)
         z, x = earlier[sound], columns[sound]
         if len(z) < 5 * x.shape[1]:
@@ -105,7 +107,7 @@ def best_lag(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, sh
             best, least = lag, variance
     if best == 0:
         raise UnanswerableError(
-            "the log is too short for instruments from an earlier swing; record a longer run, or leave instruments out.",
+            "the log is too short for instruments from an earlier swing; record a longer run, or leave them out.",
             code="too-short",
         )
     return best

@@ -41,7 +41,10 @@ from swingid.recording.recording import Recording
 RICHER = "coulomb + viscous + quadratic, direction-dependent"
 """The law that judges the chosen one."""
 
-LAGS = 2.0
+EARLIER = 0.75
+"""Least lag of the instruments in half periods, for a controller to have answered the noise."""
+
+LAGS = 1.0
 """Periods of the motion over which the lag of the instruments is sought."""
 
 
@@ -169,7 +172,8 @@ def _fit(
     period = 2 * part.motion.half_period / row_filter.row_step
     lag = 0
     if instruments:
-        shortest = int(np.ceil(SETTLING / cutoff.frequency / row_filter.row_step))
+        least = max(SETTLING / cutoff.frequency, EARLIER * part.motion.half_period)
+        shortest = int(np.ceil(least / row_filter.row_step))
         lag = best_lag(rows, scale, terms, row_filter.usable, shortest, shortest + int(LAGS * period))
     reach = min(int(2 * period), len(rows.windows) // 4)
     fit = fit_rows(rows, scale, terms, row_filter.usable, reach, lag)

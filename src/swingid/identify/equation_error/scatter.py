@@ -1,0 +1,122 @@
+"""What scatters in a fit of filtered rows: the sensors' noise, known through filter and fit, and what is beyond it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.equation_error.cutoff import SETTLING
+from swingid.identify.equation_error.fit import RowFit
+from swingid.identify.equation_error.grid import STENCIL, curvature
+from swingid.identify.equation_error.rows import RowFilter
+from swingid.identify.momentum.balance import Rows
+from swingid.identify.motion import Motion
+from swingid.identify.noise import Noise
+from swingid.identify.scale import Scale
+from swingid.numerics.regression import parzen
+
+Array = NDArray[np.float64]
+
+GRID_PLACES = 8
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit of filtered rows with its filter, its rows, and what it takes to judge them.
+
+    lag: of the instruments in rows (0: least squares). reach: rows over which correlation was looked for. stiffness: b,
+    known or fitted, N m (0 on a linear axis).
+    """
+
+    fit: RowFit
+    row_filter: RowFilter
+    rows: Rows
+    lag: int
+    reach: int
+    stiffness: float
+    scale: Scale
+    noise: Noise
+
+    def variance(self, own: Array) -> float:
+        """Type A variance of a combination of the unknowns: of white noise of both angles, and what is beyond it.
+
+        The scatter of the rows, looked at over a finite time, also holds power of the differentiated noise from
+        frequencies beside the motion's; what noise puts there is known and taken off, and counts as it is.
+        """
+        weights = own @ self.fit.fit.influence
+        seen = float(own @ self.fit.covariance @ own)
+        lags = zip(parzen(self.reach), self._autocovariance, strict=True)
+        smeared = sum(
+            (1.0 if k == 0 else 2.0) * kernel * noise * float(weights[k:] @ weights[: len(weights) - k])
+            for k, (kernel, noise) in enumerate(lags)
+        )
+        return float(self._white(weights) + max(seen - smeared, 0.0))
+
+    def _white(self, weights: Array) -> float:
+        """Variance of Σ weights · row from white noise of both angles."""
+        grid = self.row_filter.grid
+        spread = self.row_filter.adjoint(weights)
+        bent = curvature(spread, grid.step)
+        axis = self.fit.a11 * bent + self.stiffness * np.cos(grid.angle) * spread
+        return float(axis @ axis * self.noise.angle**2 + bent @ bent * (self.scale.a12 * self.noise.wheel) ** 2)
+
+    @cached_property
+    def _autocovariance(self) -> Array:
+        """Covariance of rows 0 to `reach` apart that white noise of both angles makes."""
+        grid, every = self.row_filter.grid, self.row_filter.every
+        spread, bent = self._responses
+        axis = self.fit.a11 * bent + self.stiffness * float(np.mean(np.cos(grid.angle))) * spread
+        result = np.zeros(self.reach + 1)
+        for k in range(min(self.reach, len(bent) // every) + 1):
+            late = slice(k * every, None), slice(None, len(bent) - k * every)
+            wheel = (self.scale.a12 * self.noise.wheel) ** 2 * float(bent[late[0]] @ bent[late[1]])
+            result[k] = wheel + self.noise.angle**2 * float(axis[late[0]] @ axis[late[1]])
+        return result
+
+    @property
+    def _responses(self) -> tuple[Array, Array]:
+        """What one row takes from each sample of an angle around it, and from its second derivative."""
+        row_filter = self.row_filter
+        weights = np.zeros(len(row_filter.instants))
+        weights[len(weights) // 2] = 1.0
+        spread = row_filter.adjoint(weights)
+        bent = curvature(spread, row_filter.grid.step)
+        middle = STENCIL + len(weights) // 2 * row_filter.every
+        reach = int(2 * SETTLING / (row_filter.cutoff.frequency * row_filter.grid.step))
+        near = slice(max(middle - reach, 0), middle + reach)
+        return spread[near], bent[near]
+
+    def common(self, motion: Motion) -> dict[str, float]:
+        """Errors of the inertia that are alike in all rows, by source."""
+        found = {}
+        if self.lag == 0:
+            found["noise in the acceleration (least squares)"] = abs(self.fit.a11) * self.attenuation
+        if self.noise.resolution > 0:
+            found["place of the encoder's grid"] = self._grid_spread(motion)
+        return found
+
+    @property
+    def attenuation(self) -> float:
+        """Share by which white noise of the angle in its own regressor lowers the inertia of least squares."""
+        _, response = self._responses
+        variance = self.noise.angle**2 * float(response @ response)
+        # influence · influence is the inverse of the power of the acceleration that no other regressor has
+        influence = self.fit.fit.influence[0]
+        return float(variance * self.fit.weights.sum() * (influence @ influence))
+
+    def _grid_spread(self, motion: Motion) -> float:
+        """What the place of the encoder's grid does to a11, over shifts of the grid; as `systematics.grid_spread`."""
+        grid, speed, step = self.row_filter.grid, motion.speed, self.noise.resolution
+        smooth = speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
+        weights = curvature(self.row_filter.adjoint(self.fit.fit.influence[0]), grid.step) * self.fit.a11
+        shifted = smooth / step + np.arange(GRID_PLACES)[:, None] / GRID_PLACES
+        shifts = ((np.round(shifted) - shifted) @ weights) * step
+        return float(np.sqrt(np.mean(shifts**2)))
+
+    def total(self, motion: Motion) -> float:
+        """Type A standard uncertainty of a11 but for disagreement with other fits."""
+        own = np.eye(len(self.fit.unknowns))[0]
+        return float(np.sqrt(self.variance(own) + sum(spread**2 for spread in self.common(motion).values())))

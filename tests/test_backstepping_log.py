@@ -253,7 +253,7 @@ def test_coverage_under_white_noise() -> None:
 
 
 def test_the_scatter_of_a_mean_knows_correlated_neighbours() -> None:
-    """First-order autoregressions with r = 0.6: the stated uncertainty against the spread over many series."""
+    """First-order autoregressions with r = 0.6, 50 values each: how often the interval holds the mean, which is 0."""
     generator = np.random.default_rng(4)
     means, stated = [], []
     for _ in range(800):
@@ -262,7 +262,8 @@ def test_the_scatter_of_a_mean_knows_correlated_neighbours() -> None:
             values[k] = 0.6 * values[k - 1] + generator.standard_normal()
         means.append(values[10:].mean())
         stated.append(scatter_of_mean(values[10:]))
-    assert np.sqrt(np.mean(np.square(stated))) == pytest.approx(np.std(means), rel=0.2)
+    assert 0.93 < np.mean(np.abs(means) < 1.96 * np.array(stated)) < 0.99
+    assert 0.9 < np.median(stated) / np.std(means) < 1.4
 
 
 def test_a_geometric_approach_tells_its_end() -> None:

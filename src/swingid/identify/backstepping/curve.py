@@ -114,7 +114,8 @@ def scatter_of_mean(values: Array) -> float:
     """Standard uncertainty of the mean of neighbours that are correlated as a first-order autoregression.
 
     The correlation of neighbours is corrected for the few values (Kendall 1954) and not taken as negative: that of
-    upper and lower swings would be, and would make the mean look better than it is.
+    upper and lower swings would be, and would make the mean look better than it is. The values count
+    as m independent ones, and few of them know their spread badly: s/√m · √((m − 1)/(m − 3)) (JCGM 101, 6.4.9.4).
     """
     count = len(values)
     off = values - values.mean()
@@ -123,8 +124,8 @@ def scatter_of_mean(values: Array) -> float:
         return 0.0
     correlation = float(off[1:] @ off[:-1]) / power
     correlation = min(max(correlation + (1 + 3 * correlation) / count, 0.0), 1 - 2 / count)
-    independent = max(count * (1 - correlation) / (1 + correlation), 2.0)
-    return float(np.sqrt(power / count / (independent - 1)))
+    independent = count * (1 - correlation) / (1 + correlation)
+    return float(np.sqrt(power / count / max(independent - 3, 1.0)))
 
 
 def remaining(values: Array) -> float | None:

@@ -92,12 +92,13 @@ def energy(
     part = _used_part(without_latency(log, rig), rig, noise, keep_all=nodes is not None)
     opinion = second_opinion(log.segment(*part.span), rig, part.motion, scale, noise)
     estimate, course = _estimate(part, rig, scale, noise, how)
+    plain, plain_course = estimate, course
     doubts: list[Message] = []
-    if how.chain.observers:
-        smoothed, _ = _estimate(part, rig, scale, noise, replace(how, chain=Chain()))
-        estimate, doubts = judged_chain(estimate, smoothed, how.chain, scale)
+    if how.chain.observers:  # whose noise would pass for asymmetry
+        plain, plain_course = _estimate(part, rig, scale, noise, replace(how, chain=Chain()))
+        estimate, doubts = judged_chain(estimate, plain, how.chain, scale)
     estimate = _judged(estimate, opinion, scale)
-    symmetry = _symmetry(estimate, part, rig, scale, course)
+    symmetry = _symmetry(plain, part, rig, scale, plain_course)
     if symmetry is not None:
         estimate = replace(estimate, common=estimate.common | symmetry.entry())
     budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)

@@ -16,8 +16,8 @@ METHODS: dict[str, str] = {
     "momentum": "swingid.identify.momentum.method:momentum",
     "energy": "swingid.identify.energy.method:energy",
     "output-error": "swingid.identify.output_error:output_error",
-    "backstepping": "swingid.identify.backstepping:backstepping",
     "equation-error": "swingid.identify.equation_error:equation_error",
+    "backstepping": "swingid.identify.backstepping:backstepping",
 }
 """Function of each method, imported when it is called. Its options are its keyword arguments."""
 
@@ -39,6 +39,7 @@ def identify(
         The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never knowledge.
     method : one of `METHODS`
         "momentum": test functions on the angles, no motor constant (default). "energy": the paper's (6) and (7).
+        "backstepping": the paper's alternative (section 4.2). The others are those of the field.
     options
         Keyword arguments of the method's function, such as ``variant="printed"`` for "energy". Of several logs also
         ``friction``: "per-log" (default) or "shared".

@@ -344,6 +344,26 @@ def test_init_never_overwrites(run: Run, tmp_path: Path) -> None:
     assert run("init", tmp_path / "rig.toml").code == 3
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (["--initial-angle", "nan"], "--initial-angle is nan rad"),
+        (["--initial-angle", "1e300"], "--initial-angle is 1e+300 rad"),
+        (["--initial-angle", "30 ± 2 deg"], "takes no uncertainty"),
+        (["--reference", "sine 1e300 rad 8.5 rad/s"], "speed of 8.5e+300"),
+        (["--reference", "sine 0.8 rad 1e300 rad/s"], "speed of 8e+299"),
+        ([*SINE, "--k-tilde0", "1e300"], "runs away to infinity"),
+        ([*SINE, "--rate", "-1000"], "rate must be a positive number"),
+        ([*SINE, "--duration", "nan"], "duration must be a positive number"),
+    ],
+)
+def test_what_no_rig_does_is_wrong_usage(run: Run, tmp_path: Path, given: list[str], said: str) -> None:
+    done = run("simulate", "--rig", "paper", "--duration", "1", "--out", tmp_path / "x.csv", *given)
+    assert done.code == 2
+    assert said in done.sentence()
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_simulate_is_repeatable_and_seeded(run: Run, tmp_path: Path) -> None:
     def text(name: str, seed: int) -> str:
         path = tmp_path / name

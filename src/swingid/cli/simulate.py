@@ -16,11 +16,15 @@ if TYPE_CHECKING:
 
     from swingid.control.backstepping import Backstepping
     from swingid.control.compensator import Compensator
+    from swingid.control.references import Reference
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
 
 MOST_ROWS = 20_000_000
 """More rows than this are a typing error rather than a run: their arrays would fill some gigabytes."""
+
+WILDEST = 1e6
+"""Angles in rad, speeds in rad/s and voltages beyond this are typing errors; the twin would not follow them."""
 
 
 class Kind(StrEnum):
@@ -113,19 +117,39 @@ def simulate(
     elif angle == 0.0 and voltage is None:
         raise UsageError("nothing would move; give --reference, --voltage or --initial-angle", code="no-motion")
     drive = None if voltage is None else _commands(voltage, plant, duration, rate)
+    _check_size(motion, drive, duration)
     announce_compilation("simulate")
-    log = run(
-        plant,
-        motion,
-        chosen,
-        duration=duration,
-        rate=rate,
-        seed=seed,
-        initial_angle=angle,
-        drive=drive,
-        draw=draw,
-    )
+    try:
+        log = run(
+            plant,
+            motion,
+            chosen,
+            duration=duration,
+            rate=rate,
+            seed=seed,
+            initial_angle=angle,
+            drive=drive,
+            draw=draw,
+        )
+    except InputError as error:
+        if error.code != "not-finite":
+            raise
+        message = "the motion runs away to infinity; choose smaller gains, a smaller --reference or --voltage"
+        raise UsageError(message, code="runs-away") from None
     tell(_line(log.save(out, plant), log, plant, chosen))
+
+
+def _check_size(motion: Reference | None, drive: NDArray[np.float64] | None, duration: float) -> None:
+    """Raise UsageError for a motion or a voltage beyond anything that moves, which the twin could not follow."""
+    import numpy as np
+
+    peak = motion.peak_speed(duration) if motion is not None and duration > 0 else 0.0
+    if not peak <= WILDEST:
+        raise UsageError(
+            f"--reference reaches a speed of {peak:.3g} per s; give a motion that a rig can make", code="wild"
+        )
+    if drive is not None and not float(np.max(np.abs(drive), initial=0.0)) <= WILDEST:
+        raise UsageError("--voltage goes beyond a million volts; give one that a motor stands", code="wild")
 
 
 def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.float64]:
@@ -149,14 +173,22 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.f
 def parse_angle(text: str, rig: Rig, option: str = "--initial-angle") -> float:
     """An angle in rad, or m on a linear axis; UsageError for what is no number with such a unit."""
     unit = "rad" if rig.axis.kind == "rotary" else "m"
+    std: float | None = None
     try:
-        return float(text)
+        angle = float(text)
     except ValueError:
         from swingid.units import parse_quantity
-    try:
-        return parse_quantity(text, unit, option).value
-    except InputError as error:
-        raise UsageError(error.message, code=error.code) from None
+
+        try:
+            found = parse_quantity(text, unit, option)
+            angle, std = found.value, found.std
+        except InputError as error:
+            raise UsageError(error.message, code=error.code) from None
+    if std is not None:
+        raise UsageError(f"{option} takes no uncertainty, and is {text!r}; give a number", code="uncertainty-unused")
+    if not abs(angle) <= WILDEST:
+        raise UsageError(f"{option} is {angle:g} {unit}; give an angle that a rig can have", code="wild")
+    return angle
 
 
 def _check_controller(controller: Kind, law: Law | None, gains: Gains | None, given: dict[str, float]) -> None:

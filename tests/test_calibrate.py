@@ -1,5 +1,6 @@
 """Motor calibration on the twin: the paper's motor is found, its interval holds, and what is not seen is said."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -95,6 +96,16 @@ def test_slow_noisy_and_coarse_logs(rate, sensors):
     for name in PRODUCTS:
         assert result.parameters[name].value == pytest.approx(TRUE[name], rel=1e-3)
         assert abs(scores(result)[name]) < 3.5
+
+
+def test_lost_rows_cost_little():
+    """5 % of the rows lost: what the voltage was there is guessed from its neighbours."""
+    log = clamped(sensors=BIT14)
+    kept = np.random.default_rng(0).random(len(log)) > 0.05
+    names = ("time", "angle", "wheel_angle", "voltage")
+    result = calibrate(replace(log, **{name: getattr(log, name)[kept] for name in names}), given(BIT14)).result
+    assert max(map(abs, scores(result).values())) < 3.5
+    assert result.parameters["motor.gain"].value == pytest.approx(TRUE["motor.gain"], rel=3e-5)
 
 
 # --- what cannot be told apart ---------------------------------------------------------------------------------
@@ -274,6 +285,15 @@ def test_a_declared_latency_is_taken_off_and_its_uncertainty_felt():
     (entry,) = [e for e in result.budget if e.parameter == "motor.gain" and e.source == "wheel latency"]
     moved = other.parameters["motor.gain"].value - result.parameters["motor.gain"].value
     assert abs(moved) == pytest.approx(entry.standard_uncertainty, rel=0.05)
+
+
+def test_an_undeclared_delay_is_spoken_of():
+    """The note's per cent are those by which a log read 1 ms later differs."""
+    results = [calibrate(clamped(sensors=s), given(BIT14)).result for s in (BIT14, {**BIT14, "latency": 1e-3})]
+    (note,) = [note for note in results[0].notes if note.code == "delay"]
+    first, second = (result.parameters["motor.gain"].value for result in results)
+    said = float(re.search(r"by about ([-+\d.]+) %", note.message)[1])
+    assert said == pytest.approx(100 * (second / first - 1), rel=0.2)
 
 
 def test_calibration_mends_the_energy_method(tmp_path):

@@ -127,9 +127,23 @@ class WheelLog:
             smooth=smooth,
         )
 
+    def voltage_between(self) -> Array:
+        """Mean voltage (n−1,) from row to row: that of the row where it is held, half-way to the next where measured.
+
+        Where rows are missing, those lost are taken to lie on the line between.
+        """
+        rise = np.diff(self.voltage)
+        if not self.held:
+            return self.voltage[:-1] + rise / 2
+        steps = np.maximum(np.round(np.diff(self.nodes.time) / self.noise.step), 1)
+        result: Array = self.voltage[:-1] + rise * (steps - 1) / (2 * steps)
+        return result
+
     def voltage_at_nodes(self) -> Array:
         """Voltage at the Gauss nodes: held from row to row, or a spline through measured values."""
-        return self.nodes.hold(self.voltage) if self.held else self.nodes.spline(self.voltage)
+        if not self.held:
+            return self.nodes.spline(self.voltage)
+        return np.repeat(self.voltage_between()[:, None], self.nodes.points, axis=1)
 
 
 def _slowest(speed: Speed) -> float:

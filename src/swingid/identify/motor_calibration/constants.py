@@ -167,9 +167,7 @@ def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[s
     """Declared imperfections of the encoders as changes of the logged wheel angle of every shot."""
     wheel, angle = rig.sensors.of("wheel"), rig.sensors.of("angle")
     if wheel.latency.std:
-        # a reading δ later than its stamp shows q + q' δ
-        changes = [wheel.latency.std * np.gradient(s.wheel, np.append(0.0, np.cumsum(s.steps))) for s in fit.shots]
-        yield "wheel latency", wheel.latency.std, "sensors.wheel.latency", changes
+        yield "wheel latency", wheel.latency.std, "sensors.wheel.latency", late_wheel(fit, wheel.latency.std)
     if wheel.nonlinearity:
         for name, wave in (("cosine", np.cos), ("sine", np.sin)):
             changes = [wheel.nonlinearity * wave(shot.wheel) for shot in fit.shots]
@@ -187,6 +185,11 @@ def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[s
         for name, wave in (("cosine", np.cos), ("sine", np.sin)):
             changes = _by_axis(fit, partial(_scaled, wave=wave, size=size))
             yield f"angle encoder nonlinearity ({name})", size, f"sensors.nonlinearity.{name}", changes
+
+
+def late_wheel(fit: OutputFit, late: float) -> list[Array]:
+    """Change of the logged wheel angle of every shot when it is read `late` (s) after its stamp: q' δ."""
+    return [late * np.gradient(shot.wheel, np.append(0.0, np.cumsum(shot.steps))) for shot in fit.shots]
 
 
 def _scaled(angle: Array, time: Array, *, wave: Callable[[Array], Array], size: float) -> Array:

@@ -23,10 +23,11 @@ from swingid.identify.motor_calibration.constants import (
     constants,
     declared_changes,
     disagreement,
+    late_wheel,
 )
 from swingid.identify.motor_calibration.free_swing import RATIO, FreeSwing, free_swing
 from swingid.identify.motor_calibration.output_error import OutputFit, fit_output
-from swingid.identify.motor_calibration.products import COUNT, COUPLING, NEGATIVE, POSITIVE, products_of
+from swingid.identify.motor_calibration.products import COUNT, COUPLING, GAIN, NEGATIVE, POSITIVE, products_of
 from swingid.identify.motor_calibration.rig_file import calibrated_rig
 from swingid.identify.motor_calibration.separation import Separation, separate
 from swingid.identify.provenance import exact_constants, provenance
@@ -149,7 +150,7 @@ def _motor(logs: list[WheelLog], rig: Rig) -> _Motor:
         known=known,
         budget=[entry for entry in budget if entry.parameter in known],
         warnings=warnings,
-        notes=[*notes, *split.notes, *_assumed(rig, coupled=coupled)],
+        notes=[*notes, *split.notes, *_delay(refined, rig), *_assumed(rig, coupled=coupled)],
         split=split,
         coupled=coupled,
         first={name: own[name] for name in known},
@@ -204,6 +205,18 @@ def _judged(
         )
         warnings.append(Message("two-ways-disagree", text))
     return warnings, notes
+
+
+def _delay(fit: OutputFit, rig: Rig) -> list[Message]:
+    """What a delay between voltage and wheel angle would do, where the rig says nothing of it."""
+    if rig.sensors.of("wheel").latency.std is not None:
+        return []
+    change = float(fit.shift(late_wheel(fit, 1e-3))[GAIN] / fit.values[GAIN])
+    text = (
+        "taken as exact: the time between voltage and wheel angle; 1 ms more would change motor.gain by about "
+        f"{100 * change:+.2g} % (state sensors.wheel.latency with its uncertainty)."
+    )
+    return [Message("delay", text)]
 
 
 def _assumed(rig: Rig, *, coupled: bool) -> list[Message]:

@@ -24,6 +24,12 @@ SHOT = 1.0
 
 FEWEST_ROWS, MOST_STEPS = 20, 30
 
+FEWEST_SPARE = 2
+"""Shots beyond the number of products from which their scatter is worth more than that of blocks of them."""
+
+BLOCK = 0.1
+"""Length of such blocks in s: longer than steps of a coarse encoder stay alike."""
+
 
 @dataclass(frozen=True)
 class Shot:
@@ -87,7 +93,7 @@ def kicks_of(angle: Array, steps: Array) -> Array:
 def _shots(place: int, log: WheelLog) -> Iterator[Shot]:
     time = log.nodes.time
     steps = np.diff(time)
-    voltage = log.voltage[:-1] if log.held else (log.voltage[1:] + log.voltage[:-1]) / 2
+    voltage = log.voltage_between()
     speed = log.speed.at(np.clip(time, log.speed.grid[0], log.speed.grid[-1]))
     for part in _parts(log):
         edges = _cuts(time[part], np.abs(speed[part])) + part[0]
@@ -227,14 +233,14 @@ def _fitted(
     weights: Array,
     levels: Array,
 ) -> OutputFit:
-    """Covariance from the Jacobian, and from the scatter of the shots where that is larger (cluster-robust)."""
+    """Covariance from the Jacobian, and from the scatter of the scores where that is larger (cluster-robust)."""
     _, inverse = _solve(shots, parts, weights)
     own = [weights[shot.log] ** 2 for shot in shots]
     count = sum(len(part.left) for part in parts)
     spare = max(count - len(inverse) - 2 * len(parts), 1)
     variance = sum(w * float(p.left @ p.left) for w, p in zip(own, parts, strict=True)) / spare
-    scores = np.array([w * p.slopes.T @ p.left for w, p in zip(own, parts, strict=True)])
-    clusters = len(parts) / max(len(parts) - len(inverse), 1)
+    scores, taken = _scores(shots, parts, own)
+    clusters = len(scores) / max(len(scores) - len(inverse) - taken, 1)
     robust = inverse @ (scores.T @ scores) @ inverse * clusters
     classical = variance * inverse
     widen = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(classical), 1e-300), 1.0))
@@ -242,3 +248,15 @@ def _fitted(
     covariance[np.ix_(free, free)] = classical * np.outer(widen, widen)
     influence = tuple(w * inverse @ p.slopes.T for w, p in zip(own, parts, strict=True))
     return OutputFit(values, covariance, free, tuple(shots), tuple(starts), levels, influence)
+
+
+def _scores(shots: list[Shot], parts: list[_Part], weights: list[float]) -> tuple[Array, int]:
+    """Scores (clusters, free) of shots, or of blocks of shots where those are few; and unknowns fitted beside."""
+    if len(parts) > parts[0].slopes.shape[1] + FEWEST_SPARE:
+        return np.array([w * p.slopes.T @ p.left for w, p in zip(weights, parts, strict=True)]), 0
+    found = []
+    for shot, part, weight in zip(shots, parts, weights, strict=True):
+        blocks = max(round(float(shot.steps.sum()) / BLOCK), 1)
+        rows = zip(np.array_split(part.slopes, blocks), np.array_split(part.left, blocks), strict=True)
+        found += [weight * slopes.T @ left for slopes, left in rows]
+    return np.array(found), 2 * len(parts)

@@ -256,6 +256,14 @@ def test_one_speed_twice_does_not() -> None:
     assert [w.code for w in hardly.warnings] == ["gravity-and-inertia"]
 
 
+def test_one_speed_that_is_left_alone_is_refused() -> None:
+    doubt = Message("not-identifiable", "one frequency: inertia and gravity torque move together.")
+    left = replace(pair(3e-3, 78e-3, 8.5, 1e-6, 2e-3), warnings=(doubt,), status="warning")
+    gone = refusal("momentum", InputError("b.csv does not exist.", code="missing-file"), {"log": "b.csv"})
+    with pytest.raises(UnanswerableError, match="one frequency"):
+        combine([left, gone], names(2))
+
+
 def test_a_pair_that_stands_apart_is_named() -> None:
     runs = [pair(3e-3, 78e-3, speed, 1e-6, 3e-4) for speed in (8.5, 12.0, 10.0)]
     off = pair(3.02e-3, 78e-3, 9.0, 1e-6, 3e-4)

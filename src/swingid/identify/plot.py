@@ -77,7 +77,7 @@ def _draw_logs(ax: Axes, result: Result, scale: float) -> None:
             continue
         own = [entry for entry in one.budget if entry.type == "A"]
         value, whole = scale * one.inertia.value, one.inertia.standard_uncertainty or 0.0
-        bars = ((whole, 0.9, "a log, 95 %"), (combined(own, "inertia"), 3.0, "its own share, 95 % (type A)"))
+        bars = ((whole, 0.9, "a log, 95 %"), (combined(own, "inertia"), 3.0, "type A alone"))
         for u, width, label in bars:
             reach, named = COVERAGE_FACTOR * u * scale, label if k == first else None
             ax.errorbar(k, value, yerr=reach, fmt="o", ms=5, color=BLUE, elinewidth=width, label=named)

@@ -46,7 +46,7 @@ def difference(
     body = _body(runs, mass, distance)
     first, second = runs.estimates("inertia")
     about_axis = sum_of([second, first], [1.0, -1.0])
-    _require_seen(about_axis, runs)
+    _require_seen(about_axis, runs, calibrating=known is not None)
     estimates = {"inertia": about_axis}
     if body is not None:
         estimates = {"inertia": _about_own_centre(about_axis, *body, runs.unit), "inertia_about_axis": about_axis}
@@ -106,15 +106,18 @@ def _body(runs: Runs, mass: GIVEN | None, distance: GIVEN | None) -> tuple[Quant
     return _quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance")
 
 
-def _require_seen(found: Estimate, runs: Runs) -> None:
-    """Raise where there is no body to be seen: the results are swapped, or the difference is lost."""
+def _require_seen(found: Estimate, runs: Runs, *, calibrating: bool) -> None:
+    """Raise where there is no body to be seen: the results are swapped, or the difference is lost.
+
+    A known body may calibrate a scale that is too uncertain to measure it by.
+    """
     text = plus_minus(found.value, found.u, runs.unit)
     if found.value < -2 * found.u:
         raise InputError(
             f"{runs.names[1]} shows less inertia than {runs.names[0]} ({text}); give the run without the body first.",
             code="swapped",
         )
-    if found.value <= 0 or found.u > HOPELESS * found.value:
+    if found.value <= 0 or (found.u > HOPELESS * found.value and not calibrating):
         raise UnanswerableError(
             f"the difference of {runs.names[1]} and {runs.names[0]}, {text}, is lost in its uncertainty; the body is "
             "too light for these runs.",

@@ -99,9 +99,9 @@ def covariance(estimates: Sequence[Estimate]) -> Array:
 
 
 def scatters(entry: BudgetEntry) -> bool:
-    """Whether this type A source differs from log to log: scatter and noise do.
+    """Whether this type A source differs from log to log: scatter does, with the sensors' noise in it.
 
-    The others (drift with the length of windows, disagreement, the encoder's grid, timing) come from motion, friction
-    and sensors, which are alike in logs of one rig, so they do not average out.
+    The others (drift with the length of windows, disagreement, the encoder's grid, timing, bias by noise) come from
+    motion, friction and sensors, which are alike in logs of one rig, so they do not average out.
     """
-    return entry.type == "A" and any(word in entry.source for word in ("scatter", "noise"))
+    return entry.type == "A" and entry.source.startswith(("scatter", "sensor noise"))

@@ -22,18 +22,7 @@ Array = NDArray[np.float64]
 
 GAIN, DAMPING, EMF, POSITIVE, NEGATIVE, COULOMB, COUPLING = range(7)
 COUNT = 7
-
-NAMES = ("gain", "damping", "emf", "breakaway_positive", "breakaway_negative", "coulomb", "coupling")
-UNITS = ("N m/V", "N m s", "N m s", "N m", "N m", "N m", "1")
-FORMULAS = (
-    "efficiency * torque_per_volt",
-    "efficiency * back_emf + gear_ratio * viscous",
-    "efficiency * back_emf",
-    "coulomb + dead_zone[1]",
-    "coulomb - dead_zone[0]",
-    "coulomb",
-    "a12 / a22",
-)
+"""Places of a vector of products, and their number."""
 
 
 def torque_scale(rig: Rig) -> float:

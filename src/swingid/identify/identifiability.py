@@ -118,8 +118,8 @@ def examine(names: Sequence[str], units: Sequence[str], columns: Array, noise: f
     """
     sizes = np.linalg.norm(columns, axis=0)
     scale = np.where(sizes > 0, sizes, 1.0)
-    _, s, vt = np.linalg.svd(columns / scale, full_matrices=True)
-    s = np.concatenate([s, np.zeros(len(scale) - len(s))])
+    missing = max(len(scale) - len(columns), 0)  # rows of zeros: every direction then has a singular value
+    _, s, vt = np.linalg.svd(np.vstack([columns / scale, np.zeros((missing, len(scale)))]), full_matrices=False)
     seen = s > SINGULAR * max(float(s[0]), 1e-300)
     half = vt[seen] / s[seen, None]
     covariance = (half.T @ half) * noise**2 / np.outer(scale, scale)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from swingid.study.design.design import Design, Proposal, design, refused
+from swingid.study.design.design import design
+from swingid.study.design.proposal import Design, Proposal, refused
 
 __all__ = ["Design", "Proposal", "design", "refused"]

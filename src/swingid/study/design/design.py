@@ -2,28 +2,21 @@
 
 from __future__ import annotations
 
-import json
 import math
-import shlex
-from dataclasses import dataclass
 
 from swingid.control.references import Multisine, Sine
-from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
+from swingid.errors import UnanswerableError, UsageError
 from swingid.identify.format import percent
-from swingid.identify.identifiability import HOPELESS
 from swingid.identify.result import combined
 from swingid.identify.summary import sorted_budget
 from swingid.model.rig import Rig
-from swingid.study.design.candidates import Limits, candidates
+from swingid.study.design.candidates import candidates
 from swingid.study.design.course import course_of, parts_of
-from swingid.study.design.information import Prediction, predict
+from swingid.study.design.information import predict
+from swingid.study.design.proposal import Design, Proposal
 from swingid.study.design.trial import Trial, try_on_twin
-from swingid.units import Quantity, parse_quantity
-
-SCHEMA = "swingid.design/1"
-
-ANGLE = 0.8
-"""Largest angle of a rotary axis where none is asked for, rad; the paper's."""
+from swingid.study.design.wanted import expected_rig, limits_of, wanted_share
+from swingid.units import Quantity
 
 LONGEST = 60.0
 """Longest run where none is asked for, s."""
@@ -50,101 +43,6 @@ ENOUGH = 5
 """Candidates that reach what is wanted, after which no more are worked out."""
 
 
-@dataclass(frozen=True)
-class Proposal:
-    """A motion with what is predicted of it.
-
-    duration (s) contains `settling`; delta0 (rad): the error that the compensator may keep (18); peaks: SI, by name.
-    """
-
-    reference: str
-    duration: float
-    settling: float
-    rate: float
-    delta0: float
-    peaks: dict[str, float]
-    prediction: Prediction
-
-    @property
-    def relative(self) -> float:
-        """Predicted standard uncertainty of the inertia as a share of it."""
-        return self.prediction.relative
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain data."""
-        parameters = {
-            name: {
-                "value": p.value,
-                "standard_uncertainty": p.standard_uncertainty,
-                "interval95": None if p.interval95 is None else list(p.interval95),
-                "unit": p.unit,
-            }
-            for name, p in self.prediction.parameters.items()
-        }
-        return {
-            "reference": self.reference,
-            "duration": self.duration,
-            "settling": self.settling,
-            "rate": self.rate,
-            "delta0": self.delta0,
-            "relative_uncertainty": self.relative,
-            "parameters": parameters,
-            "budget": [entry.__dict__ for entry in self.prediction.budget],
-            "condition": _finite(self.prediction.seen.condition),
-            "inflation": _finite(self.prediction.seen.inflation),
-            "peaks": self.peaks,
-        }
-
-
-@dataclass(frozen=True)
-class Design:
-    """The proposal that reaches the wanted relative standard uncertainty, those beside it, and one run on the twin."""
-
-    rig: str
-    rig_source: str
-    wanted: float
-    proposal: Proposal
-    others: tuple[Proposal, ...]
-    trial: Trial | None
-    notes: tuple[str, ...]
-
-    @property
-    def command(self) -> str:
-        """The command that makes the log of the proposal on the twin."""
-        source = self.rig_source.removeprefix("built-in ")
-        p = self.proposal
-        return (
-            f"swingid simulate --rig {shlex.quote(source)} --reference {shlex.quote(p.reference)} "
-            f"--duration {p.duration:g} --rate {p.rate:g} --delta0 {p.delta0:g} --out run.parquet"
-        )
-
-    def to_dict(self) -> dict[str, object]:
-        """Plain data, schema "swingid.design/1"."""
-        return {
-            "schema": SCHEMA,
-            "status": "ok",
-            "rig": self.rig,
-            "rig_source": self.rig_source,
-            "wanted": self.wanted,
-            "proposal": self.proposal.to_dict(),
-            "command": self.command,
-            "others": [other.to_dict() for other in self.others],
-            "trial": None if self.trial is None else self.trial.__dict__,
-            "notes": list(self.notes),
-            "error": None,
-        }
-
-    def to_json(self) -> str:
-        """The design as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
-    def summary(self) -> str:
-        """A table to read on a terminal."""
-        from swingid.study.design.text import tabulate
-
-        return tabulate(self)
-
-
 def design(
     rig: Rig,
     uncertainty: float | str = "0.05 %",
@@ -169,10 +67,10 @@ def design(
     Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
     motion within the limits reaches the uncertainty.
     """
-    expected = _expected(rig, inertia, gravity_torque)
+    expected = expected_rig(rig, inertia, gravity_torque)
     assert expected.axis.inertia is not None
-    wanted = _share(uncertainty, expected.axis.inertia.value, rig)
-    limits = _limits(rig, max_angle, max_speed)
+    wanted = wanted_share(uncertainty, expected.axis.inertia.value, rig)
+    limits = limits_of(rig, max_angle, max_speed)
     for name, value in (("duration", duration), ("rate", rate)):
         if not 0 < value < math.inf:
             raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
@@ -201,82 +99,6 @@ def design(
             return Design(rig.name, str(rig.source), wanted, proposal, others, trial, tuple(_notes(rig, trial)))
         failed = failed or trial.why
     raise UnanswerableError(_why_not(reached, missed, wanted, duration, failed), code="not-reachable")
-
-
-def _expected(rig: Rig, inertia: float | str | None, gravity_torque: float | str | None) -> Rig:
-    """The rig as it is expected to be; InputError for what is not known at all."""
-    if rig.drive.kind == "none":
-        raise UnanswerableError(
-            f"rig {rig.name} has no drive, so its motion cannot be chosen; release it from a large angle.",
-            code="no-drive",
-        )
-    linear = rig.axis.kind == "linear"
-    changes: dict[str, object] = {}
-    if inertia is not None:
-        changes["axis.inertia"] = _read(inertia, "kg" if linear else "kg*m^2", "inertia")
-    elif rig.axis.inertia is None:
-        raise InputError(
-            f'{rig.source}: axis.inertia is missing; state what you expect there or as --inertia "3e-3 kg*m^2".',
-            code="no-inertia",
-        )
-    if gravity_torque is not None:
-        changes["axis.gravity_torque"] = _read(gravity_torque, "N*m", "gravity_torque")
-    elif isinstance(rig.axis.gravity_torque, str):
-        raise InputError(
-            f"{rig.source}: axis.gravity_torque is unknown; state what you expect as --gravity-torque.",
-            code="no-gravity-torque",
-        )
-    return rig.changed(changes) if changes else rig
-
-
-def refused(rig: Rig, error: SwingidError) -> str:
-    """The JSON text that says why there is no design."""
-    reason = {"code": error.code, "message": error.message}
-    data = {"schema": SCHEMA, "status": "refused", "rig": rig.name, "rig_source": str(rig.source), "error": reason}
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
-
-
-def _read(value: float | str, unit: str, name: str) -> Quantity:
-    """A quantity that the caller gave; UsageError for what is none."""
-    try:
-        return parse_quantity(float(value) if _is_number(value) else value, unit, name)
-    except InputError as error:
-        raise UsageError(error.message, code=error.code) from None
-
-
-def _is_number(value: float | str) -> bool:
-    try:
-        float(value)
-    except ValueError:
-        return False
-    return True
-
-
-def _share(uncertainty: float | str, inertia: float, rig: Rig) -> float:
-    """The wanted relative standard uncertainty."""
-    if isinstance(uncertainty, str) and not _is_number(uncertainty) and not uncertainty.rstrip().endswith("%"):
-        share = _read(uncertainty, "kg" if rig.axis.kind == "linear" else "kg*m^2", "uncertainty").value / inertia
-    else:
-        share = _read(uncertainty, "", "uncertainty").value
-    if not 0 < share < HOPELESS:
-        raise UsageError(
-            f"uncertainty is {share:.3g} of the inertia, but must be above 0 and below {HOPELESS:g}; "
-            'write for example "0.05 %".',
-            code="out-of-range",
-        )
-    return share
-
-
-def _limits(rig: Rig, max_angle: float | None, max_speed: float | None) -> Limits:
-    if max_angle is None:
-        if rig.axis.kind == "linear":
-            raise UsageError("a linear axis needs max_angle, its largest excursion in m.", code="no-limit")
-        max_angle = ANGLE
-    for name, value in (("max_angle", max_angle), ("max_speed", max_speed)):
-        if value is not None and not 0 < value < math.inf:
-            raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
-    motor = rig.drive.motor
-    return Limits(max_angle, max_speed, None if motor is None else motor.voltage_limit)
 
 
 def _natural(expected: Rig) -> float:
@@ -394,7 +216,3 @@ def _notes(rig: Rig, trial: Trial | None) -> list[str]:
     if trial is None:
         notes.append("not tried on the twin, whose controller has no gains for this drive.")
     return notes
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

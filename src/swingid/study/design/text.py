@@ -9,7 +9,7 @@ from swingid.identify.format import interval, number, percent, plus_minus
 from swingid.identify.summary import folded, sorted_budget
 
 if TYPE_CHECKING:
-    from swingid.study.design.design import Design, Proposal
+    from swingid.study.design.proposal import Design, Proposal
 
 WIDTH = 100
 HEADINGS = ("motion", "time", "inertia", "sensors", "constants", "voltage", "wheel")

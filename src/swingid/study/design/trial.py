@@ -16,7 +16,7 @@ from swingid.simulate import simulate
 
 if TYPE_CHECKING:
     from swingid.study.design.candidates import Limits
-    from swingid.study.design.design import Proposal
+    from swingid.study.design.proposal import Proposal
 
 OVER = 1.15
 """How far beyond the asked angle and speed the controlled motion may swing."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.run import METHODS, method_function
+from swingid.identify.run import METHODS, check_options, method_function
 from swingid.model.rig import Rig
 from swingid.study.rehearse.trial import Outcome, Plan, run_once
 
@@ -27,6 +27,7 @@ Array = NDArray[np.float64]
 
 SCHEMA = "swingid.rehearse/1"
 FEWEST_RUNS = 5
+NO_OPTIONS: Mapping[str, object] = {}
 
 
 @dataclass(frozen=True)
@@ -136,7 +137,7 @@ def rehearse(
     runs: int = 40,
     seed: int = 0,
     initial_angle: float = 0.0,
-    methods: Sequence[str] | None = None,
+    methods: Sequence[str] | Mapping[str, Mapping[str, object]] | None = None,
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rehearsal:
@@ -145,7 +146,8 @@ def rehearse(
     In each run the constants with a stated uncertainty, the imperfections and places of the encoders, noise and jitter
     are drawn; run k draws by `seed` + k, so the answer is the same for any number of `workers` (processes; default: one
     per core).
-    The rig must state axis.inertia; friction as in axis.friction. progress(done, runs) is called after each run.
+    methods: names, or options by name; all of them by default. The rig must state axis.inertia; friction as in
+    axis.friction. progress(done, runs) is called after each run.
 
     Raises InputError for a rig without axis.inertia, UsageError for too few runs, UnanswerableError where no method
     answers in any run.
@@ -157,16 +159,16 @@ def rehearse(
             f"{rig.source}: axis.inertia is missing, but the twin needs it; give what you expect it to be.",
             code="no-inertia",
         )
-    names = tuple(methods or METHODS)
-    for name in names:
-        method_function(name)
-    plan = Plan(rig.text, str(rig.source), reference, controller, duration, rate, initial_angle, names)
+    chosen = dict(methods) if isinstance(methods, Mapping) else dict.fromkeys(methods or METHODS, NO_OPTIONS)
+    for name, options in chosen.items():
+        check_options(name, method_function(name), dict(options))
+    plan = Plan(rig.text, str(rig.source), reference, controller, duration, rate, initial_angle, tuple(chosen.items()))
     outcomes: list[tuple[Outcome, ...]] = []
     for found in _runs(plan, [seed + k for k in range(runs)], workers or os.cpu_count() or 1):
         outcomes.append(found)
         if progress is not None:
             progress(len(outcomes), runs)
-    expectations = tuple(_expectation(name, [found[k] for found in outcomes]) for k, name in enumerate(names))
+    expectations = tuple(_expectation(name, [found[k] for found in outcomes]) for k, name in enumerate(chosen))
     if not any(e.answered for e in expectations):
         reasons = ", ".join(sorted({reason for e in expectations for reason in e.refusals}))
         raise UnanswerableError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Plan:
-    """The experiment: rig file as text, motion, controller, length (s), rate (1/s), initial angle, methods.
+    """The experiment: rig file as text, motion, controller, length (s), rate (1/s), initial angle, methods and options.
 
     Everything in it can be sent to another process.
     """
@@ -37,7 +37,7 @@ class Plan:
     duration: float
     rate: float
     initial_angle: float
-    methods: tuple[str, ...]
+    methods: tuple[tuple[str, Mapping[str, object]], ...]
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,14 @@ def run_once(plan: Plan, seed: int) -> tuple[Outcome, ...]:
         try:
             read = Recording.load(log.save(Path(folder) / "run.parquet", told), told)
         except (UnanswerableError, InputError) as error:
-            return tuple(Outcome(method, np.nan, np.nan, error.code) for method in plan.methods)
-    return tuple(_outcome(read, told, method, float(truth["inertia"])) for method in plan.methods)
+            return tuple(Outcome(method, np.nan, np.nan, error.code) for method, _ in plan.methods)
+    inertia = float(truth["inertia"])
+    return tuple(_outcome(read, told, method, options, inertia) for method, options in plan.methods)
 
 
-def _outcome(log: Recording, rig: Rig, method: str, truth: float) -> Outcome:
+def _outcome(log: Recording, rig: Rig, method: str, options: Mapping[str, object], truth: float) -> Outcome:
     try:
-        result = identify(log, rig, method)
+        result = identify(log, rig, method, **options)
     except (UnanswerableError, InputError) as error:
         return Outcome(method, np.nan, np.nan, error.code)
     inertia = result.inertia

@@ -1,0 +1,166 @@
+"""All methods side by side: right and wrong models, coverage of intervals, real logs; as a table.
+
+    python benchmarks/methods.py [right wrong coverage real] [--runs N]
+
+"coverage" runs the closed loop N times (1000 for the figures in the documents; the default is 200).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import swingid as sw
+from swingid.identify import METHODS
+from swingid.study.compare import compare
+from swingid.study.rehearse import rehearse
+
+PAPER = sw.Rig.load("paper")
+MOTION = sw.parse_reference("sine 0.8 rad 8.5 rad/s")
+STRIBECK = {"viscous": 5e-4, "coulomb": 3e-3, "static": 5e-3, "stribeck_speed": 0.3}
+VISCOUS = {"viscous": 1.144e-3}
+PROJECT = Path(__file__).resolve().parents[1]
+REACH = {"energy": "0.3 %", "backstepping": "1 %"}
+
+
+def row(*cells: str) -> None:
+    print("| " + " | ".join(cells) + " |", flush=True)
+
+
+def twin(friction: Mapping[str, float], **sensors: object) -> sw.Rig:
+    law = {"axis.friction": None} | {f"axis.friction.{key}": value for key, value in friction.items()}
+    return PAPER.changed({**law, **{f"sensors.{key}": value for key, value in sensors.items()}})
+
+
+def written(rig: sw.Rig, told: sw.Rig) -> sw.Recording:
+    """What a lab would have: a file, read with a rig that knows neither inertia nor friction."""
+    run = sw.simulate(rig, MOTION, sw.Compensator.paper(rig), duration=25.0, rate=1000.0, seed=1)
+    with tempfile.TemporaryDirectory() as folder:
+        return sw.Recording.load(run.save(Path(folder) / "run.parquet", told), told)
+
+
+def told_of(rig: sw.Rig, **changes: object) -> sw.Rig:
+    return rig.changed({"axis.inertia": None, "axis.friction": None, **changes})
+
+
+def errors(log: sw.Recording, rig: sw.Rig, options: Mapping[str, Mapping[str, object]]) -> dict[str, str]:
+    """Error ± claimed standard uncertainty of every method, and its warnings."""
+    truth = PAPER.axis.inertia.value
+    found = {}
+    for method in METHODS:
+        try:
+            result = sw.identify(log, rig, method, **options.get(method, {}))
+        except sw.errors.SwingidError as error:
+            found[method] = f"refused ({error.code})"
+            continue
+        u = result.inertia.standard_uncertainty
+        claimed = "" if u is None else f" ± {100 * u / truth:.2g}"
+        codes = ", ".join(dict.fromkeys(w.code for w in result.warnings))
+        found[method] = f"{100 * (result.inertia.value / truth - 1):+.4f}{claimed} %" + (f" ({codes})" if codes else "")
+    return found
+
+
+def rows_right(_: int) -> None:
+    row("twin, 14 bit, exact motor constants", "friction", *METHODS)
+    row(*["---"] * (2 + len(METHODS)))
+    row("reach", "", *(REACH.get(method, "0.1 %") for method in METHODS))
+    laws = {"viscous": (VISCOUS, "viscous"), "Stribeck": (STRIBECK, "stribeck")}
+    for name, (friction, law) in laws.items():
+        rig = twin(friction)
+        right = {
+            "output-error": {"law": law},
+            "equation-error": {"friction": law if law == "viscous" else "coulomb + viscous"},
+        }
+        row(
+            "right law given" if law == "viscous" else "given where the method can",
+            name,
+            *errors(written(rig, told_of(rig)), told_of(rig), right).values(),
+        )
+        row("default options", name, *errors(written(rig, told_of(rig)), told_of(rig), {}).values())
+
+
+def rows_wrong(_: int) -> None:
+    row("twin, 14 bit", *METHODS)
+    row(*["---"] * (1 + len(METHODS)))
+    rig = twin(VISCOUS)
+    log = written(rig, told_of(rig))
+    for key in ("torque_per_volt", "efficiency"):
+        off = told_of(rig, **{f"drive.motor.{key}": 1.05 * getattr(rig.drive.motor, key).value})
+        row(f"drive.motor.{key} 5 % too high", *errors(log, off, {}).values())
+    rig = twin(STRIBECK)
+    forced = {"output-error": {"law": "viscous"}, "equation-error": {"friction": "viscous"}}
+    row("viscous friction assumed, Stribeck true", *errors(written(rig, told_of(rig)), told_of(rig), forced).values())
+
+
+def rows_coverage(runs: int) -> None:
+    row("coverage over", "method", "covers", "median half-width", "RMSE", "reach")
+    row(*["---"] * 6)
+    chosen = {
+        "momentum": {},
+        "energy": {},
+        "output-error": {"law": "viscous"},
+        "equation-error": {"instruments": True, "friction": "viscous"},
+    }
+    noisy = twin(VISCOUS, counts_per_turn=None, noise=1e-3)
+    coarse = twin(VISCOUS, counts_per_turn=16384)
+    cases = (
+        ("white noise 1 mrad", noisy, chosen, "93 … 97 %, 1.8 … 2.4 x"),
+        ("14-bit quantisation", coarse, {"momentum": {}}, ">= 93 %, <= 0.05 %"),
+    )
+    for name, rig, methods, reach in cases:
+        found = rehearse(rig, MOTION, sw.Compensator.paper(rig), duration=15.0, runs=runs, methods=methods)
+        for e in found.expectations:
+            share, error = e.coverage
+            width = f"{e.half_width / e.rmse:.2f} x RMSE ({100 * e.half_width:.4f} %)"
+            row(
+                f"{name}, {e.answered} runs",
+                e.method,
+                f"{100 * share:.1f} ± {100 * error:.1f} %",
+                width,
+                f"{100 * e.rmse:.4f} %",
+                reach,
+            )
+
+
+def rows_real(_: int) -> None:
+    data = Path(os.environ.get("SWINGID_DATA", PROJECT.parent / "shared" / "data"))
+    if not data.exists():
+        print(f"(no measurements: {data} is missing)")
+        return
+    row("real log", "published", *METHODS)
+    row(*["---"] * (2 + len(METHODS)))
+    cases = (
+        ("EMPS, mass in kg", "95.109 ± 0.108", "emps", "emps/DATA_EMPS.mat"),
+        ("free pendulum, J in kg m²", "0.003331", "free_pendulum", "free_pendulum/free_swing.csv"),
+    )
+    for name, published, rig_name, file in cases:
+        rig = sw.Rig.load(PROJECT / "examples" / "rigs" / f"{rig_name}.toml")
+        cells = {}
+        for trial in compare(sw.Recording.load(data / file, rig), rig).trials:
+            if "inertia" not in trial.result.parameters:
+                cells[trial.method] = f"refused ({trial.result.error.code})"
+                continue
+            inertia = trial.result.inertia
+            cells[trial.method] = f"{inertia.value:.5g} ± {inertia.standard_uncertainty or float('nan'):.1g}"
+            cells[trial.method] += " (warns)" if trial.result.warnings else ""
+        row(name, published, *(cells[method] for method in METHODS))
+
+
+ROWS = {"right": rows_right, "wrong": rows_wrong, "coverage": rows_coverage, "real": rows_real}
+
+
+def main(arguments: Iterable[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("rows", nargs="*", choices=[*ROWS, []], metavar="ROW")
+    parser.add_argument("--runs", type=int, default=200)
+    chosen = parser.parse_args(arguments)
+    for name in chosen.rows or ROWS:
+        ROWS[name](chosen.runs)
+        print()
+
+
+if __name__ == "__main__":
+    main()

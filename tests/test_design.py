@@ -174,6 +174,8 @@ def test_relative_and_absolute_uncertainties_are_the_same_question():
         (PAPER, {"uncertainty": "-1 %"}, UsageError, "above 0"),
         (PAPER, {"max_angle": -1.0}, UsageError, "max_angle must be positive|max_angle must be a positive"),
         (PAPER, {"duration": 7.0}, UsageError, "settle"),
+        (PAPER, {"settling": -1.0}, UsageError, "settling must be zero or positive"),
+        (PAPER, {"inertia": "-3 kg*m^2"}, UsageError, "inertia is -3"),
         (PAPER, {"max_speed": 0.01}, UnanswerableError, "no motion within the limits"),
     ],
 )

@@ -22,7 +22,7 @@ FREQUENCIES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0, 15.0, 20.0, 2
 SPARE = 0.8
 """Share of the voltage limit that a motion may need: the controller wants the rest."""
 
-SHARES = (1.0, 0.7, 0.5, 0.35, 0.25)
+SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.08)
 """Amplitudes tried, in shares of the largest allowed."""
 
 SPLIT = (0.6, 0.4)

@@ -74,6 +74,8 @@ def design(
     for name, value in (("duration", duration), ("rate", rate)):
         if not 0 < value < math.inf:
             raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
+    if not 0 <= settling < math.inf:
+        raise UsageError(f"settling must be zero or positive, and is {settling}.", code="out-of-range")
     if duration < settling + 3:
         raise UsageError(
             f"duration is {duration:g} s, but the controller takes {settling:g} s to settle; allow more.",

@@ -22,9 +22,11 @@ def expected_rig(rig: Rig, inertia: float | str | None, gravity_torque: float | 
             code="no-drive",
         )
     linear = rig.axis.kind == "linear"
-    changes: dict[str, object] = {}
+    changes: dict[str, Quantity] = {}
     if inertia is not None:
         changes["axis.inertia"] = _read(inertia, "kg" if linear else "kg*m^2", "inertia")
+        if not changes["axis.inertia"].value > 0:
+            raise UsageError(f"inertia is {inertia}, but must be positive.", code="out-of-range")
     elif rig.axis.inertia is None:
         raise InputError(
             f'{rig.source}: axis.inertia is missing; state what you expect there or as --inertia "3e-3 kg*m^2".',

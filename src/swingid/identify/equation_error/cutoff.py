@@ -49,23 +49,23 @@ class Cutoff:
         return [Cutoff(frequency, self.reason) for frequency in both if frequency <= 2 * HIGHEST * rate]
 
 
-def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: float | None) -> Cutoff:
+def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: object) -> Cutoff:
     """The cut-off given by the user, or that of the rule for the motion from `start` to `stop` (s).
 
     Raises UsageError for a cut-off that is no frequency below `HIGHEST` of the rate.
     """
     rate = 1 / noise.step
     if given is not None:
-        if not 0 < given <= 2 * HIGHEST * rate:
+        if isinstance(given, bool) or not isinstance(given, int | float) or not 0 < given <= 2 * HIGHEST * rate:
             raise UsageError(
-                f"cutoff = {given:g} Hz is not between 0 and {2 * HIGHEST * rate:.4g} Hz, two fifths of the rate of "
-                "the log; give another, or leave it out.",
+                f"cutoff = {given} is no frequency between 0 and {2 * HIGHEST * rate:.4g} Hz, two fifths of the rate "
+                "of the log; give another, or leave it out.",
                 code="bad-cutoff",
             )
         return Cutoff(float(given), "as given")
     motion, power = motion_frequency(speed, start, stop)
     # white noise through a perfect low-pass and two derivatives: ∫ 2hσ² (2πf)⁴ df
-    allowed = 5 * NOISE_SHARE * power / (2 * noise.step * (2 * np.pi) ** 4 * max(noise.angle, 1e-300) ** 2)
+    allowed = 5 * NOISE_SHARE * power / (2 * noise.step * (2 * np.pi) ** 4 * max(noise.angle, 1e-150) ** 2)
     quiet = float(allowed**0.2)
     wanted = {
         f"{ABOVE_MOTION:g} times the motion's {motion:.3g} Hz": ABOVE_MOTION * motion,

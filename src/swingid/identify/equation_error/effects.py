@@ -46,6 +46,6 @@ def _latencies(rig: Rig, row_filter: RowFilter) -> Iterator[Imperfection]:
         (effect,) = row_filter(rig.drive.a12 * slope(curvature(grid.wheel, grid.step), grid.step))
         yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")
         yield Imperfection("wheel latency", wheel, -effect, 0.0, "sensors.wheel.latency")
-    elif grid.impulse is not None and std > 0:
-        (effect,) = row_filter(-curvature(grid.impulse, grid.step))
+    elif grid.torque is not None and std > 0:
+        (effect,) = row_filter(-slope(grid.torque, grid.step))
         yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")

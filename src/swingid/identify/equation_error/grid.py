@@ -1,7 +1,7 @@
 """A log on an even grid of instants, and central differences there.
 
 Filters need even samples. A log with uneven stamps is carried to an even grid of its median rate by cubic splines;
-a held torque by its exact integral.
+a held torque by its exact integrals.
 """
 
 from __future__ import annotations
@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from swingid.identify.momentum.balance import moved
 from swingid.identify.noise import EVEN
 from swingid.model.rig import Rig
-from swingid.numerics.cumulative import running_integrals
-from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.recording.recording import Recording
 
@@ -29,15 +27,15 @@ STENCIL = 2
 class Grid:
     """Channels of a log on an even grid: time (n,) s, step s, angle, wheel angle and torque where the drive has them.
 
-    impulse (n,): ∫τ dt from the first row, so that its difference is the torque as it acted. resampled: whether the
-    stamps of the log were uneven.
+    A held torque is the difference of its double integral, as the acceleration is that of the angle. resampled: whether
+    the stamps of the log were uneven.
     """
 
     time: Array
     step: float
     angle: Array
     wheel: Array | None
-    impulse: Array | None
+    torque: Array | None
     resampled: bool
 
 
@@ -51,15 +49,27 @@ def even_grid(log: Recording, rig: Rig) -> Grid:
     def carried(values: Array) -> Array:
         return spline_at(log.time, values, spline_slopes(log.time, values), time, 0) if resampled else values
 
-    wheel = impulse = None
+    wheel = torque = None
+    step = float(time[1] - time[0])
     if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
         late = rig.sensors.of("wheel").latency.value - rig.sensors.of("angle").latency.value
         wheel = carried(moved(log.time, log.wheel_angle, late))
     if rig.drive.kind == "direct" and log.torque is not None:
-        nodes = GaussNodes(log.time)
-        torque = nodes.hold(log.torque) if log.drive_held else nodes.spline(log.torque)
-        impulse = running_integrals(nodes, [torque], time)[0]
-    return Grid(time, float(time[1] - time[0]), carried(log.angle), wheel, impulse, resampled)
+        torque = as_held(log.time, log.torque[:-1], time) if log.drive_held else carried(log.torque)
+    return Grid(time, step, carried(log.angle), wheel, torque, resampled)
+
+
+def as_held(edges: Array, levels: Array, time: Array) -> Array:
+    """A piecewise constant signal as the second difference of its exact double integral shows it on an even grid.
+
+    levels[k] holds from edges[k] to edges[k+1]; `time` lies between the outermost edges.
+    """
+    steps = np.diff(edges)
+    once = np.concatenate([[0.0], np.cumsum(levels * steps)])
+    twice = np.concatenate([[0.0], np.cumsum(once[:-1] * steps + levels * steps**2 / 2)])
+    at = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(levels) - 1)
+    since = time - edges[at]
+    return curvature(twice[at] + once[at] * since + levels[at] * since**2 / 2, float(time[1] - time[0]))
 
 
 def slope(values: Array, step: float) -> Array:

@@ -84,7 +84,7 @@ def equation_error(
     noise = channel_noise(log, rig)
     part = _used_part(log, rig, noise)
     doubts = _second_opinion(part, rig, scale, noise)
-    chosen = choose_cutoff(part.motion.speed, *part.span, noise, None if cutoff is None else float(cutoff))
+    chosen = choose_cutoff(part.motion.speed, *part.span, noise, cutoff)
     estimate = _estimate(part, scale, chosen, friction, terms, instruments)
     budget, parameters = answer(estimate, rig, scale, part.motion)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.equation_error.cutoff import SETTLING, Cutoff, lowpass
-from swingid.identify.equation_error.grid import STENCIL, Grid, curvature, slope
+from swingid.identify.equation_error.grid import STENCIL, Grid, as_held, curvature, slope
 from swingid.identify.friction_laws import law_columns
 from swingid.identify.momentum.balance import Rows, Windows
 from swingid.identify.motion import Motion
@@ -88,8 +88,7 @@ def friction_columns(motion: Motion, grid: Grid, terms: tuple[str, ...], stribec
     "memory" is an impulse at each reversal: the old direction lives on for a moment (bristles, backlash).
     """
     edges, directions = motion.directions(float(grid.time[0]), float(grid.time[-1]))
-    path = np.interp(grid.time, edges, np.concatenate([[0.0], np.cumsum(directions * np.diff(edges))]))
-    direction = slope(path, grid.step)
+    direction = as_held(edges, directions, grid.time)
     smooth = motion.speed.at(np.clip(grid.time, motion.speed.grid[0], motion.speed.grid[-1]))
     of_speed = tuple(term for term in terms if term != "memory")
     columns = dict(zip(of_speed, law_columns(of_speed, smooth, stribeck_speed).T, strict=True))
@@ -121,7 +120,7 @@ def filtered_rows(row_filter: RowFilter, friction: dict[str, Array], *, linear: 
     if "viscous" in named:
         named["viscous"] = slope(grid.angle, step)
     wheel = zero if grid.wheel is None else curvature(grid.wheel, step)
-    torque = zero if grid.impulse is None else slope(grid.impulse, step)
+    torque = zero if grid.torque is None else grid.torque
     gravity = zero if linear else np.sin(grid.angle)
     inertia, gravity, wheel, torque, *terms = row_filter(
         curvature(grid.angle, step), gravity, wheel, torque, *named.values()

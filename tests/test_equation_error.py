@@ -1,0 +1,278 @@
+"""Equation error where the answer is known without any simulator: closed forms, every drive, every option."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from closed_form_logs import (
+    INERTIA,
+    ONE_TONE,
+    TWO_TONES,
+    Sines,
+    direct_log,
+    direct_rig,
+    encoded,
+    exact_rig,
+    free_log,
+    free_rig,
+    wheel_log,
+)
+from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.identify import identify
+from swingid.identify.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, choose_cutoff, lowpass
+from swingid.identify.equation_error.grid import curvature, slope
+from swingid.identify.momentum.fits import Noise
+from swingid.identify.motion import smooth_speed
+from swingid.numerics.regression import hac_covariance, parzen
+from swingid.recording.recording import Recording
+
+TIME = np.arange(0, 12, 1e-3)
+UNEVEN = np.cumsum(np.random.default_rng(1).uniform(0.2e-3, 1.8e-3, 12_000))
+
+
+def friction(v):
+    return 1e-3 * v + 2e-3 * np.sign(v)
+
+
+def viscous(v):
+    return 1e-3 * v
+
+
+def solved(log, rig, **options):
+    return identify(log, rig, "equation-error", **options)
+
+
+CASES = {
+    "wheel": lambda time: (
+        two_tones() if time is TIME else wheel_log(exact_rig(), TWO_TONES, friction, time),
+        exact_rig(),
+    ),
+    "direct": lambda time: (direct_log(TWO_TONES, friction, time), direct_rig()),
+    "linear": lambda time: (direct_log(TWO_TONES, friction, time, b=0.0), direct_rig(linear=True)),
+    "free": lambda time: (free_log(viscous, time), free_rig()),
+}
+
+
+@cache
+def two_tones():
+    """The log that most tests use."""
+    return wheel_log(exact_rig(), TWO_TONES, friction, TIME)
+
+
+REACH = {"wheel": 2e-8, "direct": 5e-6, "linear": 5e-6, "free": 2e-8}
+"""A torque logged at the stamps misses the instant at which friction turns it around, so the driven axes err more."""
+
+
+@pytest.mark.parametrize("options", [{}, {"instruments": True}, {"cutoff": 9.0}], ids=str)
+@pytest.mark.parametrize("case", CASES)
+def test_every_drive_to_rounding_whatever_the_cutoff(case, options):
+    result = solved(*CASES[case](TIME), **options)
+    assert result.status == "ok"
+    assert result.inertia.value == pytest.approx(INERTIA, rel=REACH[case])
+    assert result.parameters["viscous"].value == pytest.approx(1e-3, rel=1e-3)
+    if case != "free":
+        assert result.parameters["coulomb"].value == pytest.approx(2e-3, rel=1e-3)
+    assert result.inertia.unit == ("kg" if case == "linear" else "kg m^2")
+
+
+@pytest.mark.parametrize("case", ["wheel", "direct", "free"])
+def test_uneven_stamps_are_carried_to_an_even_grid_and_said_so(case):
+    result = solved(*CASES[case](UNEVEN), cutoff=9.0)
+    assert result.inertia.value == pytest.approx(INERTIA, rel=2e-5)
+    assert "resampled" in {note.code for note in result.notes}
+    assert "resampled" not in {note.code for note in solved(*CASES[case](TIME)).notes}
+
+
+def test_a_held_torque_acts_until_the_next_row():
+    # q'' = τ/J with τ held: between stamps the angle is a parabola, so the log can be made exactly
+    step, motion = 1e-3, TWO_TONES
+    time = np.arange(0, 20, step)
+    torque = INERTIA * motion(time + step / 2, 2)
+    speed = motion(time[:1], 1)[0] + np.concatenate([[0.0], np.cumsum(torque[:-1] / INERTIA) * step])
+    turn = speed[:-1] * step + torque[:-1] / INERTIA * step**2 / 2
+    angle = motion(time[:1])[0] + np.concatenate([[0.0], np.cumsum(turn)])
+    held = Recording(time=time, angle=angle, torque=torque, drive_held=True)
+    sampled = Recording(time=time, angle=angle, torque=torque, drive_held=False)
+    rig = direct_rig(linear=True)
+    assert solved(held, rig).inertia.value == pytest.approx(INERTIA, rel=1e-8)
+    assert abs(solved(sampled, rig).parameters["viscous"].value) > 10 * abs(
+        solved(held, rig).parameters["viscous"].value
+    )
+
+
+def test_gravity_torque_from_two_tones():
+    rig = exact_rig(**{"axis.gravity_torque": "unknown"})
+    result = solved(two_tones(), rig)
+    assert result.inertia.value == pytest.approx(INERTIA, rel=1e-6)
+    assert result.parameters["gravity_torque"].value == pytest.approx(78e-3, rel=1e-6)
+    assert result.covariance["inertia"]["gravity_torque"] > 0
+
+
+def test_gravity_torque_and_inertia_move_together_at_one_small_tone():
+    rig = exact_rig(**{"axis.gravity_torque": "unknown", "sensors.noise": 1e-4})
+    small = Sines((0.05, 8.5, 0.0))
+    with pytest.raises(UnanswerableError):
+        solved(encoded(wheel_log(rig, small, friction, TIME)), rig)
+
+
+@pytest.mark.parametrize(
+    ("law", "named"),
+    [
+        ("viscous", {"viscous"}),
+        ("coulomb + viscous", {"coulomb", "viscous"}),
+        ("coulomb + viscous + quadratic", {"coulomb", "viscous", "quadratic"}),
+        (
+            "coulomb + viscous, direction-dependent",
+            {"coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative"},
+        ),
+        ("coulomb + viscous, offset", {"coulomb", "viscous", "offset"}),
+        ("stribeck", {"coulomb", "static", "viscous", "stribeck_speed"}),
+    ],
+)
+def test_friction_laws(law, named):
+    result = solved(two_tones(), exact_rig(), friction=law)
+    assert set(result.parameters) == {"inertia", *named}
+    if "viscous" in named and law != "viscous":
+        assert result.parameters["viscous"].value == pytest.approx(1e-3, rel=1e-3)
+    if "quadratic" in named:
+        assert abs(result.parameters["quadratic"].value) < 1e-7
+
+
+def test_a_wrong_law_is_noticed_by_the_richer_one():
+    def quadratic(v):
+        return 1e-3 * v * np.abs(v)
+
+    result = solved(wheel_log(exact_rig(), TWO_TONES, quadratic, TIME), exact_rig(), friction="viscous")
+    assert abs(result.inertia.value - INERTIA) < 3 * result.inertia.standard_uncertainty
+
+
+def noisy(log, std, seed):
+    rng = np.random.default_rng(seed)
+    angle, wheel = (values + std * rng.standard_normal(len(values)) for values in (log.angle, log.wheel_angle))
+    return Recording(time=log.time, angle=angle, wheel_angle=wheel)
+
+
+def test_noise_lowers_least_squares_and_not_instruments():
+    # at 20 Hz white noise of 5 mrad has 2.6 % of the acceleration's power: ∫ 2hσ²(2πf)⁴|H|⁴ df over ⟨q''²⟩
+    log, rig = wheel_log(exact_rig(), ONE_TONE, friction, TIME), exact_rig(**{"sensors.noise": 5e-3})
+    runs = [noisy(log, 5e-3, seed) for seed in range(4)]
+    plain = np.array([solved(run, rig, cutoff=20.0).inertia.value for run in runs]) / INERTIA - 1
+    free = [solved(run, rig, cutoff=20.0, instruments=True).inertia for run in runs]
+    errors = np.array([inertia.value for inertia in free]) / INERTIA - 1
+    spread = free[0].standard_uncertainty / INERTIA
+    assert plain.mean() < -0.015
+    assert abs(errors.mean()) < 3 * spread / np.sqrt(4)
+    stated = [e for e in solved(runs[0], rig, cutoff=20.0).budget if e.source.startswith("noise in the accel")]
+    assert stated[0].standard_uncertainty / INERTIA == pytest.approx(-plain.mean(), rel=0.2)
+
+
+def test_type_b_of_constants_is_the_change_they_make():
+    log = encoded(two_tones())
+    uncertain = exact_rig(
+        **{
+            "axis.gravity_torque": "78e-3 ± 1e-4 N*m",
+            "drive.wheel.inertia": "11.34e-5 ± 1e-7 kg*m^2",
+            "sensors.wheel.latency": "0 ± 0.1 ms",
+        }
+    )
+    budget = {entry.source: entry for entry in solved(log, uncertain).budget if entry.parameter == "inertia"}
+    base = solved(log, exact_rig()).inertia.value
+    for key, change in (("axis.gravity_torque", 1e-4), ("drive.wheel.inertia", 1e-7)):
+        value = exact_rig().axis.gravity_torque.value if "gravity" in key else 11.34e-5
+        moved = solved(log, exact_rig(**{key: value + change})).inertia.value - base
+        assert budget[key].sensitivity * change == pytest.approx(moved, rel=1e-3)
+        assert budget[key].shared_id == key
+    late = solved(log, exact_rig(**{"sensors.wheel.latency": 1e-4})).inertia.value - base
+    assert budget["wheel latency"].standard_uncertainty == pytest.approx(abs(late), rel=0.02)
+
+
+@pytest.mark.parametrize("key", ["axis.gravity_torque", "drive.wheel.inertia", "drive.motor.gear_ratio"])
+def test_sensitivities_are_slopes(key):
+    log = encoded(two_tones())
+    result = solved(log, exact_rig())
+    value = {"axis.gravity_torque": 78e-3, "drive.wheel.inertia": 11.34e-5, "drive.motor.gear_ratio": 4.4}[key]
+    moved = solved(log, exact_rig(**{key: 1.001 * value})).inertia.value - result.inertia.value
+    assert result.sensitivities[key] * 1e-3 * value == pytest.approx(moved, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "code"),
+    [
+        ({"cutoff": 0.0}, "bad-cutoff"),
+        ({"cutoff": 1e4}, "bad-cutoff"),
+        ({"cutoff": "fast"}, "bad-cutoff"),
+        ({"friction": "glue"}, "unknown-friction"),
+        ({"cutof": 3.0}, "unknown-option"),
+    ],
+)
+def test_wrong_options(options, code):
+    with pytest.raises(UsageError) as raised:
+        solved(*CASES["wheel"](TIME), **options)
+    assert raised.value.code == code
+
+
+def test_a_wheel_angle_of_the_wrong_sign_is_refused():
+    log = two_tones()
+    turned = Recording(time=log.time, angle=log.angle, wheel_angle=-log.wheel_angle)
+    with pytest.raises(InputError) as raised:
+        solved(turned, exact_rig())
+    assert raised.value.code == "wrong-sign"
+
+
+def test_a_short_log_is_refused():
+    log, rig = CASES["wheel"](TIME)
+    with pytest.raises(UnanswerableError):
+        solved(log.segment(0.0, 0.8), rig)
+
+
+def test_the_cutoff_rule():
+    motion = ONE_TONE
+    speed = smooth_speed(TIME, motion(TIME), 0.0)
+    tone = 8.5 / (2 * np.pi)
+
+    def chosen(noise):
+        return choose_cutoff(speed, 0.0, 12.0, Noise(noise, 0.0, 1e-3), None).frequency
+
+    assert chosen(0.0) == pytest.approx(ABOVE_MOTION * tone, rel=0.1)
+    assert chosen(1.0) == pytest.approx(AT_LEAST * tone, rel=0.1)
+    # between the two: ∫ 2hσ² (2πf)⁴ df = 1e-5 of the mean square of the acceleration
+    power, noise = (0.8 * 8.5**2) ** 2 / 2, 1e-3
+    expected = (5 * 1e-5 * power / (2e-3 * (2 * np.pi) ** 4 * noise**2)) ** 0.2
+    assert chosen(noise) == pytest.approx(expected, rel=0.01)
+    fixed = choose_cutoff(speed, 0.0, 12.0, Noise(noise, 0.0, 1e-3), 33.0)
+    assert fixed.frequency == 33.0
+
+
+@pytest.mark.parametrize(("difference", "order"), [(slope, 1), (curvature, 2)])
+def test_differences_are_of_fourth_order(difference, order):
+    errors = []
+    for step in (0.02, 0.01):
+        time = np.arange(0, 2, step)
+        exact = TWO_TONES(time, order)
+        errors.append(np.max(np.abs(difference(TWO_TONES(time), step) - exact)[2:-2]))
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
+
+
+def test_the_lowpass_has_zero_phase_and_half_the_amplitude_at_its_cutoff():
+    from swingid.identify.equation_error.cutoff import Cutoff
+
+    time = np.arange(0, 40, 1e-3)
+    middle = slice(15_000, 25_000)
+    for frequency, gain in ((1.0, 1 / (1 + (1 / 10) ** 8)), (10.0, 0.5)):
+        wave = np.sin(2 * np.pi * frequency * time)
+        left = lowpass(wave[None], 1e-3, Cutoff(10.0, ""))[0]
+        assert left[middle] == pytest.approx(gain * wave[middle], abs=1e-3)
+
+
+def test_parzen_covariance_of_white_and_of_differenced_noise():
+    rng = np.random.default_rng(3)
+    white = rng.standard_normal((1, 4000))
+    assert hac_covariance(white, 40, 1, 4000)[0, 0] == pytest.approx(4000, rel=0.3)
+    # the sum of second differences telescopes: its variance does not grow with their number
+    bent = np.diff(white, 2)
+    assert hac_covariance(bent, 40, 1, bent.shape[1])[0, 0] < 0.002 * float((bent**2).sum())
+    assert parzen(9)[0] == 1.0
+    assert parzen(9)[5] == pytest.approx(0.25)

@@ -299,7 +299,7 @@ def test_our_own_bug_is_70_with_a_file_to_report(
 
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
-    monkeypatch.setattr("swingid.identify.momentum.momentum", broken)
+    monkeypatch.setattr("swingid.identify.momentum.method.momentum", broken)
     done = run("identify", log, "--rig", "paper", "--json", tmp_path / "r.json")
     assert done.code == 70
     (kept,) = tmp_path.glob("swingid-bug-*.txt")

@@ -17,7 +17,7 @@ from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
 from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.output_error.search import Searched
-from swingid.identify.output_error.solver import influence_of, reduce
+from swingid.identify.output_error.solver import Fit, influence_of, reduce
 from swingid.identify.output_error.unknowns import FRICTION, Places, Unknowns, constant_places, constant_value
 from swingid.identify.result import BudgetEntry, Details, FrictionCurve, Parameter, combined
 from swingid.identify.scale import Scale
@@ -50,6 +50,11 @@ class Estimate:
     kinds: dict[str, tuple[float, float, float]]
 
     @property
+    def robust(self) -> bool:
+        """Whether outliers count less, which the momentum balance does not bear."""
+        return bool(np.any(self.searched.fit.weights < 1.0))
+
+    @property
     def unknowns(self) -> Unknowns:
         """The unknowns, in order."""
         return self.searched.unknowns
@@ -73,6 +78,14 @@ def estimate_of(
         *_latencies(problem, fit.prediction.rates, influence, rig),
     )
     return Estimate(searched, influence, covariance, declared, _kinds(searched, problem, influence, covariance))
+
+
+def inertia_scatter(problem: Problem, fit: Fit, motion: Motion) -> float:
+    """Type A standard uncertainty of the inertia of a fit, infinite where its motion ran away."""
+    if not np.isfinite(fit.cost):
+        return np.inf
+    influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
+    return float(np.sqrt(_covariance(influence, fit.residuals, problem, motion)[0, 0]))
 
 
 def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Motion) -> Array:
@@ -217,7 +230,9 @@ def answer_of(
     ]
     if estimate.searched.spread > 0:
         budget.append(BudgetEntry("choice of the friction law", "A", "inertia", estimate.searched.spread))
-    if windows is not None:
+    if estimate.searched.drift > 0:
+        budget.append(BudgetEntry("drift with the length of the segments", "A", "inertia", estimate.searched.drift))
+    if windows is not None and not estimate.robust:
         difference = float(estimate.values[0]) - (windows.a11 - scale.carried)
         variance = combined(budget, "inertia") ** 2 + windows.u**2
         if difference**2 > SEEN**2 * variance:

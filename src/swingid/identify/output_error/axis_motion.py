@@ -32,7 +32,7 @@ PEAK_SHARE = 0.25
 """Change of speed in one step, in Stribeck speeds, while the speed is below four of them."""
 
 RESOLUTION = 1e-13  # s
-MOST_STEPS = 100_000
+MOST_STEPS = 5_000
 
 
 @njit_inlined
@@ -256,6 +256,8 @@ def axis_motion(
                         z, w = q + kappa * wheel, kappa * turn
                         for c in range(m):
                             sensitivity[0, c], sensitivity[1, c] = rest[c] + ratio[c] * wheel, ratio[c] * turn
+                    if steps > MOST_STEPS:
+                        return False
                     continue
                 stages[0, 0], stages[0, 1] = z, w
                 h = _length(left, longest, z, w, s, courses, k, x, p)

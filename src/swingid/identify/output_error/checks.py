@@ -7,11 +7,13 @@ import numpy as np
 from swingid.errors import UnanswerableError
 from swingid.identify.energy.checks import SecondOpinion, gap_to_momentum
 from swingid.identify.format import percent
-from swingid.identify.identifiability import HOPELESS, advice, examine_information, require_seen
+from swingid.identify.identifiability import BLIND, HOPELESS, advice, examine_information, require_seen
 from swingid.identify.momentum.checks import check_answer, check_motor
 from swingid.identify.motion import Motion
 from swingid.identify.output_error.answer import SCATTER, Estimate
 from swingid.identify.output_error.problem import Problem
+from swingid.identify.output_error.solver import Fit
+from swingid.identify.output_error.unknowns import FRICTION
 from swingid.identify.provenance import exact_constants
 from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.identify.scale import Scale
@@ -20,8 +22,11 @@ from swingid.model.rig import Rig
 POOR = 2.0
 """Residual, in what noise and declared imperfections of the sensors explain, from which on the fit is poor."""
 
-SMALL = 2e-5
-"""Unexplained residual, as a share of the motion, that is not worth a word."""
+SETTLED = 0.2
+"""Step of the inertia, in standard uncertainties, that the search may leave undone."""
+
+UNSEEN = 1e-11
+"""Share of the information matrix' largest power below which a direction is rounding."""
 
 MOVES = (
     "drive.motor.torque_per_volt",
@@ -42,12 +47,13 @@ def check_fit(
     scale: Scale,
     motion: Motion,
 ) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
+    """Warnings and notes; raises UnanswerableError where the data do not determine what is sought."""
     inertia, fit = parameters["inertia"], estimate.searched.fit
     unknowns = estimate.unknowns
     seen = examine_information(unknowns.names, [item.unit for item in unknowns.items], fit.reduced.matrix)
     require_seen(seen)
-    spread = inertia.standard_uncertainty or np.inf
+    _require_told_apart(estimate)
+    spread = _scatter_of_inertia(budget)
     if spread > HOPELESS * inertia.value:
         values = dict(zip(unknowns.names, estimate.values, strict=True))
         raise UnanswerableError(
@@ -59,10 +65,12 @@ def check_fit(
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     if opinion.windows is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
+        scattered = Parameter.of(inertia.value, spread, inertia.unit)
+        found, told = check_answer(parameters | {"inertia": scattered}, budget, opinion.windows, scale, amplitude)
         warnings += found
         notes += [note for note in told if note.code != "identifiability"]
-        warnings += _against_momentum(inertia, budget, opinion, problem, scale)
+        if not estimate.robust:
+            warnings += _against_momentum(inertia, budget, opinion, problem, scale)
     notes.append(_conditioning(estimate, seen.condition, seen.inflation))
     notes.append(_search_note(estimate, problem))
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
@@ -74,9 +82,26 @@ def check_fit(
     return warnings, notes
 
 
-def misfit(estimate: Estimate, problem: Problem, rig: Rig) -> dict[str, tuple[float, float]]:
+def _require_told_apart(estimate: Estimate) -> None:
+    """Raise UnanswerableError where constants left free show only in a combination."""
+    unknowns, matrix = estimate.unknowns, estimate.searched.fit.reduced.matrix
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    powers, directions = np.linalg.eigh(matrix * np.outer(scale, scale))
+    share = (directions[:, powers < UNSEEN * powers[-1]] ** 2).sum(axis=1)
+    blind = [name for name, own in zip(unknowns.names, share, strict=True) if own > BLIND and name not in FRICTION]
+    if blind:
+        raise UnanswerableError(
+            f"{' and '.join(blind)} cannot be told apart in this log, only a combination of them; leave fewer free.",
+            code="not-identifiable",
+        )
+
+
+def _scatter_of_inertia(budget: list[BudgetEntry]) -> float:
+    return next(e.standard_uncertainty for e in budget if e.parameter == "inertia" and e.source == SCATTER)
+
+
+def misfit(fit: Fit, problem: Problem, rig: Rig) -> dict[str, tuple[float, float]]:
     """Residual (rms, rad or m) of each channel, and what noise, jitter and the encoder's nonlinearity explain of it."""
-    fit = estimate.searched.fit
     found = {}
     for channel, here in (("angle", ~problem.wheel), ("wheel", problem.wheel)):
         if not here.any():
@@ -89,13 +114,18 @@ def misfit(estimate: Estimate, problem: Problem, rig: Rig) -> dict[str, tuple[fl
     return found
 
 
+def misfit_ratios(fit: Fit, problem: Problem, rig: Rig) -> dict[str, float]:
+    """Residual of each channel over what is explained; infinite where the motion ran away."""
+    if not np.isfinite(fit.cost):
+        return {"angle": np.inf}
+    return {channel: left / expected for channel, (left, expected) in misfit(fit, problem, rig).items()}
+
+
 def _poor_fit(estimate: Estimate, problem: Problem, rig: Rig, scale: Scale) -> list[Message]:
     """A warning where the residuals are far above what the sensors explain."""
     told = []
-    for channel, (left, expected) in misfit(estimate, problem, rig).items():
-        here = problem.wheel if channel == "wheel" else ~problem.wheel
-        size = float(np.ptp(problem.measured[here]))
-        if left > POOR * expected and np.sqrt(left**2 - expected**2) > SMALL * size:
+    for channel, (left, expected) in misfit(estimate.searched.fit, problem, rig).items():
+        if left > POOR * expected:
             told.append(f"{left / expected:.3g} times for the {channel}")
     if not told:
         return []
@@ -112,7 +142,13 @@ def _poor_fit(estimate: Estimate, problem: Problem, rig: Rig, scale: Scale) -> l
 
 
 def _search_doubts(estimate: Estimate) -> list[Message]:
-    if estimate.searched.fit.converged:
+    """A warning where a further step would move the inertia by a good part of its uncertainty.
+
+    Friction that the log hardly tells apart makes a flat valley along which the search creeps, and does no harm.
+    """
+    fit = estimate.searched.fit
+    step = float(estimate.influence[0] @ fit.residuals)
+    if fit.converged or abs(step) < SETTLED * np.sqrt(estimate.covariance[0, 0]):
         return []
     text = "the search for the least squares did not settle; take fewer unknowns or a simpler friction law."
     return [Message("not-converged", text)]
@@ -123,8 +159,7 @@ def _against_momentum(
 ) -> list[Message]:
     """A warning where the momentum balance of the same swings says otherwise."""
     assert opinion.windows is not None
-    scatter = next(e.standard_uncertainty for e in budget if e.parameter == "inertia" and e.source == SCATTER)
-    if not gap_to_momentum(inertia.value, scatter, opinion.windows, scale):
+    if not gap_to_momentum(inertia.value, _scatter_of_inertia(budget), opinion.windows, scale):
         return []
     difference = inertia.value / (opinion.windows.a11 - scale.carried) - 1
     cause = "motor constants that are off" if problem.input == "voltage" else "friction that is not of this law"

@@ -8,26 +8,39 @@ biases the inertia, and shows in the residuals. `momentum` needs no law.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identify.energy.checks import SecondOpinion, second_opinion
+from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motion import Motion, find_motion
-from swingid.identify.noise import channel_noise
-from swingid.identify.output_error.answer import answer_of, details_of, estimate_of
-from swingid.identify.output_error.checks import check_fit, misfit
+from swingid.identify.noise import Noise, channel_noise
+from swingid.identify.output_error.answer import answer_of, details_of, estimate_of, inertia_scatter
+from swingid.identify.output_error.checks import POOR, check_fit, misfit, misfit_ratios
 from swingid.identify.output_error.problem import Input, Problem, problem_of
 from swingid.identify.output_error.search import RICHEST, Searched, choose_law, first_values, search
-from swingid.identify.output_error.solver import CLOSE_ENOUGH, LOSSES, solve
-from swingid.identify.output_error.unknowns import friction_unknowns, unknowns_of
+from swingid.identify.output_error.solver import LOSSES, solve
+from swingid.identify.output_error.unknowns import Unknowns, friction_unknowns, unknowns_of
 from swingid.identify.provenance import provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+MOST_LOST = 1e-3
+"""Share of lost rows beyond which the measured wheel is the better input, as a lost voltage is not known."""
+
+SHORTEST = 48
+"""Rows of a segment that are not halved further."""
+
+SHARES = (64, 16, 8, 4)
+"""Parts of a segment over which residuals may be alike."""
 
 SWINGS = 4
 """Half swings per segment: longer ones tell hardly more, shorter ones spend it on their initial values."""
@@ -46,7 +59,7 @@ def output_error(
 ) -> Result:
     """Identify inertia and friction by least squares of simulated against measured angles.
 
-    input: "voltage" (default with a voltage and motor constants) or "wheel" (default without), of a reaction wheel.
+    input: "voltage" (default with a whole voltage and motor constants) or "wheel" (default otherwise), of a wheel rig.
     law: a friction law of `friction_laws.LAWS`, with ", offset" or ", direction-dependent" after it where wanted, or
     "auto": the law of least Bayesian information criterion. free: further unknowns, as a sequence or with commas:
     gravity_torque, torque_per_volt, back_emf, motor_viscous, motor_coulomb, efficiency, rotor_inertia, wheel_inertia.
@@ -67,9 +80,9 @@ def output_error(
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     opinion = second_opinion(used, rig, motion, scale, noise)
-    length = SWINGS * motion.half_period if segment is None else segment
-    problem = problem_of(used, rig, noise, source, length, max(4.5 * noise.step, 0.05 * motion.half_period))
-    searched, law = _searched(problem, rig, scale, opinion, motion, law, free, loss, starts)
+    setup = _Setup(used, rig, scale, noise, motion, source, opinion, free, loss, starts)
+    problem, rough = _rough_fit(setup, RICHEST if law == "auto" else law, segment)
+    searched, law = _final_fit(setup, problem, rough, law)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
     parameters, budget, sensitivities = answer_of(estimate, scale, opinion.windows)
     warnings, notes = check_fit(parameters, budget, sensitivities, estimate, problem, opinion, rig, scale, motion)
@@ -77,7 +90,7 @@ def output_error(
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
     details = details_of(estimate, problem, scale, motion, (start, stop), law)
-    extra = {f"residual_{name}": left for name, (left, _) in misfit(estimate, problem, rig).items()}
+    extra = {f"residual_{name}": left for name, (left, _) in misfit(estimate.searched.fit, problem, rig).items()}
     options: dict[str, object] = {"input": source, "law": law, "loss": loss, "starts": starts}
     return Result(
         method="output-error",
@@ -103,6 +116,13 @@ def _check_options(law: str, loss: str, starts: int, segment: float | None) -> N
         raise UsageError(f"segment is {segment!r}; give a length in seconds.", code="bad-segment")
 
 
+def _rows_lost(log: Recording) -> bool:
+    """Whether so many rows are missing that the voltage held in them is missed."""
+    steps = np.diff(log.time)
+    lost = float(np.sum(np.maximum(np.rint(steps / np.median(steps)) - 1, 0)))
+    return lost > MOST_LOST * len(log)
+
+
 def _input(wanted: str | None, log: Recording, rig: Rig, scale: Scale) -> Input:
     """What drives the simulation. Raises where the log or the rig lacks it."""
     if scale.drive != "reaction-wheel":
@@ -113,7 +133,7 @@ def _input(wanted: str | None, log: Recording, rig: Rig, scale: Scale) -> Input:
         raise UsageError(f'unknown input {wanted!r}; choose "voltage" or "wheel".', code="unknown-input")
     motor = rig.drive.motor
     constants = motor is not None and motor.torque_per_volt.value > 0
-    if wanted == "wheel" or (wanted is None and (log.voltage is None or not constants)):
+    if wanted == "wheel" or (wanted is None and (log.voltage is None or not constants or _rows_lost(log))):
         return "wheel"
     if log.voltage is None:
         raise InputError(
@@ -130,53 +150,109 @@ def _input(wanted: str | None, log: Recording, rig: Rig, scale: Scale) -> Input:
     return "voltage"
 
 
-def _searched(
-    problem: Problem,
-    rig: Rig,
-    scale: Scale,
-    opinion: SecondOpinion,
-    motion: Motion,
-    law: str,
-    free: tuple[str, ...],
-    loss: str,
-    starts: int,
-) -> tuple[Searched, str]:
-    """The fit and its friction law."""
-    if opinion.windows is None:
-        raise UnanswerableError(
-            "the log holds too few swings to begin the search from; record at least five swings.", code="too-short"
-        )
-    windows = opinion.windows
-    fastest = float(np.max(np.abs(motion.speed.speed)))
-    first = RICHEST if law == "auto" else law
-    unknowns = unknowns_of(rig, scale, first, free, fastest)
-    values = first_values(unknowns, windows, rig, scale, fastest)
-    found = search(problem, unknowns, values, loss, starts, 1e-4 if law == "auto" else CLOSE_ENOUGH)
+@dataclass(frozen=True)
+class _Setup:
+    """What every fit of one log shares."""
+
+    log: Recording
+    rig: Rig
+    scale: Scale
+    noise: Noise
+    motion: Motion
+    source: Input
+    opinion: SecondOpinion
+    free: tuple[str, ...]
+    loss: str
+    starts: int
+
+    @property
+    def windows(self) -> WindowFit:
+        """The linear fit of row (I). Raises UnanswerableError without one."""
+        if self.opinion.windows is None:
+            raise UnanswerableError(
+                "the log holds too few swings to begin the search from; record at least five swings.", code="too-short"
+            )
+        return self.opinion.windows
+
+    @property
+    def fastest(self) -> float:
+        """Highest speed of the axis, rad/s."""
+        return float(np.max(np.abs(self.motion.speed.speed)))
+
+    def unknowns(self, law: str) -> Unknowns:
+        """The unknowns with a friction law."""
+        strongest = _strongest(self.windows, self.motion, self.scale)
+        return unknowns_of(self.rig, self.scale, law, self.free, self.fastest, strongest)
+
+    def first(self, unknowns: Unknowns) -> Array:
+        """Where the search begins."""
+        return first_values(unknowns, self.windows, self.rig, self.scale, self.fastest)
+
+    def problem(self, length: float) -> Problem:
+        """The log in segments of about `length` s."""
+        gap = max(4.5 * self.noise.step, 0.05 * self.motion.half_period)
+        return problem_of(self.log, self.rig, self.noise, self.source, length, gap)
+
+
+def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem, Searched]:
+    """A first fit, on segments of `segment` s, or of a length that suits.
+
+    A model that is not quite the rig's runs away from the log over a long segment. Where the fit is poor the segments
+    are halved, and those taken on which the inertia is most certain.
+    """
+    unknowns = setup.unknowns(law)
+    values = setup.first(unknowns)
+    length = SWINGS * setup.motion.half_period if segment is None else segment
+    tried = []
+    while True:
+        problem = setup.problem(length)
+        found = search(problem, unknowns, values, setup.loss, setup.starts)
+        certain = inertia_scatter(problem, found.fit, setup.motion)
+        tried.append((certain if np.isfinite(certain) else np.inf, problem, found))
+        length /= 2
+        left = max(ratio for ratio in misfit_ratios(found.fit, problem, setup.rig).values())
+        if segment is not None or not left > POOR or length * setup.log.rate < SHORTEST:
+            break
+    best = min(range(len(tried)), key=lambda k: tried[k][0])
+    _, problem, found = tried[best]
+    if best > 0 and np.isfinite(tried[best - 1][2].fit.cost):
+        found = replace(found, drift=abs(float(found.fit.values[0] - tried[best - 1][2].fit.values[0])))
+    return problem, found
+
+
+def _final_fit(setup: _Setup, problem: Problem, rough: Searched, law: str) -> tuple[Searched, str]:
+    """The fit with the law asked for, or with the one that describes the log best."""
+    known = dict(zip(rough.unknowns.names, rough.fit.values, strict=True))
     if law != "auto":
-        return found, law
-    independent = _independent(problem, found)
-    law, candidates, spread = choose_law(problem, unknowns, found.fit, independent, fastest)
-    unknowns = unknowns_of(rig, scale, law, free, fastest)
-    begin = first_values(unknowns, windows, rig, scale, fastest)
-    known = dict(zip(found.unknowns.names, found.fit.values, strict=True))
+        fit = solve(problem, rough.unknowns, rough.fit.values, rough.fit.states, setup.loss)
+        return replace(rough, fit=fit), law
+    independent = _independent(problem, rough)
+    law, candidates, spread = choose_law(problem, rough.unknowns, rough.fit, independent, setup.fastest)
     for name in ("coulomb", "viscous"):
         known[name] = 0.5 * (known[f"{name}_positive"] + known[f"{name}_negative"])
-    begin = np.array([known.get(name, value) for name, value in zip(unknowns.names, begin, strict=True)])
-    fit = solve(problem, unknowns, begin, found.fit.states, loss)
-    return replace(found, unknowns=unknowns, fit=fit, candidates=candidates, spread=spread), law
+    unknowns = setup.unknowns(law)
+    begin = [known.get(name, value) for name, value in zip(unknowns.names, setup.first(unknowns), strict=True)]
+    fit = solve(problem, unknowns, np.array(begin), rough.fit.states, setup.loss)
+    return replace(rough, unknowns=unknowns, fit=fit, candidates=candidates, spread=spread), law
+
+
+def _strongest(windows: WindowFit, motion: Motion, scale: Scale) -> float:
+    """A torque (N m) that no friction of this motion exceeds: some times what inertia and gravity take."""
+    speed = motion.speed
+    quickest = float(np.max(np.abs(speed.acceleration(speed.grid))))
+    gravity = windows.value("gravity_torque") if scale.b is None else scale.b
+    return 3 * (abs(windows.a11) * quickest + abs(gravity))
 
 
 def _independent(problem: Problem, found: Searched) -> float:
     """Number of readings that count as independent: fewer where residuals of neighbours are alike."""
-    total, runs = 0.0, 0.0
+    total, runs = 0.0, np.zeros(len(SHARES))
     for first, last in zip(problem.rows[:-1], problem.rows[1:], strict=True):
         for channel in (False, True):
             own = found.fit.residuals[first:last][problem.wheel[first:last] == channel]
-            if len(own) < 64:
-                continue
-            size = max(len(own) // 16, 8)
-            blocks = own[: len(own) // size * size].reshape(-1, size)
-            total += float(np.sum(blocks**2))
-            runs += float(np.sum(blocks.sum(axis=1) ** 2))
-    inflation = max(runs / total, 1.0) if total > 0 else 1.0
+            total += float(own @ own)
+            for k, share in enumerate(SHARES):
+                size = max(len(own) // share, 1)
+                runs[k] += float(np.sum(own[: len(own) // size * size].reshape(-1, size).sum(axis=1) ** 2))
+    inflation = max(float(np.max(runs)) / total, 1.0) if total > 0 else 1.0
     return max(len(problem.measured) / inflation, 8.0)

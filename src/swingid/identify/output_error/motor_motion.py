@@ -27,7 +27,7 @@ Ints = NDArray[np.int64]
 READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""
 
-MOST_STEPS = 100_000
+MOST_STEPS = 5_000
 """Steps between two knots beyond which the motion has run away (constants far off) and is given up."""
 
 

@@ -28,8 +28,11 @@ OFF = ((1.6, 3.0), (0.6, 0.3))
 FEW = 2
 """Segments on which other starts are followed."""
 
-ROUGH, SAME = 1e-3, 0.01
-"""How closely other starts are followed, and how near in inertia they count as having ended alike."""
+ROUGH, NEAR = 1e-3, 1e-4
+"""How closely (see `solve`) other starts are followed, and the first fit of all segments."""
+
+SAME = 0.01
+"""How near in inertia starts count as having ended alike."""
 
 RICHEST = "coulomb + viscous + quadratic, direction-dependent"
 """The law about whose motion all laws are compared."""
@@ -43,6 +46,7 @@ class Searched:
     """The fit, of how many starts how many ended at its inertia, and the laws tried with their BIC above the best.
 
     spread: standard deviation of the inertia over these laws by their likelihoods; 0 where one law was asked for.
+    drift: change of the inertia since segments of twice the length, where these were shortened.
     """
 
     unknowns: Unknowns
@@ -51,6 +55,7 @@ class Searched:
     agreeing: int
     candidates: dict[str, float]
     spread: float = 0.0
+    drift: float = 0.0
 
 
 def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale, fastest: float) -> Array:
@@ -86,11 +91,8 @@ def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale,
     return np.array(values)
 
 
-def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int, enough: float) -> Searched:
-    """Fit from the best of several starts: `values` (m,), and `starts` − 1 off it, tried on a few segments.
-
-    enough: as in `solve`.
-    """
+def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> Searched:
+    """Rough fit from the best of several starts: `values` (m,), and `starts` − 1 off it, tried on a few segments."""
     chosen = list(np.unique(np.linspace(0, len(problem.bounds) - 2, FEW).astype(int)))
     some = problem.part(chosen)
     tried = [solve(some, unknowns, values, some.starts, loss, ROUGH)] if starts > 1 else []
@@ -102,14 +104,21 @@ def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, start
             for name in unknowns.names
         ]
         tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH))
+    if "stribeck_speed" in unknowns.names:
+        # the peak's speed has minima of its own
+        k = unknowns.names.index("stribeck_speed")
+        for share in (PEAKS[0] / PEAKS[1], PEAKS[2] / PEAKS[1]):
+            other = values.copy()
+            other[k] *= share
+            tried.append(solve(some, unknowns, other, some.starts, loss, ROUGH))
     agreeing = 1
     if tried:
         best = min(tried, key=lambda fit: fit.cost)
         spread = SAME * abs(best.values[0])
         agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)
         values = best.values if np.isfinite(best.cost) else values
-    fit = solve(problem, unknowns, values, problem.starts, loss, enough)
-    return Searched(unknowns, fit, max(starts, 1), agreeing, {})
+    fit = solve(problem, unknowns, values, problem.starts, loss, NEAR)
+    return Searched(unknowns, fit, max(len(tried), 1), agreeing, {})
 
 
 @dataclass(frozen=True)

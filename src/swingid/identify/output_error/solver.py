@@ -25,7 +25,16 @@ BEND = 3.0
 CLOSE_ENOUGH = 1e-7
 """The search ends when a step promises to lower the cost by less than this share of it."""
 
-MOST_STEPS = 40
+EXACT = 1e-6
+"""Mean squared residual, in those of the sensors, below which nothing is left to gain."""
+
+STALLED = 1e-9
+"""Share of the cost that a step must have gained for the search to go on."""
+
+LEAP = 0.4
+"""Share of itself to which the inertia may fall in one step, and rise by its inverse."""
+
+MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
 HARDEST = 1e10
 
 
@@ -132,20 +141,24 @@ def solve(
     if not np.isfinite(here.cost):
         return here
     damping = 1e-4
-    for _ in range(MOST_STEPS):
+    inertia = unknowns.names.index("inertia")
+    for _ in range(MOST_STEPS if enough <= CLOSE_ENOUGH else MOST_ROUGH_STEPS):
         step, promised = _step(here, low, high, damping)
-        if promised <= enough * here.cost and damping <= 1e-2:
+        if promised <= enough * max(here.cost, EXACT) and damping <= 1e-2:
             return replace(here, converged=bool(np.isfinite(here.cost)))
         trial = np.clip(here.values + step, low, high)
+        trial[inertia] = np.clip(trial[inertia], here.values[inertia] * LEAP, here.values[inertia] / LEAP)
         moved = here.states + here.reduced.states(trial - here.values)
         there = _at(problem, unknowns, trial, moved, loss)
         if there.cost < here.cost:
-            here, damping = there, max(damping / 10, 1e-12)
+            gained, here, damping = here.cost - there.cost, there, max(damping / 10, 1e-12)
+            if gained <= STALLED * there.cost:
+                return replace(here, converged=True)
         elif damping > HARDEST or (promised <= 1e-4 * here.cost and there.cost - here.cost <= 1e-9 * here.cost):
-            return replace(here, converged=promised <= 1e-4 * here.cost)
+            return replace(here, converged=promised <= 1e-4 * here.cost or here.cost <= EXACT)
         else:
             damping *= 10
-    return here
+    return replace(here, converged=here.cost <= EXACT)
 
 
 def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:

@@ -67,6 +67,9 @@ FRICTION: dict[str, Places] = {
 }
 """Places of the friction unknowns; "stribeck" is the static less the Coulomb friction."""
 
+POWERS = {"viscous": 1, "quadratic": 2, "cubic": 3}
+"""Power of the speed that a coefficient of friction stands before, where not 0."""
+
 FREE = ("gravity_torque", *(key for key in MOTOR_KEYS if key != "gear_ratio"), "wheel_inertia")
 """What may be asked for beside inertia and friction. "viscous" and "coulomb" of the motor are motor_viscous, …"""
 
@@ -175,10 +178,11 @@ def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
     return float(getattr(holder, "value", 0.0)), getattr(holder, "std", None)
 
 
-def unknowns_of(rig: Rig, scale: Scale, law: str, free: Sequence[str], fastest: float) -> Unknowns:
+def unknowns_of(rig: Rig, scale: Scale, law: str, free: Sequence[str], fastest: float, strongest: float) -> Unknowns:
     """Inertia, gravity torque where it is "unknown" or asked for, the friction law, and the constants asked for.
 
-    fastest: highest speed of the motion (rad/s), within shares of which a Stribeck speed is sought.
+    fastest: highest speed of the motion (rad/s); strongest: a torque (N m) that no friction exceeds. A Stribeck speed
+    is sought below the one, coefficients below what makes the other at that speed.
     Raises UsageError for an unknown law or constant.
     """
     places = constant_places(rig, scale)
@@ -193,8 +197,8 @@ def unknowns_of(rig: Rig, scale: Scale, law: str, free: Sequence[str], fastest: 
             raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
         items.append(Unknown(name, _unit(key, scale), 0.0, np.inf, places[key]))
     for name in friction_unknowns(law):
-        low = -np.inf if name == "offset" else 0.0
-        high = np.inf
+        low = -strongest if name == "offset" else 0.0
+        high = strongest / fastest ** POWERS.get(name.partition("_")[0], 0)
         if name == "stribeck_speed":
             low, high = 0.003 * fastest, fastest
         unit = units["coulomb" if name == "stribeck" else name]

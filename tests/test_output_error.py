@@ -1,0 +1,388 @@
+"""Output error: its sensitivities, its prediction, its solver, and what it says of logs whose inertia is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from closed_form_logs import (
+    INERTIA,
+    TWO_TONES,
+    direct_log,
+    direct_rig,
+    encoded,
+    exact_rig,
+    free_log,
+    free_rig,
+    wheel_log,
+)
+from swingid.control.compensator import Compensator
+from swingid.control.references import Sine
+from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.identify import identify
+from swingid.identify.noise import channel_noise
+from swingid.identify.output_error.problem import problem_of
+from swingid.identify.output_error.solver import loss_of, reduce
+from swingid.identify.output_error.unknowns import friction_unknowns, unknowns_of
+from swingid.identify.scale import Scale
+from swingid.simulate import simulate
+from twin_logs import GIVEN, given, twin
+
+TIME = np.arange(2501) / 250
+DRY = {"coulomb": 3e-3, "viscous": 5e-4, "stribeck": 2e-3, "stribeck_speed": 0.3}
+
+
+def twin_log(law="viscous", *, duration=6.0, rate=250.0, seed=0, **changes):
+    rig = twin(law).changed(changes) if changes else twin(law)
+    return simulate(
+        rig, Sine(0.8, 8.5), Compensator.paper(rig, sample_time=1 / rate), duration=duration, rate=rate, seed=seed
+    )
+
+
+@pytest.fixture(scope="module")
+def stribeck_log():
+    """Without noise, and from where the axis moves."""
+    return twin_log("Stribeck", **{"sensors.counts_per_turn": None}).segment(2.0, 6.0)
+
+
+@pytest.fixture(scope="module")
+def viscous_log():
+    return twin_log(duration=9.0)
+
+
+def error(result):
+    return result.inertia.value / INERTIA - 1
+
+
+def problem_and_unknowns(log, rig, source, law, free=()):
+    noise = channel_noise(log, rig)
+    problem = problem_of(log, rig, noise, source, 0.8, 0.1)
+    return problem, unknowns_of(rig, Scale.of(rig), law, free, 7.0, 1.0)
+
+
+# Exact sensitivities, against central differences of the prediction itself
+
+
+def largest_difference(problem, unknowns, values, part, step):
+    """Of slopes from central differences, in shares of the largest slope: unknowns `part` or initial values."""
+    entries, m = unknowns.entries(problem.states), len(unknowns)
+    slopes = problem.predict(unknowns.vector(values), entries, problem.starts, m).slopes
+    worst = 0.0
+    for k in range(m if part == "unknowns" else problem.states):
+        outputs = []
+        for sign in (1, -1):
+            moved, states = values.copy(), problem.starts.copy()
+            if part == "unknowns":
+                moved[k] += sign * step * values[k]
+            else:
+                states[:, k] += sign * step
+            outputs.append(problem.predict(unknowns.vector(moved), entries, states, m).outputs)
+        size = step * values[k] if part == "unknowns" else step
+        own = slopes[:, problem.states + k] if part == "unknowns" else slopes[:, k]
+        worst = max(worst, np.abs((outputs[0] - outputs[1]) / (2 * size) - own).max() / np.abs(own).max())
+    return worst
+
+
+VALUES = {
+    "inertia": 3.3e-3,
+    "torque_per_volt": 52e-4,
+    "gravity_torque": 0.08,
+    "back_emf": 4e-6,
+    "motor_viscous": 4e-5,
+} | {
+    "motor_coulomb": 3e-3,
+    "wheel_inertia": 11e-5,
+    "rotor_inertia": 0.2e-5,
+    "efficiency": 0.9,
+    "quadratic": 3e-4,
+    **DRY,
+}
+
+
+@pytest.mark.parametrize("part", ["unknowns", "states"])
+@pytest.mark.parametrize(
+    ("source", "free"),
+    [
+        ("voltage", ("gravity_torque", "torque_per_volt", "back_emf", "motor_viscous", "motor_coulomb")),
+        ("voltage", ("wheel_inertia", "rotor_inertia", "efficiency")),
+        ("wheel", ("gravity_torque", "wheel_inertia")),
+    ],
+)
+def test_sensitivities_are_exact_through_reversals_and_dead_zone(stribeck_log, source, free, part):
+    problem, unknowns = problem_and_unknowns(stribeck_log, GIVEN, source, "stribeck + quadratic", free)
+    values = np.array([VALUES[name] for name in unknowns.names])
+    assert largest_difference(problem, unknowns, values, part, 1e-5) < 1e-3
+    # A jump left out at reversals shows in per cents.
+    assert largest_difference(problem, unknowns, values, part, 1e-4) < 1e-3
+
+
+def test_sensitivities_of_an_axis_that_sticks(stribeck_log):
+    problem, unknowns = problem_and_unknowns(stribeck_log, GIVEN, "wheel", "coulomb + viscous")
+    values = np.array([3.1e-3, 20e-3, 5e-4])
+    assert largest_difference(problem, unknowns, values, "unknowns", 1e-5) < 1e-3
+
+
+def test_the_axis_is_integrated_to_fourth_order():
+    log = free_log(lambda v: 1e-3 * v + 1e-4 * v**3, TIME[::10])
+    problem, unknowns = problem_and_unknowns(log, free_rig(), "none", "viscous + cubic")
+    values, entries = np.array([INERTIA, 1e-3, 1e-4]), unknowns.entries(2)
+
+    def outputs(step):
+        return problem.predict(unknowns.vector(values), entries, problem.starts, 3, step).outputs
+
+    finest = outputs(1e-4)
+    coarse, fine = (np.abs(outputs(step) - finest).max() for step in (20e-3, 10e-3))
+    assert 12 < coarse / fine < 20
+    assert np.abs(outputs(2e-3) - finest).max() < 1e-8
+
+
+def test_eliminating_initial_values_solves_the_whole_system(viscous_log):
+    problem, unknowns = problem_and_unknowns(viscous_log, GIVEN, "wheel", "coulomb + viscous")
+    rng = np.random.default_rng(0)
+    count, m, segments = len(problem.measured), 3, len(problem.rows) - 1
+    slopes, residuals = rng.standard_normal((count, 2 + m)), rng.standard_normal(count)
+    weights = rng.uniform(0.5, 1.0, count)
+    whole = np.zeros((count, 2 * segments + m))
+    for k in range(segments):
+        rows = slice(problem.rows[k], problem.rows[k + 1])
+        whole[rows, 2 * k : 2 * k + 2] = slopes[rows, :2]
+    whole[:, 2 * segments :] = slopes[:, 2:]
+    root = np.sqrt(weights)
+    solution = np.linalg.lstsq(whole * (root / problem.sigma)[:, None], residuals * root, rcond=None)[0]
+    reduced = reduce(problem, slopes, residuals, weights)
+    step = np.linalg.solve(reduced.matrix, reduced.right)
+    assert step == pytest.approx(solution[2 * segments :], rel=1e-9)
+    assert reduced.states(step).ravel() == pytest.approx(solution[: 2 * segments], rel=1e-8, abs=1e-12)
+    assert len(unknowns) == m
+
+
+def test_robust_losses_are_quadratic_within_and_linear_beyond():
+    residuals = np.array([0.1, -0.1, 0.2, 1e4])
+    assert loss_of(residuals, "linear")[0] == pytest.approx(np.mean(residuals**2))
+    for loss in ("huber", "soft_l1"):
+        mean, weights = loss_of(residuals, loss)
+        assert 4 * mean == pytest.approx(2 * 3 * 1e4, rel=1e-2)
+        assert weights[:3] == pytest.approx(1.0, abs=5e-3)
+
+
+# Logs whose inertia is known without any simulator
+
+
+@pytest.mark.parametrize(
+    ("law", "friction"),
+    [
+        ("viscous", lambda v: 1.144e-3 * v),
+        ("coulomb + viscous", lambda v: 3e-3 * np.sign(v) + 5e-4 * v),
+        ("viscous + cubic", lambda v: 2e-4 * v + 5e-5 * v**3),
+        ("coulomb + viscous, direction-dependent", lambda v: np.where(v > 0, 3e-3 + 1e-3 * v, -2e-3 + 5e-4 * v)),
+    ],
+)
+def test_the_measured_wheel_as_input(law, friction):
+    rig = exact_rig()
+    result = identify(wheel_log(rig, TWO_TONES, friction, TIME), given(rig), "output-error", law=law)
+    assert abs(error(result)) < 2e-5
+    assert result.provenance["options"]["input"] == "wheel"
+    for name, value in zip(friction_unknowns(law), _coefficients(friction, law), strict=True):
+        assert result.parameters[name].value == pytest.approx(value, rel=2e-3)
+
+
+def _coefficients(friction, law):
+    v = np.array([1.0, 2.0, -1.0, -2.0])
+    f1, f2, g1, g2 = friction(v)
+    if law == "viscous":
+        return [f1]
+    if law == "viscous + cubic":
+        return [(8 * f1 - f2) / 6, (f2 - 2 * f1) / 6]
+    if "direction" in law:
+        return [2 * f1 - f2, g2 - 2 * g1, f2 - f1, g1 - g2]
+    return [2 * f1 - f2, f2 - f1]
+
+
+@pytest.mark.parametrize("b", [78e-3, "unknown"])
+def test_a_measured_torque(b):
+    rig = direct_rig(**{"axis.gravity_torque": b})
+    log = encoded(direct_log(TWO_TONES, lambda v: 5e-4 * v + 1e-4 * v**3, TIME))
+    result = identify(log, rig, "output-error", law="viscous + cubic")
+    assert abs(error(result)) < 3e-4
+    assert result.status == "ok"
+
+
+def test_a_linear_axis_has_no_gravity():
+    rig = direct_rig(linear=True)
+    log = encoded(direct_log(TWO_TONES, lambda v: 2e-3 * v, TIME, b=0.0))
+    result = identify(log, rig, "output-error", law="viscous")
+    assert abs(error(result)) < 3e-4
+    assert result.inertia.unit == "kg"
+
+
+def test_a_free_decay():
+    log = encoded(free_log(lambda v: 3e-4 * v + 1e-4 * v * abs(v), TIME))
+    result = identify(log, free_rig(), "output-error")
+    assert abs(error(result)) < 1e-4
+    assert result.provenance["options"]["law"] == "viscous + quadratic"
+
+
+# The twin under its voltage
+
+
+def test_the_twin_without_noise_is_predicted_to_rounding(stribeck_log):
+    rig = GIVEN.changed({"sensors.counts_per_turn": None})
+    result = identify(stribeck_log, rig, "output-error", law="stribeck")
+    assert abs(error(result)) < 1e-9
+    assert result.details.extra["residual_angle"] < 1e-10
+    assert result.status == "ok"
+    assert result.parameters["static"].value == pytest.approx(5e-3, rel=1e-3)
+    assert result.parameters["stribeck_speed"].value == pytest.approx(0.3, rel=1e-3)
+
+
+def test_the_law_is_found_and_named(viscous_log):
+    result = identify(viscous_log, GIVEN, "output-error")
+    assert result.provenance["options"]["law"] == "viscous"
+    assert result.status == "ok"
+    assert abs(error(result)) < 1e-4
+    assert abs(result.inertia.value - INERTIA) < 4 * result.inertia.standard_uncertainty
+
+
+def test_a_declared_latency_is_simulated():
+    log, rig = twin_log(duration=9.0, **{"sensors.latency": 3e-3}), GIVEN.changed({"sensors.latency": 3e-3})
+    result = identify(log, rig, "output-error", law="viscous")
+    assert abs(error(result)) < 5e-5
+    assert result.status == "ok"
+    assert abs(error(identify(log, GIVEN, "output-error", law="viscous"))) > 5e-3
+
+
+def test_where_rows_are_lost_the_wheel_is_the_input():
+    log = twin_log(duration=9.0, **{"sensors.dropouts": 0.03})
+    result = identify(log, GIVEN, "output-error", law="viscous")
+    assert result.provenance["options"]["input"] == "wheel"
+    assert abs(error(result)) < 1e-4
+    assert result.status == "ok"
+
+
+def test_a_freed_motor_constant_is_found(viscous_log):
+    off = GIVEN.changed({"drive.motor.torque_per_volt": 1.05 * 52.04e-4})
+    result = identify(viscous_log, off, "output-error", law="viscous", free="torque_per_volt")
+    assert result.parameters["torque_per_volt"].value == pytest.approx(52.04e-4, rel=1e-3)
+    assert abs(error(result)) < 1e-3
+    assert result.status == "ok"
+
+
+def test_what_only_shows_as_a_product_is_refused_by_name():
+    sharp = {"drive.motor.dead_zone": [0.0, 0.0]}
+    log = twin_log(duration=6.0, **sharp)
+    rig = GIVEN.changed(sharp | {"drive.motor.back_emf": 0})
+    with pytest.raises(UnanswerableError, match="torque_per_volt and efficiency cannot be told apart"):
+        identify(log, rig, "output-error", law="viscous", free="torque_per_volt, efficiency")
+
+
+def test_wrong_motor_constants_break_the_voltage_not_the_wheel(viscous_log):
+    off = GIVEN.changed({"drive.motor.torque_per_volt": 1.05 * 52.04e-4})
+    result = identify(viscous_log, off, "output-error", law="viscous")
+    assert abs(error(result)) > 0.02
+    assert "poor-fit" in {warning.code for warning in result.warnings}
+    assert abs(error(identify(viscous_log, off, "output-error", input="wheel", law="viscous"))) < 1e-4
+
+
+def test_a_wrong_friction_law_is_doubted():
+    log = twin_log("Stribeck", duration=9.0)
+    result = identify(log, GIVEN, "output-error", law="viscous")
+    assert "poor-fit" in {warning.code for warning in result.warnings}
+    right = identify(log, GIVEN, "output-error", law="stribeck")
+    assert right.status == "ok"
+    assert abs(error(right)) < abs(error(result))
+
+
+def test_a_robust_loss_bears_outliers(viscous_log):
+    rng = np.random.default_rng(1)
+    hit = rng.random(len(viscous_log)) < 0.02
+    log = replace(viscous_log, angle=viscous_log.angle + np.where(hit, rng.uniform(-0.05, 0.1, len(hit)), 0.0))
+    plain, huber, soft = (
+        abs(error(identify(log, GIVEN, "output-error", law="viscous", loss=loss)))
+        for loss in ("linear", "huber", "soft_l1")
+    )
+    assert huber < 0.3 * plain
+    assert soft < 0.3 * plain
+
+
+def test_the_length_of_segments_hardly_matters(viscous_log):
+    found = [
+        identify(viscous_log, GIVEN, "output-error", law="viscous", segment=length).inertia
+        for length in (0.8, 1.6, 20.0)
+    ]
+    assert np.ptp([one.value for one in found]) < 4 * found[0].standard_uncertainty
+    assert found[0].standard_uncertainty < 1.6 * found[2].standard_uncertainty
+
+
+CONSTANTS = {
+    "drive.wheel.inertia": 11.34e-5,
+    "drive.motor.torque_per_volt": 52.04e-4,
+    "drive.motor.gear_ratio": 4.4,
+    "drive.motor.coulomb": 302.02e-5,
+    "axis.gravity_torque": 78e-3,
+}
+
+
+@pytest.mark.parametrize("key", CONSTANTS)
+def test_the_sensitivity_to_a_constant_is_that_of_a_second_fit(viscous_log, key):
+    found = {}
+    for source in ("voltage", "wheel"):
+        if source == "wheel" and key in ("drive.motor.torque_per_volt", "drive.motor.coulomb"):
+            continue
+        values = []
+        for factor in (1.0, 1.0 + 1e-4, 1.0 - 1e-4):
+            rig = GIVEN.changed({key: CONSTANTS[key] * factor})
+            result = identify(viscous_log, rig, "output-error", law="viscous", input=source, segment=1.5)
+            values.append(result.inertia.value)
+            if factor == 1.0:
+                found[source] = result.sensitivities[key]
+        slope = (values[1] - values[2]) / (2e-4 * CONSTANTS[key])
+        assert found[source] == pytest.approx(slope, rel=0.02, abs=2e-3 * INERTIA / CONSTANTS[key])
+
+
+def test_declared_constants_stand_in_the_budget_by_their_keys(viscous_log):
+    rig = GIVEN.changed(
+        {"drive.motor.torque_per_volt": "52.04e-4 ± 0.052e-4 N*m/V", "sensors.wheel.latency": "0 ± 0.2 ms"}
+    )
+    result = identify(viscous_log, rig, "output-error", law="viscous")
+    own = {entry.shared_id: entry for entry in result.budget if entry.type == "B" and entry.parameter == "inertia"}
+    assert set(own) == {"drive.motor.torque_per_volt", "sensors.wheel.latency"}
+    entry = own["drive.motor.torque_per_volt"]
+    assert entry.standard_uncertainty == pytest.approx(abs(entry.sensitivity) * 0.052e-4)
+
+
+# Refusals
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"law": "sticky"},
+        {"law": "viscous, sideways"},
+        {"loss": "cubic"},
+        {"input": "current"},
+        {"starts": 0},
+        {"segment": -1.0},
+        {"free": "mass"},
+    ],
+)
+def test_unknown_options_are_refused_by_name(viscous_log, options):
+    with pytest.raises(UsageError):
+        identify(viscous_log, GIVEN, "output-error", **options)
+
+
+def test_without_voltage_or_motor_constants(viscous_log):
+    silent = replace(viscous_log, voltage=None)
+    with pytest.raises(InputError, match="no voltage"):
+        identify(silent, GIVEN, "output-error", input="voltage")
+    weak = GIVEN.changed({"drive.motor.torque_per_volt": 0})
+    with pytest.raises(UnanswerableError, match="torque_per_volt"):
+        identify(viscous_log, weak, "output-error", input="voltage")
+    for log, rig in ((silent, GIVEN), (viscous_log, weak)):
+        assert identify(log, rig, "output-error", law="viscous").provenance["options"]["input"] == "wheel"
+
+
+def test_an_input_belongs_to_a_wheel():
+    with pytest.raises(UsageError, match="reaction wheel"):
+        identify(free_log(lambda v: 3e-4 * v, TIME), free_rig(), "output-error", input="wheel")

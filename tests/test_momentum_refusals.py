@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -198,6 +199,47 @@ def test_unknown_methods_and_options():
         identify(wheel(), PAPER, method="magic")
     with pytest.raises((UsageError, TypeError)):
         identify(wheel(), PAPER, colour="green")
+
+
+# where the angle's zero lies
+
+
+@pytest.mark.parametrize("offset", [0.2, -0.1])
+def test_a_zero_that_is_off_is_told_with_what_it_costs(offset):
+    # A free decay that hangs at `offset`: nothing else in row (I) shows it.
+    log = free_log(lambda v: 2e-4 * v, TIME)
+    off = identify(replace(log, angle=log.angle + offset), free_rig())
+    (warning,) = off.warnings
+    assert warning.code == "zero-off"
+    assert f"take {offset:g} rad off the angle" in warning.message
+    told = float(re.search(r"moves the inertia by ([+-][\d.]+) %", warning.message)[1])
+    assert told == pytest.approx(100 * (INERTIA - off.inertia.value) / off.inertia.value, abs=0.06)
+    assert codes(identify(replace(log, angle=log.angle + offset), free_rig(), method="energy").warnings) == ["zero-off"]
+
+
+@pytest.mark.parametrize(("motion", "alike"), [(ONE_TONE, False), (TWO_TONES, False), (Sines((0.3, 8.5, 0.0)), True)])
+def test_a_driven_axis_tells_its_zero_too(motion, alike):
+    log = wheel(motion)
+    assert "zero-off" not in codes(identify(log, PAPER).warnings)
+    off = identify(replace(log, angle=log.angle + 0.2), PAPER)
+    message = next(w.message for w in off.warnings if w.code == "zero-off")
+    told = float(re.search(r"\((-?0\.\d+) ± ", message)[1])
+    assert told == pytest.approx(0.2, abs=3e-3)
+    assert ("unless it is friction that depends on the direction" in message) == alike
+
+
+def test_a_latency_longer_than_the_log_is_a_typing_error():
+    rig = direct_rig(**{"sensors.latency": "4 s"})
+    with pytest.raises(InputError, match=r"sensors\.latency is 4 s, too much for a log of 15 s"):
+        identify(direct_log(ONE_TONE, friction, TIME), rig)
+
+
+@pytest.mark.parametrize("step", [200, 125])
+def test_energy_refuses_few_rows_per_swing(step):
+    log = free_log(lambda v: 2e-4 * v, TIME)
+    coarse = replace(log, time=log.time[::step], angle=log.angle[::step])
+    with pytest.raises(UnanswerableError):
+        identify(coarse, free_rig(), method="energy")
 
 
 # near resonance

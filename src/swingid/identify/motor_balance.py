@@ -7,7 +7,7 @@ While the wheel rests, friction is any torque up to f3, and the balance is told 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -35,10 +35,14 @@ RESTLESS = 0.05
 
 FEWEST_ROWS = 12
 
+GOOD = 0.05
+"""Relative residual below which nobody asks whether the voltage is turned."""
+
 
 @dataclass(frozen=True)
 class MotorBalance:
-    """Relative residuals of row (II): wheel angle as stated, wheel angle read the other way, voltage turned.
+    """Relative residuals of row (II): wheel angle as stated, wheel angle read the other way, voltage turned
+    (infinite where it was not asked).
 
     refitted, refitted_otherwise: the first two with the motor's strength c1 and friction f2, f3 left free, so that
     constants that are off do not speak for either reading; None where too few windows tell. rests: share of the time in
@@ -109,28 +113,26 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     terms = [
         *_terms(motor, voltage, wheel_speed, slow),
         *_terms(motor, voltage, other_speed, other_slow),
-        *_terms(motor, -voltage, wheel_speed, slow),
     ]
     part = project(nodes, [(signals.angle, 2), (wheel, 2), *((x, 0) for x in terms)], windows.centres, windows.half)
     a12, a22 = rig.drive.a12, rig.drive.a22
     angle, turn = part[:, 0], part[:, 1]
-    stated, other, turned = (
-        _Reading(inertial, part[:, k], part[:, k + 1], part[:, k + 2 : k + 5])
-        for inertial, k in (
-            (a12 * angle + a22 * turn, 2),
-            (a12 * angle + a22 * (turn + sign * angle), 7),
-            (a12 * angle + a22 * turn, 12),
-        )
-    )
+    stated = _Reading(a12 * angle + a22 * turn, part[:, 2], part[:, 3], part[:, 4:7])
+    other = _Reading(a12 * angle + a22 * (turn + sign * angle), part[:, 7], part[:, 8], part[:, 9:12])
     # what white noise of the angles leaves of row (II) by itself
     power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
     expected = power * float(curvature_overlap(np.zeros(1))[0] * np.mean(windows.half**-3.0))
     tells = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
     enough = int(np.count_nonzero(tells)) >= FEWEST_ROWS
+    left, turned = stated.residual(expected), np.inf
+    if left > GOOD:
+        driven = _terms(motor, -voltage, wheel_speed, slow)[0]
+        against = project(nodes, [(driven, 0)], windows.centres, windows.half)[:, 0]
+        turned = replace(stated, driven=against).residual(expected)
     return MotorBalance(
-        as_stated=stated.residual(expected),
+        as_stated=left,
         otherwise=other.residual(expected),
-        turned=turned.residual(expected),
+        turned=turned,
         is_relative=is_relative,
         refitted=stated.refitted(tells) if enough else None,
         refitted_otherwise=other.refitted(tells) if enough else None,

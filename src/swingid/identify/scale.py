@@ -63,8 +63,20 @@ class Scale:
         return "N" if self.linear else "N m"
 
 
+LATEST = 0.1
+"""A latency beyond this share of the log is a typing error: most of the log would have no angle to its torque."""
+
+
 def require_channels(log: Recording, rig: Rig) -> None:
-    """Raise InputError where the log lacks what the rig's drive needs."""
+    """Raise InputError where the log lacks what the rig's drive needs, or is shorter than its latencies."""
+    sensors = {"sensors.latency": rig.sensors.of("angle"), "sensors.wheel.latency": rig.sensors.of("wheel")}
+    for key, sensor in sensors.items():
+        late = abs(sensor.latency.value)
+        if late > LATEST * log.duration:
+            raise InputError(
+                f"rig {rig.name}: {key} is {late:g} s, too much for a log of {log.duration:g} s; state it in s or ms.",
+                code="long-latency",
+            )
     if rig.drive.kind == "reaction-wheel" and log.wheel_angle is None:
         raise InputError(
             f"{log.source.path or 'the log'} has no wheel angle, but the rig's drive is a reaction wheel; "

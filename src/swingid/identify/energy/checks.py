@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.errors import InputError
+from swingid.errors import InputError, UnanswerableError
 from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.momentum.balance import Signals, rows_of
 from swingid.identify.momentum.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
 from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows
 from swingid.identify.momentum.windows import law_windows
+from swingid.identify.momentum.zero import check_zero
 from swingid.identify.motion import Motion
 from swingid.identify.motor_balance import MotorBalance, motor_balance
 from swingid.identify.noise import Noise
@@ -25,6 +26,9 @@ DISAGREES = "disagreement with the momentum balance"
 
 CLOSE = 0.003
 """Relative difference to the momentum balance that is not worth a warning."""
+
+FEWEST_PER_SWING = 10
+"""Rows per swing below which smoothed speeds are per cents off, and the interval does not know of it."""
 
 SWINGS = 12
 """Swings enough to see a wrong sign or a bad motor."""
@@ -79,6 +83,19 @@ def check_energy(
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
     inertia = parameters["inertia"]
+    per_swing = motion.half_period / float(np.median(np.diff(opinion.signals.nodes.time)))
+    if per_swing < FEWEST_PER_SWING:
+        raise UnanswerableError(
+            f"the log has {per_swing:.1f} rows per swing, too few to tell speeds, on which energy stands; log at least "
+            f"{FEWEST_PER_SWING}, or use the momentum method.",
+            code="slow-rows",
+        )
+    if inertia.value <= 0:
+        raise UnanswerableError(
+            f"the energy balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; check "
+            "the signs and scales under [log] and the motor's constants, or use the momentum method.",
+            code="not-identifiable",
+        )
     warnings: list[Message] = []
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     if opinion.windows is not None and inertia.standard_uncertainty is not None:
@@ -87,6 +104,7 @@ def check_energy(
         warnings += found
         notes += told
         warnings += _against_momentum(inertia, budget, opinion.windows, scale)
+        warnings += check_zero(opinion.windows, opinion.signals, scale, inertia.standard_uncertainty)
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += motor_notes
     if scale.drive == "reaction-wheel":

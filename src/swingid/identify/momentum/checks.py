@@ -25,6 +25,10 @@ BAD_MOTOR = 0.1
 """Relative residual of row (II) above which the motor constants, or the wheel angle, are doubtful."""
 
 
+LARGEST_SWING = 2.5
+"""Amplitude in rad up to which the frequency of the free swing is told by its first correction."""
+
+
 def check_sign(law: WindowFit, scale: Scale, where: str) -> None:
     """Raise InputError where a sign or the angle's zero is wrong, which row (I) shows by itself.
 
@@ -38,6 +42,12 @@ def check_sign(law: WindowFit, scale: Scale, where: str) -> None:
                 code="negative-inertia",
             )
         return
+    if not np.any(scale.a12 * law.rows.wheel - law.rows.torque) and law.a11 < 3 * law.u:
+        raise UnanswerableError(
+            f"{where}: {key} is the same throughout, so nothing drives the axis that could tell its inertia; record a "
+            f"driven motion, or set {key} under [log] to the right column.",
+            code="no-drive",
+        )
     culprit = _wrong_by_gravity_found(law) if scale.b is None else _wrong_by_residuals(law, scale)
     if culprit is None:
         return
@@ -150,6 +160,7 @@ def _main_frequency(law: WindowFit, scale: Scale, amplitude: float) -> tuple[flo
     b = law.value("gravity_torque") if scale.b is None else scale.b
     if gravity == 0.0 or law.a11 <= 0:
         return None, 0.0
+    amplitude = min(amplitude, LARGEST_SWING)
     sine = 1 - amplitude**2 / 8
     natural = np.sqrt(max(b, 0.0) / law.a11) * (1 - amplitude**2 / 16)
     return float(np.sqrt(np.linalg.norm(law.rows.inertia) / gravity * max(sine, 0.3))), float(natural)
@@ -174,7 +185,7 @@ def _hopeless(inertia: Parameter, relative: float, scale: Scale, motion: tuple[f
 
 
 def _leaning(lean: float, amplitude: float, stiffness: float) -> str:
-    natural = np.sqrt(stiffness) * (1 - amplitude**2 / 16)
+    natural = np.sqrt(stiffness) * (1 - min(amplitude, LARGEST_SWING) ** 2 / 16)
     reason = "the motion is near resonance" if lean < 1.5 else "the motion is slow against the free swing"
     return (
         f"{reason} ({natural:.2g} rad/s), so the inertia is mostly the gravity torque rescaled (1 % of "

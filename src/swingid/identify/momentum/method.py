@@ -25,6 +25,7 @@ from swingid.identify.momentum.imperfections import imperfections, sensitivities
 from swingid.identify.momentum.loss import loss_unexplained
 from swingid.identify.momentum.systematics import grid_spread, timing_spread
 from swingid.identify.momentum.windows import even_windows, swing_windows
+from swingid.identify.momentum.zero import check_zero
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.noise import Noise, channel_noise
@@ -90,7 +91,8 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     if lost is not None:
         extra["loss_unexplained"] = lost
     notes = [segment_note, *exact_constants(_exact(rig)), *notes, *motor_notes]
-    warnings = [*warnings, *motor_warnings]
+    off = check_zero(estimate.law, signals, scale, parameters["inertia"].standard_uncertainty or 0.0)
+    warnings = [*warnings, *off, *motor_warnings]
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
     return Result(

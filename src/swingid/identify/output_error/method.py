@@ -81,7 +81,8 @@ def output_error(
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     opinion = second_opinion(used, rig, motion, scale, noise)
     setup = _Setup(used, rig, scale, noise, motion, source, opinion, free, loss, starts)
-    problem, rough = _rough_fit(setup, RICHEST if law == "auto" else law, segment)
+    # Stribeck's peak has minima of its own, so its place is looked for about a motion without it
+    problem, rough = _rough_fit(setup, RICHEST if law == "auto" or "stribeck" in law else law, segment)
     searched, law = _final_fit(setup, problem, rough, law)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
     parameters, budget, sensitivities = answer_of(estimate, scale, opinion.windows)
@@ -215,6 +216,7 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
             break
     best = min(range(len(tried)), key=lambda k: tried[k][0])
     _, problem, found = tried[best]
+    found = replace(found, law=law)
     if best > 0 and np.isfinite(tried[best - 1][2].fit.cost):
         found = replace(found, drift=abs(float(found.fit.values[0] - tried[best - 1][2].fit.values[0])))
     return problem, found
@@ -222,18 +224,16 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
 
 def _final_fit(setup: _Setup, problem: Problem, rough: Searched, law: str) -> tuple[Searched, str]:
     """The fit with the law asked for, or with the one that describes the log best."""
-    known = dict(zip(rough.unknowns.names, rough.fit.values, strict=True))
-    if law != "auto":
+    if rough.law == law:
         fit = solve(problem, rough.unknowns, rough.fit.values, rough.fit.states, setup.loss)
         return replace(rough, fit=fit), law
     independent = _independent(problem, rough)
-    law, candidates, spread = choose_law(problem, rough.unknowns, rough.fit, independent, setup.fastest)
-    for name in ("coulomb", "viscous"):
-        known[name] = 0.5 * (known[f"{name}_positive"] + known[f"{name}_negative"])
-    unknowns = setup.unknowns(law)
-    begin = [known.get(name, value) for name, value in zip(unknowns.names, setup.first(unknowns), strict=True)]
-    fit = solve(problem, unknowns, np.array(begin), rough.fit.states, setup.loss)
-    return replace(rough, unknowns=unknowns, fit=fit, candidates=candidates, spread=spread), law
+    choice = choose_law(problem, rough.unknowns, rough.fit, independent, setup.fastest, law)
+    unknowns = setup.unknowns(choice.law)
+    begin = np.array([choice.values[name] for name in unknowns.names])
+    fit = solve(problem, unknowns, begin, rough.fit.states, setup.loss)
+    spread = choice.spread if law == "auto" else 0.0
+    return replace(rough, unknowns=unknowns, fit=fit, candidates=choice.candidates, spread=spread), choice.law
 
 
 def _strongest(windows: WindowFit, motion: Motion, scale: Scale) -> float:

@@ -37,7 +37,7 @@ SAME = 0.01
 RICHEST = "coulomb + viscous + quadratic, direction-dependent"
 """The law about whose motion all laws are compared."""
 
-PEAKS = (0.02, 0.06, 0.2)
+PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 """Stribeck speeds tried, in shares of the highest speed."""
 
 
@@ -45,8 +45,8 @@ PEAKS = (0.02, 0.06, 0.2)
 class Searched:
     """The fit, of how many starts how many ended at its inertia, and the laws tried with their BIC above the best.
 
-    spread: standard deviation of the inertia over these laws by their likelihoods; 0 where one law was asked for.
-    drift: change of the inertia since segments of twice the length, where these were shortened.
+    law: that of a rough fit. spread: standard deviation of the inertia over these laws by their likelihoods; 0 where
+    one law was asked for. drift: change of the inertia since segments of twice the length, where these were shortened.
     """
 
     unknowns: Unknowns
@@ -54,6 +54,7 @@ class Searched:
     starts: int
     agreeing: int
     candidates: dict[str, float]
+    law: str = ""
     spread: float = 0.0
     drift: float = 0.0
 
@@ -80,7 +81,7 @@ def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale,
         elif item.name == "inertia":
             value = known["inertia"] if known["inertia"] > 0 else 0.1 * abs(windows.a11)
         elif item.name == "stribeck_speed":
-            value = PEAKS[1] * fastest
+            value = PEAKS[2] * fastest
         elif item.name == "offset":
             value = even[0]
         elif item.name in FRICTION:
@@ -104,13 +105,6 @@ def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, start
             for name in unknowns.names
         ]
         tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH))
-    if "stribeck_speed" in unknowns.names:
-        # the peak's speed has minima of its own
-        k = unknowns.names.index("stribeck_speed")
-        for share in (PEAKS[0] / PEAKS[1], PEAKS[2] / PEAKS[1]):
-            other = values.copy()
-            other[k] *= share
-            tried.append(solve(some, unknowns, other, some.starts, loss, ROUGH))
     agreeing = 1
     if tried:
         best = min(tried, key=lambda fit: fit.cost)
@@ -131,24 +125,33 @@ class _Columns:
     names: tuple[str, ...]
     gram: Array
     values: Array
+    peak: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A friction law, values of the unknowns with it, the criteria of all laws above its own, and their spread."""
+
+    law: str
+    values: dict[str, float]
+    candidates: dict[str, float]
+    spread: float
 
 
 @dataclass(frozen=True)
 class _Verdict:
-    """Bayesian and Akaike information criterion of a law (up to the same constant), and its inertia."""
+    """Bayesian and Akaike information criterion of a law (up to the same constant), and its values to first order."""
 
     bayes: float
     akaike: float
-    inertia: float
+    values: dict[str, float]
 
 
-_NOTHING = _Verdict(np.inf, np.inf, 0.0)
+_NOTHING = _Verdict(np.inf, np.inf, {})
 
 
-def choose_law(
-    problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float
-) -> tuple[str, dict[str, float], float]:
-    """Friction law of least Bayesian information criterion, the criterion of all laws above it, and their spread.
+def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float, law: str) -> Choice:
+    """Choose the friction law of least Bayesian information criterion; with a `law` other than "auto" only its values.
 
     unknowns, fit: those of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
     the best one is fitted anew. independent: number of readings that count as independent. The spread is that of the
@@ -159,17 +162,19 @@ def choose_law(
         columns = _columns(problem, unknowns, fit, share * fastest)
         for odd in LAWS:
             for direction in DIRECTIONS:
-                if "stribeck" not in LAWS[odd] and share != PEAKS[0]:
+                if law not in ("auto", odd + direction) or ("stribeck" not in LAWS[odd] and share != PEAKS[0]):
                     continue
-                verdict = _judge(columns, odd + direction, independent)
+                verdict = _judge(columns, odd + direction, independent, forced=law != "auto")
                 if verdict is not None and verdict.bayes < tried.get(odd + direction, _NOTHING).bayes:
                     tried[odd + direction] = verdict
     ranked = sorted(tried, key=lambda name: tried[name].bayes)
     least = min(verdict.akaike for verdict in tried.values())
     weights = np.exp([-0.5 * (verdict.akaike - least) for verdict in tried.values()])
-    off = np.array([verdict.inertia for verdict in tried.values()]) - tried[ranked[0]].inertia
+    best = tried[ranked[0]]
+    off = np.array([verdict.values["inertia"] for verdict in tried.values()]) - best.values["inertia"]
     spread = float(np.sqrt(weights @ off**2 / weights.sum()))
-    return ranked[0], {name: tried[name].bayes - tried[ranked[0]].bayes for name in ranked}, spread
+    scores = {name: tried[name].bayes - best.bayes for name in ranked} if law == "auto" else {}
+    return Choice(ranked[0], best.values, scores, spread)
 
 
 def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Columns:
@@ -190,11 +195,11 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
     for name in ("coulomb", "viscous"):
         friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
     values += [friction.get(name, 0.0) for name in names]
-    return _Columns((*(unknowns.names[k] for k in body), *names), reduced.matrix, np.array(values))
+    return _Columns((*(unknowns.names[k] for k in body), *names), reduced.matrix, np.array(values), peak)
 
 
-def _judge(columns: _Columns, law: str, independent: float) -> _Verdict | None:
-    """Information criteria of a law, None where it is no law of friction (negative beyond its uncertainty)."""
+def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Verdict | None:
+    """Judge a law; None where it is no law of friction (negative beyond its uncertainty), unless forced."""
     odd, _, direction = law.partition(", ")
     wanted = list(LAWS[odd])
     if direction:
@@ -224,8 +229,13 @@ def _judge(columns: _Columns, law: str, independent: float) -> _Verdict | None:
         free = (
             columns.names[k] in ("offset", "coulomb_positive", "viscous_positive") or columns.names[k] not in FRICTION
         )
-        if not free and value < -2 * u and law != "viscous":
+        if not free and value < -2 * u and law != "viscous" and not forced:
             return None
     count = len(friction_unknowns(law))
     likelihood = float(independent * np.log(lost))
-    return _Verdict(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, float(values[0]))
+    named = {columns.names[k]: float(value) for k, value in zip(own, values, strict=True)}
+    named["stribeck_speed"] = columns.peak
+    for name in ("coulomb", "viscous"):
+        named[f"{name}_negative"] = named.get(name, 0.0)
+        named[f"{name}_positive"] = named.get(name, 0.0) + named.get(f"{name}_positive", 0.0)
+    return _Verdict(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named)

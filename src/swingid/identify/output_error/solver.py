@@ -37,6 +37,9 @@ LEAP = 0.4
 MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
 HARDEST = 1e10
 
+SINGULAR = 1e-12
+"""Relative damping of a segment's own initial values."""
+
 
 @dataclass(frozen=True)
 class Reduced:
@@ -104,6 +107,9 @@ def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) ->
         block = scaled[rows].T @ scaled[rows]
         aim = target[rows] @ scaled[rows]
         own[k], cross[k], right_own[k] = block[:s, :s], block[:s, s:], aim[:s]
+        # a wheel that rests at once forgets a mix of its initial speeds, and the block is singular
+        sizes = np.diag(own[k]).copy()
+        own[k][np.diag_indices(s)] += SINGULAR * np.maximum(sizes, SINGULAR * sizes.max())
         held = np.linalg.solve(own[k], np.column_stack([cross[k], right_own[k]]))
         matrix += block[s:, s:] - cross[k].T @ held[:, :m]
         right += aim[s:] - cross[k].T @ held[:, m]

@@ -12,6 +12,7 @@ import typer
 from swingid.cli.calibrate import calibrate
 from swingid.cli.compare import compare
 from swingid.cli.convert import convert
+from swingid.cli.datasets import datasets
 from swingid.cli.design import design
 from swingid.cli.difference import difference
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
@@ -35,6 +36,7 @@ app.command()(identify)
 app.command()(calibrate)
 app.command()(compare)
 app.command()(convert)
+app.command()(datasets)
 app.command()(difference)
 app.command()(design)
 app.command()(rehearse)

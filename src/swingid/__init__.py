@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from swingid.identify import identify as identify
     from swingid.identify.combine import difference as difference
     from swingid.identify.motor_calibration import calibrate as calibrate
+    from swingid.identify.online import online as online
     from swingid.identify.result import Result as Result
     from swingid.model.rig import Rig as Rig
     from swingid.recording.recording import Recording as Recording
@@ -42,6 +43,7 @@ _HOMES = {
     "Recording": "swingid.recording.recording",
     "Result": "swingid.identify.result",
     "Rig": "swingid.model.rig",
+    "online": "swingid.identify.online",
     "calibrate": "swingid.identify.motor_calibration",
     "compare": "swingid.study.compare",
     "design": "swingid.study.design",
@@ -65,6 +67,7 @@ __all__ = [
     "difference",
     "errors",
     "identify",
+    "online",
     "parse_reference",
     "rehearse",
     "simulate",

@@ -160,7 +160,7 @@ def rows_wrong(_: int) -> None:
 
 
 def covered(seed: int, **options: object) -> tuple[float, float, bool]:
-    """Error and half-width of the 95 % interval (per cent), whether it covers the truth, under white noise of 1 mrad."""
+    """Error and half-width of the 95 % interval (per cent), whether it covers the truth; white noise of 1 mrad."""
     rig = GIVEN.changed({"sensors.counts_per_turn": None, "sensors.noise": 1e-3})
     log = steady({"viscous": 1.144e-3}, seed=seed, **NOISE)
     result = sw.identify(log, rig, method="output-error", **options)

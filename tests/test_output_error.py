@@ -231,7 +231,7 @@ def test_the_twin_without_noise_is_predicted_to_rounding(stribeck_log):
     rig = GIVEN.changed({"sensors.counts_per_turn": None})
     result = identify(stribeck_log, rig, "output-error", law="stribeck")
     assert abs(error(result)) < 1e-9
-    assert result.details.extra["residual_angle"] < 1e-10
+    assert result.details.extra["angle_left"] < 1e-10
     assert result.status == "ok"
     assert result.parameters["static"].value == pytest.approx(5e-3, rel=1e-3)
     assert result.parameters["stribeck_speed"].value == pytest.approx(0.3, rel=1e-3)

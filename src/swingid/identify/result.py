@@ -113,8 +113,8 @@ class Details:
     start, stop: the part of the log used (s). turning_times, turning_angles: the turning points found.
     window: half-length of the test functions (s), None where a method has none. estimates: inertia and standard
     uncertainty by kind of projection, for comparison. residual_times, residuals: what the balance leaves
-    (N m or N, averaged over each window). loss_unexplained: share of the dissipated energy per swing that the
-    friction law leaves, for free decays. motor: row (II)'s relative residual when motor constants are known.
+    (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each sample). extra: shares
+    by the names of `report.words.EXTRA`, such as row (II)'s relative residual when motor constants are known.
     """
 
     start: float
@@ -127,6 +127,7 @@ class Details:
     estimates: dict[str, tuple[float, float]] = field(default_factory=dict)
     residual_times: Array = field(default_factory=lambda: np.empty(0))
     residuals: Array = field(default_factory=lambda: np.empty(0))
+    residual_unit: str | None = None
     extra: dict[str, float] = field(default_factory=dict)
     convergence: Convergence | None = None
 

@@ -80,12 +80,19 @@ KINDS = {
     "printed law": "α̂₂ driven by the error times −sin q₁, as the paper prints it",
     "consistent law": "α̂₂ driven by the error times its own regressor, as the proof asks for",
     "smoothed velocities": "speeds by local cubics, which look ahead, in the place of observers",
+    "all readings": "every reading by its sensor's noise",
+    "mostly the angle": "the wheel's readings count a tenth",
+    "mostly the wheel": "the angle's readings count a tenth",
+    "mostly its first half": "the second half of the log counts a tenth",
+    "mostly its second half": "the first half of the log counts a tenth",
     "swing": "each window inside one swing, away from the turning points",
     "even": "windows about the turning points, where friction that is odd in speed vanishes without any law",
 }
 
 EXTRA = {
     "motor_balance_residual": "left by the motor's balance",
+    "angle_left": "left of the angle by the simulation",
+    "wheel_left": "left of the wheel's angle by the simulation",
     "loss_unexplained": "lost per swing beyond what the friction law explains",
 }
 """Shares that a result may carry in `details.extra`."""

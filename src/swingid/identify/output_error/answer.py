@@ -17,7 +17,7 @@ from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
 from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.output_error.search import Searched
-from swingid.identify.output_error.solver import Fit, influence_of, reduce
+from swingid.identify.output_error.solver import influence_of, reduce
 from swingid.identify.output_error.unknowns import FRICTION, Places, Unknowns, constant_places, constant_value
 from swingid.identify.result import BudgetEntry, Details, FrictionCurve, Parameter, combined
 from swingid.identify.scale import Scale
@@ -80,12 +80,15 @@ def estimate_of(
     return Estimate(searched, influence, covariance, declared, _kinds(searched, problem, influence, covariance))
 
 
-def inertia_scatter(problem: Problem, fit: Fit, motion: Motion) -> float:
-    """Type A standard uncertainty of the inertia of a fit, infinite where its motion ran away."""
+def type_a(problem: Problem, searched: Searched, motion: Motion) -> float:
+    """Standard uncertainty of a fit's inertia from scatter and disagreement, infinite where its motion ran away."""
+    fit = searched.fit
     if not np.isfinite(fit.cost):
         return np.inf
     influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
-    return float(np.sqrt(_covariance(influence, fit.residuals, problem, motion)[0, 0]))
+    covariance = _covariance(influence, fit.residuals, problem, motion)
+    gaps = [gap for _, _, gap in _kinds(searched, problem, influence, covariance).values()]
+    return float(np.sqrt(covariance[0, 0] + np.sum(np.square(gaps))))
 
 
 def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Motion) -> Array:
@@ -280,6 +283,7 @@ def details_of(
         estimates={"all readings": (float(estimate.values[0]), own)} | kinds,
         residual_times=problem.times[~problem.wheel],
         residuals=(fit.residuals * problem.sigma)[~problem.wheel],
+        residual_unit="m" if scale.linear else "rad",
     )
 
 

@@ -114,6 +114,16 @@ def misfit(fit: Fit, problem: Problem, rig: Rig) -> dict[str, tuple[float, float
     return found
 
 
+def left_of_channels(fit: Fit, problem: Problem) -> dict[str, float]:
+    """Residual (rms) of each channel as a share of its motion."""
+    found = {}
+    for channel, here in (("angle", ~problem.wheel), ("wheel", problem.wheel)):
+        if here.any():
+            size = max(float(np.std(problem.measured[here])), 1e-300)
+            found[f"{channel}_left"] = float(np.sqrt(np.mean((fit.residuals * problem.sigma)[here] ** 2))) / size
+    return found
+
+
 def misfit_ratios(fit: Fit, problem: Problem, rig: Rig) -> dict[str, float]:
     """Residual of each channel over what is explained; infinite where the motion ran away."""
     if not np.isfinite(fit.cost):

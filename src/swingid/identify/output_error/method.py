@@ -18,8 +18,8 @@ from swingid.identify.energy.checks import SecondOpinion, second_opinion
 from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import Noise, channel_noise
-from swingid.identify.output_error.answer import answer_of, details_of, estimate_of, inertia_scatter
-from swingid.identify.output_error.checks import POOR, check_fit, misfit, misfit_ratios
+from swingid.identify.output_error.answer import answer_of, details_of, estimate_of, type_a
+from swingid.identify.output_error.checks import POOR, check_fit, left_of_channels, misfit_ratios
 from swingid.identify.output_error.problem import Input, Problem, problem_of
 from swingid.identify.output_error.search import RICHEST, Searched, choose_law, first_values, search
 from swingid.identify.output_error.solver import LOSSES, solve
@@ -91,7 +91,9 @@ def output_error(
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
     details = details_of(estimate, problem, scale, motion, (start, stop), law)
-    extra = {f"residual_{name}": left for name, (left, _) in misfit(estimate.searched.fit, problem, rig).items()}
+    extra = left_of_channels(searched.fit, problem)
+    if opinion.balance is not None:
+        extra["motor_balance_residual"] = opinion.balance.as_stated
     options: dict[str, object] = {"input": source, "law": law, "loss": loss, "starts": starts}
     return Result(
         method="output-error",
@@ -208,17 +210,19 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
     while True:
         problem = setup.problem(length)
         found = search(problem, unknowns, values, setup.loss, setup.starts)
-        certain = inertia_scatter(problem, found.fit, setup.motion)
-        tried.append((certain if np.isfinite(certain) else np.inf, problem, found))
+        tried.append((problem, found))
         length /= 2
-        left = max(ratio for ratio in misfit_ratios(found.fit, problem, setup.rig).values())
+        left = max(misfit_ratios(found.fit, problem, setup.rig).values())
         if segment is not None or not left > POOR or length * setup.log.rate < SHORTEST:
             break
-    best = min(range(len(tried)), key=lambda k: tried[k][0])
-    _, problem, found = tried[best]
+    best = 0
+    if len(tried) > 1:
+        certain = [type_a(problem, found, setup.motion) for problem, found in tried]
+        best = int(np.argmin(np.where(np.isfinite(certain), certain, np.inf)))
+    problem, found = tried[best]
     found = replace(found, law=law)
-    if best > 0 and np.isfinite(tried[best - 1][2].fit.cost):
-        found = replace(found, drift=abs(float(found.fit.values[0] - tried[best - 1][2].fit.values[0])))
+    if best > 0 and np.isfinite(tried[best - 1][1].fit.cost):
+        found = replace(found, drift=abs(float(found.fit.values[0] - tried[best - 1][1].fit.values[0])))
     return problem, found
 
 

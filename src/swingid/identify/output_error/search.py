@@ -164,6 +164,9 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
             for direction in DIRECTIONS:
                 if law not in ("auto", odd + direction) or ("stribeck" not in LAWS[odd] and share != PEAKS[0]):
                     continue
+                if law == "auto" and direction.endswith("dependent") and "viscous" not in LAWS[odd]:
+                    # a viscous friction of each direction is the same law as that with a viscous term
+                    continue
                 verdict = _judge(columns, odd + direction, independent, forced=law != "auto")
                 if verdict is not None and verdict.bayes < tried.get(odd + direction, _NOTHING).bayes:
                     tried[odd + direction] = verdict

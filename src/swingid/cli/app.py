@@ -20,6 +20,7 @@ from swingid.cli.identify import identify
 from swingid.cli.init import init
 from swingid.cli.output import flush
 from swingid.cli.rehearse import rehearse
+from swingid.cli.reproduce import reproduce
 from swingid.cli.simulate import simulate
 from swingid.cli.validate import validate
 
@@ -40,6 +41,7 @@ app.command()(datasets)
 app.command()(difference)
 app.command()(design)
 app.command()(rehearse)
+app.command()(reproduce)
 app.command()(validate)
 
 

@@ -1,0 +1,8 @@
+"""The paper, reproduced on the twin: its experiment, its simulations, its claims, and what could explain its errors."""
+
+from __future__ import annotations
+
+from swingid.study.reproduce.reproduction import Reproduction, reproduce
+from swingid.study.reproduce.tables import Table, tables
+
+__all__ = ["Reproduction", "Table", "reproduce", "tables"]

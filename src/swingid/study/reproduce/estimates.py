@@ -1,0 +1,101 @@
+"""The ways from a log to J1 that are set beside each other, and nodes as the paper's text describes them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.control.references import Sine
+from swingid.errors import InputError, UnanswerableError
+from swingid.identify.energy.passes import mirrored_passes
+from swingid.identify.energy.printed import DEPTHS, Nodes, chosen_nodes
+from swingid.identify.motion import find_motion
+from swingid.identify.noise import channel_noise
+from swingid.identify.result import Result
+from swingid.identify.run import identify
+from swingid.study.reproduce.runs import Log
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way from a log to J1: a method with options, and its name in words."""
+
+    words: str
+    method: str
+    options: Mapping[str, object]
+
+
+WAYS = {
+    "chain": Way(
+        "paper's method with its post-processing: observers (23) both ways, voltage through W_f",
+        "energy",
+        {"variant": "printed", "velocities": "observers"},
+    ),
+    "observers": Way(
+        "paper's method, observers (23) both ways, voltage as held",
+        "energy",
+        {"variant": "printed", "velocities": "observers", "filter_time": 0.0},
+    ),
+    "printed": Way("paper's method, (6) and (7) as printed", "energy", {"variant": "printed"}),
+    "better": Way("energy, solved for J1 and friction together", "energy", {}),
+    "momentum": Way("momentum", "momentum", {}),
+    "nls-viscous": Way("NLS, the paper's model: viscous friction", "output-error", {"law": "viscous"}),
+    "nls": Way("NLS, a careful lab's model: viscous + Coulomb", "output-error", {"law": "coulomb + viscous"}),
+    "backstepping": Way("backstepping (22) on the log", "backstepping", {}),
+}
+"""By name, in the order of the tables."""
+
+Answer = dict[str, object]
+
+
+def result_by(way: str, log: Log, **options: object) -> Result | str:
+    """The result of a way on a log, or the code of its refusal."""
+    chosen = WAYS[way]
+    try:
+        return identify(log.recording, log.rig, chosen.method, **(dict(chosen.options) | options))
+    except (UnanswerableError, InputError) as error:
+        return error.code
+
+
+def inertia_by(way: str, log: Log, **options: object) -> float:
+    """J1^ (kg m^2) of a way on a log, NaN where it refuses."""
+    result = result_by(way, log, **options)
+    return math.nan if isinstance(result, str) else result.inertia.value
+
+
+def error_by(way: str, log: Log, **options: object) -> float:
+    """Error of J1^ in per cent of the twin's inertia, NaN where the way refuses."""
+    return 100.0 * (inertia_by(way, log, **options) / log.truth - 1.0)
+
+
+def intervals(log: Log) -> list[Nodes]:
+    """Nodes (t10, t11, t20, t21) of every two-step interval of a log, mirrored about the measured turning points."""
+    recording = log.recording
+    noise = channel_noise(recording, log.rig)
+    found = find_motion(recording.time, recording.angle, noise.angle)
+    passes = mirrored_passes(found, DEPTHS, recording.time, max(4.5 * noise.step, 0.05 * found.half_period))
+    return [(row[0], row[1], row[2], row[3]) for row in chosen_nodes(passes).tolist()]
+
+
+def each_interval(log: Log, **options: object) -> tuple[Array, Array]:
+    """(end of each two-step interval (s), J1^ (kg m^2) by (6) from it alone), for all intervals of a log."""
+    nodes = intervals(log)
+    result = identify(log.recording, log.rig, "energy", variant="printed", nodes=nodes, **options)
+    assert result.details is not None
+    assert result.details.swings is not None
+    return np.array(nodes)[:, 3], result.details.swings.values
+
+
+def reference_nodes(reference: Sine, log: Log) -> list[Nodes]:
+    """Nodes mirrored about the turning points of the reference instead of the measured ones, equally deep."""
+    near, far = np.arccos(1 - 2 * DEPTHS) / reference.frequency
+    start, stop = float(log.recording.time[0]), float(log.recording.time[-1])
+    turning = reference.turning_points(stop)
+    inside = turning[(turning - far >= start) & (turning + far <= stop)]
+    return [(t - far, t - near, t + near, t + far) for t in inside.tolist()]

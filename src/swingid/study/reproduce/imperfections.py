@@ -1,0 +1,180 @@
+"""Where the experiment's 7 % could come from: one imperfection at a time, and what it does to J1^ and J_e^.
+
+Only the imperfection is there: viscous friction as in the paper, everything else as stated. The paper's method is (6)
+with the voltage as it was held, mirrored about the measured turning points.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from swingid.model.rig import Rig
+from swingid.study.reproduce.estimates import Answer, inertia_by, reference_nodes
+from swingid.study.reproduce.published import J_E, J_E_ERROR
+from swingid.study.reproduce.runs import Log, experiment_log, motion, rig_of, with_friction
+
+MOTOR = {
+    "torque_per_volt": "c1",
+    "efficiency": "η",
+    "back_emf": "c2",
+    "viscous": "f2",
+    "coulomb": "f3",
+    "rotor_inertia": "Jr",
+}
+"""Motor constants by their key, with the paper's letter."""
+
+DRAWS = 4
+"""Draws of the phase of the encoders' nonlinearity, of which the root mean square is given."""
+
+BOTH, PAPER_ONLY = ("printed", "momentum"), ("printed",)
+
+
+@dataclass(frozen=True)
+class Imperfection:
+    """What is not as it should be.
+
+    stated: constants of the rig file times a factor, as the lab believes them; friction, sensors: what the twin has
+    and the lab does not know; options: of the paper's method; mirror: whether nodes stand about the reference's turning
+    points; draws: how often it is drawn.
+    """
+
+    words: str
+    group: str
+    stated: Mapping[str, float] = field(default_factory=dict)
+    friction: Mapping[str, object] = field(default_factory=dict)
+    sensors: Mapping[str, object] = field(default_factory=dict)
+    options: Mapping[str, object] = field(default_factory=dict)
+    mirror: bool = False
+    draws: int = 1
+
+
+def imperfections() -> list[Imperfection]:
+    """The rows of the table."""
+    rows = [Imperfection("nothing", "none")]
+    for key, letter in MOTOR.items():
+        rows += [_motor(f"{letter} stated {sign} 5 %", f"drive.motor.{key}", factor) for sign, factor in _signs(0.05)]
+    rows += [_motor(f"wheel J2 stated {sign} 1 %", "drive.wheel.inertia", factor) for sign, factor in _signs(0.01)]
+    rows += [_gravity(f"b stated {sign} 1 %", factor) for sign, factor in _signs(0.01)]
+    for size in ("0.1 deg", "0.8 deg"):
+        words = f"encoders nonlinear by {size.replace(' deg', '°')} once per turn"
+        rows.append(Imperfection(words, "sensors", sensors={"nonlinearity": size}, draws=DRAWS))
+    rows.append(Imperfection("both encoders 1 ms late, not declared", "sensors", sensors={"latency": 1e-3}))
+    rows.append(
+        Imperfection("wheel's encoder 1 ms late, not declared", "sensors", sensors={"wheel": {"latency": 1e-3}})
+    )
+    dry = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3}
+    frictions: dict[str, dict[str, object]] = {
+        "Stribeck, 2 to 4 mN m": dict(dry),
+        "quadratic, 0.4 mN m s²": {"viscous": 2e-4, "quadratic": 4e-4},
+        "viscous, ± 50 % by direction": {
+            "viscous": None,
+            "viscous_positive": 1.716e-3,
+            "viscous_negative": 0.572e-3,
+        },
+        "LuGre, 3 mN m, bristles of 1 mrad": {
+            "coulomb": 3e-3,
+            "lugre": {"bristle_stiffness": 3.0, "bristle_damping": 0.01},
+        },
+        "viscous, 8 times as much": {"viscous": 9.152e-3},
+    }
+    rows += [Imperfection(f"friction: {words}", "friction", friction=law) for words, law in frictions.items()]
+    rows += [
+        Imperfection("mirror about the reference's turning points", "processing", mirror=True),
+        Imperfection(
+            "the same with 8 times the viscous friction", "processing", {}, {"viscous": 9.152e-3}, mirror=True
+        ),
+        Imperfection(
+            "speeds by the observers (23)", "processing", options={"velocities": "observers", "filter_time": 0.0}
+        ),
+        Imperfection("and the voltage through W_f", "processing", options={"velocities": "observers"}),
+        Imperfection("work by the trapezoid on samples", "processing", options={"work": "trapezoid"}),
+    ]
+    return rows
+
+
+def _signs(size: float) -> list[tuple[str, float]]:
+    return [("+", 1 + size), ("−", 1 - size)]
+
+
+def _motor(words: str, key: str, factor: float) -> Imperfection:
+    return Imperfection(words, "constants", stated={key: factor})
+
+
+def _gravity(words: str, factor: float) -> Imperfection:
+    return Imperfection(words, "constants", stated={"axis.gravity_torque": factor})
+
+
+def imperfection_rows(seed: int, progress: Callable[[str], None]) -> list[Answer]:
+    """What each does: errors of J1^ and J_e^ in per cent, by the paper's method and by momentum."""
+    logs: dict[tuple[str, str, int], Log] = {}
+    rows = []
+    for imperfection in imperfections():
+        progress(f"imperfection: {imperfection.words}")
+        rows.append(_row(imperfection, seed, logs))
+    return rows
+
+
+def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> Answer:
+    ways = PAPER_ONLY if imperfection.group == "processing" else BOTH
+    found: dict[str, list[tuple[float, float]]] = {way: [] for way in ways}
+    for draw in range(imperfection.draws):
+        pair = [_log(case, imperfection, seed + draw, logs) for case in ("plain", "body")]
+        for way in ways:
+            found[way].append(_errors(way, pair, imperfection))
+    row: Answer = {"words": imperfection.words, "group": imperfection.group, "draws": imperfection.draws}
+    for way, errors in found.items():
+        j1, j_e = np.array(errors).T
+        row[way] = {"j1": _one(j1), "j_e": _one(j_e)}
+    return row
+
+
+def _one(errors: np.ndarray) -> float | None:
+    """The error, of several draws their root mean square; None where the method refused."""
+    if not np.isfinite(errors).all():
+        return None
+    return float(errors[0]) if len(errors) == 1 else float(np.sqrt(np.mean(errors**2)))
+
+
+def _log(case: str, imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> Log:
+    """The log, made once for all rows with the same twin; the rig is the one that the lab states."""
+    stated = changed_by(rig_of(case), imperfection.stated)
+    twin = with_friction(rig_of(case), imperfection.friction)
+    twin = twin.changed({f"sensors.{key}": value for key, value in imperfection.sensors.items()})
+    key = (case, repr((imperfection.friction, imperfection.sensors)), seed)
+    if key not in logs:
+        logs[key] = experiment_log(case, twin, seed, stated=rig_of(case))
+    made = logs[key]
+    return Log(made.recording, stated.changed({"axis.inertia": None, "axis.friction": None}), made.truth)
+
+
+def changed_by(rig: Rig, factors: Mapping[str, float]) -> Rig:
+    """The rig with constants multiplied, by their key."""
+    changes: dict[str, object] = {}
+    for key, factor in factors.items():
+        place: object = rig
+        for name in key.split("."):
+            place = getattr(place, name)
+        changes[key] = factor * float(getattr(place, "value", math.nan))
+    return rig.changed(changes)
+
+
+def _errors(way: str, pair: list[Log], imperfection: Imperfection) -> tuple[float, float]:
+    """Errors of J1^ and J_e^, per cent."""
+    values = []
+    for case, log in zip(("plain", "body"), pair, strict=True):
+        options: dict[str, object] = dict(imperfection.options) if way == "printed" else {}
+        if imperfection.mirror:
+            options["nodes"] = reference_nodes(motion(case), log)
+        values.append(inertia_by(way, log, **options))
+    return 100 * (values[0] / pair[0].truth - 1), 100 * ((values[1] - values[0]) / J_E - 1)
+
+
+def explains(row: Answer, size: float) -> float | None:
+    """How large (in the unit of `size`) an imperfection must be to give the paper's error of J_e^ alone, linearly."""
+    printed = row.get("printed")
+    error = printed.get("j_e") if isinstance(printed, dict) else None
+    return None if not error else size * J_E_ERROR["proposed"] / abs(error)

@@ -1,0 +1,80 @@
+"""`reproduce`: section 5 of the paper on the twin, as plain data and as what its figures show."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from swingid.errors import UsageError
+from swingid.study.reproduce import published
+from swingid.study.reproduce.claims import claim_rows
+from swingid.study.reproduce.experiment import FRICTIONS, Experiment, experiment
+from swingid.study.reproduce.imperfections import imperfection_rows
+from swingid.study.reproduce.simulation import Simulation, simulation
+
+SCHEMA = "swingid.reproduce/1"
+
+DIGITS = 6
+"""Significant digits of the numbers in `results`, so that they do not depend on the last bits."""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """results: all numbers as plain data, schema "swingid.reproduce/1". experiment, simulation: what the figures show.
+
+    Two reproductions with the same seed have the same results.
+    """
+
+    results: dict[str, object]
+    experiment: Experiment = field(repr=False)
+    simulation: Simulation = field(repr=False)
+
+    def to_json(self) -> str:
+        """`results` as JSON text."""
+        return json.dumps(self.results, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], None] | None = None) -> Reproduction:
+    """Run section 5 of the paper on the twin; about a minute.
+
+    seed: of the encoders' grids and draws. quick: without the table of imperfections and the claims. progress: is told
+    what comes next, in words. Raises UsageError for a seed below zero.
+    """
+    if seed < 0:
+        raise UsageError(f"the seed must be zero or positive, and is {seed}.", code="bad-seed")
+    tell = progress or (lambda _: None)
+    runs = {friction: experiment(friction, seed, tell) for friction in FRICTIONS}
+    ideal = simulation(tell)
+    results: dict[str, object] = {
+        "schema": SCHEMA,
+        "seed": seed,
+        "paper": _published(),
+        "experiment": [run.answers for run in runs.values()],
+        "simulation": ideal.answers,
+    }
+    if not quick:
+        results["imperfections"] = imperfection_rows(seed, tell)
+        results["claims"] = claim_rows(seed, tell)
+    plain = plain_data(results)
+    assert isinstance(plain, dict)
+    return Reproduction(plain, runs["viscous"], ideal)
+
+
+def _published() -> dict[str, object]:
+    names = ("J1", "A11_BODY", "J_E_PRINTED", "J_E", "J_E_ERROR", "F1", "SIMULATION_ERROR", "TIMES", "BACKSTEPPING")
+    return {name.lower(): getattr(published, name) for name in names}
+
+
+def plain_data(value: Any) -> Any:
+    """What JSON knows, numbers to `DIGITS` digits; NaN and infinities become null."""
+    if isinstance(value, dict):
+        return {str(key): plain_data(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_data(item) for item in value]
+    if isinstance(value, bool | str | int) or value is None:
+        return value
+    number = float(value)
+    return float(f"{number:.{DIGITS}g}") if math.isfinite(number) else None

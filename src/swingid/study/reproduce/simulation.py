@@ -1,0 +1,125 @@
+"""The ideal simulations of section 5: Fig. 7 with its four times, Fig. 8 with the backstepping controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.control.backstepping import Backstepping
+from swingid.control.references import Sine
+from swingid.recording.recording import Recording
+from swingid.study.reproduce import published
+from swingid.study.reproduce.estimates import WAYS, Answer, each_interval, result_by
+from swingid.study.reproduce.experiment import settled_within
+from swingid.study.reproduce.runs import Log, ideal_rig, read_back, run_of, simulation_run
+
+Array = NDArray[np.float64]
+
+FREQUENCIES = (2.0, 8.5)
+"""Of the program motion of Fig. 8, which the paper does not print, rad/s."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The estimate J1^ (kg m^2) of a backstepping run over time (s)."""
+
+    law: str
+    frequency: float
+    time: Array
+    inertia: Array
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """The log of Fig. 7, the curves of Fig. 8, and the answers as plain data."""
+
+    log: Recording
+    curves: tuple[Curve, ...]
+    truth: float
+    answers: dict[str, object]
+
+
+def simulation(progress: Callable[[str], None]) -> Simulation:
+    """Both simulations and what the methods say of the first."""
+    progress("ideal simulation of Fig. 7, 10 kHz")
+    run = simulation_run()
+    log = read_back(run, ideal_rig())
+    rows = [
+        _row("(6) at the paper's times, work of the held voltage", "printed", log, nodes=published.TIMES),
+        _row(
+            "(6) at the paper's times, work by the trapezoid on samples",
+            "printed",
+            log,
+            nodes=published.TIMES,
+            work="trapezoid",
+        ),
+    ]
+    for way in ("printed", "better", "momentum", "nls-viscous"):
+        progress(f"ideal simulation of Fig. 7: {WAYS[way].words}")
+        rows.append(_row(WAYS[way].words + ", all intervals" * (way == "printed"), way, log))
+    progress("backstepping of Fig. 8, 10 kHz")
+    curves = tuple(_curve(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
+    gain = log.recording.adaptive_gain
+    assert run.recording.adaptive_gain is not None
+    gain = run.recording.adaptive_gain
+    answers: dict[str, object] = {
+        "rows": rows,
+        "single": _single(log),
+        "k_tilde": float(gain[-1]),
+        "settled": float(run.recording.time[np.nonzero(np.diff(gain) > 0)[0][-1] + 1]),
+        "error_rms": _tracking(run.recording),
+        "backstepping": [_convergence(curve, log.truth) for curve in curves],
+    }
+    return Simulation(run.recording, curves, log.truth, answers)
+
+
+def _row(words: str, way: str, log: Log, **options: object) -> Answer:
+    result = result_by(way, log, **options)
+    if isinstance(result, str):
+        return {"words": words, "refused": result}
+    motor = log.rig.drive.motor
+    assert motor is not None
+    return {
+        "words": words,
+        "inertia": result.inertia.value,
+        "error": 100 * (result.inertia.value / log.truth - 1),
+        "f1": result.parameters["viscous"].value / motor.gear_ratio.value,
+    }
+
+
+def _single(log: Log) -> Answer:
+    """Errors (per cent) of J1^ by (6) from one interval each, where k tilde no longer grows."""
+    _, values = each_interval(log)
+    errors = 100 * (values / log.truth - 1)
+    settled = errors[len(errors) // 2 :]
+    return {"intervals": len(settled), "rms": float(np.sqrt(np.mean(settled**2))), "worst": float(max(abs(settled)))}
+
+
+def _tracking(log: Recording) -> float:
+    assert log.reference is not None
+    late = log.time > log.time[-1] / 2
+    return float(np.sqrt(np.mean((log.reference - log.angle)[late] ** 2)))
+
+
+def _curve(law: str, frequency: float) -> Curve:
+    twin = ideal_rig()
+    controller = Backstepping.paper(twin, law="printed" if law == "printed" else "consistent")
+    log = run_of(twin, Sine(published.AMPLITUDE, frequency), controller, duration=12.0, rate=1e4).recording
+    assert log.adaptive_gain is not None
+    return Curve(law, frequency, log.time, controller.inertia(log.adaptive_gain))
+
+
+def _convergence(curve: Curve, truth: float) -> Answer:
+    errors = 100 * (curve.inertia / truth - 1)
+    error, after = published.BACKSTEPPING
+    return {
+        "law": curve.law,
+        "frequency": curve.frequency,
+        "after_8_s": float(errors[np.searchsorted(curve.time, after)]),
+        "within_5": settled_within(curve.time, errors, error),
+        "within_1": settled_within(curve.time, errors, 1.0),
+        "end": float(errors[-1]),
+    }

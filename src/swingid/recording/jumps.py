@@ -61,14 +61,15 @@ def _gaps(time: Floats, values: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """
     steps = np.diff(time)
     gaps = np.zeros(values.size - 1)
-    wide = np.convolve(steps > LONGEST_STEP * np.median(steps), np.ones(2 * SIDE + 1), "same") > 0
-    known = ~wide
+    known = np.ones(values.size - 1, dtype=bool)
     known[:SIDE] = known[-SIDE:] = False
+    for row in np.flatnonzero(steps > LONGEST_STEP * np.median(steps)):
+        known[max(row - SIDE, 0) : row + SIDE + 1] = False
     speed = (values[SIDE:] - values[:-SIDE]) / (time[SIDE:] - time[:-SIDE])  # of rows k to k + SIDE
     inner = slice(SIDE, values.size - 1 - SIDE)
     around = (speed[: inner.stop - SIDE] + speed[SIDE + 1 : inner.stop + 1]) / 2
     gaps[inner] = np.diff(values)[inner] - around * steps[inner]
-    gaps[wide] = 0.0
+    gaps[~known] = 0.0
     return gaps, known
 
 

@@ -134,8 +134,8 @@ def test_a_reference_that_the_rig_names_may_be_missing(tmp_path):
     assert Recording.load(changed(tmp_path, ym=None), rig_with()).findings == ()
 
 
-def test_wheel_speed_is_refused_with_what_is_needed(tmp_path):
-    with pytest.raises(InputError, match="needs wheel_angle, the logged angle"):
+def test_a_missing_wheel_speed_is_named(tmp_path):
+    with pytest.raises(InputError, match=r"no column 'w2' but .*; set \[log\] wheel_speed in the rig file"):
         Recording.load(changed(tmp_path), rig_with(wheel_speed="w2"))
 
 

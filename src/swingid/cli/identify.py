@@ -49,6 +49,9 @@ def identify(
     option: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="An option of the method; may be repeated.")
     ] = None,
+    without_repair: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="Leave this fault of the log as it is; may be repeated.")
+    ] = None,
     json: Annotated[
         str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
     ] = None,
@@ -62,10 +65,11 @@ def identify(
     options = _options(option or [])
     if variant is not None:
         options["variant"] = variant.value
+    repairs = dict.fromkeys(without_repair or [], False)
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     try:
-        result = _identify(logs, rig, method.value, options, provenance, json, report)
+        result = _identify(logs, rig, method.value, options, repairs, provenance, json, report)
     except Exception as error:
         if json is not None:
             write_refusal(json, method.value, error, provenance)
@@ -113,6 +117,7 @@ def _identify(
     rig: str,
     method: str,
     options: dict[str, object],
+    repairs: dict[str, bool],
     provenance: Provenance,
     json: str | None,
     report: str | None,
@@ -127,15 +132,17 @@ def _identify(
     from swingid.identify import identify as run
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
+    from swingid.recording.repairs import switched_off
 
+    switched_off(repairs)  # a name that is none is a wrong usage, not a log that cannot be used
     plant = Rig.load(rig)
     provenance |= {"rig": plant.name, "rig_source": plant.source}
     if len(logs) > 1:
         recording = None
         announce_compilation("identify")
-        result = run(_loaded(logs, plant), plant, method, **options)
+        result = run(_loaded(logs, plant, repairs), plant, method, **options)
     else:
-        recording = Recording.load(logs[0], plant)
+        recording = Recording.load(logs[0], plant, repairs=repairs)
         provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
         announce_compilation("identify")
         result = run(recording, plant, method, **options)
@@ -146,7 +153,7 @@ def _identify(
     return result
 
 
-def _loaded(logs: list[str], rig: Rig) -> dict[str, Recording | SwingidError]:
+def _loaded(logs: list[str], rig: Rig, repairs: dict[str, bool]) -> dict[str, Recording | SwingidError]:
     """The logs by their names; the error of one that cannot be used in its place, for the others still count."""
     from swingid.recording.recording import Recording
 
@@ -155,7 +162,7 @@ def _loaded(logs: list[str], rig: Rig) -> dict[str, Recording | SwingidError]:
         if log in found:
             raise UsageError(f"{log} was given twice; a run counts once", code="same-log-twice")
         try:
-            found[log] = Recording.load(log, rig)
+            found[log] = Recording.load(log, rig, repairs=repairs)
         except SwingidError as error:
             found[log] = error
     return found

@@ -28,6 +28,11 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
         "rig_source": rig.source,
         "rig_sha256": hashlib.sha256(rig.text.encode()).hexdigest(),
         "options": options or {},
+        "repairs": [
+            {"repair": found.repair, "done": found.code != "repair-off", "what": found.message}
+            for found in log.findings
+            if found.repair is not None
+        ],
         "constants": constants(rig),
         "versions": _versions(),
     }

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.numerics.spline import spline_slopes
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -27,6 +28,7 @@ DEFAULT_COLUMNS = {
     "time": "t",
     "angle": "q1",
     "wheel_angle": "q2",
+    "wheel_speed": "w2",
     "voltage": "u",
     "torque": "tau",
     "reference": "ym",
@@ -42,6 +44,8 @@ DEFAULT_KEYS: dict[str, object] = {
     "wheel_angle_sign": 1,
     "wheel_angle_is": "relative",
     "wheel_scale": 1.0,
+    "wheel_speed_unit": "rad/s",
+    "wheel_speed_is": "instant",
     "voltage_sign": 1,
     "torque_gain": 1.0,
     "torque_sign": 1,
@@ -75,9 +79,10 @@ class Conventions:
     """What a rig's [log] says, resolved: a column and a Scale for each channel, and how the wheel is read.
 
     `columns`, `scales`: by channel, as the fields of a Recording. `drive_kind` is None for a file written without a
-    rig. `rate` (1/s) is set where the log has no time column; `wheel_is_absolute` where the wheel's angle is against
-    the room; `stated` holds the keys of [log] that the rig file sets itself, `keys` the values of those that change
-    numbers: kept in saved files and compared on loading.
+    rig. `wheel` is the channel that tells the wheel's motion, its angle or its speed, and `speed_is_mean` whether a
+    logged speed is the mean since the row before. `rate` (1/s) is set where the log has no time column;
+    `wheel_is_absolute` where the wheel's angle is against the room; `stated` holds the keys of [log] that the rig file
+    sets itself, `keys` the values of those that change numbers: kept in saved files and compared on loading.
     """
 
     columns: dict[str, str]
@@ -88,6 +93,8 @@ class Conventions:
     drive_kind: str | None
     stated: frozenset[str]
     keys: dict[str, object]
+    wheel: Literal["wheel_angle", "wheel_speed"] = "wheel_angle"
+    speed_is_mean: bool = False
 
     @classmethod
     def plain(cls) -> Conventions:
@@ -109,13 +116,10 @@ class Conventions:
         scales["voltage"] = Scale(float(log.voltage_sign))
         scales["torque"] = Scale(log.torque_gain.value * log.torque_sign)
         if kind == "reaction-wheel":
-            if log.wheel_speed is not None:
-                message = (
-                    f"{rig.source}: [log] wheel_speed is not enough yet; swingid needs wheel_angle, the logged angle"
-                )
-                raise InputError(f"{message} of the wheel.", code="needs-wheel-angle")
+            sign = log.wheel_angle_sign * float(log.wheel_scale)
             unit, turn = _unit(rig, log.wheel_angle_unit, "wheel")
-            scales["wheel_angle"] = Scale(log.wheel_angle_sign * unit * float(log.wheel_scale), 0.0, turn)
+            scales["wheel_angle"] = Scale(sign * unit, 0.0, turn)
+            scales["wheel_speed"] = Scale(sign * _speed_unit(rig, log.wheel_speed_unit))
         stated = frozenset(log.model_fields_set)
         absolute = log.wheel_angle_is == "absolute"
         prefixes = {
@@ -126,13 +130,15 @@ class Conventions:
         keys = {key: getattr(log, key) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
         if "torque_gain" in keys:
             keys["torque_gain"] = log.torque_gain.value
-        return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated, keys)
+        wheel: Literal["wheel_angle", "wheel_speed"] = "wheel_angle" if log.wheel_speed is None else "wheel_speed"
+        mean = log.wheel_speed_is == "mean"
+        return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated, keys, wheel, mean)
 
     @property
     def channels(self) -> tuple[str, ...]:
         """The channels that a log of this rig may have, time apart."""
         drive = {
-            "reaction-wheel": ("wheel_angle", "voltage"),
+            "reaction-wheel": (self.wheel, "voltage"),
             "direct": ("torque",),
             "none": (),
             None: ("wheel_angle", "voltage", "torque"),
@@ -150,6 +156,8 @@ class Conventions:
             for name in ("angle", "reference"):
                 if name in model and turns:
                     model[name] = model[name] - turns
+        if "wheel_speed" in model:
+            model["wheel_angle"] = self._angle_of(model["time"], model["wheel_speed"])
         if self.wheel_is_absolute and "wheel_angle" in model:
             model["wheel_angle"] = model["wheel_angle"] - model["angle"]
         return model
@@ -157,9 +165,36 @@ class Conventions:
     def to_log(self, model: Mapping[str, NDArray[np.float64]]) -> Channels:
         """The inverse of `to_model`: columns of a file by their names, time included where the log has it."""
         channels = dict(model)
+        if self.wheel == "wheel_speed":
+            channels.pop("wheel_angle", None)
         if self.wheel_is_absolute and "wheel_angle" in channels:
             channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
         return {self.columns[n]: self.scales.get(n, Scale()).to_log(v) for n, v in channels.items()}
+
+    def _angle_of(self, time: NDArray[np.float64], speed: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The wheel's angle (rad), 0 at the first row, from its speed (rad/s): its cubic spline, integrated.
+
+        Of a mean speed since the row before, times and steps give the angle exactly.
+        """
+        steps = np.diff(time)
+        if time.size < 2 or not (steps > 0).all():  # one that no Recording can be made of; it says so
+            return np.zeros_like(speed)
+        if self.speed_is_mean:
+            turns = speed[1:] * steps
+        else:
+            slopes = spline_slopes(time, speed)
+            turns = steps * (speed[1:] + speed[:-1]) / 2 - steps**2 * np.diff(slopes) / 12
+        return np.concatenate(([0.0], np.cumsum(turns)))
+
+    def speed_of(
+        self, time: NDArray[np.float64], wheel: NDArray[np.float64], angle: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The speed (rad/s) that a rig of these conventions would log of a wheel angle against the pendulum (rad)."""
+        turned = wheel + angle if self.wheel_is_absolute else wheel
+        if not self.speed_is_mean:
+            return spline_slopes(time, np.ascontiguousarray(turned))
+        means = np.diff(turned) / np.diff(time)
+        return np.concatenate((means[:1], means))
 
 
 def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels, dict[str, str]]:
@@ -209,6 +244,13 @@ def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float,
     return TURN / per_turn, per_turn
 
 
+def _speed_unit(rig: Rig, unit: str) -> float:
+    """Radians per second per logged unit of the wheel's speed."""
+    if unit == "counts/s":
+        return rig.sensors.of("wheel").resolution  # a Rig with this unit has counts_per_turn
+    return {"rad/s": 1.0, "deg/s": TURN / 360, "turns/s": TURN, "rpm": TURN / 60}[unit]
+
+
 def _missing(table: Table, channel: str, conventions: Conventions, name: str) -> InputError:
     """The error for a column that is not there: what there is, and what to set."""
     column = conventions.columns[channel]
@@ -219,6 +261,6 @@ def _missing(table: Table, channel: str, conventions: Conventions, name: str) ->
     message = f"{name} has no column {column!r} but {listed}; set [log] {channel} in the rig file to the right one"
     if channel == "time":
         message += " (or [log] rate where rows are evenly spaced)"
-    if channel in ("wheel_angle", "torque"):
+    if channel in ("wheel_angle", "wheel_speed", "torque"):
         message += f', or another [drive] kind than "{conventions.drive_kind}"'
     return InputError(f"{message}.", code="missing-column")

@@ -26,6 +26,16 @@ ANGLES = {
     "m": "m",
     "mm": "mm",
 }
+SPEEDS = {
+    "rad/s": "rad/s",
+    "deg/s": "deg/s",
+    "°/s": "deg/s",
+    "rpm": "rpm",
+    "1/min": "rpm",
+    "rev/s": "turns/s",
+    "turns/s": "turns/s",
+    "counts/s": "counts/s",
+}
 FACTORS = {
     "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
     "voltage": {"V": 1.0, "mV": 1e-3},
@@ -43,11 +53,15 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
         return conventions, []
     changes: dict[str, object] = {}
     findings = []
-    for channel, key in (("angle", "angle_unit"), ("wheel_angle", "wheel_angle_unit")):
+    for channel, key, known in (
+        ("angle", "angle_unit", ANGLES),
+        ("wheel_angle", "wheel_angle_unit", ANGLES),
+        ("wheel_speed", "wheel_speed_unit", SPEEDS),
+    ):
         if channel != "angle" and channel not in conventions.channels:
             continue
         column, unit = _unit_of(table, conventions, channel)
-        stated = ANGLES.get(unit)
+        stated = known.get(unit)
         if stated is None:
             continue
         used = str(getattr(rig.log, key))

@@ -16,29 +16,39 @@ from swingid.recording.header_units import with_header_units
 from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
 from swingid.recording.repair import MANY, repair
+from swingid.recording.repairs import notes_of, switched_off
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from swingid.model.rig import Rig
     from swingid.recording.formats.table import Table
 
 
-def load(path: str | Path, rig: Rig, *, still_axis: bool = False) -> Recording:
+def load(
+    path: str | Path, rig: Rig, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
+) -> Recording:
     """See `Recording.load`."""
+    switched_off(repairs)  # a name that is none is said before anything is read
     content = read_bytes(path)
     name = str(path)
     table = read_table(content, name)
-    return from_table(table, rig, Source(name, hashlib.sha256(content).hexdigest()), still_axis=still_axis)
+    source = Source(name, hashlib.sha256(content).hexdigest())
+    return from_table(table, rig, source, still_axis=still_axis, repairs=repairs)
 
 
-def from_table(table: Table, rig: Rig, source: Source, *, still_axis: bool = False) -> Recording:
+def from_table(
+    table: Table, rig: Rig, source: Source, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
+) -> Recording:
     """The Recording in a table of named columns; raises as `Recording.load`."""
     name = source.path or "the table"
+    off = switched_off(repairs)
     conventions, units = with_header_units(table, rig, name)
     _check_origin(table, conventions, name)
-    unreadable = _unreadable(table, name)
+    unreadable = _unreadable(table, name, off)
     logged, texts = gather(table, conventions, name)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
-        logged, findings = repair(logged, conventions, texts, name)
+        logged, findings = repair(logged, conventions, texts, name, off)
         channels = conventions.to_model(logged)
         findings += judge(channels, rig, name, still_axis=still_axis)
     metadata = table.metadata.get("metadata")
@@ -46,7 +56,15 @@ def from_table(table: Table, rig: Rig, source: Source, *, still_axis: bool = Fal
         **channels,
         drive_held=_drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
-        findings=(*_saved_findings(table), *unreadable, *units, *_no_reference(table, conventions), *findings),
+        findings=(
+            *_saved_findings(table),
+            *notes_of(off),
+            *unreadable,
+            *units,
+            *_no_reference(table, conventions),
+            *_integrated(conventions),
+            *findings,
+        ),
         source=source,
     )
 
@@ -85,17 +103,31 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
             raise InputError(f"{message}; use the rig that it was written with.", code="other-conventions")
 
 
-def _unreadable(table: Table, name: str) -> tuple[Finding, ...]:
+def _unreadable(table: Table, name: str, off: frozenset[str]) -> tuple[Finding, ...]:
     """What to say of rows that do not split into the table's columns; InputError when most do not."""
     lost = table.unreadable_rows
     if lost == 0:
         return ()
     rows = lost + max(map(len, table.columns.values()), default=0)
+    if "blanks" in off:
+        message = f"{name}: {lost} of {rows} rows do not have the cells that the header names"
+        raise InputError(f"{message}; switch the repair 'blanks' on to leave them out.", code="unreadable-rows")
     if lost > rows / 2:
         message = f"{name} is not a table: {lost} of {rows} lines do not have the cells that its header names."
         raise InputError(message, code="not-a-table")
     message = f"{lost} of {rows} rows left out: they do not have the cells that the header names."
-    return (Finding("unreadable-rows", message, "warning" if lost > MANY * rows else "note"),)
+    return (Finding("unreadable-rows", message, "warning" if lost > MANY * rows else "note", "blanks"),)
+
+
+def _integrated(conventions: Conventions) -> tuple[Finding, ...]:
+    """A note where the wheel's angle is not measured but its speed."""
+    if "wheel_speed" not in conventions.channels:
+        return ()
+    column = conventions.columns["wheel_speed"]
+    reading = "the mean since the row before" if conventions.speed_is_mean else "the speed at its row"
+    text = f"the wheel's angle is the integral of its speed (column {column!r}, taken as {reading}); where that is "
+    other = "instant" if conventions.speed_is_mean else "mean"
+    return (Finding("wheel-angle-integrated", f'{text}otherwise, set wheel_speed_is = "{other}".', "note"),)
 
 
 def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
@@ -119,5 +151,7 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
     found = []
     for entry in saved if isinstance(saved, list) else []:
         if isinstance(entry, dict) and entry.get("level") in ("note", "warning"):
-            found.append(Finding(str(entry.get("code")), str(entry.get("message")), entry["level"]))
+            named = entry.get("repair")
+            named = named if isinstance(named, str) else None
+            found.append(Finding(str(entry.get("code")), str(entry.get("message")), entry["level"], named))
     return tuple(found)

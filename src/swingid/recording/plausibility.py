@@ -24,7 +24,7 @@ TURN = 2.0 * np.pi
 SHORTEST_STEP = 1e-7  # s
 
 #: Largest values that a rig may log: a clock that counts seconds from any epoch, angles of years of turning.
-LARGEST = {"time": 1e11, "angle": 1e9, "wheel_angle": 1e12, "voltage": 1e6, "torque": 1e9}
+LARGEST = {"time": 1e11, "angle": 1e9, "wheel_angle": 1e12, "wheel_speed": 1e9, "voltage": 1e6, "torque": 1e9}
 
 #: Range of a to-and-fro motion, in turns, that gravity does not allow: a free body swings over less than one turn,
 #: a reaction wheel is too weak to throw it over the top and back time and again, a strong motor is not.

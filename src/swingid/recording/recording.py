@@ -10,25 +10,29 @@ import numpy as np
 from swingid.errors import InputError, UnanswerableError
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from numpy.typing import ArrayLike, NDArray
 
     from swingid.model.rig import Rig
 
-CHANNELS = ("time", "angle", "wheel_angle", "voltage", "torque", "reference", "adaptive_gain")
+CHANNELS = ("time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque", "reference", "adaptive_gain")
+FINITE = CHANNELS[:6]
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Something that was noticed in a log: a `code` for scripts, a sentence for people.
 
-    A ``"warning"`` makes a result doubtful; a ``"note"`` states what was done or assumed.
+    A ``"warning"`` makes a result doubtful; a ``"note"`` states what was done or assumed. `repair` names the repair
+    (see `recording.repairs`) that it tells of, done or (code "repair-off") switched off.
     """
 
     code: str
     message: str
     level: Literal["note", "warning"]
+    repair: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +49,12 @@ class Recording:
 
     time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging,
     positive counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous.
-    voltage: V. torque: N m (N), what the direct drive applied. reference: as angle; adaptive_gain: k tilde of
-    the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held: True when row k's voltage or
-    torque acts from t_k to t_(k+1), False when it is a measurement at t_k.
+    wheel_speed: rad/s, as logged (absolute where the rig says so), only where the rig logs it in place of the wheel's
+    angle, which then is its integral. voltage: V. torque: N m (N), what the direct drive applied. reference: as
+    angle; adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held:
+    True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k.
 
-    Velocities are not stored: who needs one says how it got it.
+    Velocities that were not measured are not stored: who needs one says how it got it.
     Raises InputError when the channels do not fit together.
     """
 
@@ -64,13 +69,14 @@ class Recording:
     metadata: dict[str, object] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     source: Source = Source()
+    wheel_speed: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
         for name in CHANNELS:
             values = getattr(self, name)
             if values is not None:
                 object.__setattr__(self, name, _frozen(name, values, None if name == "time" else len(self.time)))
-        for name in CHANNELS[:5]:
+        for name in FINITE:
             values = getattr(self, name)
             if values is not None and not np.isfinite(values).all():
                 raise InputError(f"the recording's {name} has NaN or infinity; drop those rows.", code="not-finite")
@@ -111,19 +117,24 @@ class Recording:
         return replace(self, **cut)
 
     @classmethod
-    def load(cls, path: str | Path, rig: Rig, *, still_axis: bool = False) -> Recording:
+    def load(
+        cls, path: str | Path, rig: Rig, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
+    ) -> Recording:
         """Read a log of any format (see docs/formats.md) by the conventions of `rig.log`, and repair plain faults.
 
         What was repaired stands in `findings`. still_axis: the axis may be held while the wheel turns, as in a test of
-        the motor. Raises InputError for a file that cannot be used and UnanswerableError for one without motion or with
-        too few rows.
+        the motor. repairs: switches by name, such as ``{"spikes": False}``, see `recording.repairs`; all are on.
+        Raises InputError for a file that cannot be used, UnanswerableError for one without motion or with too few rows,
+        UsageError for an unknown repair.
         """
         from swingid.recording.load import load
 
-        return load(path, rig, still_axis=still_axis)
+        return load(path, rig, still_axis=still_axis, repairs=repairs)
 
     @classmethod
-    def from_columns(cls, data: object, rig: Rig, *, still_axis: bool = False) -> Recording:
+    def from_columns(
+        cls, data: object, rig: Rig, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
+    ) -> Recording:
         """A log that is in memory: a mapping of arrays by column, or a pandas, polars or Arrow table.
 
         Read and repaired as `load` does, by the columns, units and signs of `rig.log`. Raises UsageError for data of
@@ -132,7 +143,7 @@ class Recording:
         from swingid.recording.formats.memory import table_of
         from swingid.recording.load import from_table
 
-        return from_table(table_of(data), rig, Source(), still_axis=still_axis)
+        return from_table(table_of(data), rig, Source(), still_axis=still_axis, repairs=repairs)
 
     def save(self, path: str | Path, rig: Rig | None = None) -> Path:
         """Write a file in the format of its ending, metadata inside, so that ``load(path, rig)`` gives it back.

@@ -1,6 +1,7 @@
 """Plain faults of a log's rows: no number, out of order, stamped twice. What is done is counted and told.
 
-Stamps are kept as they are: nothing is resampled, and uneven steps or missing rows are no fault.
+Nothing is resampled; uneven steps and missing rows are no fault, and stamps are kept as they are unless the motion
+shows that rows taken at a constant rate were stamped unevenly (`clock`). Each repair has a switch (`repairs`).
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.recording.clock import even_clock, rounded_clock
 from swingid.recording.jumps import find_jumps
 from swingid.recording.recording import Finding
 from swingid.recording.spikes import find_spikes
@@ -25,26 +27,38 @@ if TYPE_CHECKING:
 MANY = 0.01  # of all rows: what is a slip below, and a log that may not be what it seems above
 OPTIONAL = ("reference", "adaptive_gain")  # for pictures only: a gap in them costs no row
 ANGLES = ("angle", "wheel_angle")
+SMOOTH = (*ANGLES, "wheel_speed")  # channels in which a single odd sample is a fault
 PASSES = 3  # a spike beside another shows when the first one is gone
 
 
 def repair(
-    logged: Channels, conventions: Conventions, texts: Mapping[str, str], name: str
+    logged: Channels,
+    conventions: Conventions,
+    texts: Mapping[str, str],
+    name: str,
+    off: frozenset[str] = frozenset(),
 ) -> tuple[Channels, list[Finding]]:
     """The channels (logged units, with "time") without faulty rows, angles continuous, and what was found.
 
     `texts` holds, by channel, the first text that stood in the place of a number; `name` is the file's, for
-    messages. Raises InputError where a log is not one run of rows in time with a few slips, but something
-    else.
+    messages; `off` holds the repairs that are switched off. Raises InputError where a log is not one run of rows in
+    time with a few slips, but something else, and where it cannot be used without a repair that is off.
     """
     columns = conventions.columns
     turns = {channel: scale.turn for channel, scale in conventions.scales.items()}
     findings: list[Finding] = []
     channels = _drop_rows_without_numbers(logged, columns, texts, name, findings)
+    _refuse(findings, "blanks", off, name)
     channels = _sort(channels, columns, name, findings)
+    _refuse(findings, "sort", off, name)
+    if conventions.rate is None and "clock" not in off:
+        channels = _round_off(channels, columns, findings)
     channels = _drop_repeated(channels, columns, name, findings)
-    channels, spikes = _make_continuous(channels, turns, columns, findings)
-    channels = _drop_spikes(channels, spikes, findings)
+    _refuse(findings, "repeats", off, name)
+    if conventions.rate is None and "clock" not in off:
+        channels = _even_out(channels, columns, findings)
+    channels, spikes = _make_continuous(channels, turns, columns, findings, keep="unwrap" in off)
+    channels = _drop_spikes(channels, spikes, findings, keep="spikes" in off)
     _warn_of_jumps(channels, columns, findings)
     _note_gaps(channels["time"], columns["time"], findings)
     return channels, findings
@@ -73,7 +87,7 @@ def _drop_rows_without_numbers(
         raise InputError(f"{name} has no number in {where}; give [log] {worst} a column of numbers.", code="no-numbers")
     dropped = rows - int(good.sum())
     level = _level(dropped, rows)
-    findings.append(Finding("rows-without-numbers", f"{dropped} rows left out: no number in {where}.", level))
+    findings.append(Finding("rows-without-numbers", f"{dropped} rows left out: no number in {where}.", level, "blanks"))
     return _take(channels, good)
 
 
@@ -96,7 +110,7 @@ def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: l
     if steps_back.size > max(3, MANY * rows) or not smoother:
         message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time."
         raise InputError(message, code="unsorted")
-    findings.append(Finding("unsorted", f"{where}; the rows were sorted by time.", "warning"))
+    findings.append(Finding("unsorted", f"{where}; the rows were sorted by time.", "warning", "sort"))
     return _take(channels, order)
 
 
@@ -118,22 +132,66 @@ def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, fi
         raise InputError(message, code="repeated-times")
     if copy.any():
         message = f"{int(copy.sum())} of {rows} rows left out: exact copies of the row before."
-        findings.append(Finding("repeated-rows", message, "note"))
+        findings.append(Finding("repeated-rows", message, "note", "repeats"))
     if conflicts:
         first = int(np.argmax(conflicting)) + 1
         message = f"{conflicts} of {rows} rows left out: their time is that of the row before, their values differ"
-        findings.append(Finding("repeated-times", f"{message} (the first is row {first}).", "warning"))
+        findings.append(Finding("repeated-times", f"{message} (the first is row {first}).", "warning", "repeats"))
     return _take(channels, ~repeated)
 
 
+def _refuse(findings: list[Finding], repair: str, off: frozenset[str], name: str) -> None:
+    """Raise InputError where a log cannot be used without a repair that is switched off."""
+    if repair in off and (made := [finding for finding in findings if finding.repair == repair]):
+        message = f"{name} cannot be used without the repair {repair!r}, which is switched off, for with it"
+        raise InputError(f"{message} {made[0].message.removeprefix(name + ': ')}", code=made[0].code)
+
+
+def _round_off(channels: Channels, columns: Mapping[str, str], findings: list[Finding]) -> Channels:
+    """Stamps of too few digits, of which several rows share one, as the constant rate behind them."""
+    time = channels["time"]
+    repeated = np.count_nonzero(np.diff(time) == 0)
+    clock = rounded_clock(time) if repeated > max(3, MANY * len(time)) else None
+    if clock is None:
+        return channels
+    message = (
+        f"{repeated} of {len(time)} rows share the stamp of the row before in column {columns['time']!r}, which has too"
+    )
+    message += f" few digits; the rows were taken as {1 / clock.step:.6g} a second, as which no row is missing."
+    findings.append(Finding("clock-fitted", message, "note", "clock"))
+    return {**channels, "time": clock.time}
+
+
+def _even_out(channels: Channels, columns: Mapping[str, str], findings: list[Finding]) -> Channels:
+    """Stamps that scatter about a constant rate as that rate, where the motion is smoother so."""
+    clock = even_clock(channels["time"], [channels[name] for name in ANGLES if name in channels])
+    if clock is None:
+        return channels
+    message = (
+        f"the stamps in column {columns['time']!r} scatter by {clock.scatter:.3g} about {1 / clock.step:.6g} rows a"
+    )
+    message += " second, and the motion is smoother at that rate; it was taken in their place."
+    findings.append(Finding("clock-fitted", message, "note", "clock"))
+    return {**channels, "time": clock.time}
+
+
 def _make_continuous(
-    channels: Channels, turns: Mapping[str, float | None], columns: Mapping[str, str], findings: list[Finding]
+    channels: Channels,
+    turns: Mapping[str, float | None],
+    columns: Mapping[str, str],
+    findings: list[Finding],
+    *,
+    keep: bool,
 ) -> tuple[Channels, NDArray[np.bool_]]:
     """Angles that were logged within one turn as angles that go on over turns, and the spikes met on the way."""
     spikes = np.zeros(len(channels["time"]), dtype=bool)
     for channel in ANGLES:
         turn = turns.get(channel)
         if channel not in channels or turn is None or not is_wrapped(channels[channel], turn):
+            continue
+        if keep:
+            message = f"column {columns[channel]!r} seems to be logged within one turn, and was left so."
+            findings.append(Finding("wrapped", message, "warning"))
             continue
         result = unwrap(channels["time"], channels[channel], turn)
         channels = {**channels, channel: result.values}
@@ -142,7 +200,7 @@ def _make_continuous(
             apart = channels["reference"] - result.values
             channels["reference"] = result.values + apart - turn * np.round(apart / turn)
         message = f"column {columns[channel]!r} was logged within one turn and was made continuous."
-        findings.append(Finding("unwrapped", message, "note"))
+        findings.append(Finding("unwrapped", message, "note", "unwrap"))
         if result.ambiguous:
             message = f"column {columns[channel]!r} moves too far between rows to count its turns with certainty"
             message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
@@ -150,10 +208,14 @@ def _make_continuous(
     return channels, spikes
 
 
-def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding]) -> Channels:
-    """The rows without single samples that fit neither neighbour; `spikes` are those that are known already."""
+def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding], *, keep: bool) -> Channels:
+    """The rows without single samples that fit neither neighbour; `spikes` are those that are known already.
+
+    keep: leave them in, and warn.
+    """
     rows = len(spikes)
     times = []
+    everything = channels
     for again in range(PASSES + 1):
         if spikes.any():
             times.append(channels["time"][spikes])
@@ -161,14 +223,18 @@ def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[F
         elif again:
             break
         spikes = np.zeros(len(channels["time"]), dtype=bool)
-        for channel in ANGLES:
+        for channel in SMOOTH:
             if channel in channels:
                 spikes |= find_spikes(channels["time"], channels[channel])
     if times:
         found = np.sort(np.concatenate(times))
         shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
+        if keep:
+            message = f"{found.size} of {rows} rows hold isolated spikes of an angle, left in as wanted, at {shown} s."
+            findings.append(Finding("spikes-left", message, "warning"))
+            return everything
         message = f"{found.size} of {rows} rows left out: isolated spikes of an angle at {shown} s."
-        findings.append(Finding("spikes", message, "warning"))
+        findings.append(Finding("spikes", message, "warning", "spikes"))
     return channels
 
 

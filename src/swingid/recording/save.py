@@ -25,13 +25,17 @@ def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
     conventions = Conventions.plain() if rig is None else Conventions.of(rig)
     kept = ("time", *conventions.channels)
     channels = {n: v for n in CHANNELS if n in kept and (v := getattr(recording, n)) is not None}
+    if "wheel_speed" in kept and "wheel_speed" not in channels and recording.wheel_angle is not None:
+        channels["wheel_speed"] = conventions.speed_of(recording.time, recording.wheel_angle, recording.angle)
     if conventions.rate is not None:
         _check_even(recording, conventions.rate, target)
         del channels["time"]
     metadata = {
         "metadata": _plain(recording.metadata),
         "log": {**conventions.keys, "drive_held": recording.drive_held},
-        "findings": [{"code": f.code, "message": f.message, "level": f.level} for f in recording.findings],
+        "findings": [
+            {"code": f.code, "message": f.message, "level": f.level, "repair": f.repair} for f in recording.findings
+        ],
     }
     if rig is not None:
         metadata["drive"] = rig.drive.kind

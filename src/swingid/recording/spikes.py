@@ -32,9 +32,8 @@ def find_spikes(time: Floats, values: Floats) -> NDArray[np.bool_]:
     spikes = np.zeros(values.size, dtype=bool)
     if values.size < 4 * REACH + 1:
         return spikes
-    steps = np.diff(time)
-    degree = 3 if steps.min() > 0.5 * np.median(steps) else 1
-    misfit = np.abs(_misfits(time, values, degree))
+    degree = _degree(time)
+    misfit = np.abs(misfits(time, values))
     threshold = NOISE_FACTOR * ROBUST * float(np.median(misfit[REACH:-REACH]))
     candidates = np.flatnonzero(misfit > threshold)
     if candidates.size:
@@ -55,9 +54,15 @@ def find_spikes(time: Floats, values: Floats) -> NDArray[np.bool_]:
     return spikes
 
 
-def _misfits(time: Floats, values: Floats, degree: int) -> Floats:
-    """Each value minus the polynomial through one or two neighbours on each side; 0 where these are missing."""
-    misfit = np.zeros(values.size)
+def _degree(time: Floats) -> int:
+    """A cubic through neighbours that lie too close together would be wild: then a line."""
+    steps = np.diff(time)
+    return 3 if steps.min() > 0.5 * np.median(steps) else 1
+
+
+def misfits(time: Floats, values: Floats) -> Floats:
+    """Each value minus the cubic (or line) through two (one) neighbours on each side; 0 in the two rows at each end."""
+    misfit, degree = np.zeros(values.size), _degree(time)
     steps = np.diff(time)
     inner = slice(REACH, -REACH)
     if degree == 3 and steps.max() - steps.min() < 0.01 * steps.max():

@@ -26,7 +26,9 @@ class LogConventions(Table):
     `model_fields_set` tells what the file stated: a default column may be absent from a log, a stated one may
     not. With `rate` (rows per second) rows are evenly spaced and `time` is not read. Row k's voltage or torque
     acts from t_k to t_(k+1) if `drive_held`, else it is a measurement at t_k; angles are those at t_k.
-    `wheel_scale` is wheel turns per logged turn. Torque (force) = torque_sign * torque_gain * column.
+    `wheel_scale` is wheel turns per logged turn. `wheel_speed` replaces the wheel's angle where only the speed was
+    logged: the speed at the row, or ("mean") the turn since the row before, divided by the time.
+    Torque (force) = torque_sign * torque_gain * column.
     """
 
     time: Column = "t"
@@ -42,6 +44,7 @@ class LogConventions(Table):
     wheel_scale: Annotated[float, plain_number("", above=0)] = 1.0
     wheel_speed: Column | None = None
     wheel_speed_unit: Literal["rad/s", "deg/s", "turns/s", "rpm", "counts/s"] = "rad/s"
+    wheel_speed_is: Literal["instant", "mean"] = "instant"
     voltage: Column = "u"
     voltage_sign: Sign = 1
     torque: Column = "tau"

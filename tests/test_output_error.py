@@ -22,6 +22,7 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identify import identify
+from swingid.identify.momentum.balance import moved
 from swingid.identify.noise import channel_noise
 from swingid.identify.output_error.problem import problem_of
 from swingid.identify.output_error.solver import loss_of, reduce
@@ -350,6 +351,40 @@ def test_declared_constants_stand_in_the_budget_by_their_keys(viscous_log):
     assert set(own) == {"drive.motor.torque_per_volt", "sensors.wheel.latency"}
     entry = own["drive.motor.torque_per_volt"]
     assert entry.standard_uncertainty == pytest.approx(abs(entry.sensitivity) * 0.052e-4)
+
+
+DECLARED = {
+    "sensors.nonlinearity": 1e-3,
+    "sensors.latency": "0 ± 0.1 ms",
+    "sensors.wheel.nonlinearity": 1e-3,
+    "sensors.wheel.latency": "0 ± 0.1 ms",
+}
+ENCODERS = {
+    "sensors.nonlinearity.cosine": ("angle", np.cos),
+    "sensors.nonlinearity.sine": ("angle", np.sin),
+    "sensors.wheel.nonlinearity.cosine": ("wheel_angle", np.cos),
+    "sensors.wheel.nonlinearity.sine": ("wheel_angle", np.sin),
+}
+
+
+@pytest.mark.parametrize("source", ["voltage", "wheel"])
+def test_a_sensor_s_error_moves_the_answer_as_the_budget_says(viscous_log, source):
+    def found(log, rig=GIVEN):
+        return identify(log, rig, "output-error", law="viscous", input=source, segment=1.5, starts=1)
+
+    plain = found(viscous_log, GIVEN.changed(DECLARED))
+    slopes = {entry.shared_id: entry.sensitivity for entry in plain.budget if entry.parameter == "inertia"}
+    size = 1e-3
+    for key, (channel, shape) in ENCODERS.items():
+        values = getattr(viscous_log, channel)
+        off = found(replace(viscous_log, **{channel: values + size * shape(values)}))
+        shift = (off.inertia.value - plain.inertia.value) / size
+        assert slopes[key] == pytest.approx(shift, rel=0.05, abs=2e-3 * INERTIA)
+    for prefix, channel in (("", "angle"), ("wheel.", "wheel_angle")):
+        # read 0.1 ms later than its stamps say
+        late = moved(viscous_log.time, getattr(viscous_log, channel), -1e-4)
+        shift = (found(replace(viscous_log, **{channel: late})).inertia.value - plain.inertia.value) / 1e-4
+        assert slopes[f"sensors.{prefix}latency"] == pytest.approx(shift, rel=0.05, abs=2e-3 * INERTIA / 1e-3)
 
 
 # Refusals

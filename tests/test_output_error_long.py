@@ -19,6 +19,7 @@ def real(path, rig_name, **options):
     return identify(Recording.load(path, rig), rig, "output-error", **options)
 
 
+@pytest.mark.long
 def test_a_real_free_pendulum(data_dir):
     """Published: 0.003331 kg m². Its friction is no law tried here, which is said."""
     result = real(data_dir / "free_pendulum" / "free_swing.csv", "free_pendulum.toml")
@@ -26,6 +27,7 @@ def test_a_real_free_pendulum(data_dir):
     assert "poor-fit" in {warning.code for warning in result.warnings}
 
 
+@pytest.mark.long
 def test_emps(data_dir):
     """Published: 95.1 kg, 166.7 and 240.4 N s/m. Its friction is not of speed alone, which is said."""
     result = real(data_dir / "emps" / "DATA_EMPS.mat", "emps.toml")
@@ -38,7 +40,7 @@ def test_emps(data_dir):
 @pytest.mark.long
 @pytest.mark.parametrize("options", [{"law": "viscous"}, {"law": "viscous", "input": "wheel"}])
 def test_intervals_cover_the_truth(options):
-    """150 runs with 1 mrad of white noise: a share of 95 % is within 91 … 99 % with 2.3 binomial standard deviations."""
+    """150 runs with 1 mrad of white noise; the share is 95 % ± 1.8 % by chance."""
     spec = importlib.util.spec_from_file_location("benchmark", PROJECT / "benchmarks" / "output_error.py")
     benchmark = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(benchmark)

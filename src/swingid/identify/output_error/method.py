@@ -59,7 +59,8 @@ def output_error(
 ) -> Result:
     """Identify inertia and friction by least squares of simulated against measured angles.
 
-    input: "voltage" (default with a whole voltage and motor constants) or "wheel" (default otherwise), of a wheel rig.
+    input: "voltage" (default with a whole voltage, the wheel's angle and motor constants) or "wheel" (default
+    otherwise), of a wheel rig.
     law: a friction law of `friction_laws.LAWS`, with ", offset" or ", direction-dependent" after it where wanted, or
     "auto": the law of least Bayesian information criterion. free: further unknowns, as a sequence or with commas:
     gravity_torque, torque_per_volt, back_emf, motor_viscous, motor_coulomb, efficiency, rotor_inertia, wheel_inertia.
@@ -136,8 +137,17 @@ def _input(wanted: str | None, log: Recording, rig: Rig, scale: Scale) -> Input:
         raise UsageError(f'unknown input {wanted!r}; choose "voltage" or "wheel".', code="unknown-input")
     motor = rig.drive.motor
     constants = motor is not None and motor.torque_per_volt.value > 0
-    if wanted == "wheel" or (wanted is None and (log.voltage is None or not constants or _rows_lost(log))):
+    speed_only = log.wheel_speed is not None
+    if wanted == "wheel" or (
+        wanted is None and (log.voltage is None or not constants or speed_only or _rows_lost(log))
+    ):
         return "wheel"
+    if speed_only:
+        raise InputError(
+            f"{log.source.path or 'the log'} holds the wheel's speed, but a simulation under the voltage is compared "
+            'with its angle; take input="wheel", or log the angle.',
+            code="needs-wheel-angle",
+        )
     if log.voltage is None:
         raise InputError(
             f"{log.source.path or 'the log'} has no voltage; name its column as voltage under [log], or take "
@@ -206,10 +216,10 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
     unknowns = setup.unknowns(law)
     values = setup.first(unknowns)
     length = SWINGS * setup.motion.half_period if segment is None else segment
-    tried = []
+    tried: list[tuple[Problem, Searched]] = []
     while True:
         problem = setup.problem(length)
-        found = search(problem, unknowns, values, setup.loss, setup.starts)
+        found = search(problem, unknowns, values, setup.loss, 1 if tried else setup.starts)
         tried.append((problem, found))
         length /= 2
         left = max(misfit_ratios(found.fit, problem, setup.rig).values())

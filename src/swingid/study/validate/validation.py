@@ -162,7 +162,7 @@ def _readings(problem: Problem, p: Array, starts: Array) -> Array:
 def _measured_starts(problem: Problem, log: Recording, rig: Rig, noise: Noise) -> Array:
     """Angle and speed of the channels at the start of every segment, from their smoothed angles, see `motion.Speed`."""
     instants = problem.knots[problem.bounds[:-1]]
-    channels = [("angle", log.angle, noise.angle)]
+    channels: list[tuple[Literal["angle", "wheel"], Array, float]] = [("angle", log.angle, noise.angle)]
     if problem.input == "voltage" and log.wheel_angle is not None:
         channels.append(("wheel", log.wheel_angle, noise.wheel))
     columns = []

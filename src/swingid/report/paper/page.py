@@ -16,6 +16,7 @@ def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Pat
     """
     from markupsafe import Markup
 
+    from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY
     from swingid.study.reproduce.tables import tables
 
     drawn = {figure.number: figure for figure in figures}
@@ -27,6 +28,7 @@ def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Pat
             figures={number: Markup(figure.svg) for number, figure in drawn.items()},
             captions={number: (figure.caption, figure.here) for number, figure in drawn.items()},
             seed=results["seed"],
+            verdicts={HOLDS: "holds", PARTLY: "part", FAILS: "fails"},
         )
     )
     return write_page(page, Path(path))

@@ -18,7 +18,10 @@ HOLDS, PARTLY, FAILS = "holds", "holds in part", "does not hold"
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim in the paper's words, what was done, the numbers (words, value, unit), the criterion and the verdict."""
+    """A claim in the paper's words, what was done, what was measured, the criterion and the verdict.
+
+    measured: (words, value, unit), "±%" for the size of an error; words before a colon are what several have in common.
+    """
 
     claim: str
     test: str

@@ -94,10 +94,10 @@ def one_interval(seed: int) -> Claim:
         "only one two-step symmetric interval is needed to identify the inertia and friction parameters",
         "J1 by (6) and f1 by (7) from every single interval, mirrored about its measured turning point.",
         (
-            ("J1, worst interval, ideal angles at 10 kHz", worst["ideal"], "%"),
-            ("J1, worst interval, 14 bit at 1 kHz", worst["real"], "%"),
-            ("f1, worst interval, 14 bit at 1 kHz", worst_f1, "%"),
-            ("J1, worst interval, 14 bit at 1 kHz, speeds by the observers (23)", worst["observers"], "%"),
+            ("J1, worst interval, ideal angles at 10 kHz", worst["ideal"], "±%"),
+            ("J1, worst interval, 14 bit at 1 kHz", worst["real"], "±%"),
+            ("f1, worst interval, 14 bit at 1 kHz", worst_f1, "±%"),
+            ("J1, worst interval, 14 bit at 1 kHz, speeds by the observers (23)", worst["observers"], "±%"),
         ),
         f"J1 within {BAR:g} % and f1 within 10 % from every interval, with the paper's observers too; in part: with "
         "speeds by local cubics",
@@ -164,7 +164,7 @@ def discrete_online(seed: int) -> Claim:
         (
             ("intervals used, of so many turning points", len(errors) / swings, ""),
             (f"single intervals within {BAR:g} % for good from", first, "s"),
-            ("scatter of single intervals from 15 s on", float(np.std(errors[late])), "%"),
+            ("scatter of single intervals from 15 s on", float(np.std(errors[late])), "±%"),
             ("their running mean at the end", float(running[-1]), "%"),
         ),
         f"single intervals stay within {BAR:g} % from a time before 15 s on",

@@ -67,8 +67,8 @@ def accuracy_by_tracking(seed: int) -> Claim:
         about_measured.append(abs(error_by("printed", log)))
         name = f"δ0 = {delta0:g}"
         measured.append((f"{name}: tracking error, RMS", tracking[-1], "mrad"))
-        measured.append((f"{name}: paper's method, mirror about the reference", about_reference[-1], "%"))
-        measured.append((f"{name}: mirror about the measured turning points", about_measured[-1], "%"))
+        measured.append((f"{name}: paper's method, mirror about the reference", about_reference[-1], "±%"))
+        measured.append((f"{name}: mirror about the measured turning points", about_measured[-1], "±%"))
     set_by = bool(np.all(np.diff(tracking) < 0))
     follows = bool(np.all(np.diff(about_reference) < 0))
     return Claim(
@@ -122,7 +122,7 @@ def two_parameters(seed: int) -> Claim:
         for words, share in zip(("half of", "twice"), shares, strict=True):
             measured.append((f"{words} {letter}: tracking error, RMS, changes by", 100 * share, "%"))
     measured.append(("gains that change it by more than 10 %", float(mattering), ""))
-    measured.append(("paper's method, worst of all these runs", worst, "%"))
+    measured.append(("paper's method, worst of all these runs", worst, "±%"))
     return Claim(
         "can be easily configured with only two controller parameters",
         "The experiment with each of δ0, λ0, σ0 halved and doubled (the paper prints these three and k̃(0)).",

@@ -14,7 +14,7 @@ import numpy as np
 
 from swingid.model.rig import Rig
 from swingid.study.reproduce.estimates import Answer, inertia_by, reference_nodes
-from swingid.study.reproduce.published import J_E, J_E_ERROR
+from swingid.study.reproduce.published import J_E
 from swingid.study.reproduce.runs import Log, experiment_log, motion, rig_of, with_friction
 
 MOTOR = {
@@ -39,7 +39,7 @@ class Imperfection:
 
     stated: constants of the rig file times a factor, as the lab believes them; friction, sensors: what the twin has
     and the lab does not know; options: of the paper's method; mirror: whether nodes stand about the reference's turning
-    points; draws: how often it is drawn.
+    points; draws: how often it is drawn. size: how large it is, with its unit, where half of it does half as much.
     """
 
     words: str
@@ -50,21 +50,25 @@ class Imperfection:
     options: Mapping[str, object] = field(default_factory=dict)
     mirror: bool = False
     draws: int = 1
+    size: tuple[float, str] | None = None
 
 
 def imperfections() -> list[Imperfection]:
     """The rows of the table."""
     rows = [Imperfection("nothing", "none")]
     for key, letter in MOTOR.items():
-        rows += [_motor(f"{letter} stated {sign} 5 %", f"drive.motor.{key}", factor) for sign, factor in _signs(0.05)]
-    rows += [_motor(f"wheel J2 stated {sign} 1 %", "drive.wheel.inertia", factor) for sign, factor in _signs(0.01)]
-    rows += [_gravity(f"b stated {sign} 1 %", factor) for sign, factor in _signs(0.01)]
+        rows += _stated(letter, f"drive.motor.{key}", 5)
+    rows += _stated("wheel J2", "drive.wheel.inertia", 1) + _stated("b", "axis.gravity_torque", 1)
     for size in ("0.1 deg", "0.8 deg"):
         words = f"encoders nonlinear by {size.replace(' deg', '°')} once per turn"
         rows.append(Imperfection(words, "sensors", sensors={"nonlinearity": size}, draws=DRAWS))
-    rows.append(Imperfection("both encoders 1 ms late, not declared", "sensors", sensors={"latency": 1e-3}))
     rows.append(
-        Imperfection("wheel's encoder 1 ms late, not declared", "sensors", sensors={"wheel": {"latency": 1e-3}})
+        Imperfection("both encoders 1 ms late, not declared", "sensors", sensors={"latency": 1e-3}, size=(1.0, "ms"))
+    )
+    rows.append(
+        Imperfection(
+            "wheel's encoder 1 ms late, not declared", "sensors", sensors={"wheel": {"latency": 1e-3}}, size=(1.0, "ms")
+        )
     )
     dry = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3}
     frictions: dict[str, dict[str, object]] = {
@@ -96,16 +100,13 @@ def imperfections() -> list[Imperfection]:
     return rows
 
 
-def _signs(size: float) -> list[tuple[str, float]]:
-    return [("+", 1 + size), ("−", 1 - size)]
-
-
-def _motor(words: str, key: str, factor: float) -> Imperfection:
-    return Imperfection(words, "constants", stated={key: factor})
-
-
-def _gravity(words: str, factor: float) -> Imperfection:
-    return Imperfection(words, "constants", stated={"axis.gravity_torque": factor})
+def _stated(words: str, key: str, per_cent: float) -> list[Imperfection]:
+    """A constant that the rig file states too large and too small."""
+    size = (per_cent, "%")
+    return [
+        Imperfection(f"{words} stated {sign} {per_cent:g} %", "constants", stated={key: factor}, size=size)
+        for sign, factor in (("+", 1 + per_cent / 100), ("−", 1 - per_cent / 100))
+    ]
 
 
 def imperfection_rows(seed: int, progress: Callable[[str], None]) -> list[Answer]:
@@ -126,6 +127,7 @@ def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int],
         for way in ways:
             found[way].append(_errors(way, pair, imperfection))
     row: Answer = {"words": imperfection.words, "group": imperfection.group, "draws": imperfection.draws}
+    row["size"] = None if imperfection.size is None else list(imperfection.size)
     for way, errors in found.items():
         j1, j_e = np.array(errors).T
         row[way] = {"j1": _one(j1), "j_e": _one(j_e)}
@@ -171,10 +173,3 @@ def _errors(way: str, pair: list[Log], imperfection: Imperfection) -> tuple[floa
             options["nodes"] = reference_nodes(motion(case), log)
         values.append(inertia_by(way, log, **options))
     return 100 * (values[0] / pair[0].truth - 1), 100 * ((values[1] - values[0]) / J_E - 1)
-
-
-def explains(row: Answer, size: float) -> float | None:
-    """How large (in the unit of `size`) an imperfection must be to give the paper's error of J_e^ alone, linearly."""
-    printed = row.get("printed")
-    error = printed.get("j_e") if isinstance(printed, dict) else None
-    return None if not error else size * J_E_ERROR["proposed"] / abs(error)

@@ -24,9 +24,28 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
 
+_UNITS = (
+    "Inertias in 10⁻⁵ kg m², errors in %, f1 in 10⁻⁵ N m s. The twin: J1 = 302.2, J1 + J_e = 398.3, J_e = 96.1, f1 = 26"
+)
+SAYS = {
+    "viscous": f"{_UNITS}. The true J1 of the paper's rig is not known; its a11' is read as J1 + J_e (misprints).",
+    "hidden": f"{_UNITS}, and beside it Stribeck friction of 2 mN m, 4 mN m towards rest (0.3 rad/s).",
+}
+
+GLANCE = {
+    "printed": "(6) as printed",
+    "observers": "with speeds by the observers (23)",
+    "chain": "and the voltage through W_f",
+}
+
+FIG8 = 2.0
+"""Frequency of the run that looks like Fig. 8, rad/s."""
+
+
 def tables(results: dict[str, Any]) -> list[Table]:
     """All tables of `Reproduction.results`, or of the JSON it was written to."""
-    found = [_experiment(one, results["paper"]) for one in results["experiment"]]
+    found = [_glance(results)]
+    found += [_experiment(one, results["paper"]) for one in results["experiment"]]
     found += [_balanced(results), _controllers(results), _simulation(results), _convergence(results)]
     if "imperfections" in results:
         found.append(_imperfections(results["imperfections"], results["paper"]["j_e_error"]))
@@ -60,14 +79,48 @@ def inertia(value: float | None) -> str:
     return NOTHING if value is None else f"{1e5 * value:.2f}".replace("-", "−")
 
 
+def _glance(results: dict[str, Any]) -> Table:
+    """What the paper reports, and what comes out here."""
+    paper = results["paper"]
+    j_e = {
+        one["friction"]: {row["way"]: row["j_e_body"].get("error") for row in one["rows"]}
+        for one in results["experiment"]
+    }
+    reading = {way: 100 * ((paper["a11_body"][way] - paper["j1"][way]) / paper["j_e"] - 1) for way in paper["j1"]}
+    here = [f"{signed(j_e['viscous'][way])} {words}" for way, words in GLANCE.items()]
+    nls = [f"{signed(j_e['viscous']['nls'])} viscous friction", f"{signed(j_e['hidden']['nls'])} hidden dry friction"]
+    momentum = [
+        f"{signed(j_e['viscous']['momentum'])} viscous friction",
+        f"{signed(j_e['hidden']['momentum'])} hidden dry friction",
+    ]
+    ideal = results["simulation"]["rows"]
+    held, trapezoid = (signed(row["error"]) for row in ideal[:2])
+    slow = next(row for row in results["simulation"]["backstepping"] if row["frequency"] == FIG8)
+    rows = (
+        ("J_e, proposed method", signed(reading["proposed"]), "; ".join(here)),
+        ("J_e, NLS", signed(reading["nls"], 3), "; ".join(nls)),
+        ("J_e, momentum", NOTHING, "; ".join(momentum)),
+        (
+            "J1, ideal simulation at the paper's times",
+            f"{paper['simulation_error']:g}, average",
+            f"{held} work of the held voltage; {trapezoid} work by the trapezoid",
+        ),
+        (
+            "J1, backstepping after 8 s",
+            f"{paper['backstepping'][0]:g}",
+            f"{signed(slow['after_8_s'])} at {FIG8:g} rad/s, printed law",
+        ),
+    )
+    return Table("glance", "At a glance", "Errors in %.", ("", "the paper", "here"), rows)
+
+
 def _experiment(answers: dict[str, Any], paper: dict[str, Any]) -> Table:
     printed = [_published(paper, "proposed", "the paper: proposed method"), _published(paper, "nls", "the paper: NLS")]
     rows = [_ways(row) for row in answers["rows"]]
     return Table(
         f"experiment-{answers['friction']}",
         TWINS[answers["friction"]],
-        "Inertias in 10⁻⁵ kg m², errors in %, f1 in 10⁻⁵ N m s. The twin: J1 = 302.2, J1 + J_e = 398.3, J_e = 96.1, "
-        "f1 = 26. The paper's truth of J1 is not known; its a11' is read as J1 + J_e (see the misprints).",
+        SAYS[answers["friction"]],
         ("", "J1", "error", "J1 + J_e", "error", "a11'", "J_e", "error", "f1"),
         (*printed, *rows),
     )
@@ -77,7 +130,7 @@ def _published(paper: dict[str, Any], way: str, words: str) -> tuple[str, ...]:
     j1, a11 = paper["j1"][way], paper["a11_body"][way]
     j_e = a11 - j1
     error = 100 * (j_e / paper["j_e"] - 1)
-    return (words, inertia(j1), NOTHING, inertia(a11), NOTHING, inertia(a11), inertia(j_e), signed(error), NOTHING)
+    return (words, inertia(j1), NOTHING, inertia(a11), NOTHING, inertia(a11), inertia(j_e), signed(error, 3), NOTHING)
 
 
 def _ways(row: dict[str, Any]) -> tuple[str, ...]:
@@ -175,23 +228,31 @@ def _convergence(results: dict[str, Any]) -> Table:
 def _imperfections(found: list[dict[str, Any]], published: dict[str, float]) -> Table:
     rows = []
     for row in found:
-        cells = [row["words"] + (f" (RMS of {row['draws']})" if row["draws"] > 1 else "")]
+        several = row["draws"] > 1
+        cells = [row["words"] + (f" (RMS of {row['draws']})" if several else "")]
         for way in ("printed", "momentum"):
             errors = row.get(way, {})
-            cells += [signed(errors.get("j1")), signed(errors.get("j_e"))]
-        error = row["printed"]["j_e"]
-        alone = error is not None and row["group"] != "none" and abs(error) > 0.5 * published["proposed"]
-        cells.append(f"{100 * published['proposed'] / abs(error):.0f} %" if alone else NOTHING)
-        rows.append(tuple(cells))
+            texts = [signed(errors.get("j1")), signed(errors.get("j_e"))]
+            cells += [text.lstrip("+") for text in texts] if several else texts
+        rows.append((*cells, _alone(row, published["proposed"])))
     return Table(
         "imperfections",
-        "What the experiment's 7 % could come from",
-        "Errors in % of the paper's method ((6), mirrored about the measured turning points) and of momentum, with one "
-        "imperfection at a time. Last column: the share of that imperfection that alone would give J_e 7 % error, "
-        "where all of it gives more than half of that.",
-        ("", "(6): J1", "(6): J_e", "momentum: J1", "momentum: J_e", "share for 7 %"),
+        "One imperfection at a time",
+        "Errors in % of the paper's method ((6), mirrored about the measured turning points) and of momentum. Last "
+        "column: how large the imperfection has to be to give J_e the paper's 7 % alone, by proportion, where at most "
+        "four times the size of the row.",
+        ("", "(6): J1", "(6): J_e", "momentum: J1", "momentum: J_e", "for 7 %"),
         tuple(rows),
     )
+
+
+def _alone(row: dict[str, Any], wanted: float) -> str:
+    """The size of an imperfection that alone gives the wanted error of J_e."""
+    error = row["printed"]["j_e"]
+    if row["size"] is None or not error or abs(error) * 4 < wanted:
+        return NOTHING
+    size, unit = row["size"]
+    return f"{number(size * wanted / abs(error), 2)} {unit}"
 
 
 def _verdicts(claims: list[dict[str, Any]]) -> Table:
@@ -208,8 +269,23 @@ def _verdicts(claims: list[dict[str, Any]]) -> Table:
 def _measurements(claims: list[dict[str, Any]]) -> Table:
     rows = []
     for row in claims:
-        for place, one in enumerate(row["measured"]):
-            value = signed(one["value"], 2) if one["unit"] == "%" else number(one["value"])
-            text = f"{value} {one['unit']}".strip()
-            rows.append((f"“{row['claim']}”" if place == 0 else "", one["what"], text))
+        groups: dict[str, list[str]] = {}
+        for one in row["measured"]:
+            what, _, rest = one["what"].rpartition(": ")
+            text = _measured(one)
+            groups.setdefault(what or rest, []).append(f"{rest} {text}" if what else text)
+        for place, (what, texts) in enumerate(groups.items()):
+            rows.append((f"“{row['claim']}”" if place == 0 else "", what, "; ".join(texts)))
     return Table("measurements", "What the claims were measured by", "", ("claim", "what", "measured"), tuple(rows))
+
+
+def _measured(one: dict[str, Any]) -> str:
+    """A number with its unit: errors with their sign, "±%" for sizes of errors."""
+    value, unit = one["value"], one["unit"]
+    if unit == "%":
+        return f"{signed(value)} %"
+    if unit == "±%":
+        return f"± {number(value, 2)} %"
+    if unit == "" and value is not None and value == int(value):
+        return f"{value:g}"
+    return f"{number(value)} {unit}".strip()

@@ -18,6 +18,7 @@ from swingid.cli.difference import difference
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.init import init
+from swingid.cli.inspect import inspect
 from swingid.cli.output import flush
 from swingid.cli.rehearse import rehearse
 from swingid.cli.reproduce import reproduce
@@ -33,6 +34,7 @@ app = typer.Typer(
 )
 app.command()(init)
 app.command()(simulate)
+app.command()(inspect)
 app.command()(identify)
 app.command()(calibrate)
 app.command()(compare)

@@ -1,0 +1,36 @@
+"""One thing that was looked at in a log, and what was found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+Level = Literal["ok", "note", "unknown", "repair", "fault"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """A finding of an inspection: a `code` for scripts, a `title` and a sentence of `evidence` with numbers for people.
+
+    level: "ok" nothing is wrong; "note" worth knowing; "unknown" this log cannot tell; "repair" the log serves once
+    `remedy` is done; "fault" it does not serve. values: the numbers of the sentence, in SI units.
+    """
+
+    code: str
+    title: str
+    level: Level
+    evidence: str
+    remedy: str = ""
+    values: Mapping[str, object] = field(default_factory=dict)
+
+    def to_dict(self) -> dict[str, object]:
+        """As plain data for JSON."""
+        return {
+            "code": self.code,
+            "title": self.title,
+            "level": self.level,
+            "evidence": self.evidence,
+            "remedy": self.remedy,
+            "values": dict(self.values),
+        }

@@ -1,0 +1,112 @@
+"""The columns of a file as they stand there: type, unit, range, first values, the grid that the values lie on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from swingid.recording.inspect.grid import grid_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.recording.formats.table import Table
+
+    Floats = NDArray[np.float64]
+
+SHOWN = 3
+FLAT = 20
+"""Rows in a run at one extreme value from which on the value is a limit and no peak."""
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column, in the units of the file.
+
+    values (n,): NaN where a cell is no number. kind: "whole numbers", "numbers", "text", "empty". step: the grid on
+    which the values lie, 0 where there is none. first: of the file, as text. changes: share of rows that differ from
+    the row before. at_low, at_high: share of the rows that stand at the lowest and at the highest value in runs.
+    """
+
+    name: str
+    unit: str
+    kind: Literal["whole numbers", "numbers", "text", "empty"]
+    values: Floats
+    first: tuple[str, ...]
+    missing: int
+    low: float
+    high: float
+    step: float
+    changes: float
+    at_low: float
+    at_high: float
+
+    @property
+    def constant(self) -> bool:
+        """Whether all numbers are one number."""
+        return self.kind in ("numbers", "whole numbers") and self.low == self.high
+
+    @property
+    def span(self) -> float:
+        """From the lowest to the highest value; 0 for a column without numbers."""
+        return self.high - self.low if np.isfinite(self.high - self.low) else 0.0
+
+    def to_dict(self) -> dict[str, object]:
+        """As plain data for JSON, without the values."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "kind": self.kind,
+            "first": list(self.first),
+            "missing": self.missing,
+            "low": self.low,
+            "high": self.high,
+            "step": self.step,
+            "changes": self.changes,
+            "at_low": self.at_low,
+            "at_high": self.at_high,
+        }
+
+
+def describe(table: Table) -> list[Column]:
+    """All columns of a file's table, in its order."""
+    return [_column(table, name) for name in table.columns]
+
+
+def _column(table: Table, name: str) -> Column:
+    raw = table.columns[name]
+    values, text = table.numbers(name)
+    good = np.isfinite(values)
+    missing = int(len(values) - np.count_nonzero(good))
+    finite = values if missing == 0 else values[good]
+    first = tuple(str(cell) if raw.dtype == object else f"{cell:.7g}" for cell in raw[:SHOWN])
+    unit = table.unit(name)
+    if not finite.size:
+        return Column(name, unit, "text" if text else "empty", values, first, missing, np.nan, np.nan, 0, 0, 0, 0)
+    low, high = float(finite.min()), float(finite.max())
+    whole = bool((finite[:10_000] == np.round(finite[:10_000])).all() and (finite == np.round(finite)).all())
+    return Column(
+        name=name,
+        unit=unit,
+        kind="whole numbers" if whole else "numbers",
+        values=values,
+        first=first,
+        missing=missing,
+        low=low,
+        high=high,
+        step=grid_of(finite),
+        changes=float(np.mean(finite[1:] != finite[:-1])) if finite.size > 1 else 0.0,
+        at_low=_share_of_runs(finite == low),
+        at_high=_share_of_runs(finite == high),
+    )
+
+
+def _share_of_runs(there: NDArray[np.bool_]) -> float:
+    """Share of rows in runs of at least three rows that are `there`."""
+    if np.count_nonzero(there) < 3 or there.all():
+        return 0.0
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(np.int8)))
+    lengths = edges[1::2] - edges[::2]
+    return float(lengths[lengths >= 3].sum() / len(there))

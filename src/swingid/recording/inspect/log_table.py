@@ -1,0 +1,73 @@
+"""The table [log] of a rig file as a guess: what to confirm, each line with what it rests on."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from swingid.recording.inspect.roles import SECONDS
+
+if TYPE_CHECKING:
+    from swingid.recording.inspect.roles import Role, Roles
+
+WIDTH = 38
+
+
+def log_table(roles: Roles, rate: float) -> str:
+    """TOML text of [log] with a comment per line; rate: rows per second, used where the log has no clock in seconds.
+
+    Units that the header states are left out of the table where the reader takes them from there.
+    """
+    lines = [_line("[log]", "guessed from the file: confirm each line")]
+    time = roles.found.get("time")
+    if time is None:
+        lines.append(_line(f"rate = {rate:.6g}", "rows per second: no column rises, so this number is yours to set"))
+    elif time.unit != "s" and not _stated(time):
+        text = f"column {time.column!r} seems to be in {time.unit}; rows are taken as evenly spaced"
+        lines.append(_line(f"rate = {rate:.10g}", text))
+    else:
+        lines.append(_line(f"time = {json.dumps(time.column, ensure_ascii=False)}", time.why))
+    angle = roles.found.get("angle")
+    if angle is not None:
+        lines.append(_line(f"angle = {json.dumps(angle.column, ensure_ascii=False)}", angle.why))
+        lines.append(_line(f'angle_unit = "{angle.unit}"', "of the body"))
+        if not roles.linear:
+            up = bool(roles.zero_up)
+            text = "the motion is about half a turn" if up else "as far as the file tells"
+            lines.append(_line(f'angle_zero = "{"up" if up else "down"}"', text))
+        lines.append(_line("angle_sign = 1", "counter-clockwise positive; no file tells"))
+    lines += _drive_lines(roles)
+    reference = roles.found.get("reference")
+    if reference is not None:
+        column = json.dumps(reference.column, ensure_ascii=False)
+        lines.append(_line(f"reference = {column}", f"{reference.why}; for plots only"))
+    return "\n".join(lines) + "\n"
+
+
+def _drive_lines(roles: Roles) -> list[str]:
+    lines = []
+    for key in ("wheel_angle", "wheel_speed", "voltage", "torque"):
+        role = roles.found.get(key)
+        if role is None:
+            continue
+        lines.append(_line(f"{key} = {json.dumps(role.column, ensure_ascii=False)}", role.why))
+        if key.startswith("wheel"):
+            lines.append(_line(f'{key}_unit = "{role.unit}"', "of the wheel"))
+        if key == "wheel_angle":
+            lines.append(_line("wheel_angle_sign = 1", "inspect --rig tests it against the angle"))
+            text = 'to the pendulum; or "absolute": inspect --rig compares both'
+            lines.append(_line('wheel_angle_is = "relative"', text))
+        if key == "torque":
+            lines.append(_line("torque_gain = 1", "N m (N) per unit of the column"))
+    if "voltage" in roles.found or "torque" in roles.found:
+        lines.append(_line("drive_held = true", "row k's command acts until row k+1; false: measured at row k"))
+    return lines
+
+
+def _stated(time: Role) -> bool:
+    """Whether the reader takes the unit of the time from the header."""
+    return time.unit in SECONDS and "if in" not in time.why
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:<{WIDTH}}# {comment}"

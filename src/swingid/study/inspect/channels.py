@@ -1,0 +1,159 @@
+"""What each channel is worth: its steps, its noise, its limits, whether it lives; and what was mended on reading."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from swingid.identify.motion import sample_noise
+from swingid.identify.noise import EVEN, uneven_noise
+from swingid.recording.inspect import Check, Column, Level
+from swingid.recording.inspect.grid import is_decimal
+from swingid.recording.recording import Recording
+
+WORDS = {
+    "angle": "angle",
+    "wheel_angle": "wheel angle",
+    "wheel_speed": "wheel speed",
+    "voltage": "voltage",
+    "torque": "torque",
+    "reference": "reference",
+}
+COARSE = 0.2
+"""Steps of an encoder per typical change between rows above which it is called coarse."""
+
+CLIPPED = 0.01
+"""Share of rows at the limits from which on a command is said to saturate."""
+
+MOSTLY = 0.5
+USER = {
+    "jumps": "use a log of one side of the jump",
+    "wheel-still": "check the wheel's encoder",
+    "ambiguous-turns": "log it faster, or continuous over turns",
+    "slow-rows": "log the time in s",
+}
+"""What only the user can mend, by the code of what was found on reading."""
+
+TOLD_BY_CLOCK = ("gaps", "repeated-rows")
+"""What the checks of the clock say with more numbers."""
+
+ONE_TURN = 2 * np.pi
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A column in its role, and the factor from its units to SI (None: not known)."""
+
+    role: str
+    column: Column
+    factor: float | None
+    unit: str
+
+    @property
+    def rotary(self) -> bool:
+        """Whether it is an angle."""
+        return self.unit == "rad"
+
+
+def check_channels(channels: list[Channel], log: Recording | None, declared: Mapping[str, float]) -> list[Check]:
+    """What is to be said of every channel. declared: step in SI units by channel, as the rig file states it."""
+    found: list[Check] = []
+    for channel in channels:
+        values = getattr(log, channel.role, None) if log is not None else None
+        found += _one(channel, log, values, declared.get(channel.role, 0.0))
+    if log is not None:
+        found += _on_reading(log)
+    return found
+
+
+def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, declared: float) -> Iterator[Check]:
+    column, word = channel.column, WORDS[channel.role]
+    code = channel.role
+    if column.constant:
+        dead: Level = "note" if channel.role in ("reference", "voltage") else "fault"
+        text = f"{word} (column {column.name!r}) is {column.low:g} in all {len(column.values)} rows: a dead channel."
+        yield Check(f"{code}-dead", word, dead, text, f"log the {word}" if dead == "fault" else "")
+        return
+    factor = channel.factor or 1.0
+    unit = channel.unit if channel.factor is not None else column.unit
+    step = abs(factor) * column.step
+    values_of: dict[str, object] = {"low": column.low, "high": column.high, "step": step}
+    text = f"column {column.name!r} from {column.low:.4g} to {column.high:.4g}{_in(column.unit or '')}"
+    if column.missing:
+        text += f", {column.missing} cells without a number"
+    level: Level = "ok"
+    remedy = ""
+    if channel.role in ("angle", "wheel_angle", "wheel_speed"):
+        text += f"; {_steps(channel, step, values_of)}"
+        if declared > 0 and column.step > 0 and not 0.95 < step / declared < 1.05 and not is_decimal(column.step):
+            key = "sensors" if channel.role == "angle" else "sensors.wheel"
+            text += f"; the rig file says {_size(declared, unit)}"
+            stated = f"counts_per_turn = {ONE_TURN / step:.0f}" if channel.rotary else f"resolution = {step:.3g}"
+            if step > declared:
+                level, remedy = "repair", f"state {stated} under [{key}]"
+    elif column.step:
+        text += f"; steps of {_size(step, unit)}"
+    if values is not None and log is not None and channel.role != "reference":
+        noise = white_noise(log, values)
+        values_of["noise"] = noise
+        if channel.role in ("angle", "wheel_angle"):
+            text += f"; noise {_size(noise, unit)} per sample"
+    yield Check(code, word, level, f"{text}.", remedy, values_of)
+    if channel.role in ("voltage", "torque"):
+        yield from _saturation(channel)
+
+
+def _in(unit: str) -> str:
+    return f" {unit}" if unit else ""
+
+
+def _steps(channel: Channel, step: float, values: dict[str, object]) -> str:
+    column = channel.column
+    if column.step == 0:
+        return "no steps to be seen"
+    if is_decimal(column.step) and column.kind != "whole numbers":
+        return f"written in steps of {column.step:.3g}, which may be its digits and no encoder's"
+    if channel.rotary and channel.factor is not None and channel.role != "wheel_speed":
+        counts = ONE_TURN / step
+        values["counts_per_turn"] = counts
+        bits = np.log2(counts)
+        exact = f", {round(bits)} bit" if abs(bits - round(bits)) < 1e-3 else ""
+        return f"steps of {_size(step, 'rad')}, {counts:.6g} per turn{exact}"
+    return f"steps of {_size(step, channel.unit)}"
+
+
+def _size(value: float, unit: str) -> str:
+    from swingid.identify.format import number
+
+    return number(value, unit, 3)
+
+
+def white_noise(log: Recording, values: np.ndarray) -> float:
+    """Standard deviation of one sample's noise (SI), with even or uneven stamps."""
+    steps = np.diff(log.time)
+    even = bool(np.ptp(steps) <= EVEN * steps[0])
+    return sample_noise(values) if even else uneven_noise(log.time, np.ascontiguousarray(values))
+
+
+def _saturation(channel: Channel) -> Iterator[Check]:
+    column, word = channel.column, WORDS[channel.role]
+    share = column.at_low + column.at_high
+    if share < CLIPPED or column.low >= column.high:
+        return
+    ends = [f"{end:.4g} in {part:.1%}" for end, part in ((column.low, column.at_low), (column.high, column.at_high))]
+    text = f"{word} stands at its limits in {share:.1%} of the rows ({' and '.join(ends)})"
+    text += "; methods take what is logged as applied, so it has to be what the limiter let through."
+    level: Level = "repair" if share > MOSTLY else "note"
+    remedy = "record a smaller or slower motion, which the drive can follow" if level == "repair" else ""
+    yield Check(f"{channel.role}-saturated", "saturation", level, text, remedy, {"share": share})
+
+
+def _on_reading(log: Recording) -> Iterator[Check]:
+    """What was found and mended when the file was read."""
+    for finding in log.findings:
+        if finding.code in TOLD_BY_CLOCK:
+            continue
+        remedy = USER.get(finding.code, "") if finding.level == "warning" else ""
+        yield Check(finding.code, "on reading", "repair" if remedy else "note", finding.message, remedy)

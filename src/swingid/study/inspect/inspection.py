@@ -1,0 +1,283 @@
+"""`inspect_log`: what a file holds, what it is worth, and whether it fits the rig."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from swingid.errors import SwingidError
+from swingid.identify.noise import channel_noise
+from swingid.model.rig import Rig
+from swingid.recording.conventions import Conventions
+from swingid.recording.formats import read_table
+from swingid.recording.formats.table import Table
+from swingid.recording.header_units import with_header_units
+from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
+from swingid.recording.inspect.clock import Clock, check_clock
+from swingid.recording.inspect.roles import SECONDS
+from swingid.recording.inspect.trial import trial_rig
+from swingid.recording.load import from_table, read_bytes
+from swingid.recording.recording import Recording, Source
+from swingid.study.inspect.channels import Channel, check_channels
+from swingid.study.inspect.motion import Swings, read_motion
+from swingid.study.inspect.physics import balance_of, check_physics
+from swingid.study.inspect.services import Service, services
+from swingid.study.inspect.verdict import Verdict, judge
+
+SCHEMA = "swingid.inspect/1"
+
+UNSAID = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """All that was found. log: the channels as the rig, or the guess, reads them; None where they cannot be read.
+
+    table: the text of a [log] table as guessed. rig: None where none was given; `log` is then in guessed units.
+    tried: changes of the rig file under which the rest was checked.
+    """
+
+    path: str
+    sha256: str
+    rows: int
+    columns: tuple[Column, ...]
+    roles: Roles
+    table: str
+    clock: Clock | None
+    checks: tuple[Check, ...]
+    services: tuple[Service, ...]
+    verdict: Verdict
+    rig: Rig | None = None
+    log: Recording | None = None
+    swings: Swings | None = None
+    tried: Mapping[str, object] = field(default_factory=dict)
+
+    def check(self, code: str) -> Check | None:
+        """The check with this code, None where it was not made."""
+        return next((check for check in self.checks if check.code == code), None)
+
+    @property
+    def linear(self) -> bool:
+        """Whether the axis is a linear one, as the rig says or the guess."""
+        return self.roles.linear if self.rig is None else self.rig.axis.kind == "linear"
+
+    def to_json(self) -> str:
+        """The inspection as JSON text, schema "swingid.inspect/1"; what is not a number is null."""
+        data = {
+            "schema": SCHEMA,
+            "verdict": {"status": self.verdict.status, "line": self.verdict.line},
+            "log": self.path,
+            "sha256": self.sha256,
+            "rows": self.rows,
+            "rig": None if self.rig is None else self.rig.name,
+            "columns": [column.to_dict() for column in self.columns],
+            "roles": {
+                name: {"column": role.column, "unit": role.unit, "why": role.why, "sure": role.sure}
+                for name, role in self.roles.found.items()
+            },
+            "other_columns": dict(self.roles.others),
+            "log_table": self.table,
+            "checks": [check.to_dict() for check in self.checks],
+            "methods": [service.to_dict() for service in self.services],
+            "changes_tried": dict(self.tried),
+        }
+        return json.dumps(_plain(data), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
+
+    def summary(self) -> str:
+        """The inspection as text for a terminal."""
+        from swingid.study.inspect.text import summary
+
+        return summary(self)
+
+
+def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
+    """Look at a log; raises InputError only where the file cannot be read as a table."""
+    content = read_bytes(path)
+    return inspect_table(read_table(content, str(path)), rig, Source(str(path), hashlib.sha256(content).hexdigest()))
+
+
+def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = None) -> Inspection:
+    """Look at a table of named columns; what cannot be read as a log is a fault of the verdict, not an error."""
+    source = source or Source()
+    columns = describe(table)
+    roles = guess_roles(columns)
+    by_name = {column.name: column for column in columns}
+    clock, checks = _clock(table, rig, roles, by_name)
+    text = log_table(roles, clock.rate if clock is not None else float("nan"))
+    reader = rig if rig is not None else trial_rig(roles, by_name, text)
+    tried: dict[str, object] = {}
+    log = None
+    if reader is None:
+        remedy = "name the column of the angle in a rig file"
+        checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
+    else:
+        log, reader, tried, more = _read(table, reader, source, try_changes=rig is not None)
+        checks += more
+    swings: Swings | None = None
+    found: list[Service] = []
+    if reader is not None:
+        declared = _declared(reader) if rig is not None else {}
+        checks += check_channels(_channels(table, reader, by_name), log, declared)
+    if reader is not None and log is not None:
+        noise = channel_noise(log, reader)
+        drive = reader.drive.kind if rig is not None else roles.drive
+        swings, more = read_motion(log, noise, drive, linear=reader.axis.kind == "linear")
+        checks += more
+        found = services(log, swings, drive, rig)
+        if rig is not None and swings is not None:
+            more, reader, log = _physics(table, log, reader, swings, source, tried)
+            checks += more
+    rows = max((len(column.values) for column in columns), default=0)
+    return Inspection(
+        path=source.path or "the table",
+        sha256=source.sha256 or "",
+        rows=rows,
+        columns=tuple(columns),
+        roles=roles,
+        table=text,
+        clock=clock,
+        checks=tuple(checks),
+        services=tuple(found),
+        verdict=judge(checks, with_rig=rig is not None),
+        rig=None if rig is None else reader,
+        log=log,
+        swings=swings,
+        tried=tried,
+    )
+
+
+def _clock(
+    table: Table, rig: Rig | None, roles: Roles, columns: Mapping[str, Column]
+) -> tuple[Clock | None, list[Check]]:
+    """The clock by the rig's convention or the guess, and what is to be said of it."""
+    rate, name, factor = None, roles.column("time"), 1.0
+    if rig is not None:
+        rate, name = rig.log.rate, table.find(rig.log.time)
+        stated = table.unit(name) if name is not None else ""
+        factor = SECONDS.get(stated, 1.0)
+    elif name is not None:
+        factor = SECONDS[roles.found["time"].unit]
+    rows = max((len(column.values) for column in columns.values()), default=0)
+    if rate is not None:
+        stamps, name = np.arange(rows) / rate, "the row number"
+    elif name is not None and name in columns and columns[name].kind in ("numbers", "whole numbers"):
+        stamps = columns[name].values * factor
+    else:
+        text = "no column rises as a clock does."
+        return None, [Check("no-time", "rate", "repair", text, "set [log] rate, rows per second", {"rows": rows})]
+    own = [column for column in columns.values() if len(column.values) == len(stamps)]
+    clock = read_clock(stamps, own)
+    return clock, check_clock(clock, f"column {name!r}" if rate is None else name)
+
+
+def _read(
+    table: Table, rig: Rig, source: Source, *, try_changes: bool
+) -> tuple[Recording | None, Rig, dict[str, object], list[Check]]:
+    """The Recording as `rig` reads it; where it refuses and another unit heals that, as that reads it."""
+    try:
+        return from_table(table, rig, source), rig, {}, []
+    except SwingidError as error:
+        failed = error
+    for changes in _other_units(rig, failed.code) if try_changes else ():
+        try:
+            other = rig.changed(changes)
+            log = from_table(table, other, source)
+        except SwingidError:
+            continue
+        remedy = f"set {_words(changes)} under [log]"
+        check = Check(failed.code, "on reading", "repair", failed.message, remedy)
+        return log, other, dict(changes), [check]
+    return None, rig, {}, [Check(failed.code, "on reading", "fault", failed.message, "")]
+
+
+def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
+    if code != "implausible-angle":
+        return []
+    return [{"log.angle_unit": unit} for unit in ("deg", "rad") if unit != rig.log.angle_unit]
+
+
+def _physics(
+    table: Table, log: Recording, rig: Rig, swings: Swings, source: Source, tried: dict[str, object]
+) -> tuple[list[Check], Rig, Recording]:
+    """Checks of the log against the rig; where a sign or the zero is wrong, once more with it set right."""
+    noise = channel_noise(log, rig)
+    try:
+        return check_physics(balance_of(log, rig, swings, noise), rig), rig, log
+    except SwingidError as error:
+        failed = error
+    if failed.code != "wrong-sign":
+        return [Check(failed.code, "balance", "fault", failed.message, "")], rig, log
+    for changes in _other_signs(rig):
+        try:
+            other = rig.changed(changes)
+            read = from_table(table, other, source)
+            again, _ = read_motion(read, noise, rig.drive.kind, linear=rig.axis.kind == "linear")
+            if again is None:
+                continue
+            balance = balance_of(read, other, again, noise)
+        except SwingidError:
+            continue
+        tried.update(changes)
+        remedy = f"set {_words(changes)} under [log]"
+        wrong = Check("signs", "signs", "repair", failed.message, remedy, {"changes": dict(changes)})
+        rest = [check for check in check_physics(balance, other) if check.code != "signs"]
+        return [wrong, *rest], other, read
+    return [Check("signs", "signs", "fault", failed.message, "")], rig, log
+
+
+def _other_signs(rig: Rig) -> list[dict[str, object]]:
+    """Changes of [log] to try where signs are wrong, the simplest first."""
+    key = {"reaction-wheel": "wheel_angle_sign", "direct": "torque_sign"}.get(rig.drive.kind)
+    turned: list[dict[str, object]] = [] if key is None else [{f"log.{key}": -getattr(rig.log, key)}]
+    other: dict[str, object] = {"log.angle_zero": "down" if rig.log.angle_zero == "up" else "up"}
+    if rig.axis.kind == "linear":
+        return turned
+    return [*turned, other, *({**one, **other} for one in turned)]
+
+
+def _words(changes: Mapping[str, object]) -> str:
+    return " and ".join(f"{key.removeprefix('log.')} = {json.dumps(value)}" for key, value in changes.items())
+
+
+def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Channel]:
+    """The rig's channels that the file has, with what turns their columns into SI units."""
+    try:
+        conventions, _ = with_header_units(table, rig, "the log")
+    except SwingidError:
+        conventions = Conventions.of(rig)
+    found = []
+    linear = rig.axis.kind == "linear"
+    for role in (*conventions.channels,):
+        name = table.find(conventions.columns.get(role, ""))
+        if role == "adaptive_gain" or name is None or columns[name].kind not in ("numbers", "whole numbers"):
+            continue
+        units = {"angle": "m" if linear else "rad", "wheel_angle": "rad", "wheel_speed": "rad/s", "voltage": "V"}
+        units |= {"torque": "N" if linear else "N m", "reference": "m" if linear else "rad"}
+        scale = conventions.scales.get(role)
+        factor = scale.factor if scale is not None else UNSAID
+        found.append(Channel(role, columns[name], factor, units[role]))
+    return found
+
+
+def _declared(rig: Rig) -> dict[str, float]:
+    return {"angle": rig.sensors.of("angle").resolution, "wheel_angle": rig.sensors.of("wheel").resolution}
+
+
+def _plain(value: object) -> object:
+    """Data that JSON knows: no numpy numbers, null for what is not finite."""
+    if isinstance(value, dict):
+        return {str(key): _plain(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(one) for one in value]
+    if isinstance(value, bool | np.bool_):
+        return bool(value)
+    if isinstance(value, int | np.integer):
+        return int(value)
+    if isinstance(value, float | np.floating):
+        return float(value) if np.isfinite(value) else None
+    return value

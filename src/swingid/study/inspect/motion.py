@@ -1,0 +1,152 @@
+"""The motion that a log shows: turning points, frequencies, rest, and what it can tell apart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UnanswerableError
+from swingid.identify.motion import Motion, find_motion
+from swingid.identify.noise import Noise
+from swingid.identify.segment import usable_part
+from swingid.recording.inspect import Check
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+POINTS = 2**15
+"""Points of the even grid whose spectrum is taken."""
+
+SMALL = 0.03
+"""Share of the largest amplitude below which a line of the spectrum is not told of."""
+
+MOST_LINES = 4
+APART = 0.12
+"""Lines count as two frequencies where they lie at least so far apart (share), and are no harmonics."""
+
+STRONG = 0.1
+"""Share of the amplitude that a second frequency needs to tell inertia from gravity."""
+
+
+@dataclass(frozen=True)
+class Swings:
+    """What there is of motion: the Motion, the part worth using (s), lines of its spectrum (Hz, amplitude in rad or m).
+
+    `part_note`: how the part was chosen.
+    """
+
+    motion: Motion
+    start: float
+    stop: float
+    part_note: str
+    lines: tuple[tuple[float, float], ...]
+
+    @property
+    def rest(self) -> float:
+        """Time in s that the axis rests within the part."""
+        rests = self.motion.within(self.start, self.stop).rests
+        return float((rests[:, 1] - rests[:, 0]).sum()) if len(rests) else 0.0
+
+
+def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tuple[Swings | None, list[Check]]:
+    """The motion of a log and what is to be said of it; None where there is none that a method could use."""
+    unit = "m" if linear else "rad"
+    try:
+        motion = find_motion(log.time, log.angle, noise.angle)
+        start, stop, note = usable_part(motion, drive, float(log.time[0]), float(log.time[-1]))
+    except UnanswerableError as error:
+        return None, [Check("motion", "motion", "fault", error.message, "record a motion that swings to and fro")]
+    lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))
+    swings = Swings(motion, start, stop, note.message, lines)
+    inside = motion.within(start, stop)
+    sizes, count = inside.swing_sizes, len(inside.turning_times)
+    text = f"{count} turning points from {start:.4g} to {stop:.4g} s, swings of {np.median(sizes):.3g} {unit}"
+    text += f" (from {sizes.min():.3g} to {sizes.max():.3g}) that take {inside.half_period:.3g} s each."
+    values: dict[str, object] = {
+        "turning_points": count,
+        "start": start,
+        "stop": stop,
+        "swing": float(np.median(sizes)),
+        "half_period": inside.half_period,
+    }
+    found = [Check("motion", "motion", "ok", text, "", values)]
+    if swings.rest > 0.02 * (stop - start):
+        text = f"the axis rests {swings.rest:.3g} s of this part, which tells nothing of inertia."
+        found.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))
+    if drive != "none":
+        found.append(_excitation(swings, unit))
+    return swings, found
+
+
+def amplitudes(time: Array, angle: Array, start: float, stop: float, main: float) -> tuple[Array, Array]:
+    """Amplitude spectrum of the angle from `start` to `stop` (s) under Hann's window: frequencies (Hz), heights.
+
+    main: about the main frequency, Hz; the grid is fine enough for forty times it.
+    """
+    count = int(min(POINTS, max(256, 2 ** np.ceil(np.log2((stop - start) * main * 160)))))
+    even = np.linspace(start, stop, count)
+    values = np.interp(even, time, angle)
+    window = np.hanning(count)
+    values = (values - np.average(values, weights=window)) * window
+    frequency: Array = np.asarray(np.fft.rfftfreq(count, (stop - start) / (count - 1)), dtype=np.float64)
+    height: Array = 2 * np.abs(np.fft.rfft(values)) / window.sum()
+    return frequency, height
+
+
+def spectrum(time: Array, angle: Array, start: float, stop: float, main: float) -> tuple[tuple[float, float], ...]:
+    """The largest lines of the angle's amplitude spectrum: frequency in Hz and amplitude, the largest first.
+
+    main: about the main frequency, Hz; lines are looked for up to forty times it.
+    """
+    frequency, power = amplitudes(time, angle, start, stop, main)
+    peaks = np.flatnonzero((power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])) + 1
+    peaks = peaks[(frequency[peaks] > 1.5 / (stop - start)) & (frequency[peaks] < 40 * main)]
+    lines: list[tuple[float, float]] = []
+    for k in peaks[np.argsort(-power[peaks])]:
+        if lines and power[k] < SMALL * lines[0][1]:
+            break
+        # the true place and height between the points of the grid, for Hann's window
+        left, middle, right = power[k - 1], power[k], power[k + 1]
+        beside = max(left, right)
+        shift = (2 * beside - middle) / (middle + beside) * (1 if right > left else -1)
+        height = middle * _hann_gain(float(shift))
+        lines.append((float(frequency[k] + shift * frequency[1]), float(height)))
+        if len(lines) == MOST_LINES:
+            break
+    return tuple(lines)
+
+
+def _hann_gain(shift: float) -> float:
+    """Height of a line over its nearest point, `shift` points away (Hann's window)."""
+    if abs(shift) < 1e-9:
+        return 1.0
+    return float(np.pi * shift * (1 - shift**2) / np.sin(np.pi * shift))
+
+
+def independent(lines: tuple[tuple[float, float], ...]) -> list[float]:
+    """Frequencies (Hz) among the strong lines that are neither near another nor a multiple of one."""
+    kept: list[float] = []
+    for frequency, height in lines:
+        if height < STRONG * lines[0][1]:
+            continue
+        ratios = [max(frequency / other, 1e-9) for other in kept]
+        if all(abs(r - round(r)) > APART * r or round(r) == 0 for r in ratios if r > 1 - APART) and all(
+            r > 1 - APART or r < 1 / (1 + APART) for r in ratios
+        ):
+            kept.append(frequency)
+    return kept
+
+
+def _excitation(swings: Swings, unit: str) -> Check:
+    shown = ", ".join(f"{f:.3g} Hz ({2 * np.pi * f:.3g} rad/s) with {a:.3g} {unit}" for f, a in swings.lines)
+    kept = independent(swings.lines)
+    if len(kept) > 1:
+        text = f"frequencies {shown}: more than one, so inertia and gravity torque can be told apart."
+    else:
+        text = f"frequencies {shown or 'none'}: one motion, in which inertia and gravity torque move together"
+        text += "; gravity_torque has to be known."
+    if unit == "m":
+        text = f"frequencies {shown}."
+    return Check("excitation", "frequencies", "note", text, "", {"lines": [list(line) for line in swings.lines]})

@@ -1,0 +1,196 @@
+"""Checks of a log against the rig: signs, zero, reading of the wheel, latency, encoders, by the log's own balance."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from swingid.identify.format import number, percent, plus_minus
+from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.checks import check_motor, check_sign
+from swingid.identify.momentum.choice import choose_law
+from swingid.identify.momentum.fits import WindowFit
+from swingid.identify.motor_balance import motor_balance
+from swingid.identify.noise import Noise
+from swingid.identify.scale import Scale, require_channels
+from swingid.model.rig import Rig
+from swingid.recording.inspect import Check, Level
+from swingid.recording.recording import Recording
+from swingid.study.inspect.extra_columns import Extra, amplitude, extras, zero_of
+from swingid.study.inspect.motion import Swings
+
+SURE = 5.0
+"""Standard uncertainties from which on a small quantity is there."""
+
+FEWEST = 20
+"""Rows of a fit that may speak about small quantities."""
+
+MOST_ROWS = 120_000
+"""Rows of a log that these checks look at; beyond that they know enough."""
+
+MODEL = 0.05
+"""Share of the typical row that the balance may leave; more, and log and rig do not belong together."""
+
+
+@dataclass(frozen=True)
+class Balance:
+    """The momentum balance of the part that was looked at: fits on windows of several lengths, the chosen one first."""
+
+    used: Recording
+    signals: Signals
+    scale: Scale
+    noise: Noise
+    law: WindowFit
+    fits: list[WindowFit]
+
+
+def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balance:
+    """The balance on at most MOST_ROWS rows from the middle of the useful part; errors as those of `identify`."""
+    scale = Scale.of(rig)
+    require_channels(log, rig)
+    used = log.segment(swings.start, swings.stop)
+    if len(used) > MOST_ROWS:
+        begin = (len(used) - MOST_ROWS) // 2
+        used = used.segment(float(used.time[begin]), float(used.time[begin + MOST_ROWS - 1]))
+    motion = swings.motion.within(float(used.time[0]), float(used.time[-1]))
+    signals = Signals.of(used, rig, motion)
+    law, tried = choose_law(signals, rig, scale, noise)
+    check_sign(law, scale, log.source.path or "the log")
+    return Balance(used, signals, scale, noise, law, list(tried.values()))
+
+
+def check_physics(balance: Balance, rig: Rig) -> list[Check]:
+    """All checks that need the rig, on a balance whose signs are right."""
+    law = balance.law
+    found = [_signs(balance, rig), *_model(balance)]
+    zero = zero_of(law, balance.signals, balance.scale)
+    if zero is not None:
+        found.append(_zero(zero))
+    found += _wheel(balance, rig)
+    fits = [fit for fit in balance.fits if len(fit.rows.windows) >= FEWEST]
+    turn = float(rig.log.wheel_scale) if rig.drive.kind == "reaction-wheel" else 1.0
+    small = extras(fits, balance.signals, balance.scale, turn) if fits else {}
+    if "latency" in small:
+        found.append(_latency(small["latency"], rig))
+    for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
+        if f"{which} 1 cosine" in small:
+            found.append(_encoder(small, which, word, table, rig))
+    return found
+
+
+def _signs(balance: Balance, rig: Rig) -> Check:
+    law, scale = balance.law, balance.scale
+    if scale.drive == "none":
+        text = "nothing drives the axis, so no sign can be wrong; the decay gives a positive inertia."
+        return Check("signs", "signs", "ok", text)
+    what = "wheel angle" if scale.drive == "reaction-wheel" else "torque"
+    turned = "" if not scale.b else " and gravity pulls towards 0"
+    inertia = plus_minus(law.a11 - scale.carried, law.u, scale.unit)
+    text = f"{what} and angle have signs that belong together{turned}: the balance gives the inertia {inertia}."
+    return Check("signs", "signs", "ok", text, "", {"inertia": law.a11 - scale.carried, "uncertainty": law.u})
+
+
+def _model(balance: Balance) -> Iterator[Check]:
+    """Whether the balance closes: what is left against what the terms are."""
+    rows, residuals = balance.law.rows, balance.law.fit.residuals
+    left = float(np.sqrt(np.mean(residuals**2)) / max(float(np.std(balance.law.a11 * rows.inertia)), 1e-300))
+    text = f"inertia, gravity, drive and friction leave {percent(left)} of the inertia's term"
+    if left < MODEL:
+        yield Check("balance", "balance", "ok", f"{text}: log and rig belong together.", "", {"left": left})
+        return
+    text += ": a term is missing, or a column is not what [log] says."
+    remedy = "check the columns, their units, and whether anything else touches the body"
+    yield Check("balance", "balance", "repair", text, remedy, {"left": left})
+
+
+def _zero(zero: Extra) -> Check:
+    size = plus_minus(zero.value, zero.uncertainty, "rad")
+    values: dict[str, object] = {"zero": zero.value, "uncertainty": zero.uncertainty}
+    if zero.uncertainty > 0.1:
+        text = f"the motion does not tell where the body hangs (to within {zero.uncertainty:.2g} rad only)."
+        return Check("zero", "zero of the angle", "unknown", text, "", values)
+    text = f"0 of the angle lies {size} beside hanging"
+    if abs(zero.value) < SURE * zero.uncertainty or abs(zero.value) < 1e-3:
+        return Check("zero", "zero of the angle", "ok", f"{text}.", "", values)
+    remedy = f"take {number(zero.value, 'rad', 3)} off the angle"
+    return Check(
+        "zero", "zero of the angle", "repair", f"{text}, unless friction differs by direction.", remedy, values
+    )
+
+
+def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
+    """Relative or absolute wheel angle, and the voltage's sign, by the motor's balance (II)."""
+    if balance.signals.wheel is None:
+        return
+    motor = motor_balance(balance.used, rig, balance.signals, balance.law.rows.windows, balance.noise)
+    warnings, notes = check_motor(motor, balance.signals)
+    titles = {"voltage-sign": "voltage sign", "motor-balance": "motor's balance"}
+    for message in (*warnings, *notes):
+        title = titles.get(message.code, "reading of the wheel")
+        warned = message in warnings
+        level: Level = "repair" if warned else "unknown" if motor is None else "ok"
+        text, _, remedy = message.message.rpartition("; ") if warned else (message.message, "", "")
+        values: dict[str, object] = {}
+        if motor is not None:
+            values = {"as_stated": motor.as_stated, "otherwise": motor.otherwise, "turned": motor.turned}
+        code = "wheel-reading" if title == "reading of the wheel" else message.code
+        yield Check(code, title, level, f"{text}." if warned else text, remedy.rstrip("."), values)
+    if motor is not None and not any(m.code == "voltage-sign" for m in warnings):
+        turned = percent(motor.turned) if np.isfinite(motor.turned) else "nothing that can be compared"
+        text = f"the motor's balance leaves {percent(motor.as_stated)} with the voltage as logged, {turned} with it "
+        text += "turned."
+        level = "ok" if motor.as_stated < 0.5 * motor.turned else "unknown"
+        values = {"as_stated": motor.as_stated, "turned": motor.turned}
+        yield Check("voltage-sign", "voltage sign", level, text, "", values)
+
+
+def _latency(latency: Extra, rig: Rig) -> Check:
+    """Latency between the channels, beyond what the rig file declares."""
+    wheel = rig.drive.kind == "reaction-wheel"
+    size = plus_minus(1e3 * latency.value, 1e3 * latency.uncertainty, "ms")
+    what = "the wheel angle is read" if wheel else "the angle is read"
+    against = "after the angle" if wheel else "after the torque acts"
+    values: dict[str, object] = {"latency": latency.value, "uncertainty": latency.uncertainty}
+    if not latency.told:
+        text = (
+            f"the motion does not tell the latency between the channels (to within {1e3 * latency.uncertainty:.2g} ms)."
+        )
+        return Check("latency", "latency", "unknown", text, "", values)
+    text = f"{what} {size} {against}, beyond what the rig file says"
+    if abs(latency.value) < SURE * latency.uncertainty:
+        return Check("latency", "latency", "ok", f"{text}: nothing to be seen.", "", values)
+    key = "sensors.wheel" if wheel else "sensors"
+    declared = rig.sensors.of("wheel" if wheel else "angle").latency.value
+    total = 1e3 * (declared + latency.value)
+    if total < 0 and not wheel:
+        text += "; a negative one means that the torque acts later than it is logged"
+    remedy = f'state latency = "{total:.3g} ± {1e3 * latency.uncertainty:.1g} ms" under [{key}]'
+    return Check("latency", "latency", "repair", f"{text}.", remedy, values)
+
+
+def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Rig) -> Check:
+    """Once and twice per turn of one encoder."""
+    parts: list[str] = []
+    values: dict[str, object] = {}
+    level: Level = "ok"
+    remedy, told_any = "", False
+    declared = rig.sensors.of("wheel" if which == "wheel" else "angle").nonlinearity
+    for k, often in ((1, "once"), (2, "twice")):
+        size, spread, told = amplitude(found, f"{which} {k}")
+        told_any |= told
+        values |= {f"amplitude_{often}": size, f"uncertainty_{often}": spread, f"told_{often}": told}
+        degrees = plus_minus(np.degrees(size), np.degrees(spread), "°") if told else "not told"
+        parts.append(f"{degrees} {often} per turn")
+        if told and size > SURE * spread and not (k == 1 and size < 3 * declared):
+            level = "repair" if k == 1 else "note" if level == "ok" else level
+            remedy = remedy or f'state nonlinearity = "{np.degrees(size) / np.sqrt(2):.2g} deg" under [{table}]'
+    if level == "note":
+        remedy = ""
+    code, title = f"{which}-encoder", f"{word} encoder"
+    if not told_any:
+        text = f"the motion does not tell the nonlinearity of the {word}'s encoder."
+        return Check(code, title, "unknown", text, "", values)
+    text = f"nonlinearity of the {word}'s encoder: {' and '.join(parts)}."
+    return Check(code, title, level, text, remedy, values)

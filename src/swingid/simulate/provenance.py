@@ -34,6 +34,32 @@ def describe(reference: object) -> str | None:
     return str(own()) if callable(own) else str(getattr(reference, "__name__", type(reference).__name__))
 
 
+def how_made(
+    *,
+    duration: float,
+    rate: float,
+    seed: int,
+    drawn: bool,
+    initial_angle: float,
+    initial_speed: float,
+    encoder_zero: tuple[float, float],
+    controller: object,
+    reference: object,
+) -> dict[str, object]:
+    """The arguments of `simulate` for the metadata; controller None: the loop was open."""
+    return {
+        "duration": duration,
+        "rate": rate,
+        "seed": seed,
+        "drawn": drawn,
+        "initial_angle": initial_angle,
+        "initial_speed": initial_speed,
+        "encoder_zero": list(encoder_zero),
+        "controller": "open loop" if controller is None else repr(controller),
+        "reference": describe(reference),
+    }
+
+
 def truth(draws: Draws) -> dict[str, object]:
     """What the run was really made with (SI), under the names of identified parameters.
 

@@ -18,7 +18,7 @@ from swingid.model.parameters import vector
 from swingid.recording.recording import Recording
 from swingid.simulate import draws
 from swingid.simulate.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
-from swingid.simulate.provenance import describe, metadata
+from swingid.simulate.provenance import how_made, metadata
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -55,10 +55,11 @@ class Truth:
 
 @dataclass(frozen=True)
 class Run:
-    """A recording and the truth behind it."""
+    """A recording and the truth behind it; log (rows, 4): angle, wheel angle, command, gain, lost rows too."""
 
     recording: Recording
     truth: Truth
+    log: NDArray[np.float64]
 
 
 def simulate(
@@ -120,13 +121,13 @@ def simulate_run(
 
     For tests and plots: identification is given `Run.recording`, never `Run.truth`. Errors as `simulate`.
     """
-    rows = _rows(duration, rate)
+    rows = row_count(duration, rate)
     made = draws.draw(rig, rows, seed, constants_too=draw, encoder_zero=encoder_zero)
     wanted = np.arange(rows) / rate if truth_times is None else np.asarray(truth_times, dtype=np.float64)
     reads = np.arange(rows) / rate + made.delays
     instants, places = _instants(reads, wanted)
     times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
-    inputs, open_loop = _inputs(rig, reference, controller, drive, times[:-1], rows)
+    inputs, open_loop = loop_inputs(rig, reference, controller, drive, times[:-1], rows)
     kind, state, gains = OPEN_LOOP, np.zeros(1), np.zeros(1)
     if not open_loop:
         controller = controller or Compensator.paper(rig)
@@ -142,7 +143,7 @@ def simulate_run(
         kind,
         state,
         gains,
-        _limit(rig),
+        own_limit(rig),
         np.array([initial_angle, initial_speed, 0.0, 0.0, 0.0]),
         p,
         np.array([encoder.array() for encoder in made.encoders]),
@@ -152,19 +153,19 @@ def simulate_run(
         seen,
         log,
     )
-    how: dict[str, object] = {
-        "duration": duration,
-        "rate": rate,
-        "seed": seed,
-        "drawn": draw,
-        "initial_angle": initial_angle,
-        "initial_speed": initial_speed,
-        "encoder_zero": list(encoder_zero),
-        "controller": "open loop" if open_loop else repr(controller),
-        "reference": describe(reference),
-    }
-    recording = _recording(rig, times, inputs, open_loop, log, made, metadata(rig, how, made))
-    return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts))
+    how = how_made(
+        duration=duration,
+        rate=rate,
+        seed=seed,
+        drawn=draw,
+        initial_angle=initial_angle,
+        initial_speed=initial_speed,
+        encoder_zero=encoder_zero,
+        controller=None if open_loop else controller,
+        reference=reference,
+    )
+    recording = recording_of(rig, times, inputs, open_loop, log, made, metadata(rig, how, made))
+    return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
 
 
 def _instants(reads: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -175,7 +176,7 @@ def _instants(reads: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[
     return instants, places
 
 
-def _rows(duration: float, rate: float) -> int:
+def row_count(duration: float, rate: float) -> int:
     """Number of rows; UsageError unless duration and rate are positive numbers and give at least two."""
     for name, value in (("duration", duration), ("rate", rate)):
         if not 0.0 < value < math.inf:
@@ -189,7 +190,7 @@ def _rows(duration: float, rate: float) -> int:
     return rows
 
 
-def _inputs(
+def loop_inputs(
     rig: Rig,
     reference: Reference | None,
     controller: Controller | None,
@@ -221,13 +222,13 @@ def _inputs(
     return wanted, False
 
 
-def _limit(rig: Rig) -> float:
+def own_limit(rig: Rig) -> float:
     """The rig's voltage limit (V), infinite where it has none."""
     motor = rig.drive.motor if rig.drive.kind == "reaction-wheel" else None
     return math.inf if motor is None or motor.voltage_limit is None else float(motor.voltage_limit)
 
 
-def _recording(
+def recording_of(
     rig: Rig,
     times: NDArray[np.float64],
     inputs: NDArray[np.float64],
@@ -236,7 +237,7 @@ def _recording(
     made: draws.Draws,
     data: dict[str, object],
 ) -> Recording:
-    """The rows that were not lost, as a Recording in the model's conventions."""
+    """The rows that were not lost of a log (rows, 4), as a Recording in the model's conventions."""
     kept = np.flatnonzero(made.kept)
     wheel = rig.drive.kind == "reaction-wheel"
     return Recording(

@@ -1,0 +1,101 @@
+"""The ensemble is the single run many times: same physics, same controller, same sensors, to 1e-9."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from swingid.control.compensator import Compensator
+from swingid.errors import UsageError
+from swingid.model.rig import Rig
+from swingid.simulate import simulate
+from swingid.simulate.ensemble import ensemble_chunks, simulate_ensemble
+
+LAWS = {
+    "viscous": {},
+    "quadratic": {"quadratic": 1e-4},
+    "coulomb": {"coulomb": 3e-3},
+    "stribeck": {"coulomb": 3e-3, "static": 5e-3, "stribeck_speed": 0.05},
+    "one-sided": {
+        "viscous": None,
+        "viscous_positive": 2e-3,
+        "viscous_negative": 1e-3,
+        "coulomb_positive": 2e-3,
+        "coulomb_negative": 4e-3,
+        "offset": 1e-3,
+    },
+    "cubic": {"cubic": 1e-5},
+}
+EQUAL = 1e-9
+
+
+def slow(t: np.ndarray) -> np.ndarray:
+    return 0.5 * np.sin(4.0 * t)
+
+
+def fast(t: np.ndarray) -> np.ndarray:
+    return 0.8 * np.sin(8.5 * t)
+
+
+def difference(one, other) -> float:
+    """Largest difference of two recordings over their channels, the metadata being the same."""
+    assert one.metadata == other.metadata
+    names = ("time", "angle", "wheel_angle", "voltage", "torque", "reference", "adaptive_gain")
+    pairs = [(getattr(one, name), getattr(other, name)) for name in names]
+    assert [a is None for a, _ in pairs] == [b is None for _, b in pairs]
+    return max(float(np.abs(a - b).max()) for a, b in pairs if a is not None)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_runs_are_those_of_simulate(law):
+    rig = Rig.builtin("paper").changed({f"axis.friction.{key}": value for key, value in LAWS[law].items()})
+    inertias = 302.2e-5 * np.linspace(0.7, 1.5, 35)
+    references = [slow if k % 3 == 0 else fast for k in range(35)]
+    ensemble = simulate_ensemble(rig, references, duration=3.0, values={"axis.inertia": inertias}, seeds=range(35))
+    assert len(ensemble) == 35
+    assert ensemble.alone.all() == (law == "cubic")
+    for k in (0, 7, 34):
+        own = rig.changed({"axis.inertia": inertias[k]})
+        assert difference(ensemble.recording(k), simulate(own, references[k], duration=3.0, seed=k)) <= EQUAL
+
+
+def test_gains_noise_and_drawn_constants_are_those_of_simulate():
+    rig = Rig.builtin("paper").changed(
+        {"axis.inertia": "302.2e-5 ± 5e-5", "sensors.noise": 1e-4, "sensors.dropouts": 0.05}
+    )
+    controllers = [Compensator.paper(rig), Compensator(delta0=0.05, sigma0=0.2, lambda0=5.0, filter_time=0.0)]
+    ensemble = simulate_ensemble(rig, slow, controllers, duration=2.0, rate=400.0, seeds=[5, 6], draw=True)
+    for k, seed in enumerate((5, 6)):
+        alone = simulate(rig, slow, controllers[k], duration=2.0, rate=400.0, seed=seed, draw=True)
+        assert len(alone) < 801
+        assert difference(ensemble.recording(k), alone) <= EQUAL
+
+
+def test_open_loops_and_free_decays_are_those_of_simulate():
+    rig = Rig.builtin("paper").changed({"axis.friction.coulomb": 2e-3})
+    volts = 6.0 * np.sign(np.sin(5.0 * np.arange(2001) / 1000.0))
+    ensemble = simulate_ensemble(
+        rig, duration=2.0, drive=np.array([volts, -volts, 0.3 * volts]), initial_angle=[0, 0.3, 1]
+    )
+    for k, factor in enumerate((1.0, -1.0, 0.3)):
+        alone = simulate(rig, duration=2.0, drive=factor * volts, initial_angle=(0, 0.3, 1)[k])
+        assert difference(ensemble.recording(k), alone) <= EQUAL
+
+
+def test_chunks_and_threads_give_the_same_runs():
+    rig, inertias = Rig.builtin("paper"), 302.2e-5 * np.linspace(0.7, 1.5, 70)
+    options = {"duration": 0.5, "values": {"axis.inertia": inertias}, "record": "measured"}
+    whole = simulate_ensemble(rig, fast, threads=1, **options)
+    pieces = list(ensemble_chunks(rig, fast, threads=2, chunk=32, **options))
+    assert [len(piece) for piece in pieces] == [32, 32, 6]
+    assert np.array_equal(np.concatenate([piece.channel("angle") for piece in pieces]), whole.channel("angle"))
+    with pytest.raises(UsageError, match="recorded angle, wheel_angle, command"):
+        whole.channel("adaptive_gain")
+
+
+def test_lengths_and_keys_that_cannot_be_are_refused():
+    rig = Rig.builtin("paper")
+    with pytest.raises(UsageError, match="inertia holds 2 entries for 3 runs"):
+        simulate_ensemble(rig, fast, duration=1.0, seeds=[1, 2, 3], values={"axis.inertia": [3e-3, 2e-3]})
+    with pytest.raises(UsageError, match=r"sensors\.noise cannot differ"):
+        simulate_ensemble(rig, fast, duration=1.0, values={"sensors.noise": [0.0, 1e-3]})

@@ -191,6 +191,55 @@ def _length(
     return left / math.ceil(left / h)
 
 
+@njit_inlined
+def _fill_ratio(p: Array, entries: tuple[Ints, Ints, Array], ratio: Array) -> None:
+    """∂κ/∂θ (m,) of κ = a12/a11."""
+    places, columns, weights = entries
+    for e in range(len(places)):
+        if places[e] == A12:
+            ratio[columns[e]] += weights[e] / p[A11]
+        elif places[e] == A11:
+            ratio[columns[e]] -= weights[e] * p[A12] / p[A11] / p[A11]
+
+
+@njit_inlined
+def _freed(
+    q: float, courses: Array, k: int, x: float, p: Array, rest: Array, ratio: Array, sensitivity: Array
+) -> tuple[float, float]:
+    """State (z, z') of an axis that has rested at q, and its S from that of q, `rest` (m,)."""
+    wheel, turn = _course(courses, k, WHEEL, x), _course(courses, k, SPEED, x)
+    for c in range(len(rest)):
+        sensitivity[0, c], sensitivity[1, c] = rest[c] + ratio[c] * wheel, ratio[c] * turn
+    return q + p[A12] / p[A11] * wheel, p[A12] / p[A11] * turn
+
+
+@njit_inlined
+def _reversed(
+    z: float,
+    w: float,
+    s: int,
+    courses: Array,
+    k: int,
+    x: float,
+    p: Array,
+    rest: Array,
+    ratio: Array,
+    sensitivity: Array,
+) -> tuple[float, float, int]:
+    """Angle, z' and new side where the speed has passed zero; S jumps with z'', and `rest` (m,) becomes that of q1."""
+    kappa, wheel, turn = p[A12] / p[A11], _course(courses, k, WHEEL, x), _course(courses, k, SPEED, x)
+    before = _rate(z, w, s, courses, k, x, p)
+    q, w = z - kappa * wheel, kappa * turn
+    s = _side_from_rest(q, courses, k, x, p)
+    after = before if s == 0 else _rate(z, w, s, courses, k, x, p)
+    slowing = before - kappa * _turning(courses, k, x)
+    for c in range(len(rest)):
+        rest[c] = sensitivity[0, c] - ratio[c] * wheel
+        if slowing != 0.0:
+            sensitivity[1, c] += (after - before) / slowing * (sensitivity[1, c] - ratio[c] * turn)
+    return q, w, s
+
+
 @njit
 def axis_motion(
     knots: Array,
@@ -216,11 +265,7 @@ def axis_motion(
     stages, sensitivity, rest = np.zeros((5, 2)), np.zeros((2, m)), np.zeros(m)
     row, slopes, ratio = np.zeros(SIZE + 1), (np.zeros((4, 2)), np.zeros((4, m))), np.zeros(m)
     kappa = p[A12] / p[A11]
-    for e in range(len(entries[0])):
-        if entries[0][e] == A12:
-            ratio[entries[1][e]] += entries[2][e] / p[A11]
-        elif entries[0][e] == A11:
-            ratio[entries[1][e]] -= entries[2][e] * kappa / p[A11]
+    _fill_ratio(p, entries, ratio)
     r = 0
     for segment in range(len(bounds) - 1):
         k = bounds[segment]
@@ -252,10 +297,7 @@ def axis_motion(
                     x, left = x + h, left - h
                     if left > 0.0:
                         s = _side_from_rest(q, courses, k, x, p)
-                        wheel, turn = _course(courses, k, WHEEL, x), _course(courses, k, SPEED, x)
-                        z, w = q + kappa * wheel, kappa * turn
-                        for c in range(m):
-                            sensitivity[0, c], sensitivity[1, c] = rest[c] + ratio[c] * wheel, ratio[c] * turn
+                        z, w = _freed(q, courses, k, x, p, rest, ratio, sensitivity)
                     if steps > MOST_STEPS:
                         return False
                     continue
@@ -272,17 +314,7 @@ def axis_motion(
                 x, left = x + h, (left - h if left - h > 1e-15 else 0.0)
                 z, w = stages[4, 0], stages[4, 1]
                 if reversed_:
-                    wheel, turn = _course(courses, k, WHEEL, x), _course(courses, k, SPEED, x)
-                    before = _rate(z, w, s, courses, k, x, p)
-                    q, w = z - kappa * wheel, kappa * turn
-                    s = _side_from_rest(q, courses, k, x, p)
-                    after = before if s == 0 else _rate(z, w, s, courses, k, x, p)
-                    slowing = before - kappa * _turning(courses, k, x)
-                    for c in range(m):
-                        rest[c] = sensitivity[0, c] - ratio[c] * wheel
-                        if slowing != 0.0:
-                            passed = sensitivity[1, c] - ratio[c] * turn
-                            sensitivity[1, c] += (after - before) / slowing * passed
+                    q, w, s = _reversed(z, w, s, courses, k, x, p, rest, ratio, sensitivity)
                 if steps > MOST_STEPS or not abs(w) < 1e6:
                     return False
     return True

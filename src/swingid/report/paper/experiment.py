@@ -82,9 +82,9 @@ def _twice(runs: Runs, channel: Callable[[Run], tuple[Array, Array]], label: str
     figure, (whole, close) = new_figure(4.2, 2)
     for case, style in STYLES.items():
         time, values = channel(runs[case])
-        # at this scale the run without body is a band, before which the other is seen
-        faint: dict[str, Any] = {"alpha": 0.55} if case == "plain" else {}
-        whole.plot(*envelope(time, values), **(style | {"lw": 0.8, "ls": "-"} | faint))
+        # at this scale the run without body would hide the other
+        thin: dict[str, Any] = {"alpha": 0.55} if case == "plain" else {"ls": (0, (4, 1))}
+        whole.plot(*envelope(time, values), **(style | {"lw": 0.8} | thin))
         part = (time >= CLOSE[0]) & (time <= CLOSE[1])
         close.plot(time[part], values[part], **style)
     whole.axvspan(*CLOSE, color=PALE, lw=0, zorder=0)

@@ -28,14 +28,14 @@ def draw_fig7(log: Recording) -> Figure:
     assert log.adaptive_gain is not None
     figure, (whole, close) = new_figure(4.8, 2)
     error = log.reference - log.angle
-    whole.plot(*envelope(log.time, log.angle), color=GREEN, lw=1.2, label="angle q1")
+    whole.plot(*envelope(log.time, log.angle), color=GREEN, lw=1.8, alpha=0.6, label="angle q1")
     whole.plot(log.time[::20], log.reference[::20], color=BLUE, lw=0.9, ls=(0, (4, 3)), label="program trajectory ym")
     whole.plot(*envelope(log.time, error), color=RED, lw=0.9, label="(1) tracking error e")
     whole.plot(log.time[::20], 0.005 * log.adaptive_gain[::20], color=BROWN, lw=1.6, label="(2) 0.005 k̃")
     whole.axvspan(*CLOSE, color=PALE, lw=0, zorder=0)
     whole.set(xlim=(0, 12), ylabel="rad, and 0.005 k̃")
     part = (log.time >= CLOSE[0]) & (log.time <= CLOSE[1])
-    close.plot(log.time[part], log.angle[part], color=GREEN, lw=1.6, label="_angle")
+    close.plot(log.time[part], log.angle[part], color=GREEN, lw=3.4, alpha=0.55, label="_angle")
     close.plot(log.time[part], log.reference[part], color=BLUE, lw=1.1, ls=(0, (4, 3)), label="_reference")
     close.plot(log.time[part], MAGNIFIED * error[part], color=RED, lw=1.0, label="_error")
     for name, instant in zip(("t10", "t11", "t20", "t21"), TIMES, strict=True):

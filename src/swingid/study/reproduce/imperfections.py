@@ -28,7 +28,7 @@ MOTOR = {
 """Motor constants by their key, with the paper's letter."""
 
 DRAWS = 4
-"""Draws of the phase of the encoders' nonlinearity, of which the root mean square is given."""
+"""Seeds, where the phase of the encoders' nonlinearity or the place of their grids matters; their root mean square."""
 
 BOTH, PAPER_ONLY = ("printed", "momentum"), ("printed",)
 
@@ -92,9 +92,12 @@ def imperfections() -> list[Imperfection]:
             "the same with 8 times the viscous friction", "processing", {}, {"viscous": 9.152e-3}, mirror=True
         ),
         Imperfection(
-            "speeds by the observers (23)", "processing", options={"velocities": "observers", "filter_time": 0.0}
+            "speeds by the observers (23)",
+            "processing",
+            options={"velocities": "observers", "filter_time": 0.0},
+            draws=DRAWS,
         ),
-        Imperfection("and the voltage through W_f", "processing", options={"velocities": "observers"}),
+        Imperfection("and the voltage through W_f", "processing", options={"velocities": "observers"}, draws=DRAWS),
         Imperfection("work by the trapezoid on samples", "processing", options={"work": "trapezoid"}),
     ]
     return rows

@@ -29,7 +29,8 @@ _UNITS = (
 )
 SAYS = {
     "viscous": f"{_UNITS}. The true J1 of the paper's rig is not known; its a11' is read as J1 + J_e (misprints).",
-    "hidden": f"{_UNITS}, and beside it Stribeck friction of 2 mN m, 4 mN m towards rest (0.3 rad/s).",
+    "hidden": f"{_UNITS}, and beside it Stribeck friction of 2 mN m, 4 mN m towards rest (0.3 rad/s). "
+    "f1 is what a method calls the viscous part.",
 }
 
 GLANCE = {
@@ -87,11 +88,11 @@ def _glance(results: dict[str, Any]) -> Table:
         for one in results["experiment"]
     }
     reading = {way: 100 * ((paper["a11_body"][way] - paper["j1"][way]) / paper["j_e"] - 1) for way in paper["j1"]}
-    here = [f"{signed(j_e['viscous'][way])} {words}" for way, words in GLANCE.items()]
-    nls = [f"{signed(j_e['viscous']['nls'])} viscous friction", f"{signed(j_e['hidden']['nls'])} hidden dry friction"]
+    here = [f"{words} {signed(j_e['viscous'][way])}" for way, words in GLANCE.items()]
+    nls = [f"viscous friction {signed(j_e['viscous']['nls'])}", f"hidden dry friction {signed(j_e['hidden']['nls'])}"]
     momentum = [
-        f"{signed(j_e['viscous']['momentum'])} viscous friction",
-        f"{signed(j_e['hidden']['momentum'])} hidden dry friction",
+        f"viscous friction {signed(j_e['viscous']['momentum'])}",
+        f"hidden dry friction {signed(j_e['hidden']['momentum'])}",
     ]
     ideal = results["simulation"]["rows"]
     held, trapezoid = (signed(row["error"]) for row in ideal[:2])
@@ -103,12 +104,12 @@ def _glance(results: dict[str, Any]) -> Table:
         (
             "J1, ideal simulation at the paper's times",
             f"{paper['simulation_error']:g}, average",
-            f"{held} work of the held voltage; {trapezoid} work by the trapezoid",
+            f"work of the held voltage {held}; work by the trapezoid {trapezoid}",
         ),
         (
             "J1, backstepping after 8 s",
             f"{paper['backstepping'][0]:g}",
-            f"{signed(slow['after_8_s'])} at {FIG8:g} rad/s, printed law",
+            f"printed law at {FIG8:g} rad/s {signed(slow['after_8_s'])}",
         ),
     )
     return Table("glance", "At a glance", "Errors in %.", ("", "the paper", "here"), rows)

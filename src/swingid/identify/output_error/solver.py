@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from swingid.errors import UsageError
 from swingid.identify.output_error.problem import Prediction, Problem
-from swingid.identify.output_error.unknowns import Unknowns
+from swingid.identify.output_error.unknowns import Ints, Unknowns
+from swingid.numerics.compiled import njit
 
 Array = NDArray[np.float64]
 
@@ -93,19 +94,39 @@ def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduc
     return result
 
 
+@njit
+def _grams(slopes: Array, residuals: Array, weights: Array, scale: Array, rows: Ints) -> Array:
+    """Weighted products of all columns and the residuals (k, m + 1, m + 1), segment by segment.
+
+    Compiled, as for so few columns the threads of a matrix product cost more than they save.
+    """
+    m = slopes.shape[1]
+    grams = np.zeros((len(rows) - 1, m + 1, m + 1))
+    line = np.empty(m + 1)
+    for k in range(len(rows) - 1):
+        for r in range(rows[k], rows[k + 1]):
+            for c in range(m):
+                line[c] = slopes[r, c] * scale[r]
+            line[m] = residuals[r]
+            for i in range(m + 1):
+                weighted = weights[r] * line[i]
+                for j in range(i + 1):
+                    grams[k, i, j] += weighted * line[j]
+        for i in range(m + 1):
+            for j in range(i):
+                grams[k, j, i] = grams[k, i, j]
+    return grams
+
+
 def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Reduced:
     """Normal equations of weighted residuals with every segment's initial values eliminated."""
     s, m = problem.states, slopes.shape[1] - problem.states
     count = len(problem.rows) - 1
     own, cross, right_own = np.empty((count, s, s)), np.empty((count, s, m)), np.empty((count, s))
     matrix, right = np.zeros((m, m)), np.zeros(m)
-    root = np.sqrt(weights)
-    scaled = slopes * (root / problem.sigma)[:, None]
-    target = residuals * root
+    grams = _grams(slopes, residuals, weights, 1 / problem.sigma, problem.rows)
     for k in range(count):
-        rows = slice(problem.rows[k], problem.rows[k + 1])
-        block = scaled[rows].T @ scaled[rows]
-        aim = target[rows] @ scaled[rows]
+        block, aim = grams[k, :-1, :-1], grams[k, :-1, -1]
         own[k], cross[k], right_own[k] = block[:s, :s], block[:s, s:], aim[:s]
         # a wheel that rests at once forgets a mix of its initial speeds, and the block is singular
         sizes = np.diag(own[k]).copy()

@@ -153,3 +153,14 @@ def test_command_switches_repairs_off(tmp_path, capsys):
     for logs in ([str(path)], [str(path), str(faulty(tmp_path, "sort"))]):
         assert main(["identify", *logs, "--rig", str(rig), "--without-repair", "spike"]) == 2
         assert "the nearest is spikes" in capsys.readouterr().err
+
+
+def test_command_uses_a_part(tmp_path, capsys):
+    path, rig = faulty(tmp_path, "none"), tmp_path / "rig.toml"
+    rig.write_text(RIG.text, encoding="utf-8")
+    for words, rows in (([], 6000), (["--part", "2:"], 5000), (["--part", "2:9.5"], 3751)):
+        assert main(["identify", str(path), "--rig", str(rig), "--json", "-", *words]) == 0
+        assert json.loads(capsys.readouterr().out)["provenance"]["rows"] == rows
+    for wrong in ("2", "9:2", "a:b"):
+        assert main(["identify", str(path), "--rig", str(rig), "--part", wrong]) == 2
+        assert "write FROM:TO in seconds" in capsys.readouterr().err

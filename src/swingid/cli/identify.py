@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import dataclass
 from enum import StrEnum
 from json import loads as parse_json
 from pathlib import Path
@@ -18,6 +19,21 @@ if TYPE_CHECKING:
     from swingid.recording.recording import Recording
 
 Provenance = dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class _Reading:
+    """How logs are read: the part to use (s), None for all of it, and the switches of the repairs."""
+
+    part: tuple[float, float] | None
+    repairs: dict[str, bool]
+
+    def load(self, log: str, rig: Rig) -> Recording:
+        """The recording in a file; raises as `Recording.load` and `Recording.segment`."""
+        from swingid.recording.recording import Recording
+
+        recording = Recording.load(log, rig, repairs=self.repairs)
+        return recording if self.part is None else recording.segment(*self.part)
 
 
 class Method(StrEnum):
@@ -49,6 +65,9 @@ def identify(
     option: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="An option of the method; may be repeated.")
     ] = None,
+    part: Annotated[
+        str | None, typer.Option(metavar="FROM:TO", help="Use this part of each log only, s, such as 0:4.5.")
+    ] = None,
     without_repair: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Leave this fault of the log as it is; may be repeated.")
     ] = None,
@@ -65,11 +84,13 @@ def identify(
     options = _options(option or [])
     if variant is not None:
         options["variant"] = variant.value
-    repairs = dict.fromkeys(without_repair or [], False)
+    reading = _Reading(_part(part), dict.fromkeys(without_repair or [], False))
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
+    if part is not None:
+        source["part"] = part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     try:
-        result = _identify(logs, rig, method.value, options, repairs, provenance, json, report)
+        result = _identify(logs, rig, method.value, options, reading, provenance, json, report)
     except Exception as error:
         if json is not None:
             write_refusal(json, method.value, error, provenance)
@@ -101,6 +122,20 @@ def _options(given: list[str]) -> dict[str, object]:
     return options
 
 
+def _part(text: str | None) -> tuple[float, float] | None:
+    """Start and stop from FROM:TO, either of which may be left out."""
+    if text is None:
+        return None
+    start, colon, stop = text.partition(":")
+    try:
+        found = float(start or "-inf"), float(stop or "inf")
+    except ValueError:
+        colon, found = "", (0.0, 0.0)
+    if not colon or not found[0] < found[1]:
+        raise UsageError(f"--part {text}: write FROM:TO in seconds, such as 0:4.5", code="bad-part")
+    return found
+
+
 def _check_usage(
     logs: list[str], rig: str, method: Method, variant: Variant | None, json: str | None, report: str | None
 ) -> None:
@@ -117,7 +152,7 @@ def _identify(
     rig: str,
     method: str,
     options: dict[str, object],
-    repairs: dict[str, bool],
+    reading: _Reading,
     provenance: Provenance,
     json: str | None,
     report: str | None,
@@ -131,18 +166,17 @@ def _identify(
     from swingid.cli.kernels import announce_compilation
     from swingid.identify import identify as run
     from swingid.model.rig import Rig
-    from swingid.recording.recording import Recording
     from swingid.recording.repairs import switched_off
 
-    switched_off(repairs)  # a name that is none is a wrong usage, not a log that cannot be used
+    switched_off(reading.repairs)  # a name that is none is a wrong usage, not a log that cannot be used
     plant = Rig.load(rig)
     provenance |= {"rig": plant.name, "rig_source": plant.source}
     if len(logs) > 1:
         recording = None
         announce_compilation("identify")
-        result = run(_loaded(logs, plant, repairs), plant, method, **options)
+        result = run(_loaded(logs, plant, reading), plant, method, **options)
     else:
-        recording = Recording.load(logs[0], plant, repairs=repairs)
+        recording = reading.load(logs[0], plant)
         provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
         announce_compilation("identify")
         result = run(recording, plant, method, **options)
@@ -153,16 +187,14 @@ def _identify(
     return result
 
 
-def _loaded(logs: list[str], rig: Rig, repairs: dict[str, bool]) -> dict[str, Recording | SwingidError]:
+def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | SwingidError]:
     """The logs by their names; the error of one that cannot be used in its place, for the others still count."""
-    from swingid.recording.recording import Recording
-
     found: dict[str, Recording | SwingidError] = {}
     for log in logs:
         if log in found:
             raise UsageError(f"{log} was given twice; a run counts once", code="same-log-twice")
         try:
-            found[log] = Recording.load(log, rig, repairs=repairs)
+            found[log] = reading.load(log, rig)
         except SwingidError as error:
             found[log] = error
     return found

@@ -32,13 +32,18 @@ def usable_part(motion: Motion, drive: str, start: float, stop: float) -> tuple[
 
 
 def _steady(motion: Motion, start: float, stop: float) -> tuple[float, float]:
-    """From the first swing after which the sizes of swings keep within the range of the log's second half."""
+    """From the first swing after which the sizes of swings keep within the range of the log's second half.
+
+    The whole log where that leaves too few swings: a motion that only grows has no steady part, and tells as much.
+    """
     sizes = motion.swing_sizes
     settled = sizes[len(sizes) // 2 :]
     low, high = settled.min(), settled.max()
     margin = 0.05 * high
     outside = np.nonzero((sizes < low - margin) | (sizes > high + margin))[0]
     if len(outside) == 0:
+        return start, stop
+    if len(motion.turning_times) - (outside[-1] + 1) < FEWEST_TURNS:
         return start, stop
     return float(motion.turning_times[outside[-1] + 1]), stop
 

@@ -21,6 +21,7 @@ from swingid.identify.momentum.checks import check_answer, check_motor, check_si
 from swingid.identify.momentum.choice import choose_law
 from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows, known_side
 from swingid.identify.momentum.friction import FrictionLaw, fit_friction
+from swingid.identify.momentum.gravity import check_gravity
 from swingid.identify.momentum.imperfections import imperfections, sensitivities
 from swingid.identify.momentum.loss import loss_unexplained
 from swingid.identify.momentum.systematics import grid_spread, timing_spread
@@ -92,6 +93,8 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
         extra["loss_unexplained"] = lost
     notes = [segment_note, *exact_constants(_exact(rig)), *notes, *motor_notes]
     off = check_zero(estimate.law, signals, scale, parameters["inertia"].standard_uncertainty or 0.0)
+    if not off:  # a zero that is off bends the gravity torque, too
+        off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
     warnings = [*warnings, *off, *motor_warnings]
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))

@@ -1,9 +1,21 @@
 """What a log says of itself, without a rig: columns, clock, steps, limits, and which column is likely which channel."""
 
 from swingid.recording.inspect.check import Check, Level
-from swingid.recording.inspect.clock import Clock, read_clock
+from swingid.recording.inspect.clock import Clock, rate_of, read_clock
 from swingid.recording.inspect.columns import Column, describe
 from swingid.recording.inspect.log_table import log_table
 from swingid.recording.inspect.roles import Role, Roles, guess_roles
 
-__all__ = ["Check", "Clock", "Column", "Level", "Role", "Roles", "describe", "guess_roles", "log_table", "read_clock"]
+__all__ = [
+    "Check",
+    "Clock",
+    "Column",
+    "Level",
+    "Role",
+    "Roles",
+    "describe",
+    "guess_roles",
+    "log_table",
+    "rate_of",
+    "read_clock",
+]

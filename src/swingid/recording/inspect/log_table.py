@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-from swingid.recording.inspect.roles import SECONDS
-
 if TYPE_CHECKING:
-    from swingid.recording.inspect.roles import Role, Roles
+    from swingid.recording.inspect.roles import Roles
 
 WIDTH = 38
 
@@ -22,7 +20,7 @@ def log_table(roles: Roles, rate: float) -> str:
     time = roles.found.get("time")
     if time is None:
         lines.append(_line(f"rate = {rate:.6g}", "rows per second: no column rises, so this number is yours to set"))
-    elif time.unit != "s" and not _stated(time):
+    elif time.unit != "s" and not time.header:
         text = f"column {time.column!r} seems to be in {time.unit}; rows are taken as evenly spaced"
         lines.append(_line(f"rate = {rate:.10g}", text))
     else:
@@ -62,11 +60,6 @@ def _drive_lines(roles: Roles) -> list[str]:
     if "voltage" in roles.found or "torque" in roles.found:
         lines.append(_line("drive_held = true", "row k's command acts until row k+1; false: measured at row k"))
     return lines
-
-
-def _stated(time: Role) -> bool:
-    """Whether the reader takes the unit of the time from the header."""
-    return time.unit in SECONDS and "if in" not in time.why
 
 
 def _line(text: str, comment: str) -> str:

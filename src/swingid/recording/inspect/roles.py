@@ -42,6 +42,9 @@ RISING = 0.98
 NO_NAME = re.compile(r"(column|col|ch|channel|data|signal|var|x|y)?[ _.:(,)]*\d*[ _.:(,)\d]*", re.IGNORECASE)
 """Names that say nothing."""
 
+TURN = {"rad": 2 * np.pi, "deg": 360.0, "turns": 1.0}
+"""One turn in each unit of an angle."""
+
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SLOWEST, FASTEST = 4.0, 50_000.0
 """Rows per second that rigs log."""
@@ -51,7 +54,8 @@ SLOWEST, FASTEST = 4.0, 50_000.0
 class Role:
     """A column in a role: "time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque" or "reference".
 
-    unit: stated or guessed, "" where unknown; why: what the guess rests on; sure: whether the name says so too.
+    unit: stated or guessed, "" where unknown; why: what the guess rests on; sure: whether the name says so too;
+    header: whether the file states the unit where the reader takes it from.
     """
 
     role: str
@@ -59,6 +63,7 @@ class Role:
     unit: str
     why: str
     sure: bool
+    header: bool = False
 
 
 @dataclass(frozen=True)
@@ -158,12 +163,13 @@ def _time(candidates: list[_Candidate], found: dict[str, Role]) -> _Candidate | 
     unit = candidate.unit if candidate.unit in ROLE_UNITS["time"] else ""
     steps = np.diff(candidate.values)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    why = f"rises at {rising:.1%} of the rows"
+    why = "rises from row to row" if rising == 1 else f"rises at {rising:.1%} of the rows"
     if not unit and usual > 0:
         fits = [name for name, factor in SECONDS.items() if SLOWEST <= 1 / (usual * factor) <= FASTEST]
         unit = fits[0] if fits else "s"
         why += f", {1 / (usual * SECONDS[unit]):.4g} rows per second if in {unit}"
-    found["time"] = Role("time", candidate.name, unit or "s", why, candidate.scores["time"] >= 2)
+    header = bool(candidate.column.unit)
+    found["time"] = Role("time", candidate.name, unit or "s", why, candidate.scores["time"] >= 2, header)
     return candidate
 
 
@@ -365,13 +371,17 @@ def _wheel_speed(speeds: list[tuple[_Candidate, str]], angle: _Candidate, found:
 
 
 def _counted_from_top(angle: _Candidate, unit: str) -> bool | None:
-    """Whether the body hangs, or swings, about half a turn; None for counts, whose zero is anywhere."""
-    turn = {"rad": 2 * np.pi, "deg": 360.0, "turns": 1.0}.get(unit)
+    """Whether the body hangs, or swings, half a turn from 0; None for counts, whose zero is anywhere."""
+    turn = TURN.get(unit)
     if turn is None:
         return None
     lowered = angle.name.lower().replace(" ", "")
     if "up=0" in lowered or "0=up" in lowered:
         return True
-    middle = float(np.nanmedian(angle.values)) / turn
+    values = angle.values[np.isfinite(angle.values)]
+    begin = values[: max(20, len(values) // 200)]
+    # a body that is at rest when the log begins hangs; one that ends up inverted does not
+    at_rest = np.ptp(begin) < 0.01 * np.ptp(values)
+    middle = float(np.median(begin if at_rest else values)) / turn
     from_half = abs(middle - np.floor(middle) - 0.5)
     return bool(from_half < 0.08)

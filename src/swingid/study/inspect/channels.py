@@ -36,8 +36,8 @@ USER = {
 }
 """What only the user can mend, by the code of what was found on reading."""
 
-TOLD_BY_CLOCK = ("gaps", "repeated-rows")
-"""What the checks of the clock say with more numbers."""
+TOLD_ELSEWHERE = ("gaps", "repeated-rows", "no-reference")
+"""What other checks say with more numbers, or what is no matter here."""
 
 ONE_TURN = 2 * np.pi
 
@@ -153,7 +153,9 @@ def _saturation(channel: Channel) -> Iterator[Check]:
 def _on_reading(log: Recording) -> Iterator[Check]:
     """What was found and mended when the file was read."""
     for finding in log.findings:
-        if finding.code in TOLD_BY_CLOCK:
+        if finding.code in TOLD_ELSEWHERE:
             continue
         remedy = USER.get(finding.code, "") if finding.level == "warning" else ""
+        if finding.code == "wheel-still" and log.wheel_angle is not None and np.ptp(log.wheel_angle) == 0:
+            continue
         yield Check(finding.code, "on reading", "repair" if remedy else "note", finding.message, remedy)

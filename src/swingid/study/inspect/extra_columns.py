@@ -66,18 +66,13 @@ def extras(fits: list[WindowFit], signals: Signals, scale: Scale, turn: float) -
     uncertainty, for what the friction basis does not describe depends on the length. turn: of the wheel per turn of its
     encoder.
     """
-    found: dict[str, list[tuple[float, float, float]]] = {}
+    found: dict[str, list[tuple[float, float]]] = {}
+    priors: dict[str, float] = {}
     for fit in fits:
         for one in _fitted(fit, signals, scale, turn):
-            found.setdefault(one.name, []).append((one.uncertainty, one.value, one.prior))
-    result = {}
-    for name, several in found.items():
-        several.sort()
-        best, value, prior = several[0]
-        others = [v for u, v, _ in several if u < SHARP * best]
-        spread = float(np.sqrt(np.mean((np.array(others) - value) ** 2)))
-        result[name] = Extra(name, value, float(np.hypot(best, spread)), prior)
-    return result
+            found.setdefault(one.name, []).append((one.uncertainty, one.value))
+            priors[one.name] = one.prior
+    return {name: _pooled(name, sorted(several), priors[name]) for name, several in found.items()}
 
 
 def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
@@ -132,6 +127,8 @@ def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, t
     if signals.linear:
         return
     cosine = np.cos(signals.angle)
+    if b:
+        yield _Column("zero", PRIOR_ZERO, -b * integrals((cosine, 0))[:, 0])
     for k in (1, 2):
         for name, function in (("cosine", np.cos), ("sine", np.sin)):
             wave = function(k * signals.angle)
@@ -139,17 +136,27 @@ def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, t
             yield _Column(f"angle {k} {name}", PRIOR_ENCODER, -(a11 * part[:, 0] + b * part[:, 1]))
 
 
-def zero_of(fit: WindowFit, signals: Signals, scale: Scale) -> Extra | None:
+def zero_of(fits: list[WindowFit], signals: Signals, scale: Scale) -> Extra | None:
     """How far 0 of the angle lies beside hanging (rad, to be taken off the angle); None where gravity does not tell.
 
-    Told beside friction that depends on the direction, which swings at the same frequency.
+    Told beside friction that depends on the direction, which swings at the same frequency; fits: as of `extras`.
     """
     if not scale.b or signals.linear:
         return None
-    windows = fit.rows.windows
-    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
-    _, columns = columns_of(fit.rows, scale, friction)
-    cosine = project(signals.nodes, [(np.cos(signals.angle), 0)], windows.centres, windows.half)[:, 0]
-    solved = fit_linear(np.column_stack([columns, -scale.b * cosine]), known_side(fit.rows, scale))
-    spread = float(np.sqrt(solved.covariance(LAG)[-1, -1]))
-    return Extra("zero", float(solved.values[-1]), spread, PRIOR_ZERO)
+    found = []
+    for fit in fits:
+        windows = fit.rows.windows
+        friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
+        _, columns = columns_of(fit.rows, scale, friction)
+        cosine = project(signals.nodes, [(np.cos(signals.angle), 0)], windows.centres, windows.half)[:, 0]
+        solved = fit_linear(np.column_stack([columns, -scale.b * cosine]), known_side(fit.rows, scale))
+        found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
+    found.sort()
+    return _pooled("zero", found, PRIOR_ZERO)
+
+
+def _pooled(name: str, found: list[tuple[float, float]], prior: float) -> Extra:
+    """The most certain of (uncertainty, value), sorted, and how far the others that are not much worse lie from it."""
+    best, value = found[0]
+    others = np.array([v for u, v in found if u < SHARP * best])
+    return Extra(name, value, float(np.hypot(best, np.sqrt(np.mean((others - value) ** 2)))), prior)

@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from swingid.errors import SwingidError
+from swingid.identify.format import percent
 from swingid.identify.noise import channel_noise
 from swingid.model.rig import Rig
 from swingid.recording.conventions import Conventions
@@ -25,7 +26,7 @@ from swingid.recording.load import from_table, read_bytes
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.motion import Swings, read_motion
-from swingid.study.inspect.physics import balance_of, check_physics
+from swingid.study.inspect.physics import MODEL, Balance, balance_of, check_physics
 from swingid.study.inspect.services import Service, services
 from swingid.study.inspect.verdict import Verdict, judge
 
@@ -117,21 +118,24 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
         checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
     else:
         log, reader, tried, more = _read(table, reader, source, try_changes=rig is not None)
-        checks += more
+        checks += [_with_guess(check, roles) for check in more]
     swings: Swings | None = None
     found: list[Service] = []
+    seen: list[Check] = []
+    moves: list[Check] = []
     if reader is not None:
-        declared = _declared(reader) if rig is not None else {}
-        checks += check_channels(_channels(table, reader, by_name), log, declared)
+        seen = _seen(table, reader, by_name, log, declared=rig is not None)
     if reader is not None and log is not None:
-        noise = channel_noise(log, reader)
         drive = reader.drive.kind if rig is not None else roles.drive
-        swings, more = read_motion(log, noise, drive, linear=reader.axis.kind == "linear")
-        checks += more
+        swings, moves = read_motion(log, channel_noise(log, reader), drive, linear=reader.axis.kind == "linear")
         found = services(log, swings, drive, rig)
-        if rig is not None and swings is not None:
-            more, reader, log = _physics(table, log, reader, swings, source, tried)
-            checks += more
+        wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*checks, *seen))
+        if rig is not None and swings is not None and not wrong:
+            more, changed, log = _physics(table, log, reader, swings, source, tried)
+            if changed is not reader:
+                reader, seen = changed, _seen(table, changed, by_name, log, declared=True)
+            moves += more
+    checks += [*seen, *moves]
     rows = max((len(column.values) for column in columns), default=0)
     return Inspection(
         path=source.path or "the table",
@@ -190,9 +194,17 @@ def _read(
         except SwingidError:
             continue
         remedy = f"set {_words(changes)} under [log]"
-        check = Check(failed.code, "on reading", "repair", failed.message, remedy)
+        check = Check(failed.code, "on reading", "repair", _without_path(failed, source), remedy)
         return log, other, dict(changes), [check]
-    return None, rig, {}, [Check(failed.code, "on reading", "fault", failed.message, "")]
+    return None, rig, {}, [Check(failed.code, "on reading", "fault", _without_path(failed, source), "")]
+
+
+def _with_guess(check: Check, roles: Roles) -> Check:
+    """A missing column with what the others look like."""
+    if check.code != "missing-column" or not roles.found:
+        return check
+    guess = ", ".join(f"{name} = {json.dumps(role.column)}" for name, role in roles.found.items())
+    return replace(check, evidence=f"{check.evidence} The columns look like {guess}.")
 
 
 def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
@@ -204,30 +216,42 @@ def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
 def _physics(
     table: Table, log: Recording, rig: Rig, swings: Swings, source: Source, tried: dict[str, object]
 ) -> tuple[list[Check], Rig, Recording]:
-    """Checks of the log against the rig; where a sign or the zero is wrong, once more with it set right."""
-    noise = channel_noise(log, rig)
+    """Checks of the log against the rig; where a sign, the zero or a unit is wrong, once more with it set right."""
+    failed: SwingidError | None = None
+    balance: Balance | None = None
     try:
-        return check_physics(balance_of(log, rig, swings, noise), rig), rig, log
+        balance = balance_of(log, rig, swings, channel_noise(log, rig))
     except SwingidError as error:
         failed = error
-    if failed.code != "wrong-sign":
-        return [Check(failed.code, "balance", "fault", failed.message, "")], rig, log
-    for changes in _other_signs(rig):
+    if failed is not None and failed.code != "wrong-sign":
+        return [_unread(failed, source)], rig, log
+    others = _other_signs(rig) if failed is not None else _other_wheel_units(rig)
+    if balance is not None and balance.left < MODEL:
+        return check_physics(balance, rig), rig, log
+    for changes in others:
         try:
             other = rig.changed(changes)
             read = from_table(table, other, source)
-            again, _ = read_motion(read, noise, rig.drive.kind, linear=rig.axis.kind == "linear")
-            if again is None:
-                continue
-            balance = balance_of(read, other, again, noise)
+            again, _ = read_motion(read, channel_noise(read, other), rig.drive.kind, linear=rig.axis.kind == "linear")
+            better = None if again is None else balance_of(read, other, again, channel_noise(read, other))
         except SwingidError:
             continue
+        if better is None or (balance is not None and better.left > balance.left / 4):
+            continue
         tried.update(changes)
+        if balance is not None:
+            text = f"the balance leaves {percent(balance.left)} as [log] reads the wheel angle, "
+            text += f"with {_words(changes)} {percent(better.left)}."
+        elif failed is not None:
+            text = _without_path(failed, source)
         remedy = f"set {_words(changes)} under [log]"
-        wrong = Check("signs", "signs", "repair", failed.message, remedy, {"changes": dict(changes)})
-        rest = [check for check in check_physics(balance, other) if check.code != "signs"]
-        return [wrong, *rest], other, read
-    return [Check("signs", "signs", "fault", failed.message, "")], rig, log
+        code = "signs" if failed is not None else "units"
+        wrong = Check(code, code, "repair", text, remedy, {"changes": dict(changes)})
+        return [wrong, *(check for check in check_physics(better, other) if check.code != code)], other, read
+    if balance is None:
+        assert failed is not None
+        return [_unread(failed, source)], rig, log
+    return check_physics(balance, rig), rig, log
 
 
 def _other_signs(rig: Rig) -> list[dict[str, object]]:
@@ -240,8 +264,33 @@ def _other_signs(rig: Rig) -> list[dict[str, object]]:
     return [*turned, other, *({**one, **other} for one in turned)]
 
 
+def _other_wheel_units(rig: Rig) -> list[dict[str, object]]:
+    if rig.drive.kind != "reaction-wheel" or rig.log.wheel_speed is not None:
+        return []
+    return [{"log.wheel_angle_unit": u} for u in ("rad", "deg", "turns") if u != rig.log.wheel_angle_unit]
+
+
+def _unread(error: SwingidError, source: Source) -> Check:
+    titles = {"wrong-sign": "signs"}
+    return Check(error.code, titles.get(error.code, "balance"), "fault", _without_path(error, source), "")
+
+
+def _without_path(error: SwingidError, source: Source) -> str:
+    """The sentence without the file's name at its beginning, which the head of an inspection says."""
+    message = error.message.removeprefix(f"{source.path}: ")
+    return message.replace(f"{source.path} has", "the file has", 1)
+
+
 def _words(changes: Mapping[str, object]) -> str:
     return " and ".join(f"{key.removeprefix('log.')} = {json.dumps(value)}" for key, value in changes.items())
+
+
+def _seen(
+    table: Table, rig: Rig, columns: Mapping[str, Column], log: Recording | None, *, declared: bool
+) -> list[Check]:
+    """The checks of the channels as `rig` reads them; declared: whether its sensors are the user's words."""
+    steps = {"angle": rig.sensors.of("angle").resolution, "wheel_angle": rig.sensors.of("wheel").resolution}
+    return check_channels(_channels(table, rig, columns), log, steps if declared else {})
 
 
 def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Channel]:
@@ -262,10 +311,6 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
         factor = scale.factor if scale is not None else UNSAID
         found.append(Channel(role, columns[name], factor, units[role]))
     return found
-
-
-def _declared(rig: Rig) -> dict[str, float]:
-    return {"angle": rig.sensors.of("angle").resolution, "wheel_angle": rig.sensors.of("wheel").resolution}
 
 
 def _plain(value: object) -> object:

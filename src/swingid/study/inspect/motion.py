@@ -24,7 +24,13 @@ SMALL = 0.03
 
 MOST_LINES = 4
 APART = 0.12
-"""Lines count as two frequencies where they lie at least so far apart (share), and are no harmonics."""
+"""Lines count as two frequencies where they lie at least so far apart (share)."""
+
+HARMONIC, SAME = 0.4, 0.02
+"""A line below this share of the strongest may be its harmonic, if it lies so near (share) to a multiple."""
+
+FEW = 6
+"""Turning points below which methods have too little to judge themselves by."""
 
 STRONG = 0.1
 """Share of the amplitude that a second frequency needs to tell inertia from gravity."""
@@ -71,7 +77,9 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
         "swing": float(np.median(sizes)),
         "half_period": inside.half_period,
     }
-    found = [Check("motion", "motion", "ok", text, "", values)]
+    few = count < FEW
+    remedy = f"record a longer motion, of {FEW} swings and more" if few else ""
+    found = [Check("motion", "motion", "repair" if few else "ok", text, remedy, values)]
     if swings.rest > 0.02 * (stop - start):
         text = f"the axis rests {swings.rest:.3g} s of this part, which tells nothing of inertia."
         found.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))
@@ -126,15 +134,14 @@ def _hann_gain(shift: float) -> float:
 
 
 def independent(lines: tuple[tuple[float, float], ...]) -> list[float]:
-    """Frequencies (Hz) among the strong lines that are neither near another nor a multiple of one."""
+    """Frequencies (Hz) among the strong lines that are neither near a stronger one nor a weak multiple of it."""
     kept: list[float] = []
     for frequency, height in lines:
-        if height < STRONG * lines[0][1]:
-            continue
-        ratios = [max(frequency / other, 1e-9) for other in kept]
-        if all(abs(r - round(r)) > APART * r or round(r) == 0 for r in ratios if r > 1 - APART) and all(
-            r > 1 - APART or r < 1 / (1 + APART) for r in ratios
-        ):
+        weak = height < HARMONIC * lines[0][1]
+        ratios = [frequency / other for other in kept]
+        near = any(abs(ratio - 1) < APART for ratio in ratios)
+        multiple = weak and any(ratio > 1.5 and abs(ratio - round(ratio)) < SAME * ratio for ratio in ratios)
+        if height > STRONG * lines[0][1] and not near and not multiple:
             kept.append(frequency)
     return kept
 

@@ -24,11 +24,17 @@ from swingid.study.inspect.motion import Swings
 SURE = 5.0
 """Standard uncertainties from which on a small quantity is there."""
 
+SHORT = 0.05
+"""Steps of the clock below which a latency does no harm."""
+
 FEWEST = 20
 """Rows of a fit that may speak about small quantities."""
 
 MOST_ROWS = 120_000
 """Rows of a log that these checks look at; beyond that they know enough."""
+
+CLEAR = 5e-3
+"""Uncertainty (rad) of the angle's zero beside encoder errors up to which the two are told apart."""
 
 MODEL = 0.05
 """Share of the typical row that the balance may leave; more, and log and rig do not belong together."""
@@ -44,6 +50,12 @@ class Balance:
     noise: Noise
     law: WindowFit
     fits: list[WindowFit]
+
+    @property
+    def left(self) -> float:
+        """What the terms leave, as a share of the inertia's term (rms)."""
+        term = float(np.std(self.law.a11 * self.law.rows.inertia))
+        return float(np.sqrt(np.mean(self.law.fit.residuals**2))) / max(term, 1e-300)
 
 
 def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balance:
@@ -63,17 +75,15 @@ def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balanc
 
 def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     """All checks that need the rig, on a balance whose signs are right."""
-    law = balance.law
     found = [_signs(balance, rig), *_model(balance)]
-    zero = zero_of(law, balance.signals, balance.scale)
-    if zero is not None:
-        found.append(_zero(zero))
-    found += _wheel(balance, rig)
     fits = [fit for fit in balance.fits if len(fit.rows.windows) >= FEWEST]
+    found += _wheel(balance, rig)
     turn = float(rig.log.wheel_scale) if rig.drive.kind == "reaction-wheel" else 1.0
     small = extras(fits, balance.signals, balance.scale, turn) if fits else {}
+    if "zero" in small:
+        found.append(_zero(small["zero"], zero_of(fits, balance.signals, balance.scale)))
     if "latency" in small:
-        found.append(_latency(small["latency"], rig))
+        found.append(_latency(small["latency"], balance, rig))
     for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
         if f"{which} 1 cosine" in small:
             found.append(_encoder(small, which, word, table, rig))
@@ -94,8 +104,7 @@ def _signs(balance: Balance, rig: Rig) -> Check:
 
 def _model(balance: Balance) -> Iterator[Check]:
     """Whether the balance closes: what is left against what the terms are."""
-    rows, residuals = balance.law.rows, balance.law.fit.residuals
-    left = float(np.sqrt(np.mean(residuals**2)) / max(float(np.std(balance.law.a11 * rows.inertia)), 1e-300))
+    left = balance.left
     text = f"inertia, gravity, drive and friction leave {percent(left)} of the inertia's term"
     if left < MODEL:
         yield Check("balance", "balance", "ok", f"{text}: log and rig belong together.", "", {"left": left})
@@ -105,19 +114,21 @@ def _model(balance: Balance) -> Iterator[Check]:
     yield Check("balance", "balance", "repair", text, remedy, {"left": left})
 
 
-def _zero(zero: Extra) -> Check:
+def _zero(joint: Extra, alone: Extra | None) -> Check:
+    """The zero of the angle, beside the encoder's errors where the motion tells them apart, else on its own."""
+    zero = joint if joint.uncertainty < CLEAR or alone is None else alone
     size = plus_minus(zero.value, zero.uncertainty, "rad")
     values: dict[str, object] = {"zero": zero.value, "uncertainty": zero.uncertainty}
     if zero.uncertainty > 0.1:
         text = f"the motion does not tell where the body hangs (to within {zero.uncertainty:.2g} rad only)."
         return Check("zero", "zero of the angle", "unknown", text, "", values)
     text = f"0 of the angle lies {size} beside hanging"
-    if abs(zero.value) < SURE * zero.uncertainty or abs(zero.value) < 1e-3:
+    if abs(zero.value) < max(SURE * zero.uncertainty, 1e-3):
         return Check("zero", "zero of the angle", "ok", f"{text}.", "", values)
+    if zero is alone:
+        text += ", unless it is the encoder's error or friction that differs by direction"
     remedy = f"take {number(zero.value, 'rad', 3)} off the angle"
-    return Check(
-        "zero", "zero of the angle", "repair", f"{text}, unless friction differs by direction.", remedy, values
-    )
+    return Check("zero", "zero of the angle", "repair", f"{text}.", remedy, values)
 
 
 def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
@@ -126,27 +137,30 @@ def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
         return
     motor = motor_balance(balance.used, rig, balance.signals, balance.law.rows.windows, balance.noise)
     warnings, notes = check_motor(motor, balance.signals)
-    titles = {"voltage-sign": "voltage sign", "motor-balance": "motor's balance"}
+    values: dict[str, object] = {}
+    if motor is not None:
+        values = {"as_stated": motor.as_stated, "otherwise": motor.otherwise, "turned": motor.turned}
+    other = "absolute" if rig.log.wheel_angle_is == "relative" else "relative"
+    remedies = {
+        "voltage-sign": f"set voltage_sign = {-rig.log.voltage_sign} under [log]",
+        "wheel-angle-reading": f'set wheel_angle_is = "{other}" under [log] if the sensor says so',
+    }
     for message in (*warnings, *notes):
-        title = titles.get(message.code, "reading of the wheel")
-        warned = message in warnings
-        level: Level = "repair" if warned else "unknown" if motor is None else "ok"
-        text, _, remedy = message.message.rpartition("; ") if warned else (message.message, "", "")
-        values: dict[str, object] = {}
-        if motor is not None:
-            values = {"as_stated": motor.as_stated, "otherwise": motor.otherwise, "turned": motor.turned}
-        code = "wheel-reading" if title == "reading of the wheel" else message.code
-        yield Check(code, title, level, f"{text}." if warned else text, remedy.rstrip("."), values)
-    if motor is not None and not any(m.code == "voltage-sign" for m in warnings):
-        turned = percent(motor.turned) if np.isfinite(motor.turned) else "nothing that can be compared"
-        text = f"the motor's balance leaves {percent(motor.as_stated)} with the voltage as logged, {turned} with it "
-        text += "turned."
-        level = "ok" if motor.as_stated < 0.5 * motor.turned else "unknown"
-        values = {"as_stated": motor.as_stated, "turned": motor.turned}
-        yield Check("voltage-sign", "voltage sign", level, text, "", values)
+        code = message.code
+        remedy = remedies.get(code, "") if message in warnings else ""
+        text = f"{message.message.rpartition('; ')[0]}." if message in warnings else message.message
+        level: Level = "repair" if remedy else "note" if message in warnings else "unknown" if motor is None else "ok"
+        title = {"voltage-sign": "voltage sign", "wheel-angle-reading": "reading of the wheel"}.get(code, "motor")
+        yield Check(code, title, level, text, remedy, values)
+    if motor is None or any(message.code == "voltage-sign" for message in warnings):
+        return
+    turned = percent(motor.turned) if np.isfinite(motor.turned) else "nothing that can be compared"
+    text = f"the motor's balance leaves {percent(motor.as_stated)} with the voltage as logged, {turned} with it turned."
+    told: Level = "ok" if motor.as_stated < 0.5 * motor.turned else "unknown"
+    yield Check("voltage-sign", "voltage sign", told, text, "", values)
 
 
-def _latency(latency: Extra, rig: Rig) -> Check:
+def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
     """Latency between the channels, beyond what the rig file declares."""
     wheel = rig.drive.kind == "reaction-wheel"
     size = plus_minus(1e3 * latency.value, 1e3 * latency.uncertainty, "ms")
@@ -159,14 +173,14 @@ def _latency(latency: Extra, rig: Rig) -> Check:
         )
         return Check("latency", "latency", "unknown", text, "", values)
     text = f"{what} {size} {against}, beyond what the rig file says"
-    if abs(latency.value) < SURE * latency.uncertainty:
+    if abs(latency.value) < max(SURE * latency.uncertainty, SHORT * balance.noise.step):
         return Check("latency", "latency", "ok", f"{text}: nothing to be seen.", "", values)
     key = "sensors.wheel" if wheel else "sensors"
     declared = rig.sensors.of("wheel" if wheel else "angle").latency.value
     total = 1e3 * (declared + latency.value)
     if total < 0 and not wheel:
         text += "; a negative one means that the torque acts later than it is logged"
-    remedy = f'state latency = "{total:.3g} ± {1e3 * latency.uncertainty:.1g} ms" under [{key}]'
+    remedy = f'state latency = "{total:.4g} ± {1e3 * latency.uncertainty:.2g} ms" under [{key}]'
     return Check("latency", "latency", "repair", f"{text}.", remedy, values)
 
 

@@ -21,7 +21,8 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 FEWEST = 64  # rows
-BLOCK = 16  # rows whose median stamp tells a lasting shift, as of a missing row, from single late stamps
+FEWEST_BLOCKS = 4
+BLOCK = 16  # rows, at least, whose median stamp tells a lasting shift, as of a missing row, from single late stamps
 LASTING = 0.3  # of a step
 EVEN = 1e-3  # of a step: stamps that scatter less are even, or as good
 SMOOTHER = 0.85  # of the roughness with the stamps as they are: the motion has to gain that much
@@ -74,8 +75,13 @@ def rounded_clock(time: Floats) -> Clock | None:
 def _without_gaps(time: Floats) -> Clock | None:
     """The clock of rows of which none is missing: single stamps may be off by more than a step, none lastingly."""
     clock = _fitted(time, np.arange(time.size, dtype=np.float64))
-    off = (time - clock.time)[: time.size // BLOCK * BLOCK].reshape(-1, BLOCK)
-    return clock if np.abs(np.median(off, axis=1)).max() < LASTING * clock.step else None
+    off = (time - clock.time) / clock.step
+    # so many that the median of their scatter stays below a fifth of what would be a lasting shift
+    block = max(BLOCK, int((5 * 1.25 / LASTING) ** 2 * float(np.median(off**2)) / 0.45))
+    if time.size < FEWEST_BLOCKS * block:
+        return None
+    blocks = off[: time.size // block * block].reshape(-1, block)
+    return clock if np.abs(np.median(blocks, axis=1)).max() < LASTING else None
 
 
 def _with_gaps(time: Floats) -> Clock | None:

@@ -2,12 +2,13 @@
 # make test       style, types, layers, the installed wheel, the quick tests  (under ten minutes)
 # make test-long  the tests that take minutes
 # make bench      accuracy and speed as tables
+# make bench-ensemble  many runs at once beside scalar C programs; the last line is the ratio
 # make venv       only set up .venv (every target does that first)
 
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test test-long bench venv format style types layers wheel unit clean
+.PHONY: demo test test-long bench bench-ensemble venv format style types layers wheel unit clean
 
 demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
@@ -20,6 +21,9 @@ test-long: $(STAMP)
 
 bench: $(STAMP)
 	@set -e; for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python "$$script"; done
+
+bench-ensemble: $(STAMP)
+	@$(BIN)/python benchmarks/ensemble/ensemble.py
 
 venv: $(STAMP)
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.simulate.ensemble.control_lanes import control
-from swingid.simulate.ensemble.events import redo
+from swingid.simulate.ensemble.events import SMALL, redo
 from swingid.simulate.ensemble.lane_functions import njit_lane, njit_threads, sine_cosine
 from swingid.simulate.ensemble.lanes import (
     A12,
@@ -21,8 +21,6 @@ from swingid.simulate.ensemble.lanes import (
     COMMAND,
     COULOMB_N,
     COULOMB_P,
-    D1,
-    D2,
     DIRECT,
     EDGE_N,
     EDGE_P,
@@ -56,12 +54,9 @@ from swingid.simulate.ensemble.lanes import (
     U,
     Y,
 )  # fmt: skip
-from swingid.simulate.ensemble.series import coefficients, coefficients_with_peak, moved, slope, turned
+from swingid.simulate.ensemble.series import coefficients, moved, slope, turned
 
 Array = NDArray[np.float64]
-
-SMALL = 1e-13
-"""rad per step: a fifth coefficient beyond this shows that the step is too long for the series."""
 
 
 @njit_lane
@@ -73,97 +68,103 @@ def reading(q: float, zero: float, noise: float, resolution: float) -> float:
 
 
 @njit_lane
-def move(lane: Array, i: int, peaked: int) -> int:
+def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     """Run i of a block one step on; 1 and nothing moved where its mode may end in the step, else 0.
 
-    The mode is that of the start: sides and branch by sign and edges; what has no speed and can stick rests.
+    The mode is that of the start: sides and branch by sign and edges. `peaked`: some run of the block has Stribeck's
+    peak; `resting`: some axis or wheel rests. Both are plain numbers where this is called, so that what is not needed
+    is not compiled.
     """
-    q1, u, y = lane[Q1 * LANES + i], lane[U * LANES + i], lane[Y * LANES + i]
+    q1, u, q2, y = lane[Q1 * LANES + i], lane[U * LANES + i], lane[Q2 * LANES + i], lane[Y * LANES + i]
     command, gear = lane[COMMAND * LANES + i], lane[GEAR * LANES + i]
-    sticks, kink1, kink2 = lane[AXIS_STICKS * LANES + i], lane[AXIS_KINK * LANES + i], lane[WHEEL_KINK * LANES + i]
-    gravity, a12 = lane[GRAVITY * LANES + i], lane[A12 * LANES + i]
-    rest1, rest2 = (u == 0.0) & (sticks != 0.0), (y == 0.0) & (kink2 != 0.0)
+    kink1, kink2 = lane[AXIS_KINK * LANES + i], lane[WHEEL_KINK * LANES + i]
+    gravity = lane[GRAVITY * LANES + i]
     side1, side2 = (1.0 if u >= 0.0 else -1.0), (1.0 if y >= 0.0 else -1.0)
+    sine, cosine = sine_cosine(q1)
 
     volts, emf = lane[GAIN * LANES + i] * command, lane[BACK_EMF * LANES + i]
     edge_p, edge_n = lane[EDGE_P * LANES + i], lane[EDGE_N * LANES + i]
     torque = volts - emf * y
-    above = torque > edge_p
-    below = (torque < edge_n) & (not above)
-    dead = not (above | below)
-    d1, d2 = lane[D1 * LANES + i], lane[D2 * LANES + i]
-    edge = d1 if above else d2
-    drive = 0.0 if dead else gear * (volts - edge)
-    drag, dry2 = lane[MOTOR_DRAG * LANES + i], lane[MOTOR_COULOMB * LANES + i]
-    drag += 0.0 if dead else gear * emf
-    load2 = drive - (0.0 if rest2 else side2 * dry2)
+    above, below = torque > edge_p, torque < edge_n
+    live = above | below
+    drive = gear * (volts - (edge_p if above else edge_n))
+    drive = drive if live else 0.0
+    drag = lane[MOTOR_DRAG * LANES + i] + (gear * emf if live else 0.0)
+    dry2 = side2 * lane[MOTOR_COULOMB * LANES + i]
 
-    positive = side1 > 0.0
     viscous_p, viscous_n = lane[VISCOUS_P * LANES + i], lane[VISCOUS_N * LANES + i]
     coulomb_p, coulomb_n = lane[COULOMB_P * LANES + i], lane[COULOMB_N * LANES + i]
-    viscous = viscous_p if positive else viscous_n
-    coulomb = coulomb_p if positive else coulomb_n
     static_p, static_n = lane[STATIC_P * LANES + i], lane[STATIC_N * LANES + i]
-    quadratic = side1 * lane[QUADRATIC * LANES + i]
+    positive = u >= 0.0
+    viscous = viscous_p if positive else viscous_n
+    dry1 = coulomb_p if positive else -coulomb_n
     outer = lane[DIRECT * LANES + i] * command - lane[OFFSET * LANES + i]
-    load1 = outer - (0.0 if rest1 else side1 * coulomb)
 
     m11, m12, m22 = lane[M11 * LANES + i], lane[M12 * LANES + i], lane[M22 * LANES + i]
-    alone1, alone2 = lane[ALONE1 * LANES + i], lane[ALONE2 * LANES + i]
-    both = not (rest1 | rest2)
-    m12 = m12 if both else 0.0
-    m11 = m11 if both else (0.0 if rest1 else alone1)
-    m22 = m22 if both else (0.0 if rest2 else alone2)
-
-    sine, cosine = sine_cosine(q1)
-    mobility = (m11, m12, m22)
+    spike, height = 0.0, 0.0
     if peaked:
         spike = lane[PEAK * LANES + i]
-        height = side1 * ((static_p if positive else static_n) - coulomb)
-        height = 0.0 if spike == 0.0 else height
-        cu, cy = coefficients_with_peak(
-            sine, cosine, u, y, gravity, viscous, quadratic, load1, load2, drag, mobility, height, spike
-        )
-    else:
-        cu, cy = coefficients(sine, cosine, u, y, gravity, viscous, quadratic, load1, load2, drag, mobility)
-    u_end, y_end = moved(u, cu, 1.0), moved(y, cy, 1.0)
-    slope_u, slope_y = slope(cu, 1.0), slope(cy, 1.0)
+        height = (static_p if positive else -static_n) - dry1
+        height = height if spike > 0.0 else 0.0
+    rest1, rest2 = False, False
+    if resting:
+        rest1, rest2 = (u == 0.0) & (lane[AXIS_STICKS * LANES + i] != 0.0), (y == 0.0) & (kink2 != 0.0)
+        alone1, alone2 = lane[ALONE1 * LANES + i], lane[ALONE2 * LANES + i]
+        both = not (rest1 | rest2)
+        m12 = m12 if both else 0.0
+        m11 = m11 if both else (0.0 if rest1 else alone1)
+        m22 = m22 if both else (0.0 if rest2 else alone2)
+        dry1 = 0.0 if rest1 else dry1
+        height = 0.0 if rest1 else height
+        dry2 = 0.0 if rest2 else dry2
 
-    # what must hold at the end, and for what rests also at the start
-    hold = outer - gravity * sine
-    hold_start, hold_end = hold - a12 * cy[0], hold - a12 * slope_y
-    held = (hold_start <= static_p) & (hold_start >= -static_n) & (hold_end <= static_p) & (hold_end >= -static_n)
-    flagged = rest1 & (not held)
-    wheel_static = lane[WHEEL_STATIC * LANES + i]
-    hold_start, hold_end = drive - a12 * cu[0], drive - a12 * slope_u
-    flagged |= rest2 & ((abs(hold_start) > wheel_static) | (abs(hold_end) > wheel_static))
-    # a speed that has passed zero, or may have been beyond it and back
-    s_u, s_y = side1 * u, side2 * y
-    start_u, start_y = side1 * cu[0], side2 * cy[0]
-    passed = (side1 * u_end < 0.0) | ((start_u < 0.0) & (side1 * slope_u > 0.0) & (s_u + start_u < 0.0))
-    flagged |= (kink1 != 0.0) & passed
-    passed = (side2 * y_end < 0.0) | ((start_y < 0.0) & (side2 * slope_y > 0.0) & (s_y + start_y < 0.0))
-    flagged |= (kink2 != 0.0) & passed
+    axis = (gravity, viscous, side1 * lane[QUADRATIC * LANES + i], outer - dry1, height, spike)
+    cu, cy = coefficients(sine, cosine, u, y, axis, (drive - dry2, drag), (m11, m12, m22), peaked)
+    u_end, y_end = moved(u, cu, 1.0), moved(y, cy, 1.0)
+
+    # a speed that passes zero, or that its first slope would take there: it may have been beyond and back
+    passed1, passed2 = u_end * side1 < 0.0, y_end * side2 < 0.0
+    passed1 |= (u + cu[0]) * side1 < 0.0
+    passed2 |= (y + cy[0]) * side2 < 0.0
+    if resting:
+        passed1, passed2 = passed1 & (not rest1), passed2 & (not rest2)
     torque = volts - emf * y_end
-    flagged |= (
-        (above & (torque < edge_p)) | (below & (torque > edge_n)) | (dead & ((torque > edge_p) | (torque < edge_n)))
-    )
+    flagged = (passed1 & (kink1 != 0.0)) | (passed2 & (kink2 != 0.0))
+    flagged |= (above ^ (torque > edge_p)) | (below ^ (torque < edge_n))
     flagged |= (abs(cu[4]) > SMALL) | (abs(cy[4]) > SMALL)
+    if resting:
+        a12, released = lane[A12 * LANES + i], lane[WHEEL_STATIC * LANES + i]
+        hold = outer - gravity * sine
+        start, end = hold - a12 * cy[0], hold - a12 * slope(cy, 1.0)
+        flagged |= rest1 & ((start > static_p) | (start < -static_n) | (end > static_p) | (end < -static_n))
+        start, end = drive - a12 * cu[0], drive - a12 * slope(cu, 1.0)
+        flagged |= rest2 & ((abs(start) > released) | (abs(end) > released))
 
     lane[Q1 * LANES + i] = q1 if flagged else q1 + turned(u, cu, 1.0)
     lane[U * LANES + i] = u if flagged else u_end
-    lane[Q2 * LANES + i] += 0.0 if flagged else turned(y, cy, 1.0)
+    lane[Q2 * LANES + i] = q2 if flagged else q2 + turned(y, cy, 1.0)
     lane[Y * LANES + i] = y if flagged else y_end
     lane[FLAG * LANES + i] = 1.0 if flagged else 0.0
     return 1 if flagged else 0
 
 
 @njit_lane
-def move_all(lane: Array, peaked: int) -> int:
+def move_all(lane: Array, peaked: int, resting: int) -> int:
     """All runs of a block one step on; how many are left for `redo`."""
     count = 0
     for i in range(LANES):
-        count += move(lane, i, peaked)
+        count += move(lane, i, peaked, resting)
+    return count
+
+
+@njit_lane
+def any_rests(lane: Array) -> int:
+    """How many runs of a block have an axis or a wheel at rest, where it can stick."""
+    count = 0
+    for i in range(LANES):
+        rests = (lane[U * LANES + i] == 0.0) & (lane[AXIS_STICKS * LANES + i] != 0.0)
+        rests |= (lane[Y * LANES + i] == 0.0) & (lane[WHEEL_KINK * LANES + i] != 0.0)
+        count += 1 if rests else 0
     return count
 
 
@@ -190,7 +191,7 @@ def run_block(
     rows, channels, noisy = len(inputs), len(log), noise.shape[1] > 1
     sample = h * steps
     work, nothing, nowhere, counts = np.zeros((10, 5)), np.zeros(0), np.zeros((0, 5)), np.zeros(4, np.int64)
-    redone = 0
+    redone, resting = 0, any_rests(lane)
     for k in range(rows):
         for i in range(LANES):
             lane[REFERENCE * LANES + i] = inputs[k, which[i]]
@@ -220,8 +221,15 @@ def run_block(
         if k == rows - 1:
             break
         for _ in range(steps):
-            count = move_all(lane, 1) if peaked else move_all(lane, 0)
+            if resting:
+                count = move_all(lane, 1, 1)
+            elif peaked:
+                count = move_all(lane, 1, 0)
+            else:
+                count = move_all(lane, 0, 0)
             if count > 0:
                 redone += count
                 redo(lane, p, h, work, nothing, nowhere, counts)
+            if resting or count > 0:
+                resting = any_rests(lane)
     return redone

@@ -25,16 +25,16 @@ REFERENCE, ANGLE_READING, WHEEL_READING, COMMAND, FLAG = range(9, 14)
 GRAVITY, VISCOUS_P, VISCOUS_N, QUADRATIC, COULOMB_P, COULOMB_N, STATIC_P, STATIC_N = range(14, 22)
 OFFSET, PEAK, DIRECT, AXIS_STICKS, AXIS_KINK = range(22, 27)
 # The motor: eta c1, eta c2 / h, edges of the dead zone, N, N^2 f2 / h, N f3; torque that releases the wheel.
-GAIN, BACK_EMF, EDGE_P, EDGE_N, D1, D2, GEAR, MOTOR_DRAG, MOTOR_COULOMB, WHEEL_STATIC, WHEEL_KINK = range(27, 38)
+GAIN, BACK_EMF, EDGE_P, EDGE_N, GEAR, MOTOR_DRAG, MOTOR_COULOMB, WHEEL_STATIC, WHEEL_KINK = range(27, 36)
 # Mobilities h^2 M^-1 where both slide and where one slides alone; a12 / h^2.
-M11, M12, M22, ALONE1, ALONE2, A12 = range(38, 44)
+M11, M12, M22, ALONE1, ALONE2, A12 = range(36, 42)
 # The controller, as in `control.law`, and the rig's own limit.
-DELTA0, LAMBDA_H, SIGMA0, K_MAX, ERROR_DECAY, WHEEL_DECAY, PLANT_SIGN, DIFFERENTIATE, LIMIT = range(44, 53)
-COULOMB, DEAD_NEGATIVE, DEAD_POSITIVE, EMF_RATIO, ALPHA1, ALPHA0, K1 = range(53, 60)
-RIG_LIMIT = 60
+DELTA0, LAMBDA_H, SIGMA0, K_MAX, ERROR_DECAY, WHEEL_DECAY, PLANT_SIGN, DIFFERENTIATE, LIMIT = range(42, 51)
+COULOMB, DEAD_NEGATIVE, DEAD_POSITIVE, EMF_RATIO, ALPHA1, ALPHA0, K1 = range(51, 58)
+RIG_LIMIT = 58
 # Encoders of axis and wheel.
-ANGLE_STEP, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO, WHEEL_STEP, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(61, 69)
-ROWS = 69
+ANGLE_STEP, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO, WHEEL_STEP, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(59, 67)
+ROWS = 67
 
 Array = NDArray[np.float64]
 
@@ -45,8 +45,8 @@ def pack_motion(block: Array, p: Array, h: float) -> None:
     determinant = a11 * a22 - a12 * a12
     for row, place in (
         (GRAVITY, places.B), (COULOMB_P, places.COULOMB_P), (COULOMB_N, places.COULOMB_N), (OFFSET, places.OFFSET),
-        (STATIC_P, places.STATIC_P), (STATIC_N, places.STATIC_N), (DIRECT, places.DIRECT), (D1, places.D1),
-        (D2, places.D2), (GEAR, places.GEAR), (WHEEL_STATIC, places.WHEEL_STATIC), (AXIS_STICKS, places.AXIS_STICKS),
+        (STATIC_P, places.STATIC_P), (STATIC_N, places.STATIC_N), (DIRECT, places.DIRECT),
+(GEAR, places.GEAR), (WHEEL_STATIC, places.WHEEL_STATIC), (AXIS_STICKS, places.AXIS_STICKS),
     ):  # fmt: skip
         block[row] = p[:, place]
     block[VISCOUS_P], block[VISCOUS_N] = p[:, places.VISCOUS_P] / h, p[:, places.VISCOUS_N] / h
@@ -56,8 +56,7 @@ def pack_motion(block: Array, p: Array, h: float) -> None:
     uneven = p[:, places.VISCOUS_P] != p[:, places.VISCOUS_N]
     block[AXIS_KINK] = (p[:, places.AXIS_STICKS] != 0.0) | (p[:, places.QUADRATIC] != 0.0) | uneven
     block[GAIN], block[BACK_EMF] = eta * p[:, places.C1], eta * p[:, places.C2] / h
-    none = (p[:, places.D1] == 0.0) & (p[:, places.D2] == 0.0)
-    block[EDGE_P], block[EDGE_N] = np.where(none, -np.inf, p[:, places.D1]), np.where(none, -np.inf, p[:, places.D2])
+    block[EDGE_P], block[EDGE_N] = p[:, places.D1], p[:, places.D2]
     block[MOTOR_DRAG], block[MOTOR_COULOMB] = gear**2 * p[:, places.F2] / h, gear * p[:, places.F3]
     block[WHEEL_KINK] = p[:, places.WHEEL_STATIC] != 0.0
     block[M11], block[M12], block[M22] = h**2 * a22 / determinant, h**2 * a12 / determinant, h**2 * a11 / determinant

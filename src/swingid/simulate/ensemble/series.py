@@ -12,6 +12,7 @@ from __future__ import annotations
 from swingid.simulate.ensemble.lane_functions import decay, njit_lane
 
 Coefficients = tuple[float, float, float, float, float]
+Axis = tuple[float, float, float, float, float, float]
 Mobility = tuple[float, float, float]
 
 
@@ -21,91 +22,62 @@ def coefficients(
     cosine: float,
     u: float,
     y: float,
-    gravity: float,
-    viscous: float,
-    quadratic: float,
-    load1: float,
-    load2: float,
-    drag: float,
+    axis: Axis,
+    wheel: tuple[float, float],
     mobility: Mobility,
+    peaked: int,
 ) -> tuple[Coefficients, Coefficients]:
     """U1 ... U5 and Y1 ... Y5 from sine and cosine of q1, U and Y at the start, and the constants of the mode.
 
-    Axis: load1 - gravity sin q1 - viscous U - quadratic U^2 (N m); wheel: load2 - drag Y (N m); mobility h^2 M^-1 as
-    (11, 12, 22), where 12 is taken off.
+    axis = (gravity, viscous, quadratic, load, height, peak): load - gravity sin q1 - viscous U - quadratic U^2 - g with
+    g = height exp(-peak U^2) (N m), Stribeck's, where `peaked`. wheel = (load, drag): load - drag Y (N m). mobility:
+    h^2 M^-1 as (11, 12, 22), where 12 is taken off.
     """
+    gravity, viscous, quadratic, load1, height, peak = axis
+    load2, drag = wheel
     m11, m12, m22 = mobility
-    r1 = load1 - gravity * sine - u * (viscous + quadratic * u)
-    r2 = load2 - drag * y
-    u1, y1 = m11 * r1 - m12 * r2, m22 * r2 - m12 * r1
+    # U' = gu s + vu U + qu U^2 + du Y + lu, Y' alike: so that each coefficient waits only for those just before it
+    gu, vu, qu, du, lu = -m11 * gravity, -m11 * viscous, -m11 * quadratic, m12 * drag, m11 * load1 - m12 * load2
+    gy, vy, qy, dy, ly = m12 * gravity, m12 * viscous, m12 * quadratic, -m22 * drag, m22 * load2 - m12 * load1
+    u1 = ((lu + gu * sine) + du * y) + u * (vu + qu * u)
+    y1 = ((ly + gy * sine) + dy * y) + u * (vy + qy * u)
+    g, e1, e2, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0
+    if peaked:
+        g = height * decay(peak * u * u)
+        u1, y1 = u1 - m11 * g, y1 + m12 * g
+    tu, ty = vu + 2.0 * u * qu, vy + 2.0 * u * qy
     s1, c1 = u * cosine, -u * sine
-    w1 = 2.0 * u * u1
-    r1, r2 = -gravity * s1 - viscous * u1 - quadratic * w1, -drag * y1
-    u2, y2 = 0.5 * (m11 * r1 - m12 * r2), 0.5 * (m22 * r2 - m12 * r1)
+    u2, y2 = (gu * s1 + du * y1) + tu * u1, (gy * s1 + dy * y1) + ty * u1
+    if peaked:
+        e1 = -2.0 * peak * u * u1
+        g1 = e1 * g
+        u2, y2 = u2 - m11 * g1, y2 + m12 * g1
+    u2, y2 = 0.5 * u2, 0.5 * y2
     s2, c2 = 0.5 * (u * c1 + u1 * cosine), -0.5 * (u * s1 + u1 * sine)
-    w2 = 2.0 * u * u2 + u1 * u1
-    r1, r2 = -gravity * s2 - viscous * u2 - quadratic * w2, -drag * y2
-    u3, y3 = (1 / 3) * (m11 * r1 - m12 * r2), (1 / 3) * (m22 * r2 - m12 * r1)
-    s3, c3 = (1 / 3) * (u * c2 + u1 * c1 + u2 * cosine), -(1 / 3) * (u * s2 + u1 * s1 + u2 * sine)
-    w3 = 2.0 * (u * u3 + u1 * u2)
-    r1, r2 = -gravity * s3 - viscous * u3 - quadratic * w3, -drag * y3
-    u4, y4 = 0.25 * (m11 * r1 - m12 * r2), 0.25 * (m22 * r2 - m12 * r1)
-    s4 = 0.25 * (u * c3 + u1 * c2 + u2 * c1 + u3 * cosine)
-    w4 = 2.0 * (u * u4 + u1 * u3) + u2 * u2
-    r1, r2 = -gravity * s4 - viscous * u4 - quadratic * w4, -drag * y4
-    u5, y5 = 0.2 * (m11 * r1 - m12 * r2), 0.2 * (m22 * r2 - m12 * r1)
-    return (u1, u2, u3, u4, u5), (y1, y2, y3, y4, y5)
-
-
-@njit_lane
-def coefficients_with_peak(
-    sine: float,
-    cosine: float,
-    u: float,
-    y: float,
-    gravity: float,
-    viscous: float,
-    quadratic: float,
-    load1: float,
-    load2: float,
-    drag: float,
-    mobility: Mobility,
-    height: float,
-    peak: float,
-) -> tuple[Coefficients, Coefficients]:
-    """As `coefficients`, with Stribeck's peak, height exp(-peak U^2) (N m), taken off the axis' load.
-
-    The series of g = exp(y) is that of g' = y' g.
-    """
-    m11, m12, m22 = mobility
-    g = height * decay(peak * u * u)
-    r1 = load1 - gravity * sine - u * (viscous + quadratic * u) - g
-    r2 = load2 - drag * y
-    u1, y1 = m11 * r1 - m12 * r2, m22 * r2 - m12 * r1
-    s1, c1 = u * cosine, -u * sine
-    w1 = 2.0 * u * u1
-    e1 = -peak * w1
-    g1 = e1 * g
-    r1, r2 = -gravity * s1 - viscous * u1 - quadratic * w1 - g1, -drag * y1
-    u2, y2 = 0.5 * (m11 * r1 - m12 * r2), 0.5 * (m22 * r2 - m12 * r1)
-    s2, c2 = 0.5 * (u * c1 + u1 * cosine), -0.5 * (u * s1 + u1 * sine)
-    w2 = 2.0 * u * u2 + u1 * u1
-    e2 = -2.0 * peak * w2
-    g2 = 0.5 * (e1 * g1 + e2 * g)
-    r1, r2 = -gravity * s2 - viscous * u2 - quadratic * w2 - g2, -drag * y2
-    u3, y3 = (1 / 3) * (m11 * r1 - m12 * r2), (1 / 3) * (m22 * r2 - m12 * r1)
-    s3, c3 = (1 / 3) * (u * c2 + u1 * c1 + u2 * cosine), -(1 / 3) * (u * s2 + u1 * s1 + u2 * sine)
-    w3 = 2.0 * (u * u3 + u1 * u2)
-    e3 = -3.0 * peak * w3
-    g3 = (1 / 3) * (e1 * g2 + e2 * g1 + e3 * g)
-    r1, r2 = -gravity * s3 - viscous * u3 - quadratic * w3 - g3, -drag * y3
-    u4, y4 = 0.25 * (m11 * r1 - m12 * r2), 0.25 * (m22 * r2 - m12 * r1)
-    s4 = 0.25 * (u * c3 + u1 * c2 + u2 * c1 + u3 * cosine)
-    w4 = 2.0 * (u * u4 + u1 * u3) + u2 * u2
-    g4 = 0.25 * (e1 * g3 + e2 * g2 + e3 * g1 - 4.0 * peak * w4 * g)
-    r1, r2 = -gravity * s4 - viscous * u4 - quadratic * w4 - g4, -drag * y4
-    u5, y5 = 0.2 * (m11 * r1 - m12 * r2), 0.2 * (m22 * r2 - m12 * r1)
-    return (u1, u2, u3, u4, u5), (y1, y2, y3, y4, y5)
+    w2 = u1 * u1
+    u3, y3 = ((gu * s2 + qu * w2) + du * y2) + tu * u2, ((gy * s2 + qy * w2) + dy * y2) + ty * u2
+    if peaked:
+        e2 = -2.0 * peak * (2.0 * u * u2 + w2)
+        g2 = 0.5 * (e1 * g1 + e2 * g)
+        u3, y3 = u3 - m11 * g2, y3 + m12 * g2
+    u3, y3 = (1 / 3) * u3, (1 / 3) * y3
+    s3 = (1 / 3) * ((u * c2 + u1 * c1) + u2 * cosine)
+    c3 = -(1 / 3) * ((u * s2 + u1 * s1) + u2 * sine)
+    w3 = 2.0 * u1 * u2
+    u4, y4 = ((gu * s3 + qu * w3) + du * y3) + tu * u3, ((gy * s3 + qy * w3) + dy * y3) + ty * u3
+    g3, e3 = 0.0, 0.0
+    if peaked:
+        e3 = -3.0 * peak * (2.0 * u * u3 + w3)
+        g3 = (1 / 3) * (e1 * g2 + e2 * g1 + e3 * g)
+        u4, y4 = u4 - m11 * g3, y4 + m12 * g3
+    u4, y4 = 0.25 * u4, 0.25 * y4
+    s4 = 0.25 * ((u * c3 + u1 * c2 + u2 * c1) + u3 * cosine)
+    w4 = 2.0 * u1 * u3 + u2 * u2
+    u5, y5 = ((gu * s4 + qu * w4) + du * y4) + tu * u4, ((gy * s4 + qy * w4) + dy * y4) + ty * u4
+    if peaked:
+        g4 = 0.25 * (e1 * g3 + e2 * g2 + e3 * g1 - 4.0 * peak * (2.0 * u * u4 + w4) * g)
+        u5, y5 = u5 - m11 * g4, y5 + m12 * g4
+    return (u1, u2, u3, u4, 0.2 * u5), (y1, y2, y3, y4, 0.2 * y5)
 
 
 @njit_lane

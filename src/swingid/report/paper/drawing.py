@@ -52,7 +52,7 @@ def _drawing(number: int, caption: str, here: str, figure: Figure) -> Drawing:
     return Drawing(number, caption, here, svg, buffer.getvalue())
 
 
-WHOLE = "Above the whole run, below its last two seconds of the part that is identified."
+WHOLE = "Above the whole run, below the last two seconds of the part that is identified."
 
 EXPERIMENT = {
     2: ("Tracking errors e with (dashed) and without (solid) body (no filtering)", f"{WHOLE} Dotted: ± δ0."),

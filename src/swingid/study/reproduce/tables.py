@@ -90,6 +90,9 @@ def _glance(results: dict[str, Any]) -> Table:
     reading = {way: 100 * ((paper["a11_body"][way] - paper["j1"][way]) / paper["j_e"] - 1) for way in paper["j1"]}
     here = [f"{words} {signed(j_e['viscous'][way])}" for way, words in GLANCE.items()]
     nls = [f"viscous friction {signed(j_e['viscous']['nls'])}", f"hidden dry friction {signed(j_e['hidden']['nls'])}"]
+    slow_nls = {row["way"]: row["j_e_balanced"].get("error") for row in results["experiment"][1]["rows"]}
+    nls.append(f"the same, balanced and slow {signed(slow_nls['nls'])}, with viscous friction in its model alone")
+    nls[-1] += f" {signed(slow_nls['nls-viscous'])}"
     momentum = [
         f"viscous friction {signed(j_e['viscous']['momentum'])}",
         f"hidden dry friction {signed(j_e['hidden']['momentum'])}",

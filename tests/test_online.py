@@ -163,8 +163,8 @@ def test_the_buffer_keeps_three_swings_whatever_the_length():
 def test_memory_does_not_grow_with_the_stream():
     import tracemalloc
 
-    rows = rows_of(two_tones())
-    period = 12.0
+    period = 6.0
+    rows = rows_of(two_tones().segment(0.0, period - 1e-6))
 
     def stream(times):
         for k in range(times):
@@ -172,7 +172,7 @@ def test_memory_does_not_grow_with_the_stream():
 
     peaks = []
     list(sw.online(exact_rig(), rows))
-    for times in (1, 4):
+    for times in (1, 3):
         tracemalloc.start()
         for _ in sw.online(exact_rig(), stream(times)):
             pass

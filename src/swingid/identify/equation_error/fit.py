@@ -36,12 +36,16 @@ LAGS_TRIED = 40
 
 @dataclass(frozen=True)
 class RowFit:
-    """A fit of filtered rows: unknowns by name ("inertia" first), type A covariance, weights of the rows (0 unused)."""
+    """A fit of filtered rows: unknowns by name ("inertia" first), type A covariance, weights of the rows (0 unused).
+
+    inverse (p, p): of Z'W X, by which sums over the rows become values.
+    """
 
     unknowns: tuple[str, ...]
     fit: LinearFit
     covariance: Array
     weights: Array
+    inverse: Array
 
     @property
     def a11(self) -> float:
@@ -75,10 +79,10 @@ def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, re
         )
     weights = usable.astype(np.float64)
     for _ in range(ROUNDS):
-        fit = _solve(columns, target, instruments, weights)
+        fit, inverse = _solve(columns, target, instruments, weights)
         weights = usable * _huber(fit.residuals, usable)
     covariance = hac_covariance(fit.influence * fit.residuals, reach, len(unknowns), int(usable.sum()))
-    return RowFit(unknowns, fit, covariance, weights)
+    return RowFit(unknowns, fit, covariance, weights, inverse)
 
 
 def lagged(columns: Array, usable: Bools, lag: int) -> tuple[Array, Bools]:
@@ -113,18 +117,19 @@ def best_lag(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, sh
     return best
 
 
-def _solve(columns: Array, target: Array, instruments: Array, weights: Array) -> LinearFit:
-    """Solution of Z'W (y − X θ) = 0, and its condition with columns of unit length."""
+def _solve(columns: Array, target: Array, instruments: Array, weights: Array) -> tuple[LinearFit, Array]:
+    """Solution of Z'W (y − X θ) = 0 with its condition for columns of unit length, and the inverse of Z'W X."""
     used = np.sqrt(weights)[:, None]
     scale = np.linalg.norm(columns * used, axis=0)
     scale[scale == 0] = 1.0
     weighted = (instruments / scale).T * weights
     gram = weighted @ (columns / scale)
     spread = np.linalg.svd(gram, compute_uv=False)
-    influence = (np.linalg.pinv(gram, rcond=1e-14) @ weighted) / scale[:, None]
+    inverse = np.linalg.pinv(gram, rcond=1e-14) / scale[:, None]
+    influence = inverse @ weighted
     values = influence @ target
     condition = float(np.sqrt(spread[0] / spread[-1])) if spread[-1] > 0 else float("inf")
-    return LinearFit(values, target - columns @ values, influence, condition)
+    return LinearFit(values, target - columns @ values, influence, condition), inverse / scale
 
 
 def _huber(residuals: Array, usable: Bools) -> Array:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.errors import UnanswerableError
 from swingid.identify.momentum.balance import moved
 from swingid.identify.noise import EVEN
 from swingid.model.rig import Rig
@@ -18,6 +19,9 @@ from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
+
+MOST_FILLED = 10
+"""Rows of the even grid per row of the log above which the log is mostly gaps."""
 
 STENCIL = 2
 """Rows at each end that the differences cannot reach."""
@@ -44,6 +48,12 @@ def even_grid(log: Recording, rig: Rig) -> Grid:
     steps = np.diff(log.time)
     resampled = bool(np.ptp(steps) > EVEN * steps[0])
     count = int(np.rint(log.duration * log.rate)) + 1
+    if count > MOST_FILLED * len(log):
+        raise UnanswerableError(
+            f"{log.source.path or 'the log'} has rows for only {len(log) / count:.1%} of its time, too few for an even "
+            "grid; cut out the part without gaps, or use the momentum method.",
+            code="gaps",
+        )
     time = np.linspace(log.time[0], log.time[-1], count) if resampled else log.time
 
     def carried(values: Array) -> Array:

@@ -199,7 +199,8 @@ def _second_opinion(part: _Part, rig: Rig, scale: Scale, noise: Noise) -> tuple[
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
     if fit is not None:
         check_sign(fit, scale, part.log.source.path or "the log")
-    warnings, notes = check_motor(motor_balance(part.log, rig, signals, windows, noise), signals)
+    balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
+    warnings, notes = check_motor(balance, signals)
     own = [
         [replace(m, message=m.message.replace("momentum", "this method")) for m in side] for side in (warnings, notes)
     ]

@@ -103,18 +103,22 @@ class Fitted:
         """Share by which white noise of the angle in its own regressor lowers the inertia of least squares."""
         _, response = self._responses
         variance = self.noise.angle**2 * float(response @ response)
-        # influence · influence is the inverse of the power of the acceleration that no other regressor has
-        influence = self.fit.fit.influence[0]
-        return float(variance * self.fit.weights.sum() * (influence @ influence))
+        return float(variance * self.fit.weights.sum() * self.fit.inverse[0, 0])
 
     def _grid_spread(self, motion: Motion) -> float:
-        """What the place of the encoder's grid does to a11, over shifts of the grid; as `systematics.grid_spread`."""
+        """What the place of the encoder's grid does to a11, over shifts of the grid; as `systematics.grid_spread`.
+
+        The steps come again at every swing, so those in the instruments meet those in the row.
+        """
         grid, speed, step = self.row_filter.grid, motion.speed, self.noise.resolution
         smooth = speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
-        weights = curvature(self.row_filter.adjoint(self.fit.fit.influence[0]), grid.step) * self.fit.a11
         shifted = smooth / step + np.arange(GRID_PLACES)[:, None] / GRID_PLACES
-        shifts = ((np.round(shifted) - shifted) @ weights) * step
-        return float(np.sqrt(np.mean(shifts**2)))
+        errors = self.row_filter(*(curvature(x, grid.step) for x in (np.round(shifted) - shifted) * step))
+        effects = errors @ self.fit.fit.influence[0]
+        if self.lag > 0:
+            pairs = self.fit.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
+            effects = effects + self.fit.inverse[0, 0] * pairs.sum(axis=1)
+        return float(abs(self.fit.a11) * np.sqrt(np.mean(effects**2)))
 
     def total(self, motion: Motion) -> float:
         """Type A standard uncertainty of a11 but for disagreement with other fits."""

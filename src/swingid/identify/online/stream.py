@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from itertools import chain, islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.online.blocks import Block, energy_block, momentum_block
 from swingid.identify.online.buffer import SwingBuffer
 from swingid.identify.online.estimate import Reporter, SwingEstimate
-from swingid.identify.online.samples import Reader, Row
+from swingid.identify.online.samples import Reader
 from swingid.identify.online.solution import Recursion, first_solution, solve_all
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
@@ -119,21 +120,16 @@ class _Swings:
 
     def blocks(self, samples: Iterable[object]) -> Iterator[Block]:
         """The blocks of a stream, one per turning point that has a whole swing on both sides."""
-        early: list[Row] = []
-        for row in self.reader.rows(samples):
-            if self.buffer is None:
-                early.append(row)
-                if len(early) < WARM:
-                    continue
-                self.buffer = SwingBuffer(self._least(np.array(early)))
-                fresh, early = early, []
-            else:
-                fresh = [row]
-            for one in fresh:
-                piece = self.buffer.push(one)
-                block = None if piece is None else self._block(*piece)
-                if block is not None:
-                    yield block
+        rows = self.reader.rows(samples)
+        early = list(islice(rows, WARM))
+        if not early:
+            return
+        self.buffer = SwingBuffer(self._least(np.array(early)))
+        for row in chain(early, rows):
+            piece = self.buffer.push(row)
+            block = None if piece is None else self._block(*piece)
+            if block is not None:
+                yield block
 
     @property
     def noise(self) -> Noise:

@@ -205,6 +205,8 @@ def test_sensitivities_are_slopes(key):
         ({"cutoff": 1e4}, "bad-cutoff"),
         ({"cutoff": "fast"}, "bad-cutoff"),
         ({"friction": "glue"}, "unknown-friction"),
+        ({"friction": 3}, "bad-option"),
+        ({"instruments": "no"}, "bad-option"),
         ({"cutof": 3.0}, "unknown-option"),
     ],
 )

@@ -125,3 +125,26 @@ def test_a_motion_of_two_frequencies_is_predicted(fitted, tmp_path):
     log = logged(RIG, tmp_path, Multisine((Sine(0.5, 8.5), Sine(0.4, 5.0))), duration=10.0)
     (found,) = validate(fitted, log, given(RIG)).predictions
     assert found.free_fit > 99.9
+
+
+def test_a_fitted_log_and_another_rig_are_said(fitted, other):
+    assert validate(fitted, other, given(RIG)).notes == ()
+    again = validate(replace(fitted, provenance={"log_sha256": other.source.sha256}), other, given(RIG))
+    assert "no test of the model" in again.notes[0]
+    assert again.notes[0] in json.loads(again.to_json())["notes"]
+    heavier = given(RIG).changed({"drive.wheel.inertia": 1.3e-4})
+    (note,) = validate(fitted, other, heavier).notes
+    assert note.endswith("found with another drive.wheel.inertia.")
+
+
+def test_the_first_swing_is_predicted_as_well_as_the_others(fitted, other):
+    (found,) = validate(fitted, other, given(RIG)).predictions
+    error = np.abs(found.swing - found.measured)
+    assert error[found.time < found.time[0] + 0.3].max() < 2 * error[found.time > found.time[0] + 0.6].max()
+
+
+def test_a_log_given_twice_is_a_wrong_usage(other):
+    log = other.source.path
+    assert main(["validate", "r.json", log, log, "--rig", "paper"]) == 2
+    folder, _, name = log.rpartition("/")
+    assert main(["compare", log, f"{folder}/./{name}", "--rig", "paper"]) == 2

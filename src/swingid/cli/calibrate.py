@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,10 +53,9 @@ def calibrate(
 
 def _check_usage(logs: list[str], rig: str, out: str | None, json: str | None, report: str | None) -> None:
     """Raise UsageError for a log given twice, and for targets that make no sense or would overwrite something."""
-    from swingid.cli.output import check_targets
+    from swingid.cli.output import check_once, check_targets
 
-    if len({os.path.realpath(log) for log in logs}) < len(logs):
-        raise UsageError("a log was given twice; give each once", code="same-log")
+    check_once(logs)
     if out is not None and not out.lower().endswith(".toml"):
         raise UsageError(f"--out {out} must end in .toml, as every rig file", code="bad-target")
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")

@@ -8,7 +8,6 @@ from typing import Annotated
 import typer
 
 from swingid.cli.identify import Method
-from swingid.errors import UsageError
 
 
 def compare(
@@ -23,14 +22,13 @@ def compare(
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the comparison as one HTML file.")] = None,
 ) -> None:
     """Put every method on the same LOGs: inertia, friction, time, what each rests on, and whether they agree."""
-    from swingid.cli.output import check_target, check_targets, say, tell, write_json
+    from swingid.cli.output import check_once, check_target, check_targets, say, tell, write_json
 
     check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
     for target in (json, report):
         if target is not None and target != "-":
             check_target(Path(target))
-    if len(set(logs)) < len(logs):
-        raise UsageError("a log was given twice; give each once", code="same-log")
+    check_once(logs)
     from swingid.cli.kernels import announce_compilation
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording

@@ -83,6 +83,8 @@ def identify(
     _check_usage(logs, rig, method, variant, json, report)
     options = _options(option or [])
     if variant is not None:
+        if "variant" in options:
+            raise UsageError("--variant and --option variant say the same; give one of them", code="bad-option")
         options["variant"] = variant.value
     reading = _Reading(_part(part), dict.fromkeys(without_repair or [], False))
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}

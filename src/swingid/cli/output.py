@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TextIO
@@ -102,6 +102,12 @@ def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) 
         if path in used:
             raise UsageError(f"{option} {target} would overwrite {used[path]}; give another name", code="overwrite")
         used[path] = f"what {option} writes"
+
+
+def check_once(logs: Sequence[str]) -> None:
+    """Raise UsageError where the same file is given twice."""
+    if len({os.path.realpath(log) for log in logs}) < len(logs):
+        raise UsageError("a log was given twice; give each once", code="same-log")
 
 
 def flush(stream: TextIO | None) -> None:

@@ -50,6 +50,8 @@ def rehearse(
     motion = None if reference is None else parse_reference(reference)
     if motion is None and angle == 0.0:
         raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
+    if motion is None and gains is not None:
+        raise UsageError("--gains needs a motion to follow; give --reference, or leave it out", code="no-reference")
     announce_compilation("simulate")
     rehearsal = run(
         plant,

@@ -21,6 +21,9 @@ METHODS: dict[str, str] = {
 }
 """Function of each method, imported when it is called. Its options are its keyword arguments."""
 
+KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("text", str)}
+"""Annotations of options whose kind is checked at the door: in words, and the type."""
+
 
 def identify(
     log: Recording | Sequence[Recording] | Mapping[str, Recording | SwingidError],
@@ -76,10 +79,17 @@ def method_function(method: str) -> Callable[..., Result]:
 
 
 def check_options(method: str, function: Callable[..., Result], options: dict[str, object]) -> None:
-    """Raise UsageError for an option that the method does not have; the nearest one is named."""
-    known = [name for name, parameter in inspect.signature(function).parameters.items() if parameter.kind.value == 3]
-    for name in options:
+    """Raise UsageError for an option that the method does not have (the nearest one is named), or of another kind.
+
+    Kinds are checked where the method asks for text or for true or false; the rest it checks itself.
+    """
+    parameters = inspect.signature(function).parameters
+    known = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
+    for name, value in options.items():
         if name in known:
+            words, kind = KINDS.get(str(parameters[name].annotation), ("", object))
+            if not isinstance(value, kind):
+                raise UsageError(f"option {name} must be {words}, and is {value!r}.", code="bad-option")
             continue
         near = difflib.get_close_matches(name, known, n=1)
         hint = f"the nearest is {near[0]!r}." if near else f"it has {', '.join(known) or 'none'}."

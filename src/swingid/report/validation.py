@@ -26,5 +26,6 @@ def write_validation(validation: Validation, rig: Rig, path: str | Path) -> Path
             figure = draw_validation(prediction, linear=validation.linear)
             svg = Markup(to_svg(figure, f"validation{k}", f"Measured and predicted angle of {prediction.log}"))
             logs.append({"cells": cells(prediction, linear=validation.linear, fine=True), "svg": svg})
-    page = environment().get_template("validation.html.j2").render(rig=rig, logs=logs, method=validation.method)
+    template = environment().get_template("validation.html.j2")
+    page = template.render(rig=rig, logs=logs, method=validation.method, notes=validation.notes)
     return write_page(page, Path(path))

@@ -70,7 +70,7 @@ def output_error(
     Raises UsageError for unknown options, InputError where a channel is missing or has the wrong sign,
     UnanswerableError where the motor's constants are missing or the motion cannot tell.
     """
-    free = tuple(name.strip() for name in free.split(",") if name.strip()) if isinstance(free, str) else tuple(free)
+    free = _names(free)
     _check_options(law, loss, starts, segment)
     scale = Scale.of(rig)
     require_channels(log, rig)
@@ -107,6 +107,14 @@ def output_error(
         details=replace(details, extra=extra),
         sensitivities=sensitivities,
     )
+
+
+def _names(free: object) -> tuple[str, ...]:
+    """Names from text with commas or a sequence of texts; UsageError for anything else."""
+    names = free.split(",") if isinstance(free, str) else free
+    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
+        raise UsageError(f"option free must be names with commas between, and is {free!r}.", code="bad-option")
+    return tuple(name.strip() for name in names if name.strip())
 
 
 def _check_options(law: str, loss: str, starts: int, segment: float | None) -> None:

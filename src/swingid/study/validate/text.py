@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from typing import TYPE_CHECKING
 
 from swingid.identify.format import number
@@ -10,6 +11,7 @@ from swingid.identify.format import number
 if TYPE_CHECKING:
     from swingid.study.validate.validation import Prediction, Validation
 
+WIDTH = 100
 HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
 DRIVES = {"wheel": "measured wheel", "voltage": "voltage", "torque": "torque", "none": "nothing"}
 
@@ -20,6 +22,8 @@ def tabulate(validation: Validation) -> str:
     widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
     lines = [f"[[Predictions of the model that {validation.method} identified: normalised fit, 100 % is perfect]]"]
     lines += ["    " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    for note in validation.notes:
+        lines += textwrap.wrap(f"note: {note}", WIDTH, initial_indent="    ", subsequent_indent="      ")
     return "\n".join(lines)
 
 

@@ -7,7 +7,7 @@ tells (estimated by least squares, as `compare` does); swing by swing they are m
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,6 +18,7 @@ from swingid.errors import UnanswerableError
 from swingid.identify.motion import find_motion, smooth_speed
 from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.output_error.problem import Problem, problem_of
+from swingid.identify.provenance import constants
 from swingid.identify.result import Result
 from swingid.identify.scale import require_channels
 from swingid.identify.segment import usable_part
@@ -73,11 +74,12 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Validation:
-    """Predictions of one result for several logs."""
+    """Predictions of one result for several logs; notes: what a reader of the fits should know."""
 
     method: str
     linear: bool
     predictions: tuple[Prediction, ...]
+    notes: tuple[str, ...] = ()
 
     def to_dict(self) -> dict[str, object]:
         """Plain data, schema "swingid.validate/1", without the curves."""
@@ -96,7 +98,7 @@ class Validation:
             }
             for p in self.predictions
         ]
-        return {"schema": SCHEMA, "method": self.method, "logs": logs}
+        return {"schema": SCHEMA, "method": self.method, "logs": logs, "notes": list(self.notes)}
 
     def to_json(self) -> str:
         """The validation as JSON text."""
@@ -129,7 +131,20 @@ def validate(
     p = model_vector(result, rig)
     several = [logs] if isinstance(logs, Recording) else list(logs)
     predictions = tuple(_of_log(log, rig, p, input, log.source.path or f"log {k + 1}") for k, log in enumerate(several))
-    return Validation(result.method, rig.axis.kind == "linear", predictions)
+    return Validation(result.method, rig.axis.kind == "linear", predictions, tuple(_notes(result, several, rig)))
+
+
+def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]:
+    """That a log was fitted, and that the rig is not that of the result."""
+    told = result.provenance
+    hashes = told.get("logs_sha256")
+    fitted = {str(h) for h in (hashes if isinstance(hashes, list) else [told.get("log_sha256")]) if h}
+    for log in logs:
+        if log.source.sha256 in fitted:
+            yield f"the result was fitted to {log.source.path}: its fit is no test of the model."
+    then, now = told.get("constants"), constants(rig)
+    if isinstance(then, dict) and (other := [key for key in {**then, **now} if then.get(key) != now.get(key)]):
+        yield f"rig {rig.name} is not as in the result, which was found with another {', '.join(other)}."
 
 
 def _of_log(log: Recording, rig: Rig, p: Array, wanted: Literal["voltage", "wheel"] | None, name: str) -> Prediction:
@@ -145,7 +160,9 @@ def _of_log(log: Recording, rig: Rig, p: Array, wanted: Literal["voltage", "whee
     if not len(runs[0].measured):
         raise UnanswerableError(f"{name} has no stretch of rows long enough to predict.", code="too-short")
     free = _readings(runs[0], p, _estimated_starts(runs[0], p))
-    swing = _readings(runs[1], p, _measured_starts(runs[1], used, rig, noise))
+    # half a swing more at either end, for a speed smoothed at the end of its rows is a worse one
+    around = log.segment(start - whole.half_period, stop + whole.half_period)
+    swing = _readings(runs[1], p, _measured_starts(runs[1], around, rig, noise))
     axis, steps = ~runs[0].wheel, ~runs[1].wheel
     time = runs[0].times[axis]
     # segments too short to predict are left out of either; what both hold is compared

@@ -65,17 +65,16 @@ ROLE_UNITS: dict[str, frozenset[str]] = {
     "current": frozenset({"A", "mA"}),
 }
 SPEED_UNITS = frozenset({"rad/s", "deg/s", "rpm", "turns/s", "m/s"})
+GREEK = {"θ": "theta", "φ": "phi", "α": "alpha", "ω": "omega", "τ": "tau"}
 
 
 def words_of(name: str) -> list[str]:
     """The words of a column's name in lower case: "pendAngle_rad [deg]" gives pend, angle, rad."""
     bare = re.sub(r"[\[(].*?[\])]", " ", name)
+    for letter, word in GREEK.items():
+        bare = bare.replace(letter, word)
     split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", bare)
-    words = re.findall(r"[a-zà-ÿµ°]+\d*|\d+", split.lower())
-    return [GREEK.get(word, word) for word in words]
-
-
-GREEK = {"θ": "theta", "φ": "phi", "α": "alpha", "ω": "omega", "τ": "tau"}
+    return re.findall(r"[a-zà-ÿµ°]+\d*|\d+", split.lower())
 
 
 def unit_of(name: str, stated: str) -> str:
@@ -83,7 +82,7 @@ def unit_of(name: str, stated: str) -> str:
     if stated:
         return UNITS.get(stated.lower(), stated)
     compact = re.sub(r"[\[(].*?[\])]", "", name.lower())
-    if re.search(r"(rad|deg|m)[_/ ]?(p|per)?[_/ ]?s(_|$)", compact):
+    if re.search(r"((rad|deg)[_/ ]?(p|per)?[_/ ]?s|m[_/ ](per[_ ])?s|mps)(_|$)", compact):
         return next(u for u in ("rad/s", "deg/s", "m/s") if u.split("/")[0] in compact)
     words = words_of(name)
     return UNITS.get(words[-1], "") if len(words) > 1 else ""

@@ -74,10 +74,8 @@ def _sensors(roles: Roles, columns: Mapping[str, Column]) -> str:
 def _resolution(role: Role, column: Column) -> list[str]:
     """The line that states the steps of an encoder, where they are seen."""
     if role.unit == "counts":
-        return [
-            f"counts_per_turn = {counts_of(column.span)}".ljust(38)
-            + "# the next power of two above the counts: yours to set"
-        ]
+        text = f"counts_per_turn = {counts_of(column.span)}"
+        return [f"{text:<38}# the next power of two above the counts: yours to set"]
     if column.step <= 0 or (is_decimal(column.step) and column.kind != "whole numbers"):
         return []
     if role.unit in ("m", "mm"):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.recording.inspect.likeness import correlation, has_size, passes, roughness, slope, smooth, thin
 from swingid.recording.inspect.names import ROLE_UNITS, SPEED_UNITS, name_scores, unit_of
 
 if TYPE_CHECKING:
@@ -21,20 +22,17 @@ if TYPE_CHECKING:
 
     Floats = NDArray[np.float64]
 
-MOST = 20_000
-"""Rows that the comparison of columns looks at."""
-
 DERIVATIVE = 0.8
 """Correlation with the slope of another column from which on a column is that column's speed."""
-
-GAINS = (1.0, 180 / np.pi, np.pi / 180, 30 / np.pi, 2 * np.pi, 0.5 / np.pi)
-"""Speed per slope of its angle: equal units, degrees and radians, revolutions per minute, turns."""
 
 ALIKE = 0.98
 """Correlation of two positions from which on they are one motion: a measured one and its reference."""
 
 FEWEST = 20
 """Rows from which on a motion can be seen."""
+
+POSITION = 0.02
+"""Roughness below which a column moves as a position does."""
 
 RISING = 0.98
 """Share of rows after which a clock rises."""
@@ -109,6 +107,11 @@ class _Candidate:
 
 def guess_roles(columns: list[Column]) -> Roles:
     """The likely role of each column. Columns without numbers, and those of another length than most, have none."""
+    with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are no motion, and no cause to print
+        return _guess(columns)
+
+
+def _guess(columns: list[Column]) -> Roles:
     lengths = [len(c.values) for c in columns if c.kind in ("numbers", "whole numbers")]
     usual = max(set(lengths), key=lengths.count) if lengths else 0
     usable = [c for c in columns if c.kind in ("numbers", "whole numbers") and len(c.values) == usual]
@@ -173,66 +176,24 @@ def _time(candidates: list[_Candidate], found: dict[str, Role]) -> _Candidate | 
     return candidate
 
 
-def _thin(values: Floats) -> Floats:
-    """A stretch from the middle of the log, NaN filled, for comparisons."""
-    if len(values) > MOST:
-        begin = (len(values) - MOST) // 2
-        values = values[begin : begin + MOST]
-    bad = ~np.isfinite(values)
-    if bad.any() and not bad.all():
-        values = values.copy()
-        values[bad] = np.interp(np.flatnonzero(bad), np.flatnonzero(~bad), values[~bad])
-    return values
-
-
-def _smooth(values: Floats) -> Floats:
-    """Moving average over five rows."""
-    return np.convolve(values, np.full(5, 0.2), "same")
-
-
-def _slope(values: Floats, stamps: Floats) -> Floats:
-    """Speed of a column over some rows on each side, without the jumps of a wrapped angle."""
-    reach = 3
-    slope = np.zeros(len(values))
-    steps = stamps[2 * reach :] - stamps[: -2 * reach]
-    rise = values[2 * reach :] - values[: -2 * reach]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        slope[reach:-reach] = np.where(steps > 0, rise / steps, 0.0)
-    limit = 6 * np.quantile(np.abs(slope), 0.9)
-    return np.where(np.abs(slope) <= limit, slope, 0.0)
-
-
-def _correlation(one: Floats, other: Floats) -> float:
-    """Pearson's correlation, 0 where one of the two does not vary."""
-    one, other = one - one.mean(), other - other.mean()
-    size = float(np.sqrt((one @ one) * (other @ other)))
-    return float(one @ other) / size if size > 0 and np.isfinite(size) else 0.0
-
-
 def _speeds(moving: list[_Candidate], stamps: Floats) -> list[tuple[_Candidate, str]]:
     """Columns that are the speed of another one: they go with its slope, and are called so or have its size."""
-    clock = _thin(stamps)
+    clock = thin(stamps)
     if len(clock) < 50:
         return []
-    slopes = {c.name: _slope(_thin(c.values), clock) for c in moving}
-    smooth = {c.name: _smooth(_thin(c.values)) for c in moving}
+    slopes = {c.name: slope(thin(c.values), clock) for c in moving}
+    level = {c.name: smooth(thin(c.values)) for c in moving}
     result = []
     for speed in moving:
         named = speed.scores["speed"] >= 2 or speed.unit in SPEED_UNITS
         if not named and max(_main(speed)) >= 2:
             continue
-        match = [(_correlation(smooth[speed.name], slopes[c.name]), c) for c in moving if c is not speed]
+        match = [(correlation(level[speed.name], slopes[c.name]), c) for c in moving if c is not speed]
         match = [(r, c) for r, c in match if c.scores["speed"] < 3 and c.unit not in SPEED_UNITS]
         r, of = max(match, key=lambda m: (round(m[0], 2), -m[1].scores["reference"]), default=(0.0, speed))
-        if named or (r > DERIVATIVE and _has_size(smooth[speed.name], slopes[of.name])):
+        if named or (r > DERIVATIVE and has_size(level[speed.name], slopes[of.name])):
             result.append((speed, of.name if r > DERIVATIVE else "what is not logged"))
     return result
-
-
-def _has_size(speed: Floats, slope: Floats) -> bool:
-    """Whether a speed is its angle's slope in one of the usual units."""
-    gain = float(np.sqrt((speed @ speed) / max(float(slope @ slope), 1e-300)))
-    return min(abs(gain / usual - 1) for usual in GAINS) < 0.05
 
 
 def _main(candidate: _Candidate) -> list[float]:
@@ -255,13 +216,16 @@ def _angle(moving: list[_Candidate], found: dict[str, Role]) -> _Candidate | Non
     best, angle = max(scored, key=lambda s: s[0], default=(0.0, None))
     why = "by its name"
     if angle is None or best < 1:
-        smooth = [(_roughness(c.values), c) for c in moving if _fits(c, "angle") > -2]
-        if not smooth:
+        ranked = [(roughness(c.values), c) for c in moving if _fits(c, "angle") > -2]
+        if not ranked:
             return None
-        rough, angle = min(smooth, key=lambda s: s[0])
+        rough, angle = min(ranked, key=lambda s: s[0])
+        smooth_ones = [(c.column.span, r, c) for r, c in ranked if r < POSITION and c.column.kind == "numbers"]
+        if len(smooth_ones) > 1:
+            _, rough, angle = min(smooth_ones, key=lambda s: s[0])  # a wheel goes farther than the body that carries it
         if rough > 0.2 or len(angle.values) < FEWEST:
             return None
-        why = "it is the smoothest column"
+        why = "a smooth column, as positions are"
     unit = angle.unit if angle.unit in ROLE_UNITS["angle"] else ""
     if unit:
         why += f", its unit is stated ({unit})"
@@ -272,28 +236,15 @@ def _angle(moving: list[_Candidate], found: dict[str, Role]) -> _Candidate | Non
     return angle
 
 
-def _roughness(values: Floats) -> float:
-    """How much a column moves from row to row against its range: small for a position, large for a command."""
-    thin = _thin(values)
-    span = float(np.ptp(thin))
-    return float(np.sqrt(np.mean(np.diff(thin, 2) ** 2))) / span if span > 0 and len(thin) > 2 else np.inf
-
-
 def _angle_unit(column: Column) -> tuple[str, str]:
     """Unit of an angle that states none, by the size of its values: a swing in rad covers a turn or two at most."""
     span = column.span
     if column.kind == "whole numbers" and span > 50:
         return "counts", f"for its values are whole numbers over a range of {span:g}"
     low, high = np.nanquantile(column.values, (0.1, 0.9))
-    if span > 12 and (span > 400 or _passes(column.values, float(low), float(high)) >= 3):
+    if span > 12 and (span > 400 or passes(column.values, float(low), float(high)) >= 3):
         return "deg", f"for it goes to and fro over {span:.3g}, too much for a swing in rad"
     return "rad", f"for it covers {span:.3g}"
-
-
-def _passes(values: Floats, low: float, high: float) -> int:
-    """How often the values go from below `low` to above `high` or back; 0 where the two are close (less than 4)."""
-    side = np.where(values >= high, 1, np.where(values <= low, -1, 0))
-    return int(np.count_nonzero(np.diff(side[side != 0]))) if high - low > 4 else 0
 
 
 def _wheel(
@@ -301,14 +252,14 @@ def _wheel(
 ) -> list[_Candidate]:
     """The wheel's angle: by its name, else a second smooth position that goes farther than the pendulum's."""
     named = [(_fits(c, "wheel") - c.scores["reference"], c) for c in left if c.scores["wheel"] >= 2]
-    named = [(score, c) for score, c in named if score >= 2 and _roughness(c.values) < 0.5]
+    named = [(score, c) for score, c in named if score >= 2 and roughness(c.values) < 0.5]
     wheel, why = None, "by its name"
     if named:
         wheel = max(named, key=lambda s: s[0])[1]
     else:
-        smooth = [c for c in left if NO_NAME.fullmatch(c.name) and not c.unit and _roughness(c.values) < 0.02]
-        smooth = [c for c in smooth if abs(_correlation(_thin(c.values), _thin(angle.values))) < ALIKE]
-        wheel = max((c for c in smooth if c.column.span > 3 * angle.column.span), key=_span, default=None)
+        unnamed = [c for c in left if NO_NAME.fullmatch(c.name) and not c.unit and roughness(c.values) < POSITION]
+        unnamed = [c for c in unnamed if not _alike(c, angle)]
+        wheel = max((c for c in unnamed if c.column.span > 3 * angle.column.span), key=_span, default=None)
         why = f"a smooth position over {0.0 if wheel is None else wheel.column.span:.3g}"
     if wheel is None:
         return left
@@ -327,8 +278,8 @@ def _span(candidate: _Candidate) -> float:
 
 def _reference(left: list[_Candidate], angle: _Candidate, found: dict[str, Role]) -> list[_Candidate]:
     """The reference of the angle: called so, or moving with it as one."""
-    alike = [(abs(_correlation(_thin(c.values), _thin(angle.values))), c) for c in left]
-    scored = [(c.scores["reference"] + 3.0 * (r > ALIKE), r, c) for r, c in alike if r > ALIKE or _names_reference(c)]
+    alike = [(correlation(thin(c.values), thin(angle.values)), c, _alike(c, angle)) for c in left]
+    scored = [(c.scores["reference"] + 3.0 * same, r, c) for r, c, same in alike if same or _names_reference(c)]
     scored = [s for s in scored if s[2].scores["torque"] < 2 and s[2].scores["voltage"] < 2]
     if not scored:
         return left
@@ -337,6 +288,12 @@ def _reference(left: list[_Candidate], angle: _Candidate, found: dict[str, Role]
     role = Role("reference", reference.name, reference.unit, text, reference.scores["reference"] >= 2)
     found["reference"] = role
     return [c for c in left if c is not reference]
+
+
+def _alike(one: _Candidate, other: _Candidate) -> bool:
+    """Whether two columns are one motion, measured or wanted: they go together and equally far."""
+    ratio = one.column.span / max(other.column.span, 1e-300)
+    return 0.3 < ratio < 3.0 and correlation(thin(one.values), thin(other.values)) > ALIKE
 
 
 def _names_reference(candidate: _Candidate) -> bool:

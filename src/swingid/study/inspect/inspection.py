@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from swingid.errors import SwingidError
-from swingid.identify.format import percent
 from swingid.identify.noise import channel_noise
 from swingid.model.rig import Rig
 from swingid.recording.conventions import Conventions
@@ -22,11 +21,11 @@ from swingid.recording.inspect import Check, Column, Roles, describe, guess_role
 from swingid.recording.inspect.clock import Clock, check_clock
 from swingid.recording.inspect.roles import SECONDS
 from swingid.recording.inspect.trial import trial_rig
-from swingid.recording.load import from_table, read_bytes
+from swingid.recording.load import read_bytes
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.channels import Channel, check_channels
+from swingid.study.inspect.corrections import physics, read
 from swingid.study.inspect.motion import Swings, read_motion
-from swingid.study.inspect.physics import MODEL, Balance, balance_of, check_physics
 from swingid.study.inspect.services import Service, services
 from swingid.study.inspect.verdict import Verdict, judge
 
@@ -117,7 +116,7 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
         remedy = "name the column of the angle in a rig file"
         checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
     else:
-        log, reader, tried, more = _read(table, reader, source, try_changes=rig is not None)
+        log, reader, tried, more = read(table, reader, source, try_changes=rig is not None)
         checks += [_with_guess(check, roles) for check in more]
     swings: Swings | None = None
     found: list[Service] = []
@@ -131,7 +130,8 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
         found = services(log, swings, drive, rig)
         wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*checks, *seen))
         if rig is not None and swings is not None and not wrong:
-            more, changed, log = _physics(table, log, reader, swings, source, tried)
+            more, changed, log, changes = physics(table, log, reader, swings, source)
+            tried |= changes
             if changed is not reader:
                 reader, seen = changed, _seen(table, changed, by_name, log, declared=True)
             moves += more
@@ -179,24 +179,12 @@ def _clock(
     return clock, check_clock(clock, f"column {name!r}" if rate is None else name)
 
 
-def _read(
-    table: Table, rig: Rig, source: Source, *, try_changes: bool
-) -> tuple[Recording | None, Rig, dict[str, object], list[Check]]:
-    """The Recording as `rig` reads it; where it refuses and another unit heals that, as that reads it."""
-    try:
-        return from_table(table, rig, source), rig, {}, []
-    except SwingidError as error:
-        failed = error
-    for changes in _other_units(rig, failed.code) if try_changes else ():
-        try:
-            other = rig.changed(changes)
-            log = from_table(table, other, source)
-        except SwingidError:
-            continue
-        remedy = f"set {_words(changes)} under [log]"
-        check = Check(failed.code, "on reading", "repair", _without_path(failed, source), remedy)
-        return log, other, dict(changes), [check]
-    return None, rig, {}, [Check(failed.code, "on reading", "fault", _without_path(failed, source), "")]
+def _seen(
+    table: Table, rig: Rig, columns: Mapping[str, Column], log: Recording | None, *, declared: bool
+) -> list[Check]:
+    """The checks of the channels as `rig` reads them; declared: whether its sensors are the user's words."""
+    steps = {"angle": rig.sensors.of("angle").resolution, "wheel_angle": rig.sensors.of("wheel").resolution}
+    return check_channels(_channels(table, rig, columns), log, steps if declared else {})
 
 
 def _with_guess(check: Check, roles: Roles) -> Check:
@@ -205,92 +193,6 @@ def _with_guess(check: Check, roles: Roles) -> Check:
         return check
     guess = ", ".join(f"{name} = {json.dumps(role.column)}" for name, role in roles.found.items())
     return replace(check, evidence=f"{check.evidence} The columns look like {guess}.")
-
-
-def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
-    if code != "implausible-angle":
-        return []
-    return [{"log.angle_unit": unit} for unit in ("deg", "rad") if unit != rig.log.angle_unit]
-
-
-def _physics(
-    table: Table, log: Recording, rig: Rig, swings: Swings, source: Source, tried: dict[str, object]
-) -> tuple[list[Check], Rig, Recording]:
-    """Checks of the log against the rig; where a sign, the zero or a unit is wrong, once more with it set right."""
-    failed: SwingidError | None = None
-    balance: Balance | None = None
-    try:
-        balance = balance_of(log, rig, swings, channel_noise(log, rig))
-    except SwingidError as error:
-        failed = error
-    if failed is not None and failed.code != "wrong-sign":
-        return [_unread(failed, source)], rig, log
-    others = _other_signs(rig) if failed is not None else _other_wheel_units(rig)
-    if balance is not None and balance.left < MODEL:
-        return check_physics(balance, rig), rig, log
-    for changes in others:
-        try:
-            other = rig.changed(changes)
-            read = from_table(table, other, source)
-            again, _ = read_motion(read, channel_noise(read, other), rig.drive.kind, linear=rig.axis.kind == "linear")
-            better = None if again is None else balance_of(read, other, again, channel_noise(read, other))
-        except SwingidError:
-            continue
-        if better is None or (balance is not None and better.left > balance.left / 4):
-            continue
-        tried.update(changes)
-        if balance is not None:
-            text = f"the balance leaves {percent(balance.left)} as [log] reads the wheel angle, "
-            text += f"with {_words(changes)} {percent(better.left)}."
-        elif failed is not None:
-            text = _without_path(failed, source)
-        remedy = f"set {_words(changes)} under [log]"
-        code = "signs" if failed is not None else "units"
-        wrong = Check(code, code, "repair", text, remedy, {"changes": dict(changes)})
-        return [wrong, *(check for check in check_physics(better, other) if check.code != code)], other, read
-    if balance is None:
-        assert failed is not None
-        return [_unread(failed, source)], rig, log
-    return check_physics(balance, rig), rig, log
-
-
-def _other_signs(rig: Rig) -> list[dict[str, object]]:
-    """Changes of [log] to try where signs are wrong, the simplest first."""
-    key = {"reaction-wheel": "wheel_angle_sign", "direct": "torque_sign"}.get(rig.drive.kind)
-    turned: list[dict[str, object]] = [] if key is None else [{f"log.{key}": -getattr(rig.log, key)}]
-    other: dict[str, object] = {"log.angle_zero": "down" if rig.log.angle_zero == "up" else "up"}
-    if rig.axis.kind == "linear":
-        return turned
-    return [*turned, other, *({**one, **other} for one in turned)]
-
-
-def _other_wheel_units(rig: Rig) -> list[dict[str, object]]:
-    if rig.drive.kind != "reaction-wheel" or rig.log.wheel_speed is not None:
-        return []
-    return [{"log.wheel_angle_unit": u} for u in ("rad", "deg", "turns") if u != rig.log.wheel_angle_unit]
-
-
-def _unread(error: SwingidError, source: Source) -> Check:
-    titles = {"wrong-sign": "signs"}
-    return Check(error.code, titles.get(error.code, "balance"), "fault", _without_path(error, source), "")
-
-
-def _without_path(error: SwingidError, source: Source) -> str:
-    """The sentence without the file's name at its beginning, which the head of an inspection says."""
-    message = error.message.removeprefix(f"{source.path}: ")
-    return message.replace(f"{source.path} has", "the file has", 1)
-
-
-def _words(changes: Mapping[str, object]) -> str:
-    return " and ".join(f"{key.removeprefix('log.')} = {json.dumps(value)}" for key, value in changes.items())
-
-
-def _seen(
-    table: Table, rig: Rig, columns: Mapping[str, Column], log: Recording | None, *, declared: bool
-) -> list[Check]:
-    """The checks of the channels as `rig` reads them; declared: whether its sensors are the user's words."""
-    steps = {"angle": rig.sensors.of("angle").resolution, "wheel_angle": rig.sensors.of("wheel").resolution}
-    return check_channels(_channels(table, rig, columns), log, steps if declared else {})
 
 
 def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Channel]:

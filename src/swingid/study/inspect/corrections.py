@@ -1,0 +1,152 @@
+"""A log under other conventions than [log] states: which sign, zero or unit would make log and rig agree."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from swingid.errors import SwingidError
+from swingid.identify.format import percent
+from swingid.identify.noise import channel_noise
+from swingid.model.rig import Rig
+from swingid.recording.formats.table import Table
+from swingid.recording.inspect import Check
+from swingid.recording.load import from_table
+from swingid.recording.recording import Recording, Source
+from swingid.study.inspect.motion import Swings, read_motion
+from swingid.study.inspect.physics import MODEL, Balance, balance_of, check_physics
+
+
+def read(
+    table: Table, rig: Rig, source: Source, *, try_changes: bool
+) -> tuple[Recording | None, Rig, dict[str, object], list[Check]]:
+    """The Recording as `rig` reads it; where it refuses and another unit heals that, as that reads it."""
+    try:
+        return from_table(table, rig, source), rig, {}, []
+    except SwingidError as error:
+        failed = error
+    for changes in _other_units(rig, failed.code) if try_changes else ():
+        try:
+            other = rig.changed(changes)
+            log = from_table(table, other, source)
+        except SwingidError:
+            continue
+        remedy = f"set {words(changes)} under [log]"
+        check = Check(failed.code, "on reading", "repair", without_path(failed, source), remedy)
+        return log, other, dict(changes), [check]
+    return None, rig, {}, [Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
+
+
+def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
+    if code != "implausible-angle":
+        return []
+    return [{"log.angle_unit": unit} for unit in ("deg", "rad") if unit != rig.log.angle_unit]
+
+
+def physics(
+    table: Table, log: Recording, rig: Rig, swings: Swings, source: Source
+) -> tuple[list[Check], Rig, Recording, dict[str, object]]:
+    """Checks of the log against the rig; where a sign, the zero or a unit is wrong, once more with it set right.
+
+    Returns the checks, the rig as changed, the log as that reads it, and the changes.
+    """
+    failed: SwingidError | None = None
+    balance: Balance | None = None
+    try:
+        balance = balance_of(log, rig, swings, channel_noise(log, rig))
+    except SwingidError as error:
+        failed = error
+    if failed is not None and failed.code != "wrong-sign":
+        return [_unread(failed, source)], rig, log, {}
+    if balance is not None and balance.left < MODEL:
+        return check_physics(balance, rig), rig, log, {}
+    best: _Attempt | None = None
+    for changes in _other_signs(rig) if failed is not None else _other_wheel_units(rig):
+        attempt = _attempt(table, rig, changes, source)
+        if attempt is None or (balance is not None and attempt.left > balance.left / 4):
+            continue
+        if best is None or attempt.repairs < best.repairs:
+            best = attempt
+    if best is None and balance is not None:
+        return check_physics(balance, rig), rig, log, {}
+    if best is None:
+        assert failed is not None
+        return [_unread(failed, source)], rig, log, {}
+    text, code = "", "signs"
+    if failed is not None:
+        text = without_path(failed, source)
+    elif balance is not None:
+        text, code = f"the balance leaves {percent(balance.left)} as [log] reads the wheel angle, ", "units"
+        text += f"with {words(best.changes)} {percent(best.left)}."
+    wrong = Check(code, code, "repair", text, f"set {words(best.changes)} under [log]", {"changes": best.changes})
+    return [wrong, *(check for check in best.checks if check.code != code)], best.rig, best.log, best.changes
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """What the checks say under other conventions, and what share of the inertia's term the balance then leaves."""
+
+    changes: dict[str, object]
+    rig: Rig
+    log: Recording
+    checks: list[Check]
+    left: float
+
+    @property
+    def repairs(self) -> int:
+        return sum(check.level == "repair" for check in self.checks)
+
+
+def _attempt(table: Table, rig: Rig, changes: dict[str, object], source: Source) -> _Attempt | None:
+    """The checks under changed conventions; None where the balance refuses these too."""
+    try:
+        other = rig.changed(changes)
+        log = from_table(table, other, source)
+        noise = channel_noise(log, other)
+        swings, _ = read_motion(log, noise, other.drive.kind, linear=other.axis.kind == "linear")
+        if swings is None:
+            return None
+        balance = balance_of(log, other, swings, noise)
+        return _Attempt(changes, other, log, check_physics(balance, other), balance.left)
+    except SwingidError:
+        return None
+
+
+def _other_signs(rig: Rig) -> list[dict[str, object]]:
+    """Changes of [log] to try where signs are wrong, the simplest first.
+
+    Row (I) cannot tell whether the angle is turned or the drive; row (II), which holds the voltage too, can.
+    """
+    key = {"reaction-wheel": "wheel_angle_sign", "direct": "torque_sign"}.get(rig.drive.kind)
+    turned: list[dict[str, object]] = [{"log.angle_sign": -rig.log.angle_sign}]
+    if key is not None:
+        turned.insert(0, {f"log.{key}": -getattr(rig.log, key)})
+    if rig.drive.kind == "none":
+        turned = []
+    if rig.axis.kind == "linear":
+        return turned
+    other: dict[str, object] = {"log.angle_zero": "down" if rig.log.angle_zero == "up" else "up"}
+    return [*turned, other, *({**one, **other} for one in turned)]
+
+
+def _other_wheel_units(rig: Rig) -> list[dict[str, object]]:
+    if rig.drive.kind != "reaction-wheel" or rig.log.wheel_speed is not None:
+        return []
+    return [{"log.wheel_angle_unit": u} for u in ("rad", "deg", "turns") if u != rig.log.wheel_angle_unit]
+
+
+def _unread(error: SwingidError, source: Source) -> Check:
+    titles = {"wrong-sign": "signs"}
+    return Check(error.code, titles.get(error.code, "balance"), "fault", without_path(error, source), "")
+
+
+def words(changes: Mapping[str, object]) -> str:
+    """Changes of [log] as they stand in a rig file."""
+    return " and ".join(f"{key.removeprefix('log.')} = {json.dumps(value)}" for key, value in changes.items())
+
+
+def without_path(error: SwingidError, source: Source) -> str:
+    """The sentence without the file's name at its beginning, which the head of an inspection says."""
+    message = error.message.removeprefix(f"{source.path}: ")
+    return message.replace(f"{source.path} has", "the file has", 1)

@@ -1,0 +1,241 @@
+"""Inspection of logs of the twin with planted faults: what is there is found, with its size, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from recording_cases import write_columns
+from swingid.control.compensator import Compensator
+from swingid.control.references import parse_reference
+from swingid.errors import InputError
+from swingid.simulate import simulate
+from swingid.study.inspect import Inspection, inspect_log
+from swingid.study.inspect.motion import independent, spectrum
+from twin_logs import GIVEN, PAPER, twin
+
+TWO_SINES = parse_reference("multisine 0.5 rad 5 rad/s + 0.4 rad 9 rad/s")
+Columns = dict[str, np.ndarray]
+
+
+def run(rig=PAPER, *, duration=20.0) -> Columns:
+    """Columns that a rig logs while it swings at two frequencies."""
+    controller = Compensator.paper(rig, sample_time=1e-3)
+    log = simulate(rig, TWO_SINES, controller, duration=duration, rate=1000.0, seed=3)
+    return {"t": log.time.copy(), "q1": log.angle.copy(), "q2": log.wheel_angle.copy(), "u": log.voltage.copy()}
+
+
+@pytest.fixture(scope="module")
+def clean() -> Columns:
+    """20 s of the paper's rig with Stribeck friction, 14 bit, without faults."""
+    return run(twin("Stribeck"))
+
+
+@pytest.fixture
+def look(tmp_path):
+    """Inspect columns as a file, against the paper's rig without what is sought, or without a rig."""
+
+    def call(columns, rig=GIVEN) -> Inspection:
+        return inspect_log(write_columns(tmp_path / "log.csv", columns), rig)
+
+    return call
+
+
+def remedies(found: Inspection) -> list[str]:
+    return [check.remedy for check in found.checks if check.level == "repair"]
+
+
+def test_clean_log_is_ready_and_every_small_quantity_is_zero_within_its_uncertainty(clean, look) -> None:
+    found = look(clean)
+    assert found.verdict.status == "ready"
+    assert found.verdict.line == "ready."
+    assert {check.level for check in found.checks} <= {"ok", "note"}
+    for check in found.checks:
+        assert any(character.isdigit() for character in check.evidence), check
+        assert check.evidence.endswith("."), check
+    for code in ("latency", "zero"):
+        values = found.check(code).values
+        assert abs(values[code]) < 3 * values["uncertainty"]
+    assert found.check("latency").values["uncertainty"] < 2e-5
+    assert found.check("zero").values["uncertainty"] < 1e-3
+    for code in ("angle-encoder", "wheel-encoder"):
+        values = found.check(code).values
+        assert values["amplitude_once"] < 4 * values["uncertainty_once"]
+        assert values["uncertainty_once"] < np.radians(0.03)
+
+
+@pytest.mark.parametrize(
+    ("change", "remedy"),
+    [
+        (lambda c: {"q2": -c["q2"]}, "set wheel_angle_sign = -1 under [log]"),
+        (lambda c: {"q1": -c["q1"]}, "set angle_sign = -1 under [log]"),
+        (lambda c: {"q1": c["q1"] + np.pi}, 'set angle_zero = "up" under [log]'),
+        (lambda c: {"u": -c["u"]}, "set voltage_sign = -1 under [log]"),
+        (
+            lambda c: {"q2": c["q2"] + c["q1"]},
+            'set wheel_angle_is = "absolute" under [log] if the sensor says so',
+        ),
+        (lambda c: {"q2": np.degrees(c["q2"])}, 'set wheel_angle_unit = "deg" under [log]'),
+    ],
+    ids=["wheel sign", "angle sign", "zero at the top", "voltage sign", "absolute wheel", "wheel in degrees"],
+)
+def test_wrong_convention_is_named_and_is_all_that_is_wrong(clean, look, change, remedy) -> None:
+    found = look({**clean, **change(clean)})
+    assert found.verdict.line == f"ready after these repairs: {remedy}."
+    assert remedies(found) == [remedy]
+
+
+@pytest.mark.long
+def test_degrees_in_both_angles_are_two_repairs(clean, look) -> None:
+    found = look({**clean, "q1": np.degrees(clean["q1"]), "q2": np.degrees(clean["q2"])})
+    assert sorted(remedies(found)) == ['set angle_unit = "deg" under [log]', 'set wheel_angle_unit = "deg" under [log]']
+    assert found.tried == {"log.angle_unit": "deg", "log.wheel_angle_unit": "deg"}
+    assert found.check("angle").values["counts_per_turn"] == pytest.approx(16384, rel=1e-6)
+
+
+@pytest.mark.parametrize("late", [1e-3, pytest.param(-0.3e-3, marks=pytest.mark.long)])
+def test_latency_of_the_wheel_is_found(look, late) -> None:
+    found = look(run(twin("Stribeck", **{"wheel.latency": late})))
+    values = found.check("latency").values
+    assert abs(values["latency"] - late) < 3 * values["uncertainty"] < 1e-4
+    assert [remedy for remedy in remedies(found) if "latency" in remedy] == remedies(found) != []
+
+
+def test_declared_latency_is_no_finding(look) -> None:
+    columns = run(twin("Stribeck", **{"wheel.latency": 1e-3}))
+    found = look(columns, GIVEN.changed({"sensors.wheel.latency": "1 ms"}))
+    assert found.check("latency").level == "ok"
+
+
+@pytest.mark.parametrize(("channel", "code"), [("q2", "wheel-encoder"), ("q1", "angle-encoder")])
+@pytest.mark.parametrize(
+    ("often", "size"),
+    [pytest.param(1, 0.2, id="once per turn"), pytest.param(2, 0.1, id="twice per turn", marks=pytest.mark.long)],
+)
+def test_encoder_error_is_found_with_its_size(clean, look, channel, code, often, size) -> None:
+    angle = clean[channel]
+    found = look({**clean, channel: angle + np.radians(size) * np.cos(often * angle + 1.0)})
+    check = found.check(code)
+    word = {1: "once", 2: "twice"}[often]
+    amplitude, uncertainty = check.values[f"amplitude_{word}"], check.values[f"uncertainty_{word}"]
+    assert abs(amplitude - np.radians(size)) < 3.5 * uncertainty < np.radians(0.1)
+    assert amplitude > 5 * uncertainty
+    assert check.level == ("repair" if often == 1 else "note")
+    other = found.check({"wheel-encoder": "angle-encoder", "angle-encoder": "wheel-encoder"}[code])
+    assert other.level == "ok"
+
+
+def test_zero_beside_hanging_is_found(clean, look) -> None:
+    found = look({**clean, "q1": clean["q1"] + 0.02})
+    values = found.check("zero").values
+    assert abs(values["zero"] - 0.02) < 3 * values["uncertainty"] < 3e-3
+    assert found.check("zero").level == "repair"
+
+
+def test_one_frequency_does_not_tell_an_encoder_error_of_small_swings_from_scale(tmp_path) -> None:
+    rig = twin("viscous")
+    log = simulate(rig, parse_reference("sine 0.3 rad 9 rad/s"), Compensator.paper(rig), duration=15.0, rate=1000.0)
+    found = inspect_log(log.save(tmp_path / "log.parquet", GIVEN), GIVEN)
+    assert not found.check("angle-encoder").values["told_once"]
+    assert found.check("angle-encoder").level in ("ok", "unknown")
+    assert found.verdict.status == "ready"
+
+
+def test_clipped_voltage_is_told_with_its_share(clean, look) -> None:
+    clipped = np.clip(clean["u"], -6.0, 6.0)
+    found = look({**clean, "u": clipped})
+    share = np.mean(np.abs(clipped) == 6.0)
+    assert found.check("voltage-saturated").values["share"] == pytest.approx(share, abs=0.005)
+    assert "-6" in found.check("voltage-saturated").evidence
+
+
+@pytest.mark.parametrize("channel", ["q1", "q2"])
+def test_dead_channel_makes_the_log_unusable(clean, look, channel) -> None:
+    found = look({**clean, channel: np.full_like(clean[channel], 0.25)})
+    assert found.verdict.status == "unusable"
+    assert repr(channel) in found.verdict.line
+    assert "0.25 in all 20001 rows" in found.summary()
+
+
+def test_wrapped_wheel_is_mended_on_reading_and_nothing_is_left_to_do(clean, look) -> None:
+    found = look({**clean, "q2": np.mod(clean["q2"], 2 * np.pi)})
+    assert found.verdict.status == "ready"
+    assert found.check("unwrapped").level == "note"
+
+
+@pytest.mark.parametrize("bits", [10, pytest.param(12, marks=pytest.mark.long), 14])
+def test_counts_per_turn_are_read_off_the_grid(look, bits) -> None:
+    found = look(run(twin("viscous", counts_per_turn=2**bits), duration=10.0))
+    for code in ("angle", "wheel_angle"):
+        assert found.check(code).values["counts_per_turn"] == pytest.approx(2**bits, rel=1e-6)
+        assert f"{bits} bit" in found.check(code).evidence
+    wanted = [] if bits == 14 else [f"state counts_per_turn = {2**bits} under [sensors{w}]" for w in ("", ".wheel")]
+    assert remedies(found) == wanted
+
+
+def test_noise_of_a_channel_is_that_of_the_sensor(look) -> None:
+    sensors = {"counts_per_turn": None, "noise": 1e-3}
+    found = look(run(twin("viscous", **sensors), duration=10.0), GIVEN.changed({"sensors.counts_per_turn": None}))
+    for code in ("angle", "wheel_angle"):
+        assert found.check(code).values["noise"] == pytest.approx(1e-3, rel=0.1)
+        assert found.check(code).values["step"] == 0
+
+
+def test_clock_rate_jitter_gaps_and_copies(clean, look) -> None:
+    rng = np.random.default_rng(1)
+    keep = np.ones(20001, dtype=bool)
+    keep[5000:5050] = keep[9000] = False
+    rows = np.sort(np.concatenate([np.flatnonzero(keep), [100, 200, 300]]))
+    columns = {name: values[rows] for name, values in clean.items()}
+    found = look(columns)
+    assert found.check("rate").values["rate"] == pytest.approx(1000.0)
+    assert found.check("gaps").values == {"gaps": 2, "lost": 51}
+    assert found.check("repeated-rows").values == {"repeated": 3, "copies": 3}
+    jittered = look({**clean, "t": clean["t"] + rng.normal(0, 5e-5, 20001)})
+    assert jittered.check("rate").values["jitter"] == pytest.approx(5e-5 * np.sqrt(2), rel=0.05)
+
+
+def test_spectrum_of_two_sines() -> None:
+    time = np.arange(20000) / 1000
+    lines = spectrum(time, 0.5 * np.sin(5 * time) + 0.4 * np.sin(9 * time + 1) + 3, 0, 19.999, 1.0)
+    assert np.array(lines[:2]) == pytest.approx(np.array([[5 / math.tau, 0.5], [9 / math.tau, 0.4]]), rel=0.01)
+    assert len(independent(lines)) == 2
+    assert len(independent(((1.0, 0.8), (3.0, 0.1), (1.05, 0.3)))) == 1
+    assert len(independent(((1.0, 0.8), (2.0, 0.7)))) == 2
+
+
+def test_seconds_that_serve_each_method(clean, look) -> None:
+    seconds = {service.method: service.seconds for service in look(clean).services}
+    assert 15 < seconds["momentum"] <= 20
+    silent = look({k: clean[k] for k in ("t", "q1", "q2")}, GIVEN.changed({"log.voltage": None}))
+    without = {service.method: service for service in silent.services}
+    assert without["energy"].seconds == 0
+    assert without["energy"].why == "no voltage"
+    assert without["momentum"].seconds == seconds["momentum"]
+
+
+def test_seconds_exclude_gaps(clean, look) -> None:
+    steady = {name: values[clean["t"] >= 5] for name, values in clean.items()}
+    keep = (steady["t"] < 12) | (steady["t"] > 14)
+    whole, cut = look(steady), look({name: values[keep] for name, values in steady.items()})
+    assert whole.check("rest") is cut.check("rest") is None
+    assert whole.services[0].seconds - cut.services[0].seconds == pytest.approx(2.0, abs=0.05)
+
+
+def test_json_is_the_schema_and_has_no_nan(clean, look) -> None:
+    found = look({**clean, "note": ["a"] * 20001})
+    data = json.loads(found.to_json(), parse_constant=lambda name: pytest.fail(name))
+    assert data["schema"] == "swingid.inspect/1"
+    assert data["verdict"]["status"] == "ready"
+    assert {check["code"] for check in data["checks"]} >= {"rate", "angle", "signs", "latency", "wheel-encoder"}
+    assert {column["name"]: column["kind"] for column in data["columns"]}["note"] == "text"
+
+
+def test_unreadable_file_is_an_input_error(tmp_path) -> None:
+    (tmp_path / "log.csv").write_text("")
+    for name in ("log.csv", "none.csv"):
+        with pytest.raises(InputError):
+            inspect_log(tmp_path / name)

@@ -1,4 +1,4 @@
-"""The claims of the paper's conclusion, each with a test on the twin, a criterion fixed beforehand, and a verdict.
+"""The claims of the paper's conclusion, each with a test on the twin, the criterion that judges it, and a verdict.
 
 A verdict follows from the numbers by the criterion that stands beside it; no verdict is written by hand.
 """

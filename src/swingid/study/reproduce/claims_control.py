@@ -74,7 +74,8 @@ def accuracy_by_tracking(seed: int) -> Claim:
     return Claim(
         "the identification accuracy can be set and estimated by analyzing the tracking error value",
         "Runs with other δ0 under 8 times the friction; error of J1 with the mirror about the reference's turning "
-        "points, whose symmetry the tracking error is about, and about the measured ones.",
+        "points, whose symmetry the tracking error is about, and about the measured ones. With δ0 = 0.32 (6) about the "
+        "reference refuses.",
         tuple(measured),
         "from one δ0 to the next smaller one the tracking error and both errors of J1 fall; in part: the tracking "
         "error and the error about the reference do",

@@ -19,6 +19,7 @@ from swingid.identify.momentum.balance import Rows, Signals, rows_of
 from swingid.identify.momentum.calibration import with_declared
 from swingid.identify.momentum.checks import check_answer, check_motor, check_sign
 from swingid.identify.momentum.choice import choose_law
+from swingid.identify.momentum.encoders import check_encoders
 from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows, known_side
 from swingid.identify.momentum.friction import FrictionLaw, fit_friction
 from swingid.identify.momentum.gravity import check_gravity
@@ -95,6 +96,7 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     off = check_zero(estimate.law, signals, scale, parameters["inertia"].standard_uncertainty or 0.0)
     if not off:  # a zero that is off bends the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
+    off += check_encoders(estimate.law, rig, signals, scale)
     warnings = [*warnings, *off, *motor_warnings]
     for finding in log.findings:
         (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))

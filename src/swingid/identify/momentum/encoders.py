@@ -1,0 +1,55 @@
+"""Encoders that bend the angle once per turn, though the rig file does not say so, and what that does to the inertia.
+
+Their nonlinearity is a systematic error, alike at every swing: the scatter of the windows does not hold it. But it
+leaves residuals that two more columns per encoder explain, and nothing else in the balance looks like them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from swingid.identify.format import plus_minus
+from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.calibration import with_declared
+from swingid.identify.momentum.fits import LAG, WindowFit
+from swingid.identify.result import Message
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
+
+WIDE = "0.5 deg"
+"""What is allowed where nothing is declared."""
+
+BETTER = 0.85
+"""Share of the residuals that may be left with the nonlinearity, for it to be there; without one 0.95 and more are."""
+
+CERTAIN = 10.0
+"""F ratio of the residuals' fall beyond which it is no chance."""
+
+AMPLITUDES = 4
+"""Unknowns more: cosine and sine of each encoder."""
+
+MATTERS = 2.0
+"""Standard uncertainties of a11 by which it must move, or become less certain, to be worth a warning."""
+
+
+def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> list[Message]:
+    """A warning where an undeclared once-per-turn nonlinearity of the encoders shows and the inertia suffers by it."""
+    if signals.linear or scale.drive == "none" or rig.sensors.of("angle").nonlinearity > 0:
+        return []
+    bent = with_declared(replace(law, declared=()), rig.changed({"sensors.nonlinearity": WIDE}), signals, scale)
+    before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))
+    left_over = len(law.rows.windows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES  # degrees of freedom
+    if not 0 < after < BETTER**2 * before or (before / after - 1) * left_over / AMPLITUDES < CERTAIN:
+        return []
+    if max(abs(bent.a11 - law.a11), bent.total) < MATTERS * law.total:
+        return []
+    left = np.sqrt(after / before)
+    text = (
+        "a once-per-turn nonlinearity of the encoders, which the rig file does not declare, would leave "
+        f"{left:.0%} of the balance's residuals and make the inertia "
+        f"{plus_minus(bent.a11 - scale.carried, bent.total, scale.unit)}; declare sensors.nonlinearity, such as "
+        '"0.1 deg", or calibrate the encoders.'
+    )
+    return [Message("encoder-nonlinearity", text)]

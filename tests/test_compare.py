@@ -12,7 +12,7 @@ from factories import clean_result, refused_result, rotary_log, rotary_rig
 from swingid.cli import main
 from swingid.errors import UnanswerableError
 from swingid.identify import METHODS
-from swingid.identify.result import BudgetEntry, Parameter
+from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.report.figures.forest import draw_forest
 from swingid.study.compare import Trial, compare
 from swingid.study.compare.agreement import deviation, verdict
@@ -68,6 +68,13 @@ def test_a_shared_constant_cancels_in_the_difference():
 def test_an_unknown_uncertainty_says_nothing_of_agreement():
     vague = replace(clean_result(), parameters={"inertia": Parameter.of(1.0, None, "kg m^2")})
     assert deviation(vague, answer(2.0, 0.1)) is None
+
+
+def test_agreement_with_a_method_that_warns_is_not_reassuring():
+    warned = replace(answer(1.0, 0.1), warnings=(Message("gravity-torque-disagrees", "b is off."),))
+    found = verdict("a.csv", [trial("momentum", warned), trial("energy", answer(1.0, 0.1))])
+    assert found.apart == ()
+    assert "but gravity-torque-disagrees of momentum" in found.message
 
 
 def test_who_rests_on_the_motor_is_told_apart():

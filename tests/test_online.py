@@ -190,6 +190,11 @@ def test_chunks_of_any_length_give_the_same():
     assert [one.inertia.value for one in sw.online(exact_rig(), rows_of(log))] == whole
 
 
+def test_a_recording_is_a_stream_too(twin_log):
+    log, rig = twin_log
+    assert [e.inertia for e in sw.online(rig, log)] == [e.inertia for e in sw.online(rig, [log])]
+
+
 def test_bad_rows_are_left_out_and_counted():
     clean = rows_of(two_tones())
     rng = np.random.default_rng(5)

@@ -30,8 +30,8 @@ class Reader:
     skipped: int = 0
     held: bool = True
 
-    def rows(self, samples: Iterable[object]) -> Iterator[Row]:
-        """The usable rows of `samples`: tuples (t, angle, wheel_angle, voltage or torque), or Recordings."""
+    def rows(self, samples: Iterable[object] | Recording) -> Iterator[Row]:
+        """The usable rows of `samples`: tuples (t, angle, wheel_angle, voltage or torque), or Recordings, or one."""
         last, bad, number = -float("inf"), 0, 0
         for plain in self._plain(samples):
             number += 1
@@ -49,8 +49,8 @@ class Reader:
                     code="bad-stream",
                 )
 
-    def _plain(self, samples: Iterable[object]) -> Iterator[object]:
-        for sample in samples:
+    def _plain(self, samples: Iterable[object] | Recording) -> Iterator[object]:
+        for sample in (samples,) if isinstance(samples, Recording) else samples:
             if not isinstance(sample, Recording):
                 yield sample
                 continue

@@ -37,13 +37,13 @@ NOISES = 10.0
 """Standard deviations of noise, and steps of the encoder, that a swing must exceed."""
 
 
-def online(rig: Rig, samples: Iterable[object], method: str = "momentum") -> Iterator[SwingEstimate]:
+def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momentum") -> Iterator[SwingEstimate]:
     """One estimate per swing of a stream, each as soon as the swing after it has turned around.
 
     samples: rows (t, angle, wheel_angle, voltage or torque) in the units and conventions of a Recording (s, rad or m,
     V, N m or N; wheel relative to the pendulum; a held voltage or torque acts from its row to the next), None for what
-    the rig does not have; or Recordings, one after the other. Rows with NaN and rows out of order are left out and
-    counted. method: "momentum" or "energy". Keeps two swings of rows and sums of fixed size, whatever the length.
+    the rig does not have; or a Recording, or several, one after the other. Rows with NaN and rows out of order are left
+    out and counted. method: "momentum" or "energy". Keeps two swings of rows and sums of fixed size at any length.
 
     Unlike `identify` it takes every swing, also those before the controller has settled, and judges nothing but the
     scatter of the swings and what rig.toml declares: for the record, identify the log.
@@ -118,7 +118,7 @@ class _Swings:
         voltage = drive == "reaction-wheel" and self.method == "energy"
         self.reader = Reader((True, True, drive == "reaction-wheel", drive == "direct" or voltage))
 
-    def blocks(self, samples: Iterable[object]) -> Iterator[Block]:
+    def blocks(self, samples: Iterable[object] | Recording) -> Iterator[Block]:
         """The blocks of a stream, one per turning point that has a whole swing on both sides."""
         rows = self.reader.rows(samples)
         early = list(islice(rows, WARM))

@@ -37,7 +37,11 @@ def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
     deviations = {t.method: deviation(t.result, reference.result) for t in others}
     apart = tuple(name for name, value in deviations.items() if value is not None and abs(value) > LIMIT)
     if not apart:
-        return Verdict(log, reference.method, (), f"all methods agree with {reference.method} within their intervals.")
+        doubts = ", ".join(dict.fromkeys(w.code for w in reference.result.warnings))
+        doubt = f", but {doubts} of {reference.method} may concern them all" if doubts else ""
+        return Verdict(
+            log, reference.method, (), f"all methods agree with {reference.method} within their intervals{doubt}."
+        )
     named = ", ".join(f"{name} ({deviations[name]:+.1f} standard uncertainties)" for name in apart)
     verb = "stands" if len(apart) == 1 else "stand"
     return Verdict(

@@ -196,7 +196,8 @@ def test_dry_friction_of_a_linear_axis():
     motion = Sines((0.12, 1.9, 0.0), (0.05, 4.5, 1.0))
     log = direct_log(motion, lambda v: 200 * v + 20 * np.sign(v) - 3, TIME, inertia=95.0, b=0.0)
     found = identify(log, direct_rig(linear=True)).parameters
-    assert found["inertia"].value == pytest.approx(95.0, rel=1e-4)
+    # the force jumps between two samples, which tell the instant to a millisecond
+    assert found["inertia"].value == pytest.approx(95.0, rel=2e-4)
     expected = {"viscous": 200.0, "coulomb": 20.0, "offset": -3.0}
     for name, value in expected.items():
         assert found[name].value == pytest.approx(value, rel=2e-3)

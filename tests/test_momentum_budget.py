@@ -140,21 +140,46 @@ def smooth():
     return wheel_log(exact_rig(), ONE_TONE, lambda v: 9.152e-3 * v, TIME)
 
 
+def late_wheel(log, delay):
+    rate = CubicSpline(TIME, log.wheel_angle)
+    return replace(log, wheel_angle=log.wheel_angle + delay * rate(TIME, 1) + delay**2 / 2 * rate(TIME, 2))
+
+
+def slope(late, log, delay, rig):
+    """Change of the inertia per second of delay."""
+    return (identify(late, rig).inertia.value - identify(log, rig).inertia.value) / delay
+
+
 def test_a_late_wheel(smooth):
+    # friction that lags by δ looks like an inertia f δ
     delay = 1e-5
-    rate = CubicSpline(TIME, smooth.wheel_angle)
-    late = replace(smooth, wheel_angle=smooth.wheel_angle + delay * rate(TIME, 1) + delay**2 / 2 * rate(TIME, 2))
-    slope = (identify(late, LATE).inertia.value - identify(smooth, LATE).inertia.value) / delay
-    assert slope == pytest.approx(9.152e-3, rel=1e-2)  # friction that lags by δ looks like an inertia f δ
-    assert abs(type_b(identify(encoded(smooth), LATE))["wheel latency"].sensitivity) == pytest.approx(slope, rel=0.02)
+    assert slope(late_wheel(smooth, delay), smooth, delay, UNCERTAIN) == pytest.approx(9.152e-3, rel=1e-2)
 
 
 def test_a_late_angle_is_an_early_wheel(smooth):
     delay = 1e-5
     late = replace(smooth, angle=ONE_TONE(TIME + delay))
-    slope = (identify(late, LATE).inertia.value - identify(smooth, LATE).inertia.value) / delay
-    assert slope == pytest.approx(-9.152e-3, rel=1e-2)
-    assert abs(type_b(identify(encoded(smooth), LATE))["angle latency"].sensitivity) == pytest.approx(-slope, rel=0.02)
+    assert slope(late, smooth, delay, UNCERTAIN) == pytest.approx(-9.152e-3, rel=1e-2)
+
+
+@pytest.mark.parametrize("channel", ["angle", "wheel"])
+def test_a_declared_latency_is_told_by_clean_data(smooth, channel):
+    delay = 2e-4
+    late = late_wheel(smooth, delay) if channel == "wheel" else replace(smooth, angle=ONE_TONE(TIME + delay))
+    told, untold = identify(late, LATE), identify(late, UNCERTAIN)
+    assert abs(untold.inertia.value / INERTIA - 1) > 5e-4
+    assert told.inertia.value == pytest.approx(INERTIA, rel=2e-5)
+
+
+@pytest.mark.parametrize("channel", ["angle", "wheel"])
+def test_what_encoders_leave_of_a_declared_latency(smooth, channel):
+    # Compared by what the entry is for: its part of the whole uncertainty.
+    entry = type_b(identify(encoded(smooth), LATE))[f"{channel} latency"]
+    delay, std = 5e-4, 5e-4
+    late = late_wheel(smooth, delay) if channel == "wheel" else replace(smooth, angle=ONE_TONE(TIME + delay))
+    change = slope(encoded(late), encoded(smooth), delay, LATE)
+    assert entry.sensitivity * std == pytest.approx(change * std, rel=0.3)
+    assert entry.standard_uncertainty == pytest.approx(abs(entry.sensitivity) * std, rel=1e-9)
 
 
 def test_a_late_free_decay_is_a_free_decay():

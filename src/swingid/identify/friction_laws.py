@@ -59,6 +59,12 @@ def law_columns(terms: tuple[str, ...], speeds: Array, stribeck_speed: float) ->
     return np.column_stack([terms_at[term] for term in terms])
 
 
+def stribeck_slope(speeds: Array, stribeck_speed: float) -> Array:
+    """Derivative of Stribeck's peak by the Stribeck speed, at `speeds`."""
+    square = (speeds / stribeck_speed) ** 2
+    return 2 * np.sign(speeds) * square * np.exp(-square) / stribeck_speed
+
+
 def friction_units(linear: bool) -> dict[str, str]:
     """Unit of each friction parameter of a rotary or linear axis."""
     torque, speed = ("N", "m/s") if linear else ("N m", "rad/s")
@@ -74,7 +80,7 @@ def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
     """Weights of each friction parameter on the coefficients of a law: parameter = weights @ coefficients.
 
     A direction-dependent law c0 sgn v + c1 v + d0 + d1 |v| has coulomb_positive = c0 + d0, coulomb_negative =
-    c0 − d0, viscous_positive = c1 + d1, viscous_negative = c1 − d1.
+    c0 − d0, viscous_positive = c1 + d1, viscous_negative = c1 − d1. A last "term" stribeck_speed stands for itself.
     """
     unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
     nothing = np.zeros(len(terms))
@@ -93,7 +99,7 @@ def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
         weights["viscous_negative"] = viscous - unit["viscous_even"]
     elif "viscous" in unit:
         weights["viscous"] = unit["viscous"]
-    weights |= {name: unit[name] for name in ("quadratic", "cubic") if name in unit}
+    weights |= {name: unit[name] for name in ("quadratic", "cubic", "stribeck_speed") if name in unit}
     if "offset" in unit and not (directed and "coulomb" in unit):
         weights["offset"] = unit["offset"]
     return weights

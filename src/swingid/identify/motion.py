@@ -5,7 +5,7 @@ Nothing here knows the reference or the controller; everything is found in the m
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,6 +62,8 @@ class Motion:
     """Speed, and the turning points between swings of some size: instants (s), angles, +1 upper / −1 lower.
 
     `rests` (k, 2): begin and end of the intervals in which the axis stands still longer than a reversal takes.
+    `reach`: half-width (s) of the local cubics that the turning points are read off. `ripples`: instants (s) of the
+    other reversals, around swings that are larger than the noise but too small to be called so.
     """
 
     speed: Speed
@@ -69,6 +71,8 @@ class Motion:
     turning_angles: Array
     sides: Array
     rests: Array
+    reach: float
+    ripples: Array
 
     @property
     def swing_sizes(self) -> Array:
@@ -80,28 +84,34 @@ class Motion:
         """Median time between turning points in s."""
         return float(np.median(np.diff(self.turning_times)))
 
-    def lateness(self, jump: float) -> float:
-        """How late (s) turning points may be found where Coulomb friction makes the acceleration jump by `jump`.
+    def reread(self, time: Array, angle: Array, reach: float) -> Motion:
+        """The same motion with its turning points read off cubics over ±`reach` s, from samples of the whole log."""
+        reach = max(reach, WIDTHS[0] * float(np.median(np.diff(time))))
+        times, angles = _refined(time, angle, self.speed, self.turning_times, reach)
+        return replace(self, turning_times=times, turning_angles=angles, reach=reach)
 
-        A cubic fitted over ±w to ¼ jump·t|t| has the slope 0.3125 · ¼ jump·w at the jump; divided by the acceleration.
-        """
-        acceleration = np.median(np.abs(self.speed.acceleration(self.turning_times)))
-        return float(0.3125 / 4 * jump * self.speed.half_width / 2 / max(acceleration, 1e-300))
+    def earlier(self, late: Array) -> Motion:
+        """The same motion with every turning point `late` seconds earlier (one value each)."""
+        return replace(self, turning_times=self.turning_times - late)
 
     def within(self, start: float, stop: float) -> Motion:
         """The same motion with the turning points and rests between two instants only."""
         inside = (self.turning_times > start) & (self.turning_times < stop)
         rests = self.rests[(self.rests[:, 1] > start) & (self.rests[:, 0] < stop)].clip(start, stop)
-        return Motion(self.speed, self.turning_times[inside], self.turning_angles[inside], self.sides[inside], rests)
+        times, angles, sides = self.turning_times[inside], self.turning_angles[inside], self.sides[inside]
+        ripples = self.ripples[(self.ripples > start) & (self.ripples < stop)]
+        return Motion(self.speed, times, angles, sides, rests, self.reach, ripples)
 
     def directions(self, start: float, stop: float) -> tuple[Array, Array]:
-        """Edges (s) of the swings from `start` to `stop`, and the sign of the speed in each, for `project_steps`.
+        """Edges (s) of swings and ripples from `start` to `stop`, and the signs of the speed, for `project_steps`.
 
         Intervals of rest carry 0: what friction does there is not told by the speed.
         """
-        edges = np.concatenate([[start], self.turning_times, [stop]])
+        edges = np.concatenate([[start], np.sort(np.concatenate([self.turning_times, self.ripples])), [stop]])
         if len(self.sides):
-            signs = np.concatenate([self.sides[:1], -self.sides])
+            # the sign alternates from edge to edge, and rises to an upper turning point
+            place = np.arange(len(edges) - 1) - np.searchsorted(edges[1:], self.turning_times[0])
+            signs = self.sides[0] * (1.0 - 2.0 * (place % 2))
         else:
             signs = np.array([np.sign(np.mean(self.speed.speed))])
         for begin, end in self.rests:
@@ -201,19 +211,27 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
         )
     crossings = np.nonzero(np.sign(v[:-1]) * np.sign(v[1:]) < 0)[0]
     instants = fine[crossings] + (fine[1] - fine[0]) * v[crossings] / (v[crossings] - v[crossings + 1])
-    instants, angles = _refined(time, angle, speed, instants)
-    keep = _extremes(np.concatenate([[q[0]], angles, [q[-1]]]), max(SMALLEST_SWING * size, 8 * noise))
-    keep = keep[(keep > 0) & (keep <= len(angles))] - 1
-    instants, angles = instants[keep], angles[keep]
+    reach = max(speed.half_width / 2, WIDTHS[0] * float(np.median(np.diff(time))))
+    instants, angles = _refined(time, angle, speed, instants, reach)
+    path = np.concatenate([[q[0]], angles, [q[-1]]])
+    keep = _inner(_extremes(path, max(SMALLEST_SWING * size, 8 * noise)), len(angles))
+    ripples = np.setdiff1d(_inner(_extremes(path, 8 * noise), len(angles)), keep)
     sides = np.sign(v[crossings[keep]])
-    return Motion(speed, instants, angles, sides, _rests(speed, fine, v))
+    return Motion(speed, instants[keep], angles[keep], sides, _rests(speed, fine, v), reach, instants[ripples])
 
 
-def _refined(time: Array, angle: Array, speed: Speed, instants: Array) -> tuple[Array, Array]:
-    """Turning points by one Newton step on a fit over half the width, and the angles there (see `Motion.lateness`)."""
+def _inner(extremes: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Indices into `count` reversals of extremes of the path that has its two ends beside them."""
+    return extremes[(extremes > 0) & (extremes <= count)] - 1
+
+
+def _refined(time: Array, angle: Array, speed: Speed, instants: Array, reach: float) -> tuple[Array, Array]:
+    """Turning points by one Newton step on a cubic over ±`reach`, and the angles there.
+
+    A jump of the acceleration there delays them (`momentum/delays.py`).
+    """
     acceleration = speed.acceleration(instants)
-    step = float(np.median(np.diff(time)))
-    fitted = local_cubic(time, angle, instants, max(speed.half_width / 2, WIDTHS[0] * step))
+    fitted = local_cubic(time, angle, instants, reach)
     with np.errstate(divide="ignore", invalid="ignore"):
         shift = -fitted[:, 1] / acceleration
     shift = np.where(np.isfinite(shift) & (np.abs(shift) < speed.half_width / 2), shift, 0.0)

@@ -115,6 +115,33 @@ def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Arr
 
 
 @njit
+def kinked_slopes(time: Array, values: Array, at: Array, half_width: float) -> Array:
+    """Slope at each instant of `at` of a cubic whose curvature may jump there, fitted within `half_width`.
+
+    Returns shape (len(at),); NaN where fewer than six samples lie in reach. Four times as noisy as `local_cubic`.
+    """
+    result = np.full(len(at), np.nan)
+    gram, right, terms = np.empty((5, 5)), np.empty(5), np.empty(5)
+    for i in range(len(at)):
+        first = np.searchsorted(time, at[i] - half_width)
+        last = np.searchsorted(time, at[i] + half_width, side="right")
+        if last - first < 6:
+            continue
+        gram[:], right[:] = 0.0, 0.0
+        middle = values[(first + last) // 2]
+        for k in range(first, last):
+            s = (time[k] - at[i]) / half_width
+            terms[0], terms[1], terms[2], terms[3], terms[4] = 1.0, s, s * s, s * s * s, s * abs(s)
+            for a in range(5):
+                right[a] += terms[a] * (values[k] - middle)
+                for c in range(a + 1):
+                    gram[a, c] += terms[a] * terms[c]
+        _solve_in_place(gram, right)
+        result[i] = right[1] / half_width
+    return result
+
+
+@njit
 def spline_at(time: Array, values: Array, slopes: Array, at: Array, derivative: int) -> Array:
     """Cubic Hermite interpolant of `values` and `slopes` (or its first derivative) at rising instants `at`."""
     result = np.empty(len(at))

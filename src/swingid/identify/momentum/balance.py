@@ -9,7 +9,7 @@ Only angles enter; the speed is needed only inside the friction terms.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,6 +46,7 @@ class Signals:
 
     nodes: GaussNodes
     angle: Array
+    angle_values: Array
     sine: Array
     speed: Array
     wheel: Array | None
@@ -67,6 +68,14 @@ class Signals:
             columns.append((self.torque, 0))
         return np.stack([x.ravel() for x, _ in columns]), np.array([order for _, order in columns])
 
+    def earlier(self, late: Array) -> Signals:
+        """The same signals with every turning point `late` seconds earlier (one value each)."""
+        motion = self.motion.earlier(late)
+        edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
+        moved = replace(self, motion=motion, edges=edges, directions=directions)
+        moved.__dict__["stacked"] = self.stacked
+        return moved
+
     @classmethod
     def of(cls, log: Recording, rig: Rig, motion: Motion) -> Signals:
         """Nodes of a log: two per interval at high rates, three where a swing has few samples."""
@@ -86,6 +95,7 @@ class Signals:
         return cls(
             nodes=nodes,
             angle=angle,
+            angle_values=log.angle,
             sine=np.sin(angle) if rig.axis.kind == "rotary" else np.zeros_like(angle),
             speed=motion.speed.at_nodes(nodes),
             wheel=None if wheel_values is None else nodes.spline(wheel_values),
@@ -137,14 +147,12 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
     stacked, orders = signals.stacked
     integrals = project_stacked(signals.nodes, stacked, orders, windows.centres, windows.half)
     zero, drive = np.zeros(len(windows)), integrals[:, -1]
-    motion = signals.motion
     friction = {
-        "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
         "viscous": integrals[:, 2],
         "quadratic": integrals[:, 3],
         "offset": windows.half * (32 / 35),
         "viscous_even": integrals[:, 4],
-        "memory": project_impulses(motion.turning_times, -motion.sides, windows.centres, windows.half),
+        **_at_reversals(signals, windows),
     }
     has_wheel, has_torque = signals.wheel is not None, signals.torque is not None
     return Rows(
@@ -155,3 +163,16 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
         drive if has_torque and not has_wheel else zero,
         friction,
     )
+
+
+def retimed(rows: Rows, signals: Signals) -> Rows:
+    """The rows with what happens at the turning points as `signals` have them now."""
+    return replace(rows, friction=rows.friction | _at_reversals(signals, rows.windows))
+
+
+def _at_reversals(signals: Signals, windows: Windows) -> dict[str, Array]:
+    motion = signals.motion
+    return {
+        "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
+        "memory": project_impulses(motion.turning_times, -motion.sides, windows.centres, windows.half),
+    }

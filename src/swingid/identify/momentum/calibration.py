@@ -1,8 +1,8 @@
-"""Declared imperfections in a fit: encoders calibrate themselves, everything else is passed on.
+"""Declared imperfections in a fit: encoders calibrate themselves, constants are passed on.
 
 A once-per-turn nonlinearity enters the rows linearly, and its standard deviation is declared: its amplitudes join the
 unknowns with that normal prior (one row more each), and the data take back what they can (THEORY 4, self-calibration).
-Constants and latencies are not told from the data but passed on to the unknowns as they are declared.
+So does a latency. Constants are not told from the data but passed on to the unknowns as they are declared.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from swingid.numerics.regression import LinearFit, fit_linear
 
 
 def with_declared(fit: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> WindowFit:
-    """The fit with encoder nonlinearities calibrated and the effect of every declared imperfection."""
+    """The fit with encoder nonlinearities and latencies calibrated and the effect of every declared imperfection."""
     b = fit.value("gravity_torque") if scale.b is None else scale.b
     items = imperfections(rig, signals, fit.rows, fit.a11, b)
     if not items:

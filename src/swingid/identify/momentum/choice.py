@@ -6,17 +6,25 @@ what the friction basis does not describe, and both show in the scatter of the r
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
-from swingid.identify.momentum.balance import Signals, rows_of
+from swingid.identify.friction_laws import TERMS
+from swingid.identify.momentum.balance import Rows, Signals, retimed, rows_of
 from swingid.identify.momentum.calibration import with_declared
+from swingid.identify.momentum.delays import impulse_of, late_reversals
 from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows
+from swingid.identify.momentum.friction import FrictionLaw, first_torque, fit_friction
 from swingid.identify.momentum.systematics import grid_spread
 from swingid.identify.momentum.windows import law_windows
 from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
+
+Array = NDArray[np.float64]
 
 DETECTED = 4.0
 """Standard uncertainties beyond which a friction memory counts as seen."""
@@ -25,30 +33,91 @@ DETECTED = 4.0
 FLAT = 1.25
 """Of windows whose uncertainties are equal within this factor the longest is taken."""
 
+CALM = 1.5
+"""The same for friction, whose longer windows are also the calmer ones."""
 
-def choose_law(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> tuple[WindowFit, dict[float, WindowFit]]:
+PASSES = 4
+"""Times that friction and turning points are found in turns, at most, and the change of the delay that ends it."""
+
+SETTLED = 0.1
+
+ONE_SWING = 0.55
+"""Half-length, in swings, up to which windows tell friction: longer ones see its alternation and little else."""
+
+
+class Choice(NamedTuple):
     """The "law" fit of least uncertainty, declared imperfections included, and all fits tried by half-length in s.
 
-    If friction has a memory, an impulse at each reversal (the old direction lives on for a moment: LuGre's
-    bristles, backlash, a short stick) is fitted too, where it is seen beyond noise and encoder grid. Raises
-    UnanswerableError for a log too short for any window.
+    signals: with the turning points corrected for their delay. impulse: standard uncertainty (N m s or N s) of what
+    that leaves at each reversal. friction: what the balance leaves with them.
     """
-    tried = _search(signals, scale, noise, BASIS)
-    remembered = {
-        half: fit
-        for half, plain in tried.items()
-        # over a whole swing and more, an impulse at each reversal looks like inertia
-        if half < 0.55 * signals.motion.half_period
-        and (fit := fit_rows(plain.rows, scale, noise, (*BASIS, "memory"))) is not None
-    }
-    if remembered:
-        sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
-        spread = np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, noise, "memory"))
-        if abs(sharpest.value("memory")) > DETECTED * spread:
-            tried = remembered
-    tried = {half: with_declared(fit, rig, signals, scale) for half, fit in tried.items()}
-    least = min(fit.total for fit in tried.values())
-    return max((fit for fit in tried.values() if fit.total <= FLAT * least), key=lambda fit: fit.half), tried
+
+    law: WindowFit
+    tried: dict[float, WindowFit]
+    signals: Signals
+    impulse: float
+    friction: FrictionLaw
+
+
+def choose_law(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> tuple[WindowFit, dict[float, WindowFit]]:
+    """The "law" fit and all fits tried of `choose`."""
+    found = choose(signals, rig, scale, noise)
+    return found.law, found.tried
+
+
+def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
+    """Windows and terms for the inertia, and the turning points that the friction found with them corrects.
+
+    A peak of friction at rest delays the turning points further, and they decide what is seen of it: both are found
+    in turns. Raises UnanswerableError for a log too short for any window.
+    """
+    searched = _search(signals, scale, noise, BASIS)
+    seen = friction_windows(signals, searched)
+    torque, before = first_torque(signals, seen.rows, scale), np.zeros(0)
+    for _ in range(PASSES):
+        late = late_reversals(signals, torque, abs(seen.a11), noise)
+        corrected = signals.earlier(late)
+        rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
+        tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque))
+        tried = {half: with_declared(fit, rig, corrected, scale) for half, fit in tried.items()}
+        least = min(fit.total for fit in tried.values())
+        law = max((fit for fit in tried.values() if fit.total <= FLAT * least), key=lambda fit: fit.half)
+        calm = friction_windows(corrected, tried)
+        memory = (law.value("memory"), law.uncertainty("memory") if "memory" in law.unknowns else impulse)
+        friction = fit_friction(corrected, calm.rows, scale, memory, noise.angle)
+        settled = before.size > 0 and float(np.max(np.abs(late - before))) < SETTLED * float(np.max(np.abs(late)))
+        if settled or "stribeck" not in friction.terms:
+            break
+        torque, before = friction.torque, late
+    return Choice(law, tried, corrected, impulse, friction)
+
+
+def _with_memory(
+    signals: Signals, rows: dict[float, Rows], scale: Scale, noise: Noise, impulse: float
+) -> tuple[dict[float, WindowFit], float]:
+    """Fits of the rows, and how uncertain the impulse at each reversal is that `impulse` (N m s or N s) bounds.
+
+    If friction has a memory, an impulse at each reversal (the old direction lives on for a moment: LuGre's
+    bristles, backlash, a short stick) is fitted too, where it is seen beyond noise and encoder grid.
+    """
+    tried = _fits(rows, scale, noise, BASIS)
+    # over a whole swing and more, an impulse at each reversal looks like inertia
+    short = {half: own for half, own in rows.items() if half < ONE_SWING * signals.motion.half_period}
+    remembered = _fits(short, scale, noise, (*BASIS, "memory"))
+    if not remembered:
+        return tried, impulse
+    sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
+    found = abs(sharpest.value("memory"))
+    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, noise, "memory")))
+    # the correction of the turning points is as uncertain as it is large, for friction at rest is extrapolated from
+    # faster motion, where a short peak doesn't show; but the rows say how much of an impulse there can be
+    impulse /= float(np.hypot(1.0, impulse / max(np.hypot(found, spread), 1e-300)))
+    return (remembered if found > DETECTED * spread else tried), impulse
+
+
+def _fits(rows: dict[float, Rows], scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:
+    fits = {half: fit_rows(own, scale, noise, friction) for half, own in rows.items()}
+    return {half: fit for half, fit in fits.items() if fit is not None}
 
 
 def _search(signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:
@@ -81,3 +150,26 @@ def _search(signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, .
         if shortest < neighbour < longest:
             attempt(neighbour)
     return tried
+
+
+def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowFit:
+    """The fit whose windows know the friction best, on the mean over the motion; among equals the longest.
+
+    The same principle as for the inertia. Long windows average what depends on the place, which no law of the speed
+    describes; short ones tell the speeds of one swing apart, which a decay tells by its many swings.
+    """
+    moments = {name: term(signals.speed.ravel()) for name, term in TERMS.items() if name in BASIS}
+    within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
+    if not within:
+        return min(tried.values(), key=lambda fit: fit.half)
+    spread = {fit.half: _torque_variance(fit, moments) for fit in within}
+    least = min(spread.values())
+    return max((fit for fit in within if spread[fit.half] <= CALM**2 * least), key=lambda fit: fit.half)
+
+
+def _torque_variance(fit: WindowFit, columns: dict[str, Array]) -> float:
+    """Variance of the friction torque of a fit, type A, on the mean over the instants of `columns`."""
+    names = [name for name in fit.unknowns if name in columns]
+    at = [fit.unknowns.index(name) for name in names]
+    stacked = np.stack([columns[name] for name in names])
+    return float(np.sum(fit.covariance[np.ix_(at, at)] * (stacked @ stacked.T)) / stacked.shape[1])

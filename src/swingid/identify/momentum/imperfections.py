@@ -109,8 +109,8 @@ def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]
     if signals.wheel_values is not None and (std > 0 or wheel > 0):
         rate = signals.nodes.spline(signals.wheel_values, derivative=1)
         effect = rig.drive.a12 * project(signals.nodes, [(rate, 2)], windows.centres, windows.half)[:, 0]
-        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")
-        yield Imperfection("wheel latency", wheel, -effect, 0.0, "sensors.wheel.latency")
+        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency", True)
+        yield Imperfection("wheel latency", wheel, -effect, 0.0, "sensors.wheel.latency", True)
     elif signals.torque is not None and std > 0:
         effect = project(signals.nodes, [(signals.torque, 1)], windows.centres, windows.half)[:, 0]
-        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")
+        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency", True)

@@ -18,10 +18,10 @@ from swingid.identify.momentum.agreement import JUDGE, disagreement, drift_with_
 from swingid.identify.momentum.balance import Rows, Signals, rows_of
 from swingid.identify.momentum.calibration import with_declared
 from swingid.identify.momentum.checks import check_answer, check_motor, check_sign
-from swingid.identify.momentum.choice import choose_law
+from swingid.identify.momentum.choice import Choice, choose
 from swingid.identify.momentum.encoders import check_encoders
 from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows, known_side
-from swingid.identify.momentum.friction import FrictionLaw, fit_friction
+from swingid.identify.momentum.friction import FrictionLaw
 from swingid.identify.momentum.gravity import check_gravity
 from swingid.identify.momentum.imperfections import imperfections, sensitivities
 from swingid.identify.momentum.loss import loss_unexplained
@@ -74,9 +74,10 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     whole = find_motion(log.time, log.angle, noise.angle)
     start, stop, segment_note = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
-    motion = whole.within(float(used.time[0]), float(used.time[-1]))
-    signals = Signals.of(used, rig, motion)
-    estimate = _estimate(signals, rig, scale, noise)
+    motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(log.time, log.angle, whole.speed.half_width)
+    choice = choose(Signals.of(used, rig, motion), rig, scale, noise)
+    signals, motion = choice.signals, choice.signals.motion
+    estimate = _estimate(choice, rig, scale, noise)
     check_sign(estimate.law, scale, log.source.path or "the log")
     budget, parameters = _answer(estimate, rig, signals, scale)
     amplitude = float(np.max(np.abs(motion.turning_angles)))
@@ -124,13 +125,11 @@ def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
     }
 
 
-def _estimate(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> _Estimate:
-    law, tried = choose_law(signals, rig, scale, noise)
+def _estimate(choice: Choice, rig: Rig, scale: Scale, noise: Noise) -> _Estimate:
+    law, tried, signals = choice.law, choice.tried, choice.signals
     swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
     turning_rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
     even = fit_rows(turning_rows, scale, noise, ("offset",))
-    calm = _for_friction(law, tried, signals.motion.half_period)
-    friction = fit_friction(signals, calm.rows, scale, law.value("memory"))
     if even is not None:
         even = with_declared(even, rig, signals, scale)
         even = _with(even, _asymmetry(even, law), grid_spread(signals, even, noise, "inertia"))
@@ -139,19 +138,9 @@ def _estimate(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> _Estima
         swing = _with(swing, grid_spread(signals, swing, noise, "inertia"))
     common = {
         "place of the encoder's grid": grid_spread(signals, law, noise, "inertia"),
-        "timing of the turning points": timing_spread(signals, law),
+        "timing of the turning points": timing_spread(law, choice.impulse),
     }
-    return _Estimate(law, tried, swing, even, friction, common, turning_rows)
-
-
-def _for_friction(law: WindowFit, tried: dict[float, WindowFit], half_period: float) -> WindowFit:
-    """Windows to read friction off: the longest within half a swing, so that they see one range of speeds each.
-
-    Friction is the slow part of the balance, and long windows are calm; those much worse for the inertia are left out.
-    """
-    sound = [fit for fit in tried.values() if fit.u < 2 * law.u]
-    inside = [fit for fit in sound if fit.half <= half_period / 4 * 1.01]
-    return max(inside, key=lambda fit: fit.half) if inside else min(sound, key=lambda fit: fit.half)
+    return _Estimate(law, tried, swing, even, choice.friction, common, turning_rows)
 
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
@@ -185,14 +174,14 @@ def _answer(
     units = friction_units(scale.linear)
     b = law.value("gravity_torque") if scale.b is None else scale.b
     declared = imperfections(rig, signals, friction.rows, law.a11, b)
-    for name, own in parameter_weights(friction.terms).items():
+    for name, own in parameter_weights(friction.unknowns).items():
         values[name] = float(own @ friction.values), units[name]
         budget.append(_scatter(name, float(np.sqrt(own @ friction.covariance @ own))))
         for item in declared:
             shift = float(own @ friction.influence @ item.rows) * item.std
             budget.append(_type_b(name, item.source, shift, item.std, item.shared_id))
     parameters = {name: Parameter.of(value, combined(budget, name), unit) for name, (value, unit) in values.items()}
-    if "static" in parameters:
+    if "static" in parameters and "stribeck_speed" not in parameters:
         parameters["stribeck_speed"] = Parameter.of(friction.stribeck_speed, None, units["stribeck_speed"])
     return budget, parameters
 

@@ -11,12 +11,13 @@ from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import superpose
 
 
-def timing_spread(signals: Signals, fit: WindowFit) -> float:
-    """What late turning points do to a11: friction turns around at the wrong instant, alike at every swing."""
+def timing_spread(fit: WindowFit, impulse: float) -> float:
+    """What an impulse of unknown sign at every reversal does to a11, where none is fitted.
+
+    A turning point that is taken too late by δ is one, of δ times the jump of friction.
+    """
     if "memory" in fit.unknowns:
         return 0.0
-    jump = 2 * abs(fit.value("coulomb")) / abs(fit.a11)
-    impulse = jump * abs(fit.a11) * signals.motion.lateness(jump)
     return abs(float(fit.fit.influence[0] @ fit.rows.friction["memory"])) * impulse
 
 

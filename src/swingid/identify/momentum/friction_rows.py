@@ -1,0 +1,79 @@
+"""Friction as columns of the balance: the projection ∫φ f(q1') dt of any function f of the speed.
+
+What f does at rest, its jump, is projected exactly between the turning points found in the angle; a smoothed speed is
+wrong there. Only the continuous rest needs the speed, and a basis of hat functions serves every f.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.friction_laws import law_columns, stribeck_slope
+from swingid.identify.momentum.balance import Rows, Signals
+from swingid.numerics.test_functions import project, project_hats
+
+Array = NDArray[np.float64]
+
+EXACT = ("coulomb", "offset", "viscous", "quadratic", "viscous_even", "cubic")
+"""Terms with a column of their own."""
+
+KNOTS = 24
+"""Hat functions on each side of rest."""
+
+
+@dataclass(frozen=True)
+class FrictionRows:
+    """Rows and the friction columns: those of the terms in EXACT, then the hat functions on `knots`.
+
+    knots: rad/s or m/s, rising, 0 in the middle; columns (windows, 6 + knots).
+    """
+
+    rows: Rows
+    fastest: float
+    knots: Array
+    columns: Array
+
+    @classmethod
+    def of(cls, signals: Signals, rows: Rows, fastest: float, *, hats: bool = True) -> FrictionRows:
+        """Friction columns of `rows`, with hats up to the speed `fastest` or without any."""
+        knots = speed_knots(fastest, KNOTS) if hats else np.empty(0)
+        centres, half = rows.windows.centres, rows.windows.half
+        cubic = project(signals.nodes, [(signals.speed**3, 0)], centres, half)
+        columns = [*(rows.friction[name] for name in EXACT[:-1]), cubic]
+        if hats:
+            columns.append(project_hats(signals.nodes, signals.speed, knots, centres, half))
+        return cls(rows, fastest, knots, np.column_stack(columns))
+
+    def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
+        """Weights on `columns` that give the columns of a law's terms, shape (columns, terms)."""
+        weights = np.zeros((len(EXACT) + len(self.knots), len(terms)))
+        for k, term in enumerate(terms):
+            if term in EXACT:
+                weights[EXACT.index(term), k] = 1.0
+            else:
+                peak = law_columns((term,), self.knots, stribeck_speed)[:, 0]
+                weights[:, k] = self.function(peak, 1.0, -1.0)
+        return weights
+
+    def stribeck_slope(self, stribeck_speed: float) -> Array:
+        """Weights of the derivative of Stribeck's peak by its speed."""
+        return self.function(stribeck_slope(self.knots, stribeck_speed), 0.0, 0.0)
+
+    def function(self, values: Array, above: float, below: float) -> Array:
+        """Weights of a function with `values` at the knots and the limits `above` and `below` rest."""
+        jump, mean = (above - below) / 2, (above + below) / 2
+        rest = values - jump * np.sign(self.knots) - mean
+        rest[len(rest) // 2] = 0.0
+        weights = np.zeros(len(EXACT) + len(rest))
+        weights[EXACT.index("coulomb")], weights[EXACT.index("offset")] = jump, mean
+        weights[len(EXACT) :] = rest
+        return weights
+
+
+def speed_knots(fastest: float, count: int) -> Array:
+    """Speeds on both sides of rest, `count` each and 0, denser near it."""
+    side = fastest * (np.arange(1, count + 1) / count) ** 1.5
+    return np.concatenate([-side[::-1], [0.0], side])

@@ -1,0 +1,137 @@
+"""The choice of a friction law by the Bayesian information criterion, all laws on one Gram matrix."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_columns, law_terms
+from swingid.identify.momentum.fits import LAG
+from swingid.identify.momentum.friction_rows import FrictionRows
+
+Array = NDArray[np.float64]
+
+ROUNDING = 1e-10
+"""Share of the power of the known side below which a residual is that of the arithmetic, not of a law."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A law tried: its terms, Stribeck speed (nan without), coefficients, and criterion (lower is better)."""
+
+    terms: tuple[str, ...]
+    stribeck_speed: float
+    values: Array
+    score: float
+
+    def torque(self, speeds: Array) -> Array:
+        """Friction torque at `speeds`."""
+        result: Array = law_columns(self.terms, speeds, self.stribeck_speed) @ self.values
+        return result
+
+
+class LawChoice:
+    """All laws on the Gram matrix of [body | friction columns | known side]; `trials` by name.
+
+    slowest: Stribeck speed below which the log shows no peak; by default no law with a peak is tried.
+    The dependence on the direction is settled by the laws without Stribeck's peak, which does not touch it.
+    """
+
+    def __init__(self, friction: FrictionRows, body: Array, target: Array, slowest: float = np.inf) -> None:
+        everything = np.column_stack([body, friction.columns, target])
+        self.friction, self.body = friction, body.shape[1]
+        self.gram = everything.T @ everything
+        self.independent = len(target) / (LAG / 2)
+        self.trials: dict[str, Trial] = {}
+        peaks = [odd for odd, terms in LAWS.items() if "stribeck" in terms]
+        for odd in (odd for odd in LAWS if odd not in peaks):
+            for direction in DIRECTIONS:
+                self._attempt(odd + direction)
+        self.stribeck_speeds = np.empty(0)
+        if slowest < STRIBECK_SHARES[-1] * friction.fastest:
+            least = max(STRIBECK_SHARES[0], slowest / friction.fastest)
+            self.stribeck_speeds = friction.fastest * np.geomspace(least, STRIBECK_SHARES[-1], len(STRIBECK_SHARES))
+            direction = "".join(self.best.partition(",")[1:])
+            for odd in peaks:
+                self._attempt(odd + direction)
+
+    @property
+    def best(self) -> str:
+        """Name of the law of the least criterion."""
+        return min(self.trials, key=lambda name: self.trials[name].score)
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """Criterion of every law above the best."""
+        least = self.trials[self.best].score
+        return {name: trial.score - least for name, trial in self.trials.items()}
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """How likely each law is by its criterion; they sum to 1."""
+        likely = {name: float(np.exp(-score / 2)) for name, score in self.scores.items()}
+        total = sum(likely.values())
+        return {name: value / total for name, value in likely.items()}
+
+    def _attempt(self, name: str) -> None:
+        terms = law_terms(name)
+        speed = self._stribeck_speed(terms) if "stribeck" in terms else float("nan")
+        lost, values, inverse = self._lost(self.friction.law(terms, speed))
+        if name == "viscous" or _dissipates(terms, values, inverse * lost / self.independent):
+            count = len(terms) + ("stribeck" in terms)
+            score = self.independent * np.log(lost) + count * np.log(self.independent)
+            self.trials[name] = Trial(terms, speed, values, float(score))
+
+    def _stribeck_speed(self, terms: tuple[str, ...]) -> float:
+        """The likeliest Stribeck speed: the best of a grid, then Gauss–Newton while it gets better."""
+        grid = self.stribeck_speeds
+        tried = [self._lost(self.friction.law(terms, speed)) for speed in grid]
+        k = int(np.argmin([lost for lost, _, _ in tried]))
+        speed, (least, values, _) = float(grid[k]), tried[k]
+        for _ in range(5):
+            slope = self.friction.stribeck_slope(speed) * values[terms.index("stribeck")]
+            _, widened, _ = self._lost(np.column_stack([self.friction.law(terms, speed), slope]))
+            step = float(np.clip(widened[-1], -0.4 * speed, 0.6 * speed))
+            lost, better, _ = self._lost(self.friction.law(terms, speed + step))
+            if lost >= least or not grid[0] <= speed + step <= grid[-1]:
+                break
+            settled = abs(step) < 1e-3 * speed
+            speed, least, values = speed + step, lost, better
+            if settled:
+                break
+        return speed
+
+    def _lost(self, weights: Array) -> tuple[float, Array, Array]:
+        """Sum of squared residuals of a law, its coefficients, and what scales their covariance (of the inverse).
+
+        weights: of the law's terms on the friction columns.
+        """
+        terms = weights.shape[1]
+        blend = np.zeros((len(self.gram) - 1, self.body + terms))
+        blend[: self.body, terms:] = np.eye(self.body)
+        blend[self.body :, :terms] = weights
+        inner = blend.T @ self.gram[:-1, :-1] @ blend
+        right = blend.T @ self.gram[:-1, -1]
+        scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+        scales = np.outer(scale, scale)
+        inverse = np.linalg.inv(inner * scales + 1e-13 * np.eye(len(inner))) * scales
+        values = inverse @ right
+        power = float(self.gram[-1, -1])
+        lost = max(power - float(values @ right), ROUNDING * power, 1e-300)
+        return lost, values[:terms], inverse[:terms, :terms]
+
+
+def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> bool:
+    """Whether no coefficient, in either direction, is negative beyond two standard uncertainties."""
+    unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
+    sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
+    if "viscous_even" in unit:
+        viscous, even = unit.get("viscous", np.zeros(len(terms))), unit["viscous_even"]
+        sides += [viscous + even, viscous - even]
+    if "offset" in unit and "coulomb" in unit:
+        sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
+    rows = np.array(sides)
+    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0.0))
+    return bool(np.all(rows @ values > -2 * spread))

@@ -250,7 +250,7 @@ def verdict(found: list[Outcome], grade: str) -> str:
 
 
 def table(names: list[str], draws: int) -> Iterator[str]:
-    yield "| fault | severity | largest error, % | says, % | covered | said | |"
+    yield "| fault | severity | largest error, % | says, % | covered | said | verdict |"
     yield "|---|---|---|---|---|---|---|"
     for name in names:
         fault, severities = FAULTS[name]

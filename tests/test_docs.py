@@ -139,6 +139,8 @@ OUTPUT = re.compile(r"(?<=^```text\n).*?(?=^```$)", re.M | re.S)
 REAL_LOGS = {
     "emps.md": ("emps/DATA_EMPS.mat", "examples/rigs/emps.toml"),
     "free_pendulum.md": ("free_pendulum/free_swing.csv", "examples/rigs/free_pendulum.toml"),
+    "bam_xl330.md": ("bam_xl330/2026-01-15_10h28m49.json", "examples/rigs/bam_xl330.toml"),
+    "dfki_pendulum.md": ("dfki_pendulum/sac.csv", "examples/rigs/dfki_pendulum.toml", "--part", "0:4.4"),
 }
 
 
@@ -148,17 +150,17 @@ def parameters(text: str) -> dict[str, tuple[float, float]]:
     return {name: (float(f"{value}e{e or 0}"), float(f"{u}e{e or 0}")) for name, value, u, e in found}
 
 
-def summary_of(log: Path, rig: str) -> str:
-    command = ["-m", "swingid", "identify", str(log), "--rig", rig]
+def summary_of(log: Path, rig: str, *words: str) -> str:
+    command = ["-m", "swingid", "identify", str(log), "--rig", rig, *words]
     return run_example(*command, folder=ROOT)
 
 
 @pytest.mark.parametrize("page", REAL_LOGS)
 def test_pages_of_real_logs_show_what_is_found(data_dir: Path, page: str) -> None:
     """The parameters shown are today's, to a fifth of their uncertainty; python tests/test_docs.py renews them."""
-    log, rig = REAL_LOGS[page]
+    log, rig, *words = REAL_LOGS[page]
     shown = parameters((ROOT / "examples" / page).read_text(encoding="utf-8"))
-    found = parameters(summary_of(data_dir / log, rig))
+    found = parameters(summary_of(data_dir / log, rig, *words))
     assert list(shown) == list(found)
     for name, (value, spread) in shown.items():
         assert found[name][1] == pytest.approx(spread, rel=0.2)
@@ -166,7 +168,7 @@ def test_pages_of_real_logs_show_what_is_found(data_dir: Path, page: str) -> Non
 
 
 if __name__ == "__main__":
-    for page, (log, rig) in REAL_LOGS.items():
+    for page, (log, rig, *words) in REAL_LOGS.items():
         path = ROOT / "examples" / page
-        printed = summary_of(Path("../shared/data") / log, rig)
+        printed = summary_of(Path("../shared/data") / log, rig, *words)
         path.write_text(OUTPUT.sub(lambda _, new=printed: new, path.read_text(encoding="utf-8"), count=1))

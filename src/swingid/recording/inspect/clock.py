@@ -114,7 +114,8 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
         )
     ]
     if clock.gaps:
-        text = f"{clock.gaps} steps are longer than {GAP:g} usual ones, the longest {clock.longest:.4g} s"
+        text = f"{clock.gaps} {'step is' if clock.gaps == 1 else 'steps are'} longer than {GAP:g} usual ones"
+        text += f", the longest {clock.longest:.4g} s"
         share = clock.lost / (rows + clock.lost)
         text += f"; {clock.lost} rows ({share:.2%}) seem lost." if clock.lost else "; no rows seem lost."
         found.append(Check("gaps", "gaps", "note", text, "", {"gaps": clock.gaps, "lost": clock.lost}))

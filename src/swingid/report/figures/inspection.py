@@ -112,7 +112,11 @@ def _draw_spectrum(axes: Axes, log: Recording, swings: Swings | None, *, linear:
     axes.semilogy(frequency[shown], np.maximum(height[shown], 1e-12), color=BLUE, lw=0.8)
     top = float(height[shown].max(initial=1e-12))
     axes.set_ylim(max(1e-5 * top, float(height[shown].min(initial=top)) / 2), 4 * top)
+    labelled: list[float] = []
     for place, size in swings.lines:
+        if any(abs(place - other) < 1.5 * main for other in labelled):
+            continue
+        labelled.append(place)
         axes.annotate(f"{place:.3g} Hz", (place, size), (3, 2), textcoords="offset points", fontsize=8, color=INK)
     axes.yaxis.set_major_formatter(lambda value, _: power_of_ten(round(float(np.log10(value)))))
     axes.set_xlabel("frequency, Hz")

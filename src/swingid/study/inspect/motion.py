@@ -83,7 +83,7 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
     if swings.rest > 0.02 * (stop - start):
         text = f"the axis rests {swings.rest:.3g} s of this part, which tells nothing of inertia."
         found.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))
-    if drive != "none":
+    if drive != "none" and not few:
         found.append(_excitation(swings, unit))
     return swings, found
 

@@ -316,6 +316,14 @@ def test_overlap_of_curvatures(distance):
 
 def test_overlap_is_the_variance_that_white_noise_leaves():
     assert curvature_overlap(np.zeros(1))[0] == pytest.approx((PHI.deriv(2) ** 2).integ()(1) * 2, rel=1e-12)
+
+
+@pytest.mark.parametrize("distance", [0.0, 0.4, 1.3])
+def test_overlap_with_gravity(distance):
+    both = PHI.deriv(2) + 0.7 * PHI
+    product = (both * both(np.polynomial.Polynomial([-distance, 1.0]))).integ()
+    expected = product(1.0) - product(distance - 1.0)
+    assert curvature_overlap(np.array([distance]), 0.7)[0] == pytest.approx(expected, abs=1e-9)
     h, half, centres = 1e-3, 0.2, np.array([1.0, 1.05, 1.2])
     nodes = GaussNodes(np.arange(2201) * h, 2)
     rows = np.array([superpose(nodes.time, np.array([c]), np.array([half]), np.ones(1), 2) * h for c in centres])

@@ -183,21 +183,31 @@ def project_impulses(instants: Array, strengths: Array, centres: Array, half: Ar
     return result
 
 
-def curvature_overlap(distance: Array) -> Array:
-    """∫φ''(s) φ''(s − d) ds: the correlation that white noise gives two windows d half-lengths apart."""
-    grid, values = _overlap_table()
+def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
+    """∫g(s) g(s − d) ds, g = φ'' + gravity φ: what white noise gives two windows d half-lengths apart in common.
+
+    gravity: b cos q1 L²/a11, what noise of the angle does through ∫φ b sin q1 beside a11 ∫φ'' q1.
+    """
+    grid, (curved, crossed, plain) = _overlap_table()
+    values = curved + gravity * (2 * crossed + gravity * plain)
     result: Array = np.interp(np.abs(distance), grid, values)
     return result
 
 
 @cache
-def _overlap_table() -> tuple[Array, Array]:
-    """The overlap on a grid of distances fine enough for linear interpolation to 1e-6 of its maximum."""
+def _overlap_table() -> tuple[Array, tuple[Array, Array, Array]]:
+    """∫φ''φ'', ∫φ''φ and ∫φφ on a grid of distances fine enough for linear interpolation to 1e-6 of the maximum."""
     grid = np.linspace(0, 2, 4001)
     d = grid[:, None]
-    x, w = gauss_rule(6)
+    x, w = gauss_rule(7)
     s = d - 1 + (2 - d) * x
-    return grid, ((2 - d) * w * _curvature(s) * _curvature(s - d)).sum(axis=1)
+    shifted, weights = s - d, (2 - d) * w
+    phi, curvature = (1 - s * s) ** 3, _curvature(s)
+    return grid, (
+        (weights * curvature * _curvature(shifted)).sum(axis=1),
+        (weights * curvature * (1 - shifted * shifted) ** 3).sum(axis=1),
+        (weights * phi * (1 - shifted * shifted) ** 3).sum(axis=1),
+    )
 
 
 def _curvature(s: Array) -> Array:

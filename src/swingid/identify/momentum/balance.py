@@ -121,6 +121,7 @@ class Rows:
 
     inertia ∫φ'' q1 (= ∫φ q1''), gravity ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction terms coulomb ∫φ sgn v,
     viscous ∫φ v, quadratic ∫φ v|v|, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction.
+    stiffness: mean of cos q1, by which noise of the angle enters the gravity.
     """
 
     windows: Windows
@@ -129,6 +130,7 @@ class Rows:
     wheel: Array
     torque: Array
     friction: dict[str, Array]
+    stiffness: float = 1.0
 
     def select(self, keep: NDArray[np.bool_]) -> Rows:
         """The rows where `keep` is true."""
@@ -139,6 +141,7 @@ class Rows:
             self.wheel[keep],
             self.torque[keep],
             {name: column[keep] for name, column in self.friction.items()},
+            self.stiffness,
         )
 
 
@@ -162,6 +165,7 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
         drive if has_wheel else zero,
         drive if has_torque and not has_wheel else zero,
         friction,
+        float(np.mean(np.cos(signals.angle))),
     )
 
 

@@ -35,8 +35,11 @@ MATTERS = 2.0
 
 
 def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> list[Message]:
-    """A warning where an undeclared once-per-turn nonlinearity of the encoders shows and the inertia suffers by it."""
-    if signals.linear or scale.drive == "none" or rig.sensors.of("angle").nonlinearity > 0:
+    """A warning where an undeclared once-per-turn nonlinearity of the encoders shows and the inertia suffers by it.
+
+    Not where gravity is sought as well, whose column is nearly that of a nonlinearity.
+    """
+    if signals.linear or scale.drive == "none" or scale.b is None or rig.sensors.of("angle").nonlinearity > 0:
         return []
     bent = with_declared(replace(law, declared=()), rig.changed({"sensors.nonlinearity": WIDE}), signals, scale)
     before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))

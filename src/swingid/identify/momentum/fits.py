@@ -101,23 +101,28 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
         return None
     fit = fit_linear(columns, known_side(rows, scale))
     covariance = fit.covariance(LAG)
-    sensor = _sensor_variance(rows.windows, fit, scale, noise)
+    sensor = _sensor_variance(rows, unknowns, fit, scale, noise)
     covariance = covariance * max(1.0, sensor / covariance[0, 0] if covariance[0, 0] > 0 else 1.0)
     bias = _attenuation(rows.windows, fit, noise)
     covariance = covariance + np.outer(bias, bias)
     return WindowFit(rows, unknowns, fit, covariance, float(np.median(rows.windows.half)))
 
 
-def _sensor_variance(windows: Windows, fit: LinearFit, scale: Scale, noise: Noise) -> float:
-    """Variance of a11 from white noise of both angles, through φ''."""
+def _sensor_variance(rows: Rows, unknowns: tuple[str, ...], fit: LinearFit, scale: Scale, noise: Noise) -> float:
+    """Variance of a11 from white noise of both angles: through φ'', and of the axis through the gravity as well."""
+    windows = rows.windows
     weights = fit.influence[0] / windows.half**1.5
-    variance = 0.0
+    a11 = float(fit.values[0])
+    b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
+    gravity = 0.0 if scale.linear else b * rows.stiffness * float(np.median(windows.half)) ** 2 / a11
+    axis = wheel = 0.0
     for lag in range(min(2 * LAG, len(weights))):
         distance = (windows.centres[lag:] - windows.centres[: len(weights) - lag]) / windows.half[lag:]
-        pairs = weights[lag:] * weights[: len(weights) - lag] * curvature_overlap(distance)
-        variance += (1.0 if lag == 0 else 2.0) * float(pairs.sum())
-    power = (float(fit.values[0]) * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
-    return float(max(variance, 0.0) * power * noise.step)
+        pairs = (1.0 if lag == 0 else 2.0) * weights[lag:] * weights[: len(weights) - lag]
+        axis += float((pairs * curvature_overlap(distance, gravity)).sum())
+        wheel += float((pairs * curvature_overlap(distance)).sum())
+    power = (a11 * noise.angle) ** 2 * max(axis, 0.0) + (scale.a12 * noise.wheel) ** 2 * max(wheel, 0.0)
+    return float(power * noise.step)
 
 
 def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:

@@ -1,0 +1,100 @@
+"""Many logs at once: the weights on closed forms, the lanes' functions, and inertias that are known."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+
+from swingid.errors import InputError, UnanswerableError
+from swingid.identify.batch import energy_batch, momentum_batch, plan_batch
+from swingid.identify.batch.passes import slopes, smoothing
+from swingid.identify.batch.projections import window_weights
+from swingid.model.rig import Rig
+from swingid.simulate.ensemble import simulate_ensemble
+from swingid.simulate.ensemble.lane_functions import decay, sine_cosine
+from twin_logs import given
+
+
+@numba.njit
+def in_lanes(x, sine, cosine, falling):
+    for i in range(len(x)):
+        sine[i], cosine[i] = sine_cosine(x[i])
+        falling[i] = decay(abs(x[i]))
+
+
+def test_sine_cosine_and_decay_of_the_lanes_are_exact_to_rounding():
+    rng = np.random.default_rng(1)
+    x = rng.uniform(-1, 1, 200_000) * 10 ** rng.uniform(-6, 5, 200_000)
+    sine, cosine, falling = np.empty((3, len(x)))
+    in_lanes(x, sine, cosine, falling)
+    assert np.abs(sine - np.sin(x)).max() < 1e-15
+    assert np.abs(cosine - np.cos(x)).max() < 1e-15
+    inside = np.abs(x) < 700.0
+    assert np.abs(falling[inside] / np.exp(-np.abs(x[inside])) - 1.0).max() < 1e-15
+
+
+@pytest.mark.parametrize("reach", [10, 40])
+def test_windows_integrate_powers(reach):
+    half, step = 0.4, 0.4 / reach
+    weights = window_weights(reach, step)
+    t = step * np.arange(-reach, reach + 1)
+    order = (step / half) ** 4
+    assert abs(weights[2] @ t**2 / (64 / 35 * half) - 1.0) < 20 * order
+    assert abs(weights[2] @ t**4 / (12 * 32 / 315 * half**3) - 1.0) < 20 * order
+    assert abs(weights[1] @ t / (-32 / 35 * half) - 1.0) < 20 * order
+    assert abs(weights[0].sum() / (32 / 35 * half) - 1.0) < 20 * order
+
+
+def test_speeds_are_exact_for_cubics():
+    step, weights = 1e-3, smoothing(0.0105, 1e-3)
+    t = step * np.arange(100)
+    speeds = np.empty(100)
+    slopes(1.0 + 2.0 * t - 3.0 * t**2 + 40.0 * t**3, weights[1], speeds)
+    assert np.allclose(speeds[20:80], (2.0 - 6.0 * t + 120.0 * t**2)[20:80], rtol=1e-11)
+
+
+@pytest.fixture(scope="module")
+def many():
+    """Rig, inertias, an ensemble of 64 runs and the plan from three of its logs."""
+    rig = Rig.builtin("paper").changed({"axis.friction.coulomb": 1e-3})
+    inertias = 302.2e-5 * np.linspace(0.85, 1.2, 64)
+    runs = simulate_ensemble(
+        rig, lambda t: 0.8 * np.sin(8.5 * t), duration=20.0, values={"axis.inertia": inertias}, seeds=range(64)
+    )
+    plan = plan_batch([runs.recording(k) for k in (0, 30, 63)], given(rig))
+    return rig, inertias, runs, plan
+
+
+def test_momentum_of_many_logs_finds_their_inertias(many):
+    rig, inertias, runs, plan = many
+    found = momentum_batch(runs.channel("angle"), runs.channel("wheel_angle"), 1000.0, given(rig), plan)
+    z = (found.inertia - inertias) / found.u
+    assert abs(np.mean(found.inertia / inertias - 1.0)) < 2e-6
+    assert np.abs(found.inertia / inertias - 1.0).max() < 3e-5
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.4
+    one = momentum_batch(
+        runs.channel("angle")[:1], runs.channel("wheel_angle")[:1], 1000.0, given(rig), plan, threads=1
+    )
+    assert one.inertia[0] == pytest.approx(found.inertia[0], rel=1e-9)
+
+
+def test_energy_of_many_logs_finds_their_inertias(many):
+    rig, inertias, runs, plan = many
+    channels = [runs.channel(name) for name in ("angle", "wheel_angle", "command")]
+    found = energy_batch(*channels, 1000.0, given(rig), plan)
+    z = (found.inertia - inertias) / found.u
+    assert abs(np.mean(found.inertia / inertias - 1.0)) < 1e-4
+    assert np.abs(found.inertia / inertias - 1.0).max() < 1.5e-3
+    assert 0.6 < np.sqrt(np.mean(z**2)) < 1.5
+
+
+def test_what_many_logs_at_once_cannot_answer_is_refused(many):
+    rig, _, runs, plan = many
+    angle, wheel = runs.channel("angle"), runs.channel("wheel_angle")
+    with pytest.raises(InputError, match="identify these logs one by one"):
+        momentum_batch(angle, wheel, 1000.0, given(rig).changed({"axis.gravity_torque": "unknown"}), plan)
+    with pytest.raises(InputError, match="needs the wheel angle and the voltage"):
+        energy_batch(angle, wheel, None, 1000.0, given(rig), plan)
+    with pytest.raises(UnanswerableError, match="record longer"):
+        momentum_batch(angle[:, :6500], wheel[:, :6500], 1000.0, given(rig), plan)

@@ -11,6 +11,7 @@ from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.momentum.balance import Signals, rows_of
 from swingid.identify.momentum.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
 from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows
+from swingid.identify.momentum.gravity import check_gravity
 from swingid.identify.momentum.windows import law_windows
 from swingid.identify.momentum.zero import check_zero
 from swingid.identify.motion import Motion
@@ -36,11 +37,15 @@ SWINGS = 12
 
 @dataclass(frozen=True)
 class SecondOpinion:
-    """Rows (I) and (II) on test functions, which show a wrong sign or a bad motor better than energies do."""
+    """Rows (I) and (II) on test functions, which show a wrong sign or a bad motor better than energies do.
+
+    scale: warnings where the balance contradicts the stated gravity torque, see `momentum.gravity`.
+    """
 
     signals: Signals
     windows: WindowFit | None
     balance: MotorBalance | None
+    scale: tuple[Message, ...] = ()
 
 
 def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise) -> SecondOpinion:
@@ -55,8 +60,10 @@ def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise
     speed = motion.speed
     quickest = float(np.quantile(np.abs(speed.acceleration(speed.grid)), 0.99))
     length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
-    fit = fit_rows(
-        rows_of(signals, law_windows(signals, min(length, log.duration / 20))), scale, noise, (*BASIS, "memory")
+    longest = min(length, log.duration / 20)
+    fit, shorter = (
+        fit_rows(rows_of(signals, law_windows(signals, half)), scale, noise, (*BASIS, "memory"))
+        for half in (longest, longest / np.sqrt(2))
     )
     where = log.source.path or "the log"
     if fit is None:
@@ -69,7 +76,10 @@ def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise
             f"turned {balance.turned:.1%}); set voltage_sign = -1 under [log], or +1 if it is -1 already.",
             code="wrong-sign",
         )
-    return SecondOpinion(signals, fit, balance)
+    others = () if shorter is None else (shorter,)
+    return SecondOpinion(
+        signals, fit, balance, tuple(check_gravity(fit, others, signals, rig, scale, noise, least=CLOSE))
+    )
 
 
 def check_energy(
@@ -96,7 +106,7 @@ def check_energy(
             "the signs and scales under [log] and the motor's constants, or use the momentum method.",
             code="not-identifiable",
         )
-    warnings: list[Message] = []
+    warnings = list(opinion.scale)
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     if opinion.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.errors import UsageError
+from swingid.identify.energy.checks import CLOSE
 from swingid.identify.equation_error.answer import Estimate, answer, details
 from swingid.identify.equation_error.cutoff import SETTLING, Cutoff, choose_cutoff
 from swingid.identify.equation_error.fit import RowFit, best_lag, fit_rows
@@ -26,6 +27,7 @@ from swingid.identify.momentum.balance import Signals, rows_of
 from swingid.identify.momentum.checks import check_answer, check_motor, check_sign
 from swingid.identify.momentum.fits import BASIS, WindowFit
 from swingid.identify.momentum.fits import fit_rows as fit_windows
+from swingid.identify.momentum.gravity import check_gravity
 from swingid.identify.momentum.imperfections import sensitivities
 from swingid.identify.momentum.windows import law_windows
 from swingid.identify.motion import Motion, find_motion
@@ -197,14 +199,18 @@ def _second_opinion(part: _Part, rig: Rig, scale: Scale, noise: Noise) -> tuple[
     signals = Signals.of(part.log, rig, part.motion)
     windows = law_windows(signals, part.motion.half_period / 4)
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
+    doubts: list[Message] = []
     if fit is not None:
         check_sign(fit, scale, part.log.source.path or "the log")
+        shorter = fit_windows(rows_of(signals, law_windows(signals, part.motion.half_period / 6)), scale, noise, BASIS)
+        others = () if shorter is None else (shorter,)
+        doubts = check_gravity(fit, others, signals, rig, scale, noise, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
     warnings, notes = check_motor(balance, signals)
     own = [
         [replace(m, message=m.message.replace("momentum", "this method")) for m in side] for side in (warnings, notes)
     ]
-    return own[0], own[1]
+    return [*doubts, *own[0]], own[1]
 
 
 def _how(part: _Part, cutoff: Cutoff, friction: str, lag: float) -> list[Message]:

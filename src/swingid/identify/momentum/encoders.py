@@ -18,8 +18,8 @@ from swingid.identify.result import Message
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 
-WIDE = "0.5 deg"
-"""What is allowed where nothing is declared."""
+WIDE = 0.5 * np.pi / 180
+"""What is allowed where nothing is declared, rad."""
 
 BETTER = 0.85
 """Share of the residuals that may be left with the nonlinearity, for it to be there; without one 0.95 and more are."""

@@ -39,10 +39,13 @@ def check_gravity(
     rig: Rig,
     scale: Scale,
     noise: Noise,
+    *,
+    least: float = 0.0,
 ) -> list[Message]:
     """A warning where the balance contradicts `axis.gravity_torque` by so much that the inertia suffers.
 
-    tried: the same fit at other lengths of windows.
+    tried: the same fit at other lengths of windows. least: relative change of the inertia that is worth a warning, for
+    methods that take a rougher fit as a second opinion.
     """
     stated = rig.axis.gravity_torque
     if not isinstance(stated, Quantity) or not scale.b or scale.drive == "none" or signals.linear:
@@ -57,7 +60,7 @@ def check_gravity(
         off = fit.value("gravity_torque") - stated.value
         if off * (seen - stated.value) <= 0 or abs(off) <= CERTAIN * np.hypot(u, stated.std or 0.0):
             return []
-    if not seen > 0 or free.a11 <= 0 or abs(free.a11 - law.a11) <= MATTERS * law.total:
+    if not seen > 0 or free.a11 <= 0 or abs(free.a11 - law.a11) <= max(MATTERS * law.total, least * law.a11):
         return []
     drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"
     by_drive, by_gravity = (

@@ -73,6 +73,7 @@ def check_fit(
             warnings += _against_momentum(inertia, budget, opinion, problem, scale)
     notes.append(_conditioning(estimate, seen.condition, seen.inflation))
     notes.append(_search_note(estimate, problem))
+    warnings += opinion.scale
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += motor_notes
     # a motor that does not fit shows in the residuals, or the motor is not used

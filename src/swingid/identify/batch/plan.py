@@ -46,9 +46,9 @@ class Plan:
 class Batch:
     """Estimates of n logs: inertia J1 (n,) (kg m^2) with its standard uncertainty of type A `u` (n,), and friction.
 
-    values (n, 6), covariance (n, 6, 6) of `UNKNOWNS`, where "inertia" is a11 of the whole axis. The terms of friction are
-    there to free the inertia of them: reversals are seen through a smoothed speed, which moves Coulomb friction by more
-    than its scatter. Who wants friction takes `identify`.
+    values (n, 6), covariance (n, 6, 6) of `UNKNOWNS`, where "inertia" is a11 of the whole axis. The terms of friction
+    are there to free the inertia of them: reversals are seen through a smoothed speed, which moves Coulomb friction by
+    more than its scatter. Who wants friction takes `identify`.
     """
 
     inertia: Array

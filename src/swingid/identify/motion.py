@@ -6,6 +6,7 @@ Nothing here knows the reference or the controller; everything is found in the m
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,14 +80,14 @@ class Motion:
         """Angle covered between successive turning points."""
         return np.abs(np.diff(self.turning_angles))
 
-    @property
+    @cached_property
     def half_period(self) -> float:
         """Median time between turning points in s."""
         return float(np.median(np.diff(self.turning_times)))
 
     def reread(self, time: Array, angle: Array, reach: float) -> Motion:
         """The same motion with its turning points read off cubics over ±`reach` s, from samples of the whole log."""
-        reach = max(reach, WIDTHS[0] * float(np.median(np.diff(time))))
+        reach = max(reach, WIDTHS[0] * typical_step(time))
         times, angles = _refined(time, angle, self.speed, self.turning_times, reach)
         return replace(self, turning_times=times, turning_angles=angles, reach=reach)
 
@@ -131,7 +132,7 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
     The narrowest width also spans twelve standard deviations of noise at the mean speed (four steps of an encoder),
     where the errors of a coarse encoder begin to look independent.
     """
-    step = float(np.median(np.diff(time)))
+    step = typical_step(time)
     width = least = narrowest(time, angle, noise)
     longest = (time[-1] - time[0]) / 8
     # the search looks at some hundred places of the log, the speed itself is computed everywhere
@@ -147,9 +148,15 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
     return speed_on_grid(time, angle, noise, max(width * share, least), spacing)
 
 
+def typical_step(time: Array) -> float:
+    """Median step between the stamps, of a thousand steps where there are more."""
+    at = np.arange(0, len(time) - 1, max(1, (len(time) - 1) // 1000))
+    return float(np.median(time[at + 1] - time[at]))
+
+
 def narrowest(time: Array, angle: Array, noise: float) -> float:
     """Least half-width (s) of a local cubic that looks beyond sample steps and steps of the encoder."""
-    step = float(np.median(np.diff(time)))
+    step = typical_step(time)
     duration = float(time[-1] - time[0])
     mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / duration
     return max(WIDTHS[0] * step, min(14 * noise / max(mean_speed, 1e-300), duration / 100))
@@ -157,7 +164,7 @@ def narrowest(time: Array, angle: Array, noise: float) -> float:
 
 def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing: float) -> Speed:
     """Speed by local cubics of half-width `width` (s) on a grid of `spacing` places per half-width."""
-    step = float(np.median(np.diff(time)))
+    step = typical_step(time)
     grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
     fitted = local_cubic(time, angle, grid, width)
     reached = np.isfinite(fitted[:, 0])
@@ -211,7 +218,7 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
         )
     crossings = np.nonzero(np.sign(v[:-1]) * np.sign(v[1:]) < 0)[0]
     instants = fine[crossings] + (fine[1] - fine[0]) * v[crossings] / (v[crossings] - v[crossings + 1])
-    reach = max(speed.half_width / 2, WIDTHS[0] * float(np.median(np.diff(time))))
+    reach = max(speed.half_width / 2, WIDTHS[0] * typical_step(time))
     instants, angles = _refined(time, angle, speed, instants, reach)
     path = np.concatenate([[q[0]], angles, [q[-1]]])
     keep = _inner(_extremes(path, max(SMALLEST_SWING * size, 8 * noise)), len(angles))

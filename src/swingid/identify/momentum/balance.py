@@ -73,8 +73,32 @@ class Signals:
         motion = self.motion.earlier(late)
         edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
         moved = replace(self, motion=motion, edges=edges, directions=directions)
-        moved.__dict__["stacked"] = self.stacked
+        # what does not depend on the turning points is computed once
+        moved.__dict__.update(stacked=self.stacked, kept=self.kept, fastest=self.fastest, stiffness=self.stiffness)
         return moved
+
+    @cached_property
+    def fastest(self) -> float:
+        """Speed that is exceeded for a thousandth of the time only."""
+        return float(np.quantile(np.abs(self.speed), 0.999))
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Mean of cos q1."""
+        return float(np.mean(np.cos(self.angle)))
+
+    @cached_property
+    def kept(self) -> dict[tuple[str, float], Array]:
+        """What was computed of the angle and the speed once and is needed again, by name and number."""
+        return {}
+
+    def grid_errors(self, resolution: float) -> Array:
+        """Errors of the angle on grids of this step shifted by eighths of it, times the steps of time: (8, rows)."""
+        key = ("grid errors", resolution)
+        if key not in self.kept:
+            shifted = self.motion.speed.angle_at(self.nodes.time) / resolution + np.arange(8)[:, None] / 8
+            self.kept[key] = (np.round(shifted) - shifted) * (np.gradient(self.nodes.time) * resolution)
+        return self.kept[key]
 
     @classmethod
     def of(cls, log: Recording, rig: Rig, motion: Motion) -> Signals:
@@ -165,7 +189,7 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
         drive if has_wheel else zero,
         drive if has_torque and not has_wheel else zero,
         friction,
-        float(np.mean(np.cos(signals.angle))),
+        signals.stiffness,
     )
 
 

@@ -41,6 +41,9 @@ PASSES = 4
 
 SETTLED = 0.1
 
+MOMENTS = 4000
+"""Instants of the motion that the mean over it is taken of."""
+
 ONE_SWING = 0.55
 """Half-length, in swings, up to which windows tell friction: longer ones see its alternation and little else."""
 
@@ -158,7 +161,10 @@ def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowF
     The same principle as for the inertia. Long windows average what depends on the place, which no law of the speed
     describes; short ones tell the speeds of one swing apart, which a decay tells by its many swings.
     """
-    moments = {name: term(signals.speed.ravel()) for name, term in TERMS.items() if name in BASIS}
+    speeds = signals.speed.ravel()
+    speeds = speeds[:: max(1, len(speeds) // MOMENTS)]
+    columns = np.stack([TERMS[name](speeds) for name in BASIS])
+    moments = columns @ columns.T / len(speeds)
     within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
     if not within:
         return min(tried.values(), key=lambda fit: fit.half)
@@ -167,9 +173,7 @@ def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowF
     return max((fit for fit in within if spread[fit.half] <= CALM**2 * least), key=lambda fit: fit.half)
 
 
-def _torque_variance(fit: WindowFit, columns: dict[str, Array]) -> float:
-    """Variance of the friction torque of a fit, type A, on the mean over the instants of `columns`."""
-    names = [name for name in fit.unknowns if name in columns]
-    at = [fit.unknowns.index(name) for name in names]
-    stacked = np.stack([columns[name] for name in names])
-    return float(np.sum(fit.covariance[np.ix_(at, at)] * (stacked @ stacked.T)) / stacked.shape[1])
+def _torque_variance(fit: WindowFit, moments: Array) -> float:
+    """Variance of the friction torque, type A, on the mean over a motion with these moments of the terms of BASIS."""
+    at = [fit.unknowns.index(name) for name in BASIS]
+    return float(np.sum(fit.covariance[np.ix_(at, at)] * moments))

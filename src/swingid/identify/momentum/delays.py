@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Signals
-from swingid.identify.motion import Motion
+from swingid.identify.motion import Motion, typical_step
 from swingid.identify.noise import Noise
+from swingid.numerics.quadrature import gauss_rule
 from swingid.numerics.spline import kinked_slopes
 
 Array = NDArray[np.float64]
@@ -54,10 +55,9 @@ def lateness(motion: Motion, torque: Torque, inertia: float) -> Array:
     cubic over t = ±w u in the middle is 2 w ∫ x'' G(u) du from 0 to 1 (x is odd), and A times the delay cancels it.
     """
     acceleration = np.maximum(np.abs(motion.speed.acceleration(motion.turning_times)), 1e-300)
-    roots, weights = np.polynomial.legendre.leggauss(24)
+    root, weights = gauss_rule(24)
     # nodes dense near 0, where friction changes within a small speed
-    root = (roots + 1) / 2
-    u, weights = root**2, weights * root
+    u, weights = root**2, 2 * weights * root
     response = 75 / 8 * ((1 - u**3) / 3 - u * (1 - u**2) / 2) - 105 / 8 * ((1 - u**5) / 5 - u * (1 - u**4) / 4)
     speeds = np.multiply.outer(acceleration * motion.reach, u)
     odd = (torque(speeds.ravel()) - torque(-speeds.ravel())).reshape(speeds.shape) / 2
@@ -79,7 +79,7 @@ def share_seen(motion: Motion, time: Array, angle: Array, late: Array, noise: fl
     if count < 2 or power == 0.0:
         return 1.0, np.inf
     excess = float(late @ rest) / power
-    step = float(np.median(np.diff(time)))
+    step = typical_step(time)
     white = noise * np.sqrt(150 * step / motion.reach**3) * late / acceleration[seen]
     left = rest - excess * late
     variance = max(float(left @ left) / (count - 1) / power, float(white @ white) / power**2)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,24 +106,35 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
     covariance = covariance * max(1.0, sensor / covariance[0, 0] if covariance[0, 0] > 0 else 1.0)
     bias = _attenuation(rows.windows, fit, noise)
     covariance = covariance + np.outer(bias, bias)
-    return WindowFit(rows, unknowns, fit, covariance, float(np.median(rows.windows.half)))
+    return WindowFit(rows, unknowns, fit, covariance, _middle(rows.windows.half))
+
+
+def _middle(values: Array) -> float:
+    """The median, or the value above it, of few values."""
+    return float(np.sort(values)[len(values) // 2])
 
 
 def _sensor_variance(rows: Rows, unknowns: tuple[str, ...], fit: LinearFit, scale: Scale, noise: Noise) -> float:
     """Variance of a11 from white noise of both angles: through φ'', and of the axis through the gravity as well."""
     windows = rows.windows
     weights = fit.influence[0] / windows.half**1.5
-    a11 = float(fit.values[0])
+    count, a11 = len(weights), float(fit.values[0])
     b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
-    gravity = 0.0 if scale.linear else b * rows.stiffness * float(np.median(windows.half)) ** 2 / a11
-    axis = wheel = 0.0
-    for lag in range(min(2 * LAG, len(weights))):
-        distance = (windows.centres[lag:] - windows.centres[: len(weights) - lag]) / windows.half[lag:]
-        pairs = (1.0 if lag == 0 else 2.0) * weights[lag:] * weights[: len(weights) - lag]
-        axis += float((pairs * curvature_overlap(distance, gravity)).sum())
-        wheel += float((pairs * curvature_overlap(distance)).sum())
+    gravity = 0.0 if scale.linear else b * rows.stiffness * _middle(windows.half) ** 2 / a11
+    first, second = _neighbours(count, min(2 * LAG, count))
+    distance = (windows.centres[second] - windows.centres[first]) / windows.half[second]
+    pairs = 2.0 * weights[second] * weights[first]
+    pairs[:count] /= 2.0
+    axis, wheel = float(pairs @ curvature_overlap(distance, gravity)), float(pairs @ curvature_overlap(distance))
     power = (a11 * noise.angle) ** 2 * max(axis, 0.0) + (scale.a12 * noise.wheel) ** 2 * max(wheel, 0.0)
     return float(power * noise.step)
+
+
+@lru_cache(maxsize=16)
+def _neighbours(count: int, lags: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices of all pairs of rows up to `lags` − 1 apart, each row with itself first."""
+    first = [np.arange(count - lag) for lag in range(lags)]
+    return np.concatenate(first), np.concatenate([at + lag for lag, at in enumerate(first)])
 
 
 def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:

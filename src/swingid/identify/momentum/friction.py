@@ -66,8 +66,7 @@ def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: tuple[float
     of it does not end in the friction. memory: impulse at each reversal, as found before, and its standard
     uncertainty. noise: standard deviation of one sample of the angle.
     """
-    fastest = float(np.quantile(np.abs(signals.speed), 0.999))
-    friction = FrictionRows.of(signals, rows, fastest)
+    friction = FrictionRows.of(signals, rows)
     target = known_side(rows, scale) - rows.friction["memory"] * memory[0]
     _, body = columns_of(rows, scale, ())
     # a peak that passes while the angle moves less than its noise cannot be told from an error of the angle
@@ -82,9 +81,8 @@ def first_torque(signals: Signals, rows: Rows, scale: Scale) -> Callable[[Array]
 
     Quick, for first corrections.
     """
-    friction = FrictionRows.of(signals, rows, float(np.abs(signals.speed).max()), hats=False)
     _, body = columns_of(rows, scale, ())
-    choice = LawChoice(friction, body, known_side(rows, scale))
+    choice = LawChoice(FrictionRows.of(signals, rows), body, known_side(rows, scale), odd_only=True)
 
     def torque(speeds: Array) -> Array:
         mean = np.zeros(len(speeds))

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.friction_laws import law_columns, stribeck_slope
-from swingid.identify.momentum.balance import Rows, Signals
-from swingid.numerics.test_functions import project, project_hats
+from swingid.identify.momentum.balance import Rows, Signals, Windows
+from swingid.numerics.test_functions import project_hats, project_stacked
 
 Array = NDArray[np.float64]
 
 EXACT = ("coulomb", "offset", "viscous", "quadratic", "viscous_even", "cubic")
 """Terms with a column of their own."""
 
-KNOTS = 24
+KNOTS = 28
 """Hat functions on each side of rest."""
 
 
@@ -37,15 +37,14 @@ class FrictionRows:
     columns: Array
 
     @classmethod
-    def of(cls, signals: Signals, rows: Rows, fastest: float, *, hats: bool = True) -> FrictionRows:
-        """Friction columns of `rows`, with hats up to the speed `fastest` or without any."""
-        knots = speed_knots(fastest, KNOTS) if hats else np.empty(0)
-        centres, half = rows.windows.centres, rows.windows.half
-        cubic = project(signals.nodes, [(signals.speed**3, 0)], centres, half)
-        columns = [*(rows.friction[name] for name in EXACT[:-1]), cubic]
-        if hats:
-            columns.append(project_hats(signals.nodes, signals.speed, knots, centres, half))
-        return cls(rows, fastest, knots, np.column_stack(columns))
+    def of(cls, signals: Signals, rows: Rows) -> FrictionRows:
+        """Friction columns of rows of "law" windows, of one length."""
+        knots = speed_knots(signals.fastest, KNOTS)
+        key = ("friction columns", float(rows.windows.half[0]))
+        if key not in signals.kept:
+            signals.kept[key] = _of_speed(signals, rows.windows, knots)
+        exact = [rows.friction[name] for name in EXACT[:-1]]
+        return cls(rows, signals.fastest, knots, np.column_stack([*exact, signals.kept[key]]))
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
         """Weights on `columns` that give the columns of a law's terms, shape (columns, terms)."""
@@ -55,12 +54,22 @@ class FrictionRows:
                 weights[EXACT.index(term), k] = 1.0
             else:
                 peak = law_columns((term,), self.knots, stribeck_speed)[:, 0]
-                weights[:, k] = self.function(peak, 1.0, -1.0)
+                weights[:, k] = self.function(self._smooth(peak), 1.0, -1.0)
         return weights
 
     def stribeck_slope(self, stribeck_speed: float) -> Array:
         """Weights of the derivative of Stribeck's peak by its speed."""
-        return self.function(stribeck_slope(self.knots, stribeck_speed), 0.0, 0.0)
+        return self.function(self._smooth(stribeck_slope(self.knots, stribeck_speed)), 0.0, 0.0)
+
+    def _smooth(self, values: Array) -> Array:
+        """Values whose interpolation by straight lines is right on the mean: f − h² f''/12, but next to rest."""
+        before, after = np.diff(self.knots)[:-1], np.diff(self.knots)[1:]
+        slopes = np.diff(values) / np.diff(self.knots)
+        result = values.copy()
+        result[1:-1] -= before * after * 2 * np.diff(slopes) / (before + after) / 12
+        middle = len(values) // 2
+        result[middle - 1 : middle + 2] = values[middle - 1 : middle + 2]
+        return result
 
     def function(self, values: Array, above: float, below: float) -> Array:
         """Weights of a function with `values` at the knots and the limits `above` and `below` rest."""
@@ -71,6 +80,13 @@ class FrictionRows:
         weights[EXACT.index("coulomb")], weights[EXACT.index("offset")] = jump, mean
         weights[len(EXACT) :] = rest
         return weights
+
+
+def _of_speed(signals: Signals, windows: Windows, knots: Array) -> Array:
+    """Columns that the speed alone makes: the cubic term, then the hats."""
+    power = (signals.speed * signals.speed * signals.speed).reshape(1, -1)
+    cubic = project_stacked(signals.nodes, power, np.zeros(1, dtype=np.int64), windows.centres, windows.half)
+    return np.column_stack([cubic, project_hats(signals.nodes, signals.speed, knots, windows.centres, windows.half)])
 
 
 def speed_knots(fastest: float, count: int) -> Array:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_columns, law_terms
 from swingid.identify.momentum.fits import LAG
-from swingid.identify.momentum.friction_rows import FrictionRows
+from swingid.identify.momentum.friction_rows import EXACT, FrictionRows
 
 Array = NDArray[np.float64]
 
@@ -35,11 +36,14 @@ class Trial:
 class LawChoice:
     """All laws on the Gram matrix of [body | friction columns | known side]; `trials` by name.
 
-    slowest: Stribeck speed below which the log shows no peak; by default no law with a peak is tried.
+    slowest: Stribeck speed below which the log shows no peak; by default no law with a peak is tried. odd_only: only
+    the odd part is wanted, so every law has all terms of the direction.
     The dependence on the direction is settled by the laws without Stribeck's peak, which does not touch it.
     """
 
-    def __init__(self, friction: FrictionRows, body: Array, target: Array, slowest: float = np.inf) -> None:
+    def __init__(
+        self, friction: FrictionRows, body: Array, target: Array, slowest: float = np.inf, *, odd_only: bool = False
+    ) -> None:
         everything = np.column_stack([body, friction.columns, target])
         self.friction, self.body = friction, body.shape[1]
         self.gram = everything.T @ everything
@@ -47,7 +51,7 @@ class LawChoice:
         self.trials: dict[str, Trial] = {}
         peaks = [odd for odd, terms in LAWS.items() if "stribeck" in terms]
         for odd in (odd for odd in LAWS if odd not in peaks):
-            for direction in DIRECTIONS:
+            for direction in list(DIRECTIONS)[-1:] if odd_only else DIRECTIONS:
                 self._attempt(odd + direction)
         self.stribeck_speeds = np.empty(0)
         if slowest < STRIBECK_SHARES[-1] * friction.fastest:
@@ -77,16 +81,25 @@ class LawChoice:
 
     def _attempt(self, name: str) -> None:
         terms = law_terms(name)
-        speed = self._stribeck_speed(terms) if "stribeck" in terms else float("nan")
-        lost, values, inverse = self._lost(self.friction.law(terms, speed))
-        if name == "viscous" or _dissipates(terms, values, inverse * lost / self.independent):
-            count = len(terms) + ("stribeck" in terms)
+        peaked, speed = "stribeck" in terms, float("nan")
+        if peaked:
+            speed = self._stribeck_speed(terms)
+        lost, values, inverse = self._lost(self.friction.law(terms, speed)) if peaked else self._plain(terms)
+        lost = max(lost, ROUNDING * float(self.gram[-1, -1]))
+        if not self.trials or _dissipates(terms, values, inverse * lost / self.independent):
+            count = len(terms) + peaked
             score = self.independent * np.log(lost) + count * np.log(self.independent)
             self.trials[name] = Trial(terms, speed, values, float(score))
 
     def _stribeck_speed(self, terms: tuple[str, ...]) -> float:
-        """The likeliest Stribeck speed: the best of a grid, then Gauss–Newton while it gets better."""
+        """The likeliest Stribeck speed: the best of a grid, then Gauss–Newton while it gets better.
+
+        Another law with a peak has found about the same one.
+        """
         grid = self.stribeck_speeds
+        before = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
+        lowest, highest = grid[0], grid[-1]
+        grid = np.array(before) if before else grid
         tried = [self._lost(self.friction.law(terms, speed)) for speed in grid]
         k = int(np.argmin([lost for lost, _, _ in tried]))
         speed, (least, values, _) = float(grid[k]), tried[k]
@@ -95,13 +108,18 @@ class LawChoice:
             _, widened, _ = self._lost(np.column_stack([self.friction.law(terms, speed), slope]))
             step = float(np.clip(widened[-1], -0.4 * speed, 0.6 * speed))
             lost, better, _ = self._lost(self.friction.law(terms, speed + step))
-            if lost >= least or not grid[0] <= speed + step <= grid[-1]:
+            if lost >= least or not lowest <= speed + step <= highest:
                 break
             settled = abs(step) < 1e-3 * speed
             speed, least, values = speed + step, lost, better
             if settled:
                 break
         return speed
+
+    def _plain(self, terms: tuple[str, ...]) -> tuple[float, Array, Array]:
+        """As `_lost`, for terms that all have a column of their own."""
+        at = [self.body + EXACT.index(term) for term in terms] + list(range(self.body))
+        return self._solved(self.gram[np.ix_(at, at)], self.gram[at, -1], len(terms))
 
     def _lost(self, weights: Array) -> tuple[float, Array, Array]:
         """Sum of squared residuals of a law, its coefficients, and what scales their covariance (of the inverse).
@@ -112,19 +130,30 @@ class LawChoice:
         blend = np.zeros((len(self.gram) - 1, self.body + terms))
         blend[: self.body, terms:] = np.eye(self.body)
         blend[self.body :, :terms] = weights
-        inner = blend.T @ self.gram[:-1, :-1] @ blend
-        right = blend.T @ self.gram[:-1, -1]
+        return self._solved(blend.T @ self.gram[:-1, :-1] @ blend, blend.T @ self.gram[:-1, -1], terms)
+
+    def _solved(self, inner: Array, right: Array, terms: int) -> tuple[float, Array, Array]:
         scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-        scales = np.outer(scale, scale)
-        inverse = np.linalg.inv(inner * scales + 1e-13 * np.eye(len(inner))) * scales
+        scaled = inner * scale * scale[:, None]
+        scaled.flat[:: len(inner) + 1] += 1e-13
+        inverse = np.linalg.inv(scaled) * scale * scale[:, None]
         values = inverse @ right
         power = float(self.gram[-1, -1])
-        lost = max(power - float(values @ right), ROUNDING * power, 1e-300)
+        # less than the rounding of the power cannot be told
+        lost = max(power - float(values @ right), 1e-15 * power, 1e-300)
         return lost, values[:terms], inverse[:terms, :terms]
 
 
 def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> bool:
     """Whether no coefficient, in either direction, is negative beyond two standard uncertainties."""
+    rows = _sides(terms)
+    spread = np.sqrt(np.maximum(((rows @ covariance) * rows).sum(axis=1), 0.0))
+    return bool((rows @ values > -2 * spread).all())
+
+
+@cache
+def _sides(terms: tuple[str, ...]) -> Array:
+    """Weights of the coefficients of a law in either direction."""
     unit = {term: np.eye(len(terms))[k] for k, term in enumerate(terms)}
     sides = [unit[term] for term in terms if term not in ("offset", "viscous_even")]
     if "viscous_even" in unit:
@@ -132,6 +161,4 @@ def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> boo
         sides += [viscous + even, viscous - even]
     if "offset" in unit and "coulomb" in unit:
         sides += [unit["coulomb"] + unit["offset"], unit["coulomb"] - unit["offset"]]
-    rows = np.array(sides)
-    spread = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", rows, covariance, rows), 0.0))
-    return bool(np.all(rows @ values > -2 * spread))
+    return np.array(sides)

@@ -7,7 +7,6 @@ import numpy as np
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.noise import Noise
-from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import superpose
 
 
@@ -29,10 +28,7 @@ def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) ->
     """
     if noise.resolution == 0.0:
         return 0.0
-    speed, time = signals.motion.speed, signals.nodes.time
-    smooth = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), time, 0)
     windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
-    weights = superpose(time, windows.centres, windows.half, row, 2) * np.gradient(time) * fit.a11
-    shifted = smooth / noise.resolution + np.arange(8)[:, None] / 8
-    effects = ((np.round(shifted) - shifted) @ weights) * noise.resolution
+    weights = superpose(signals.nodes.time, windows.centres, windows.half, row, 2) * fit.a11
+    effects = signals.grid_errors(noise.resolution) @ weights
     return float(np.sqrt(np.mean(effects**2)))

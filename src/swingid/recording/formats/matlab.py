@@ -12,7 +12,7 @@ import re
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -78,7 +78,7 @@ def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, obj
     A name that MATLAB does not allow gets "_" in the place of other characters. Metadata (JSON) are the character
     codes in the variable `swingid`.
     """
-    from scipy.io import savemat
+    import scipy.io
 
     names = {column: re.sub(r"\W", "_", column, flags=re.ASCII)[:31] for column in columns}
     names = {column: name if name[0].isalpha() else f"x_{name}"[:31] for column, name in names.items()}
@@ -88,7 +88,8 @@ def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, obj
     codes = np.frombuffer(json.dumps(metadata).encode(), np.uint8).astype(np.float64)
     buffer = io.BytesIO()
     variables = {name: columns[column].reshape(-1, 1) for column, name in names.items()}
-    savemat(buffer, {**variables, METADATA_KEY: codes}, do_compression=True)  # type: ignore[arg-type]
+    savemat: Any = scipy.io.savemat  # takes buffers too, whatever the stubs that may be installed say
+    savemat(buffer, {**variables, METADATA_KEY: codes}, do_compression=True)
     return buffer.getvalue()
 
 

@@ -145,10 +145,10 @@ class LawChoice:
 
 
 def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> bool:
-    """Whether no coefficient, in either direction, is negative beyond two standard uncertainties."""
+    """Whether no coefficient, in either direction, is negative beyond its standard uncertainty."""
     rows = _sides(terms)
     spread = np.sqrt(np.maximum(((rows @ covariance) * rows).sum(axis=1), 0.0))
-    return bool((rows @ values > -2 * spread).all())
+    return bool((rows @ values > -spread).all())
 
 
 @cache

@@ -205,6 +205,12 @@ def test_bam_duty_is_unwrapped():
     assert table.numbers("bridge_volts")[0].tolist() == [-7.0, 8.0]
 
 
+def test_a_result_is_no_log():
+    content = json.dumps({"schema": "swingid.result/1", "warnings": [{"code": "a", "message": "b"}]}).encode()
+    with pytest.raises(InputError, match="is a result of swingid"):
+        read_table(content, "result.json")
+
+
 def test_joint_states_of_ros2():
     mcap_ros2 = pytest.importorskip("mcap_ros2.writer")
     import io

@@ -25,6 +25,10 @@ KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("
 """Annotations of options whose kind is checked at the door: in words, and the type."""
 
 
+INNER = ("alone",)
+"""Keyword arguments that are set for several logs at once, and are no options."""
+
+
 def identify(
     log: Recording | Sequence[Recording] | Mapping[str, Recording | SwingidError],
     rig: Rig,

@@ -33,6 +33,9 @@ def read(content: bytes, name: str) -> Table:
         raise InputError(f"{name} {NOT_JSON}.", code="not-a-table") from None
     metadata: Mapping[str, object] = {}
     rows, header, lost = _parse(text, name)
+    if isinstance(header, dict) and str(header.get("schema", "")).startswith("swingid."):
+        message = f"{name} is a result of swingid ({header['schema']}), not a log; give the log that it was found in."
+        raise InputError(message, code="not-a-log")
     if rows and set(rows[0]) == {METADATA_KEY}:
         first = rows.pop(0)[METADATA_KEY]
         metadata = first if isinstance(first, dict) else {}

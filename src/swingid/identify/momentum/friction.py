@@ -29,7 +29,7 @@ CURVE_KNOTS = 7
 class FrictionLaw:
     """The chosen law: its unknowns with covariance and influence of the rows, and the curve.
 
-    unknowns: the terms and, where the rows determine it, the Stribeck speed; values are the terms' coefficients, then
+    unknowns: the terms and, where one of them is Stribeck's peak, its speed; values are the terms' coefficients, then
     that speed. stribeck_speed: nan in a law without.
     """
 
@@ -100,18 +100,16 @@ def _fitted(friction: FrictionRows, body: Array, target: Array, choice: LawChoic
     """
     name = choice.best
     trial = choice.trials[name]
-    terms, weights, start = trial.terms, friction.law(trial.terms, trial.stribeck_speed), np.zeros(len(trial.terms))
+    terms, weights, start = trial.terms, friction.law(trial.terms, trial.stribeck_speed), np.empty(0)
     unknowns = terms
     if "stribeck" in terms:
         peak = trial.values[terms.index("stribeck")]
         weights = np.column_stack([weights, peak * friction.stribeck_slope(trial.stribeck_speed)])
-        unknowns, start = (*terms, "stribeck_speed"), np.append(start, trial.stribeck_speed)
+        unknowns, start = (*terms, "stribeck_speed"), np.array([trial.stribeck_speed])
     fit = fit_linear(np.column_stack([friction.columns @ weights, body]), target)
     own = slice(0, len(unknowns))
     # the search has brought the step of the Stribeck speed down to next to nothing
-    values = start + fit.values[own]
-    values[len(terms) :] = start[len(terms) :]
-    values[: len(terms)] = trial.values
+    values = np.append(trial.values, start)
     timing = fit.influence[own] @ friction.rows.friction["memory"] * impulse
     return FrictionLaw(
         name,

@@ -181,8 +181,6 @@ def _answer(
             shift = float(own @ friction.influence @ item.rows) * item.std
             budget.append(_type_b(name, item.source, shift, item.std, item.shared_id))
     parameters = {name: Parameter.of(value, combined(budget, name), unit) for name, (value, unit) in values.items()}
-    if "static" in parameters and "stribeck_speed" not in parameters:
-        parameters["stribeck_speed"] = Parameter.of(friction.stribeck_speed, None, units["stribeck_speed"])
     return budget, parameters
 
 

@@ -202,9 +202,12 @@ def _second_opinion(part: _Part, rig: Rig, scale: Scale, noise: Noise) -> tuple[
     doubts: list[Message] = []
     if fit is not None:
         check_sign(fit, scale, part.log.source.path or "the log")
-        shorter = fit_windows(rows_of(signals, law_windows(signals, part.motion.half_period / 6)), scale, noise, BASIS)
-        others = () if shorter is None else (shorter,)
-        doubts = check_gravity(fit, others, signals, rig, scale, noise, least=CLOSE)
+        # an impulse at each reversal is let in, for friction with a memory looks like another gravity without it
+        lengths = (part.motion.half_period / 4, part.motion.half_period / 6)
+        terms = (*BASIS, "memory")
+        fits = [fit_windows(rows_of(signals, law_windows(signals, half)), scale, noise, terms) for half in lengths]
+        longest, *others = [one for one in fits if one is not None] or [fit]
+        doubts = check_gravity(longest, others, signals, rig, scale, noise, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
     warnings, notes = check_motor(balance, signals)
     own = [

@@ -64,11 +64,9 @@ def _check_usage(logs: list[str], rig: str, out: str | None, json: str | None, r
 
 def _calibrate(logs: list[str], rig: str, out: str | None, json: str | None, report: str | None) -> Calibration:
     """From files to the calibration, its rig file and its report."""
-    from swingid.cli.output import check_target, write_file
+    from swingid.cli.output import check_writable, write_file
 
-    for target in (out, json, report):
-        if target is not None and target != "-":
-            check_target(Path(target))
+    check_writable(out, json, report)
     from swingid.cli.kernels import announce_compilation
     from swingid.identify.motor_calibration import calibrate as run
     from swingid.model.rig import Rig

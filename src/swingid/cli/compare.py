@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -22,12 +21,10 @@ def compare(
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write the comparison as one HTML file.")] = None,
 ) -> None:
     """Put every method on the same LOGs: inertia, friction, time, what each rests on, and whether they agree."""
-    from swingid.cli.output import check_once, check_target, check_targets, say, tell, write_json
+    from swingid.cli.output import check_once, check_targets, check_writable, say, tell, write_json
 
     check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
-    for target in (json, report):
-        if target is not None and target != "-":
-            check_target(Path(target))
+    check_writable(json, report)
     check_once(logs)
     from swingid.cli.kernels import announce_compilation
     from swingid.model.rig import Rig

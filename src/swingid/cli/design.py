@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -36,11 +35,10 @@ def design(
 
     Voltage stays within the limit of RIG. Friction is expected as in axis.friction.
     """
-    from swingid.cli.output import check_target, check_targets, tell, write_json
+    from swingid.cli.output import check_targets, check_writable, tell, write_json
 
     check_targets({"--json": json}, {rig: "the rig file"})
-    if json is not None and json != "-":
-        check_target(Path(json))
+    check_writable(json)
     from swingid.cli.kernels import announce_compilation
     from swingid.cli.simulate import parse_angle
     from swingid.model.rig import Rig

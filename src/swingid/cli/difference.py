@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -27,12 +26,11 @@ def difference(
     ] = None,
 ) -> None:
     """Tell the inertia of a body from two results, with and without it."""
-    from swingid.cli.output import check_target, check_targets, tell, write_json
+    from swingid.cli.output import check_targets, check_writable, tell, write_json
 
     check_targets({"--json": json}, {tare: "the tare result", loaded: "the loaded result"})
     try:
-        if json is not None and json != "-":
-            check_target(Path(json))
+        check_writable(json)
         from swingid.identify.combine import difference as subtract
 
         result = subtract(tare, loaded, mass=mass, distance=distance, known=known)

@@ -160,11 +160,9 @@ def _identify(
     report: str | None,
 ) -> Result:
     """From files to the result, and to its report; `provenance` gains what becomes known on the way."""
-    from swingid.cli.output import check_target
+    from swingid.cli.output import check_writable
 
-    for target in (json, report):
-        if target is not None and target != "-":
-            check_target(Path(target))
+    check_writable(json, report)
     from swingid.cli.kernels import announce_compilation
     from swingid.identify import identify as run
     from swingid.model.rig import Rig

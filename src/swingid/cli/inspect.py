@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -21,13 +20,11 @@ def inspect(
 
     A verdict says whether it is ready for identify. Exit code 0 whenever the file could be read, whatever the verdict.
     """
-    from swingid.cli.output import check_target, check_targets, say, tell, write_json
+    from swingid.cli.output import check_targets, check_writable, say, tell, write_json
 
     inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
     check_targets({"--json": json, "--report": report}, inputs)
-    for target in (json, report):
-        if target is not None and target != "-":
-            check_target(Path(target))
+    check_writable(json, report)
     from swingid.cli.kernels import announce_compilation
     from swingid.model.rig import Rig
     from swingid.study.inspect import inspect_log

@@ -85,6 +85,13 @@ def check_target(path: Path) -> None:
         raise cannot_write(path, "permission denied")
 
 
+def check_writable(*targets: str | None) -> None:
+    """Raise InputError now where writing one of the files would fail; None and "-" (standard output) are no files."""
+    for target in targets:
+        if target is not None and target != "-":
+            check_target(Path(target))
+
+
 def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) -> None:
     """Raise UsageError where what an option writes would overwrite an input or what another option writes.
 

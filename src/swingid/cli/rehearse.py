@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -35,11 +34,10 @@ def rehearse(
     Each run draws what rig.toml is unsure of: constants within their uncertainties, encoders, noise. RIG has to state
     axis.inertia (what you expect) and should state axis.friction.
     """
-    from swingid.cli.output import check_target, check_targets, tell, write_json
+    from swingid.cli.output import check_targets, check_writable, tell, write_json
 
     check_targets({"--json": json}, {rig: "the rig file"})
-    if json is not None and json != "-":
-        check_target(Path(json))
+    check_writable(json)
     from swingid.cli.kernels import announce_compilation
     from swingid.control.references import parse_reference
     from swingid.model.rig import Rig

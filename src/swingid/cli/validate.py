@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -28,13 +27,11 @@ def validate(
     report: Annotated[str | None, typer.Option(metavar="FILE", help="Write figures as one HTML file.")] = None,
 ) -> None:
     """Predict LOGs by the model in RESULT: in a free run and one swing ahead, with the normalised fit in per cent."""
-    from swingid.cli.output import check_once, check_target, check_targets, say, tell, write_json
+    from swingid.cli.output import check_once, check_targets, check_writable, say, tell, write_json
 
     inputs = {rig: "the rig file", result: "the result"} | dict.fromkeys(logs, "a log")
     check_targets({"--json": json, "--report": report}, inputs)
-    for target in (json, report):
-        if target is not None and target != "-":
-            check_target(Path(target))
+    check_writable(json, report)
     check_once(logs)
     from swingid.cli.kernels import announce_compilation
     from swingid.identify.result_file import load_result

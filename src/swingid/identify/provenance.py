@@ -51,6 +51,24 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
     return {key: {"value": q.value, "std": q.std} for key, q in found.items() if isinstance(q, Quantity)}
 
 
+def add_findings(
+    log: Recording, warnings: list[Message], notes: list[Message], *, leave_out: str | None = None
+) -> None:
+    """Add what was found in the log when it was read to the warnings and the notes of a result, each to its kind."""
+    for finding in log.findings:
+        if finding.code != leave_out:
+            (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+
+
+ROW_ONE = ("axis.gravity_torque", "drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
+"""Constants of row (I), which a method needs that does without the motor."""
+
+
+def exact_in_row_one(rig: Rig) -> list[Message]:
+    """The note that names the constants of row (I) without a stated uncertainty."""
+    return exact_constants([key for key in rig.constants_without_uncertainty() if key in ROW_ONE])
+
+
 def exact_constants(keys: list[str]) -> list[Message]:
     """The note that names the constants used without a stated uncertainty."""
     if not keys:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swingid.errors import InputError
 from swingid.identify.format import interval
 from swingid.identify.result import Result
 from swingid.identify.summary import log_row, relative, segment_text, value_text, why_unknown
+from swingid.recording.save import write_whole
 from swingid.report import tables
 from swingid.report.words import DRIVES, KINDS, parameter_word
 
@@ -51,14 +49,7 @@ def write_report(result: Result, log: Recording | None, rig: Rig | None, path: s
 
 def write_page(page: str, target: Path) -> Path:
     """Write a page, which appears whole or not at all; InputError where that fails."""
-    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
-        partial.write_text(page, encoding="utf-8", newline="\n")
-        partial.replace(target)
-    except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
-        raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
+    write_whole(target, page.encode("utf-8"))
     return target
 
 

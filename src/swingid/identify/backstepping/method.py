@@ -28,7 +28,7 @@ from swingid.identify.energy.checks import check_energy, second_opinion
 from swingid.identify.energy.needs import require_motor, without_latency
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import channel_noise
-from swingid.identify.provenance import provenance
+from swingid.identify.provenance import add_findings, provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
@@ -88,8 +88,7 @@ def backstepping(
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, motion)
     doubts, words = told(run, gains, widths, parameters["inertia"])
     warnings, notes = [*doubts, *warnings], [note, *words, *notes]
-    for finding in log.findings:
-        (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+    add_findings(log, warnings, notes)
     options: dict[str, object] = {"law": law, "velocities": velocities}
     standard = Gains(law)
     options |= {name: value for name, value in vars(gains).items() if value != getattr(standard, name)}

@@ -36,7 +36,7 @@ from swingid.identify.energy.printed import (
 from swingid.identify.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import Noise, channel_noise
-from swingid.identify.provenance import provenance
+from swingid.identify.provenance import add_findings, provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
@@ -107,8 +107,7 @@ def energy(
     if parameters["inertia"].standard_uncertainty is None:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
         notes.append(Message("no-uncertainty-inertia", text))
-    for finding in log.findings:
-        (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+    add_findings(log, warnings, notes)
     details = energy_details(estimate, rig, scale, course, part.motion, part.span)
     if symmetry is not None:
         notes.append(symmetry.note(parameters["inertia"].value))

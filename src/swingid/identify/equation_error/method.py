@@ -33,7 +33,7 @@ from swingid.identify.momentum.windows import law_windows
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.noise import Noise, channel_noise
-from swingid.identify.provenance import exact_constants, provenance
+from swingid.identify.provenance import add_findings, exact_in_row_one, provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
@@ -92,10 +92,9 @@ def equation_error(
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
     warnings, notes = check_answer(parameters, budget, _as_windows(estimate.chosen), scale, amplitude)
     how = _how(part, chosen, friction, estimate.chosen.lag * estimate.chosen.row_filter.row_step)
-    notes = [part.note, *how, *exact_constants(_exact(rig)), *notes, *doubts[1]]
+    notes = [part.note, *how, *exact_in_row_one(rig), *notes, *doubts[1]]
     warnings = [*warnings, *doubts[0]]
-    for finding in log.findings:
-        (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+    add_findings(log, warnings, notes)
     options: dict[str, object] = {"friction": friction, "instruments": instruments, "cutoff": chosen.frequency}
     return Result(
         method="equation-error",
@@ -227,14 +226,3 @@ def _how(part: _Part, cutoff: Cutoff, friction: str, lag: float) -> list[Message
         text = f"instruments: the regressors {lag:.3g} s earlier, which takes noise so far apart as independent."
         notes.append(Message("instruments", text))
     return notes
-
-
-def _exact(rig: Rig) -> list[str]:
-    """Constants that this method uses and the rig gives without uncertainty."""
-    used = {
-        "drive.wheel.inertia",
-        "drive.motor.rotor_inertia",
-        "drive.motor.gear_ratio",
-        "axis.gravity_torque",
-    }
-    return [key for key in rig.constants_without_uncertainty() if key in used]

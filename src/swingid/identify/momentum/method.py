@@ -31,7 +31,7 @@ from swingid.identify.momentum.zero import check_zero
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.noise import Noise, channel_noise
-from swingid.identify.provenance import exact_constants, provenance
+from swingid.identify.provenance import add_findings, exact_in_row_one, provenance
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
@@ -93,14 +93,13 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     lost = loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
     if lost is not None:
         extra["loss_unexplained"] = lost
-    notes = [segment_note, *exact_constants(_exact(rig)), *notes, *motor_notes]
+    notes = [segment_note, *exact_in_row_one(rig), *notes, *motor_notes]
     off = check_zero(estimate.law, signals, scale, parameters["inertia"].standard_uncertainty or 0.0)
     if not off:  # a zero that is off bends the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
     off += check_encoders(estimate.law, rig, signals, scale)
     warnings = [*warnings, *off, *motor_warnings]
-    for finding in log.findings:
-        (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+    add_findings(log, warnings, notes)
     return Result(
         method="momentum",
         status="warning" if warnings else "ok",
@@ -207,17 +206,6 @@ def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
 
 def _scatter(parameter: str, uncertainty: float) -> BudgetEntry:
     return BudgetEntry("scatter of the windows and sensor noise", "A", parameter, uncertainty)
-
-
-def _exact(rig: Rig) -> list[str]:
-    """Constants that this method uses and the rig gives without uncertainty."""
-    used = {
-        "drive.wheel.inertia",
-        "drive.motor.rotor_inertia",
-        "drive.motor.gear_ratio",
-        "axis.gravity_torque",
-    }
-    return [key for key in rig.constants_without_uncertainty() if key in used]
 
 
 def _details(

@@ -30,7 +30,7 @@ from swingid.identify.motor_calibration.output_error import OutputFit, fit_outpu
 from swingid.identify.motor_calibration.products import COUNT, COUPLING, GAIN, NEGATIVE, POSITIVE, products_of
 from swingid.identify.motor_calibration.rig_file import calibrated_rig
 from swingid.identify.motor_calibration.separation import Separation, separate
-from swingid.identify.provenance import exact_constants, provenance
+from swingid.identify.provenance import add_findings, exact_constants, provenance
 from swingid.identify.result import BudgetEntry, Message, Parameter, Result, combined
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
@@ -264,9 +264,7 @@ def _assembled(
                 Message("best-swing", f"of {swings} free swings {swing.name} is the most certain and was used.")
             )
     for log in logs:
-        for finding in log.findings:
-            if finding.code != "wheel-still":
-                (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+        add_findings(log, warnings, notes, leave_out="wheel-still")
     split = None if motor is None else motor.split
     new, more = calibrated_rig(rig, every, split, coupled=motor is not None and motor.coupled)
     names = [log.source.path for log in logs]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Windows
 from swingid.identify.momentum.choice import DETECTED
+from swingid.identify.momentum.fits import Effect
 from swingid.identify.noise import Noise
 from swingid.identify.online.blocks import Block
 from swingid.identify.scale import Scale
@@ -28,17 +29,6 @@ MEMORY = "memory"
 
 SPARE = 3
 """Swings beyond the number of unknowns from which their scatter tells an uncertainty."""
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What one standard deviation of a declared imperfection does to the values (p,); `direct` to J1 besides."""
-
-    source: str
-    std: float
-    shifts: Array
-    direct: float
-    shared_id: str | None
 
 
 @dataclass(frozen=True)

@@ -24,8 +24,8 @@ from swingid.identify.output_error.problem import Input, Problem, problem_of
 from swingid.identify.output_error.search import RICHEST, Searched, choose_law, first_values, search
 from swingid.identify.output_error.solver import LOSSES, solve
 from swingid.identify.output_error.unknowns import Unknowns, friction_unknowns, unknowns_of
-from swingid.identify.provenance import provenance
-from swingid.identify.result import Message, Result
+from swingid.identify.provenance import add_findings, provenance
+from swingid.identify.result import Result
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
 from swingid.model.rig import Rig
@@ -89,8 +89,7 @@ def output_error(
     parameters, budget, sensitivities = answer_of(estimate, scale, opinion.windows)
     warnings, notes = check_fit(parameters, budget, sensitivities, estimate, problem, opinion, rig, scale, motion)
     notes = [note, *notes]
-    for finding in log.findings:
-        (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+    add_findings(log, warnings, notes)
     details = details_of(estimate, problem, scale, motion, (start, stop), law)
     extra = left_of_channels(searched.fit, problem)
     if opinion.balance is not None:

@@ -3,19 +3,14 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from swingid.identify.format import number, percent, plus_minus
+from swingid.study.terminal import NO_BREAK, WIDTH, aligned
 
 if TYPE_CHECKING:
     from swingid.identify.result import Result
     from swingid.study.compare.comparison import Comparison, Trial
-
-WIDTH = 100
-
-NO_BREAK = "\u00a0"
-"""Keeps a value and its unit on one line."""
 
 
 def tabulate(comparison: Comparison) -> str:
@@ -27,8 +22,8 @@ def _of_log(comparison: Comparison, log: str) -> str:
     trials = comparison.of(log)
     known = any(trial.truth is not None for trial in trials)
     headings = ["method", "inertia", "relative", "rests on", "time", *(["error"] if known else [])]
-    lines = [f"[[{log}]]", *_table([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
-    lines += ["", *_table([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
+    lines = [f"[[{log}]]", *aligned([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
+    lines += ["", *aligned([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
     lines += [""] + [line for v in comparison.verdicts if v.log == log for line in _wrapped(f"verdict: {v.message}")]
     for trial in trials:
         if trial.result.error is not None:
@@ -62,23 +57,6 @@ def friction_text(result: Result, *, fine: bool = False) -> str:
         if "." not in name
     ]
     return ", ".join(item.replace(" ", NO_BREAK) for item in friction) or "none"
-
-
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    lines = []
-    for row in rows:
-        *start, last = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        indent = "    " + "".join(cell + "  " for cell in start)
-        lines += textwrap.wrap(
-            last.rstrip() or " ",
-            max(WIDTH, len(indent) + 30),
-            initial_indent=indent,
-            subsequent_indent=" " * len(indent),
-            break_on_hyphens=False,
-            break_long_words=False,
-        ) or [indent.rstrip()]
-    return [line.replace(NO_BREAK, " ") for line in lines]
 
 
 def _wrapped(text: str) -> list[str]:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import TYPE_CHECKING
 
 from swingid.identify.format import interval, number, percent, plus_minus
 from swingid.identify.summary import folded, sorted_budget
+from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:
     from swingid.study.design.proposal import Design, Proposal
 
-WIDTH = 100
 HEADINGS = ("motion", "time", "inertia", "sensors", "constants", "voltage", "wheel")
 MOST = 6
 
@@ -21,9 +20,8 @@ def tabulate(design: Design) -> str:
     p = design.proposal
     inertia = p.prediction.parameters["inertia"]
     rows = [HEADINGS, *(_cells(candidate) for candidate in (p, *design.others))]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
     lines = [f"[[Motions of {design.rig} for an inertia to {percent(design.wanted)}, predicted for momentum]]"]
-    lines += ["    " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines += aligned(rows)
     lines += ["[[Proposal]]", f"    {p.reference}"]
     lines.append(f"    {p.duration:g} s at {p.rate:g} rows per second, of which the first {p.settling:g} s settle")
     for name, parameter in p.prediction.parameters.items():
@@ -46,8 +44,7 @@ def tabulate(design: Design) -> str:
         volts = "" if trial.voltage is None else f", {trial.voltage:.3g} V"
         lines.append(f"    {text}; largest angle {trial.angle:.3g}{volts}")
     lines += ["[[Command]]", f"    {design.command}"]
-    for note in design.notes:
-        lines += textwrap.wrap(f"note: {note}", WIDTH, initial_indent="    ", subsequent_indent="      ")
+    lines += noted(design.notes)
     return "\n".join(lines)
 
 

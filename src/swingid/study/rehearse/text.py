@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import TYPE_CHECKING
 
 from swingid.identify.format import percent
+from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:
     from swingid.study.rehearse.rehearsal import Expectation, Rehearsal
 
-WIDTH = 100
 HEADINGS = ("method", "RMSE", "bias", "95 % of errors", "95 % interval", "covers", "answers")
 
 
 def tabulate(rehearsal: Rehearsal) -> str:
     """One line per method: relative errors and half-widths to expect of the inertia; then refusals and notes."""
     rows = [HEADINGS, *(_cells(e, rehearsal.runs) for e in rehearsal.expectations)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
     lines = [f"[[{rehearsal.runs} runs of the twin of {rehearsal.rig}: relative error of the inertia to expect]]"]
-    lines += ["    " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    lines += aligned(rows)
     lines.append("")
     for e in rehearsal.expectations:
         lines += [_told(e.method, "refused", e.refusals, rehearsal.runs)] if e.refusals else []
         lines += [_told(e.method, "warned", e.warnings, rehearsal.runs)] if e.warnings else []
-    for note in rehearsal.notes:
-        lines += textwrap.wrap(f"note: {note}", WIDTH, initial_indent="    ", subsequent_indent="      ")
+    lines += noted(rehearsal.notes)
     return "\n".join(lines).rstrip()
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from typing import TYPE_CHECKING
 
 from swingid.identify.format import number
+from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:
     from swingid.study.validate.validation import Prediction, Validation
 
-WIDTH = 100
 HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
 DRIVES = {"wheel": "measured wheel", "voltage": "voltage", "torque": "torque", "none": "nothing"}
 
@@ -19,11 +18,9 @@ DRIVES = {"wheel": "measured wheel", "voltage": "voltage", "torque": "torque", "
 def tabulate(validation: Validation) -> str:
     """One line per log: normalised fit of the free run and one swing ahead, error and noise."""
     rows = [HEADINGS, *(cells(p, linear=validation.linear) for p in validation.predictions)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
     lines = [f"[[Predictions of the model that {validation.method} identified: normalised fit, 100 % is perfect]]"]
-    lines += ["    " + "  ".join(c.ljust(w) for c, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-    for note in validation.notes:
-        lines += textwrap.wrap(f"note: {note}", WIDTH, initial_indent="    ", subsequent_indent="      ")
+    lines += aligned(rows)
+    lines += noted(validation.notes)
     return "\n".join(lines)
 
 

@@ -1,0 +1,41 @@
+"""Tables and notes of the studies as lines for a terminal."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+WIDTH = 100
+
+NO_BREAK = "\u00a0"
+"""Keeps a value and its unit on one line."""
+
+LEAST = 30
+"""Characters that the last column has at least, however wide the others are."""
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows of cells as columns, the last one wrapped at the terminal's width."""
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    lines = []
+    for row in rows:
+        *start, last = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        indent = "    " + "".join(cell + "  " for cell in start)
+        lines += textwrap.wrap(
+            last.rstrip() or " ",
+            max(WIDTH, len(indent) + LEAST),
+            initial_indent=indent,
+            subsequent_indent=" " * len(indent),
+            break_on_hyphens=False,
+            break_long_words=False,
+        ) or [indent.rstrip()]
+    return [line.replace(NO_BREAK, " ") for line in lines]
+
+
+def noted(notes: Iterable[str]) -> list[str]:
+    """Notes as lines, wrapped."""
+    return [
+        line
+        for note in notes
+        for line in textwrap.wrap(f"note: {note}", WIDTH, initial_indent="    ", subsequent_indent="      ")
+    ]

@@ -29,17 +29,22 @@ class Noise:
 
 
 def channel_noise(log: Recording, rig: Rig) -> Noise:
-    """Noise and grid of the channels: what the rig declares or what the samples show, whichever is more."""
+    """Noise and grid of the channels: what the rig declares or what the samples show, whichever is more.
+
+    Where each row is the mean of n rows of the log, the white noise that the rig declares is less by √n, and a grid of
+    which a mean shows an n-th is n times as wide.
+    """
     levels = []
-    grid = max(rig.sensors.of("angle").resolution, grid_step(log.angle))
+    rows = log.averaged
+    grid = max(rig.sensors.of("angle").resolution, rows * grid_step(log.angle))
     steps = np.diff(log.time)
     even = bool(np.ptp(steps) <= EVEN * steps[0]) if len(steps) else True
     for sensor, values in ((rig.sensors.of("angle"), log.angle), (rig.sensors.of("wheel"), log.wheel_angle)):
-        declared = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)))
+        declared = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)) / np.sqrt(rows))
         seen = 0.0
         if values is not None:
             white = sample_noise(values) if even else uneven_noise(log.time, values)
-            seen = max(white, grid_step(values) / np.sqrt(12))
+            seen = max(white, np.sqrt(rows / 12) * grid_step(values))
         levels.append(max(declared, seen))
     return Noise(levels[0], levels[1], 1 / log.rate, grid)
 

@@ -52,7 +52,8 @@ class Recording:
     wheel_speed: rad/s, as logged (absolute where the rig says so), only where the rig logs it in place of the wheel's
     angle, which then is its integral. voltage: V. torque: N m (N), what the direct drive applied. reference: as
     angle; adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held:
-    True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k.
+    True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows
+    of the log that each row is the mean of (`recording.large`).
 
     Velocities that were not measured are not stored: who needs one says how it got it.
     Raises InputError when the channels do not fit together.
@@ -70,6 +71,7 @@ class Recording:
     findings: tuple[Finding, ...] = ()
     source: Source = Source()
     wheel_speed: NDArray[np.float64] | None = None
+    averaged: int = 1
 
     def __post_init__(self) -> None:
         for name in CHANNELS:

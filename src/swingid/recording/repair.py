@@ -44,8 +44,18 @@ def repair(
     messages; `off` holds the repairs that are switched off. Raises InputError where a log is not one run of rows in
     time with a few slips, but something else, and where it cannot be used without a repair that is off.
     """
+    channels, findings = rows_in_order(logged, conventions, texts, name, off)
+    channels, clock = on_even_clock(channels, conventions, off)
+    channels, spikes, unwrapped = made_continuous(channels, conventions, off)
+    channels, rest = without_spikes(channels, conventions, spikes, off)
+    return channels, [*findings, *clock, *unwrapped, *rest]
+
+
+def rows_in_order(
+    logged: Channels, conventions: Conventions, texts: Mapping[str, str], name: str, off: frozenset[str] = frozenset()
+) -> tuple[Channels, list[Finding]]:
+    """The first part of `repair`: rows with numbers, one for each time, in order of time. Raises as `repair`."""
     columns = conventions.columns
-    turns = {channel: scale.turn for channel, scale in conventions.scales.items()}
     findings: list[Finding] = []
     channels = _drop_rows_without_numbers(logged, columns, texts, name, findings)
     _refuse(findings, "blanks", off, name)
@@ -55,12 +65,37 @@ def repair(
         channels = _round_off(channels, columns, findings)
     channels = _drop_repeated(channels, columns, name, findings)
     _refuse(findings, "repeats", off, name)
+    return channels, findings
+
+
+def on_even_clock(
+    channels: Channels, conventions: Conventions, off: frozenset[str] = frozenset()
+) -> tuple[Channels, list[Finding]]:
+    """The second part of `repair`: stamps that scatter about a constant rate as that rate, where the motion says so."""
+    findings: list[Finding] = []
     if conventions.rate is None and "clock" not in off:
-        channels = _even_out(channels, columns, findings)
-    channels, spikes = _make_continuous(channels, turns, columns, findings, keep="unwrap" in off)
+        channels = _even_out(channels, conventions.columns, findings)
+    return channels, findings
+
+
+def made_continuous(
+    channels: Channels, conventions: Conventions, off: frozenset[str] = frozenset()
+) -> tuple[Channels, NDArray[np.bool_], list[Finding]]:
+    """The third part of `repair`: angles that go on over turns; the rows (n,) that were spikes on the way."""
+    turns = {channel: scale.turn for channel, scale in conventions.scales.items()}
+    findings: list[Finding] = []
+    channels, spikes = _make_continuous(channels, turns, conventions.columns, findings, keep="unwrap" in off)
+    return channels, spikes, findings
+
+
+def without_spikes(
+    channels: Channels, conventions: Conventions, spikes: NDArray[np.bool_], off: frozenset[str] = frozenset()
+) -> tuple[Channels, list[Finding]]:
+    """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are told."""
+    findings: list[Finding] = []
     channels = _drop_spikes(channels, spikes, findings, keep="spikes" in off)
-    _warn_of_jumps(channels, columns, findings)
-    _note_gaps(channels["time"], columns["time"], findings)
+    _warn_of_jumps(channels, conventions.columns, findings)
+    _note_gaps(channels["time"], conventions.columns["time"], findings)
     return channels, findings
 
 

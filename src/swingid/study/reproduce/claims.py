@@ -11,7 +11,8 @@ from dataclasses import dataclass
 from swingid.study.reproduce.estimates import Answer
 
 BAR = 1.4
-"""Per cent: what the paper reaches in its own ideal simulation is asked of every claim on accuracy."""
+"""Per cent: where a sentence speaks of an inertia or a friction parameter that is found, and names no accuracy, what
+the paper reaches in its own ideal simulation is asked."""
 
 HOLDS, PARTLY, FAILS = "holds", "holds in part", "does not hold"
 

@@ -36,5 +36,8 @@ SERIES = (15.0, 22.0)
 BACKSTEPPING = (5.0, 8.0)
 """Fig. 8: within so many per cent after so many seconds."""
 
+FIG8 = 2.0
+"""Frequency of the run that looks like Fig. 8, which the paper does not print (inferred), rad/s."""
+
 AMPLITUDE, FREQUENCIES = 0.8, {"plain": 8.5, "body": 6.0, "balanced": 2.0}
 """Program motions y_m1, y_m2, y_m3: 0.8 rad, and rad/s."""

@@ -38,7 +38,7 @@ class Reproduction:
 
 
 def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], None] | None = None) -> Reproduction:
-    """Run section 5 of the paper on the twin; about a minute.
+    """Run section 5 of the paper on the twin; one to two minutes.
 
     seed: of the encoders' grids and draws. quick: without the table of imperfections and the claims. progress: is told
     what comes next, in words. Raises UsageError for a seed below zero.

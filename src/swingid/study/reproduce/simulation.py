@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +62,7 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
         progress(f"ideal simulation of Fig. 7: {WAYS[way].words}")
         rows.append(_row(WAYS[way].words + ", all intervals" * (way == "printed"), way, log))
     progress("backstepping of Fig. 8, 10 kHz")
-    curves = tuple(_curve(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
+    curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
     gain = log.recording.adaptive_gain
     assert run.recording.adaptive_gain is not None
     gain = run.recording.adaptive_gain
@@ -104,7 +105,9 @@ def _tracking(log: Recording) -> float:
     return float(np.sqrt(np.mean((log.reference - log.angle)[late] ** 2)))
 
 
-def _curve(law: str, frequency: float) -> Curve:
+@cache
+def curve_of(law: str, frequency: float) -> Curve:
+    """The backstepping run of Fig. 8 by the law "printed" or "consistent": 0.8 sin (frequency t), ideal, 10 kHz."""
     twin = ideal_rig()
     controller = Backstepping.paper(twin, law="printed" if law == "printed" else "consistent")
     log = run_of(twin, Sine(published.AMPLITUDE, frequency), controller, duration=12.0, rate=1e4).recording

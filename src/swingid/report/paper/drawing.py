@@ -74,6 +74,6 @@ SIMULATION = {
     8: (
         "Identification error J1 − Ĵ1",
         "Backstepping with the paper's gains; band: ± 5 %. The paper does not print the motion, and leaves an error "
-        "out of its proof (consistent law); its 5 % after 8 s is met by the printed law at 2 rad/s (thick).",
+        "out of its proof (consistent law); its 5 % after 8 s is nearly met by the printed law at 2 rad/s (thick).",
     ),
 }

@@ -93,8 +93,32 @@ def test_wheel_sensor_inherits_what_it_does_not_say() -> None:
     sensors = '[sensors]\ncounts_per_turn = 1000\nnoise = 1e-3\nlatency = "1 ± 0.3 ms"\nnonlinearity = "0.1 deg"\n'
     text = WHEEL + sensors + "[sensors.wheel]\nresolution = 0.25\nnoise = 0\njitter = 1e-4\n"
     both = rig(text).sensors
-    assert both.of("angle") == Sensor(math.tau / 1000, math.radians(0.1), 1e-3, Quantity(1e-3, 3e-4), 0.0, 0.0)
-    assert both.of("wheel") == Sensor(0.25, math.radians(0.1), 0.0, Quantity(1e-3, 3e-4), 1e-4, 0.0)
+    bent, late = Quantity(0.0, math.radians(0.1)), Quantity(1e-3, 3e-4)
+    assert both.of("angle") == Sensor(math.tau / 1000, bent, bent, noise=1e-3, latency=late)
+    assert both.of("wheel") == Sensor(0.25, bent, bent, latency=late, jitter=1e-4)
+
+
+def test_the_wheel_does_not_inherit_what_was_calibrated_at_the_axis() -> None:
+    stated = '[sensors]\nnonlinearity = 1e-3\nnonlinearity_cosine = "2 ± 0.1 mrad"\nnonlinearity_sine = -3e-3\n'
+    own = "[sensors.wheel]\nnonlinearity_sine = 0.004\n"
+    found = rig(WHEEL + stated).sensors
+    assert found.of("angle") == Sensor(cosine=Quantity(2e-3, 1e-4), sine=Quantity(-3e-3), calibrated=("cosine", "sine"))
+    assert found.of("wheel") == Sensor(cosine=Quantity(0.0, 1e-3), sine=Quantity(0.0, 1e-3))
+    wheel = rig(WHEEL + stated + own).sensors.of("wheel")
+    assert wheel == Sensor(cosine=Quantity(0.0, 1e-3), sine=Quantity(0.004), calibrated=("sine",))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (WHEEL + '[sensors]\nnonlinearity_cosine = "100 deg"\n', "at most 0.5"),
+        (WHEEL + "[sensors.wheel]\nnonlinearity_sine = -1\n", "at least -0.5"),
+        ('[axis]\nkind = "linear"\n' + DIRECT + "[sensors]\nnonlinearity_sine = 1e-3\n", "per turn"),
+    ],
+)
+def test_a_nonlinearity_that_cannot_be(text: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        rig(text)
 
 
 def test_constants_that_count_as_exact_are_named() -> None:

@@ -10,6 +10,7 @@ from importlib import import_module
 from swingid.errors import SwingidError, UsageError
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
+from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 
 METHODS: dict[str, str] = {
@@ -61,7 +62,7 @@ def identify(
     function = method_function(method)
     if isinstance(log, Recording):
         check_options(method, function, options)
-        return function(log, rig, **options)
+        return function(straightened(log, rig), rig, **options)
     from swingid.identify.combine.several import FRICTION, identify_several
 
     known = inspect.signature(function).parameters
@@ -70,7 +71,7 @@ def identify(
     check_options(method, function, options)
     if "alone" in known and len(log) > 1:
         options.setdefault("alone", False)
-    return identify_several(log, lambda one: function(one, rig, **options), friction=friction)
+    return identify_several(log, lambda one: function(straightened(one, rig), rig, **options), friction=friction)
 
 
 def method_function(method: str) -> Callable[..., Result]:

@@ -18,8 +18,9 @@ REPAIRS: dict[str, str] = {
     "clock": "stamps that scatter about a constant rate are replaced by that rate",
     "unwrap": "angles logged within one turn are made continuous",
     "spikes": "single samples that fit neither neighbour are left out",
+    "encoders": "the encoders' nonlinearity that the rig file states is taken off, when a method asks for the angles",
 }
-"""Every repair that loading may make. Each that was made is named in the result's provenance."""
+"""Every repair that a log may see. Each that was made is named in the result's provenance."""
 
 
 def switched_off(switches: Mapping[str, bool] | None) -> frozenset[str]:

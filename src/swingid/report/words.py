@@ -68,7 +68,8 @@ NOT_USED = ("axis.inertia", "axis.friction.")
 
 SENSORS = {
     "resolution": Word("resolution", "", "rad", "m"),
-    "nonlinearity": Word("nonlinearity, once per turn", "", "rad", "m"),
+    "cosine": Word("nonlinearity once per turn, cosine part", "", "rad"),
+    "sine": Word("nonlinearity once per turn, sine part", "", "rad"),
     "noise": Word("white noise", "", "rad", "m"),
     "latency": Word("latency", "", "s"),
     "jitter": Word("jitter of the stamps", "", "s"),

@@ -84,7 +84,8 @@ def draw(
     lost = stream(seed, "dropouts").random(rows) < max(sensor.dropouts for sensor in sensors)
     encoders, latencies, delays = [], [], np.zeros((2, rows))
     for i, sensor in enumerate(sensors):
-        alpha, beta = sensor.nonlinearity * nonlinearity[i] + 0.0  # + 0.0: no -0.0
+        parts = zip(sensor.parts.values(), nonlinearity[i], strict=True)
+        alpha, beta = (part.value + (part.std or 0.0) * unit + 0.0 for part, unit in parts)  # + 0.0: no -0.0
         encoders.append(Encoder(sensor.resolution, float(alpha), float(beta), encoder_zero[i]))
         latencies.append(float(sensor.latency.value + (sensor.latency.std or 0.0) * latency[i]))
         delays[i] = latencies[i] + sensor.jitter * jitter

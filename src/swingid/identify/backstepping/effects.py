@@ -90,11 +90,10 @@ def _of_sensor(log: Recording, rig: Rig, name: str) -> Iterator[Change]:
     def with_values(changed: Array) -> Recording:
         return replace(log, angle=changed) if name == "angle" else replace(log, wheel_angle=changed)
 
-    if sensor.nonlinearity > 0:
-        for part, shape in (("cosine", np.cos(values)), ("sine", np.sin(values))):
+    for part, shape in (("cosine", np.cos), ("sine", np.sin)):
+        if step := sensor.parts[part].std:
             source, shared = f"{name} encoder nonlinearity ({part})", f"{prefix}.nonlinearity.{part}"
-            step = sensor.nonlinearity
-            yield source, step, shared, step, with_values(values + step * shape), rig
+            yield source, step, shared, step, with_values(values + step * shape(values)), rig
     if sensor.latency.std:
         late = with_values(moved(log.time, values, float(sensor.latency.std)))
         yield f"{name} latency", sensor.latency.std, f"{prefix}.latency", sensor.latency.std, late, rig

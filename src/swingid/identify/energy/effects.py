@@ -79,7 +79,7 @@ def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -
     """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of each encoder."""
     sensor, driven = rig.sensors.of("angle"), rig.drive.kind == "direct"
     along = course.nodes.instants.ravel() if driven else np.empty(0)
-    if sensor.nonlinearity > 0 and rig.axis.kind == "rotary":
+    if sensor.nonlinearity and rig.axis.kind == "rotary":
         q, v = states.angle, states.speed
         q_along = course.axis.angle_at(along).reshape(course.speed.shape) if driven else course.speed
         shapes = {
@@ -89,7 +89,7 @@ def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -
         for name, (error, rate, rate_along) in shapes.items():
             effect = _angle_effect(rig, course, states, fit.a11, b, error, rate, rate_along)
             source = f"angle encoder nonlinearity ({name})"
-            yield Imperfection(source, sensor.nonlinearity, effect, 0.0, f"sensors.nonlinearity.{name}")
+            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, f"sensors.nonlinearity.{name}")
     if sensor.latency.std:
         turning = course.axis.acceleration(along).reshape(course.speed.shape) if driven else course.speed
         effect = _angle_effect(rig, course, states, fit.a11, b, states.speed, states.acceleration, turning)
@@ -135,7 +135,7 @@ def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfec
     loss = motor.efficiency.value * motor.back_emf.value * course.active + motor.viscous.value * n
     slope = n * (motor_torque(motor, course.voltage, rate) - motor_drag(motor, rate) - loss * rate)
     momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
-    if sensor.nonlinearity > 0:
+    if sensor.nonlinearity:
         at_nodes = wheel.angle_at(states.instants.ravel()).reshape(states.instants.shape)
         along = wheel.angle_at(course.nodes.instants.ravel()).reshape(rate.shape)
         shapes = (("cosine", -np.sin(at_nodes), -np.sin(along)), ("sine", np.cos(at_nodes), np.cos(along)))
@@ -143,7 +143,8 @@ def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfec
             (work,) = _integrals(course, states, [slope * there * rate])
             effect = (work - momentum * here * states.wheel_speed).ravel()
             source = f"wheel encoder nonlinearity ({name})"
-            yield Imperfection(source, sensor.nonlinearity, effect, 0.0, f"sensors.wheel.nonlinearity.{name}")
+            shared = f"sensors.wheel.nonlinearity.{name}"
+            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
     if sensor.latency.std:
         turning = wheel.acceleration(course.nodes.instants.ravel()).reshape(rate.shape)
         (work,) = _integrals(course, states, [slope * turning])

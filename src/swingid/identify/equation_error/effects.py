@@ -22,19 +22,19 @@ def effects(rig: Rig, row_filter: RowFilter, rows: Rows, a11: float, b: float) -
 def _encoders(rig: Rig, row_filter: RowFilter, a11: float, b: float) -> Iterator[Imperfection]:
     """Once-per-turn nonlinearity, measured = q + α cos q + β sin q, on each encoder."""
     grid = row_filter.grid
-    std = rig.sensors.of("angle").nonlinearity
-    if std > 0 and rig.axis.kind == "rotary":
+    sensor = rig.sensors.of("angle")
+    if sensor.nonlinearity and rig.axis.kind == "rotary":
         q = grid.angle
         for name, error in (("cosine", np.cos(q)), ("sine", np.sin(q))):
             (effect,) = row_filter(-(a11 * curvature(error, grid.step) + b * np.cos(q) * error))
             source, shared = f"angle encoder nonlinearity ({name})", f"sensors.nonlinearity.{name}"
-            yield Imperfection(source, std, effect, 0.0, shared)
-    std = rig.sensors.of("wheel").nonlinearity
-    if std > 0 and grid.wheel is not None:
+            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
+    sensor = rig.sensors.of("wheel")
+    if sensor.nonlinearity and grid.wheel is not None:
         for name, error in (("cosine", np.cos(grid.wheel)), ("sine", np.sin(grid.wheel))):
             (effect,) = row_filter(-rig.drive.a12 * curvature(error, grid.step))
             source, shared = f"wheel encoder nonlinearity ({name})", f"sensors.wheel.nonlinearity.{name}"
-            yield Imperfection(source, std, effect, 0.0, shared)
+            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
 
 
 def _latencies(rig: Rig, row_filter: RowFilter) -> Iterator[Imperfection]:

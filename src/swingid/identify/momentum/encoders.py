@@ -39,7 +39,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> 
 
     Not where gravity is sought as well, whose column is nearly that of a nonlinearity.
     """
-    if signals.linear or scale.drive == "none" or scale.b is None or rig.sensors.of("angle").nonlinearity > 0:
+    if signals.linear or scale.drive == "none" or scale.b is None or rig.sensors.of("angle").bent:
         return []
     bent = with_declared(replace(law, declared=()), rig.changed({"sensors.nonlinearity": WIDE}), signals, scale)
     before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))

@@ -71,20 +71,24 @@ def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
 
 
 def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
-    """Once-per-turn nonlinearity, measured = q + α cos q + β sin q, on each encoder."""
+    """Once-per-turn nonlinearity, measured = q + α cos q + β sin q, on each encoder.
+
+    What the rig file states of it was found in data, maybe in these, and is passed on: to find it again would count
+    them twice. Fitted at the joint estimate and passed on, a11 has the variance of the joint fit.
+    """
     windows = rows.windows
-    std = rig.sensors.of("angle").nonlinearity
-    if std > 0 and not signals.linear:
+    sensor = rig.sensors.of("angle")
+    if sensor.nonlinearity and not signals.linear:
         cosine, sine = np.cos(signals.angle), signals.sine
         columns = [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0)]
         part = project(signals.nodes, columns, windows.centres, windows.half)
         for name, k in (("cosine", 0), ("sine", 2)):
             effect = -(a11 * part[:, k] + b * part[:, k + 1])
-            yield Imperfection(
-                f"angle encoder nonlinearity ({name})", std, effect, 0.0, f"sensors.nonlinearity.{name}", True
-            )
-    wheel = rig.sensors.of("wheel").nonlinearity
-    if wheel > 0 and signals.wheel is not None:
+            std, free = sensor.parts[name].std or 0.0, name not in sensor.calibrated
+            source, shared = f"angle encoder nonlinearity ({name})", f"sensors.nonlinearity.{name}"
+            yield Imperfection(source, std, effect, 0.0, shared, free)
+    sensor = rig.sensors.of("wheel")
+    if sensor.nonlinearity and signals.wheel is not None:
         part = project(
             signals.nodes,
             [(np.cos(signals.wheel), 2), (np.sin(signals.wheel), 2)],
@@ -93,8 +97,9 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
         )
         for name, k in (("cosine", 0), ("sine", 1)):
             effect = -rig.drive.a12 * part[:, k]
-            shared = f"sensors.wheel.nonlinearity.{name}"
-            yield Imperfection(f"wheel encoder nonlinearity ({name})", wheel, effect, 0.0, shared, True)
+            std, free = sensor.parts[name].std or 0.0, name not in sensor.calibrated
+            source, shared = f"wheel encoder nonlinearity ({name})", f"sensors.wheel.nonlinearity.{name}"
+            yield Imperfection(source, std, effect, 0.0, shared, free)
 
 
 def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]:

@@ -168,21 +168,16 @@ def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[s
     wheel, angle = rig.sensors.of("wheel"), rig.sensors.of("angle")
     if wheel.latency.std:
         yield "wheel latency", wheel.latency.std, "sensors.wheel.latency", late_wheel(fit, wheel.latency.std)
-    if wheel.nonlinearity:
-        for name, wave in (("cosine", np.cos), ("sine", np.sin)):
-            changes = [wheel.nonlinearity * wave(shot.wheel) for shot in fit.shots]
-            yield (
-                f"wheel encoder nonlinearity ({name})",
-                wheel.nonlinearity,
-                f"sensors.wheel.nonlinearity.{name}",
-                changes,
-            )
+    for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+        if size := wheel.parts[name].std:
+            changes = [size * wave(shot.wheel) for shot in fit.shots]
+            yield f"wheel encoder nonlinearity ({name})", size, f"sensors.wheel.nonlinearity.{name}", changes
     if all(log.kind == "clamped" for log in logs):
         return
     if late := angle.latency.std:
         yield "angle latency", late, "sensors.latency", _by_axis(fit, lambda q, t: late * np.gradient(q, t))
-    if size := angle.nonlinearity:
-        for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+    for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+        if size := angle.parts[name].std:
             changes = _by_axis(fit, partial(_scaled, wave=wave, size=size))
             yield f"angle encoder nonlinearity ({name})", size, f"sensors.nonlinearity.{name}", changes
 

@@ -70,7 +70,7 @@ def _motor(rig: Rig, found: Mapping[str, Parameter], split: Separation, *, coupl
             continue
         values[f"drive.motor.{key}"] = _quantity(found[f"motor.{key}"], least=0.0)
     low, high = found["motor.dead_zone.negative"], found["motor.dead_zone.positive"]
-    values["drive.motor.dead_zone"] = [_rounded(low), _rounded(high)]
+    values["drive.motor.dead_zone"] = [rounded(low), rounded(high)]
     if coupled:
         values["drive.motor.rotor_inertia"] = _quantity(found["motor.rotor_inertia"], least=0.0)
     return values
@@ -82,18 +82,18 @@ def _held(rig: Rig, found: Parameter) -> Quantity | float:
     stated = rig.drive.motor.coulomb
     if abs(stated.value - found.value) <= 1e-9 * abs(stated.value):
         return stated if stated.std is not None else stated.value
-    return _rounded(found)
+    return rounded(found)
 
 
 def _quantity(parameter: Parameter, *, least: float | None) -> Quantity:
     u = parameter.standard_uncertainty
-    value = _rounded(parameter)
+    value = rounded(parameter)
     if least is not None:
         value = max(value, least)
     return Quantity(value, None if u is None else float(f"{u:.3g}"))
 
 
-def _rounded(parameter: Parameter) -> float:
+def rounded(parameter: Parameter) -> float:
     """The value to two digits more than the first of its uncertainty, at most to fifteen."""
     u = parameter.standard_uncertainty
     if not u or not parameter.value:

@@ -160,7 +160,7 @@ class Rig(Table):
     def _check_linear(self) -> None:
         if self.drive.kind == "reaction-wheel":
             refuse("contradiction", "is 'reaction-wheel', which turns, but axis.kind is 'linear'", "drive.kind")
-        for key in ("counts_per_turn", "nonlinearity"):
+        for key in ("counts_per_turn", "nonlinearity", "nonlinearity_cosine", "nonlinearity_sine"):
             if stated(self.sensors, key):
                 refuse("contradiction", "is per turn, but axis.kind is 'linear'", f"sensors.{key}")
         if stated(self.log, "angle_unit") and self.log.angle_unit not in ("m", "mm"):

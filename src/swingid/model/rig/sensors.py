@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from swingid.model.rig.fields import Table, plain_number, quantity, refuse, stated
+from swingid.model.rig.fields import Table, plain_number, quantity, refuse
 from swingid.units import Quantity
 
 
@@ -16,18 +16,39 @@ from swingid.units import Quantity
 class Sensor:
     """One encoder, resolved to SI: lengths in rad (a linear axis: m), times in s.
 
-    `resolution` 0 is continuous. `nonlinearity` is the standard deviation of each of α and β in
-    q + α cos q + β sin q, `noise` that of white noise, `jitter` that of the reading instant (one draw per row
-    for all channels). `latency` positive: the value in row k is the angle at t_k + latency. `dropouts` is the
-    fraction of rows lost.
+    `resolution` 0 is continuous. `cosine` and `sine` are α and β in q + α cos q + β sin q, the nonlinearity: as
+    stated (`calibrated` names those), else 0 with the standard deviation that the file declares for each. `noise` is
+    the standard deviation of white noise, `jitter` that of the reading instant (one draw per row for all channels).
+    `latency` positive: the value in row k is the angle at t_k + latency. `dropouts` is the fraction of rows lost.
     """
 
     resolution: float = 0.0
-    nonlinearity: float = 0.0
+    cosine: Quantity = field(default=Quantity(0.0))
+    sine: Quantity = field(default=Quantity(0.0))
+    calibrated: tuple[str, ...] = ()
     noise: float = 0.0
     latency: Quantity = field(default=Quantity(0.0))
     jitter: float = 0.0
     dropouts: float = 0.0
+
+    @property
+    def parts(self) -> dict[str, Quantity]:
+        """α and β by the names of their functions, "cosine" and "sine"."""
+        return {"cosine": self.cosine, "sine": self.sine}
+
+    @property
+    def nonlinearity(self) -> float:
+        """The larger standard deviation of α and β, 0 where both are known exactly or not declared."""
+        return max(self.cosine.std or 0.0, self.sine.std or 0.0)
+
+    @property
+    def bent(self) -> bool:
+        """Whether the nonlinearity is known to be there, or may be."""
+        return self.nonlinearity > 0 or any(part.value != 0 for part in self.parts.values())
+
+
+LARGEST = 0.5
+"""A nonlinearity (rad) beyond which a reading would no longer tell the angle well; a larger one is a wrong unit."""
 
 
 class Encoder(Table):
@@ -36,6 +57,8 @@ class Encoder(Table):
     counts_per_turn: Annotated[int, Field(strict=True, gt=0)] | None = None
     resolution: Annotated[float, plain_number("rad", "m", least=0)] | None = None
     nonlinearity: Annotated[float, plain_number("rad", least=0)] = 0.0
+    nonlinearity_cosine: Annotated[Quantity, quantity("rad", least=-LARGEST, most=LARGEST)] | None = None
+    nonlinearity_sine: Annotated[Quantity, quantity("rad", least=-LARGEST, most=LARGEST)] | None = None
     noise: Annotated[float, plain_number("rad", "m", least=0)] = 0.0
     latency: Annotated[Quantity, quantity("s")] = Quantity(0.0)
     jitter: Annotated[float, plain_number("s", least=0)] = 0.0
@@ -51,7 +74,22 @@ class Encoder(Table):
         """The encoder as plain SI numbers."""
         counts = self.counts_per_turn
         resolution = self.resolution or 0.0 if counts is None else math.tau / counts
-        return Sensor(resolution, self.nonlinearity, self.noise, self.latency, self.jitter, self.dropouts)
+        unknown = Quantity(0.0, self.nonlinearity or None)
+        parts = {"cosine": self.nonlinearity_cosine, "sine": self.nonlinearity_sine}
+        return Sensor(
+            resolution=resolution,
+            cosine=parts["cosine"] or unknown,
+            sine=parts["sine"] or unknown,
+            calibrated=tuple(name for name, part in parts.items() if part is not None),
+            noise=self.noise,
+            latency=self.latency,
+            jitter=self.jitter,
+            dropouts=self.dropouts,
+        )
+
+
+ONE_ENCODER = ("nonlinearity_cosine", "nonlinearity_sine")
+"""Keys that hold for one piece of hardware: the wheel's encoder does not inherit the axis' calibration."""
 
 
 class Sensors(Encoder):
@@ -61,10 +99,10 @@ class Sensors(Encoder):
 
     def of(self, channel: Literal["angle", "wheel"]) -> Sensor:
         """The encoder of the `channel` "angle" or "wheel", resolved to SI; "wheel" inherits what it does not state."""
-        if channel == "angle" or self.wheel is None:
+        if channel == "angle":
             return self.resolved()
-        own = {key: getattr(self.wheel, key) for key in self.wheel.model_fields_set}
-        shared = {key: getattr(self, key) for key in Encoder.model_fields}
-        if stated(self.wheel, "counts_per_turn") or stated(self.wheel, "resolution"):
+        own = {} if self.wheel is None else {key: getattr(self.wheel, key) for key in self.wheel.model_fields_set}
+        shared = {key: getattr(self, key) for key in Encoder.model_fields if key not in ONE_ENCODER}
+        if "counts_per_turn" in own or "resolution" in own:
             shared |= {"counts_per_turn": None, "resolution": None}
         return Encoder.model_construct(**shared | own).resolved()

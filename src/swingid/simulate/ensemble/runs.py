@@ -70,7 +70,7 @@ class Run:
         ):
             return False
         sensors = [self.rig.sensors.of(name) for name in CHANNELS]
-        return not any(s.nonlinearity or s.jitter or s.latency.value or s.latency.std for s in sensors)
+        return not any(s.bent or s.jitter or s.latency.value or s.latency.std for s in sensors)
 
     def encoders(self) -> NDArray[np.float64]:
         """Arrays (2, 4) of `model.sensors` for axis and wheel."""

@@ -1,0 +1,113 @@
+"""From logs to the encoders' parts: Gauss–Newton over the joint fit, each step about straightened readings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.encoder_calibration.joint import JointFit, fit_jointly
+from swingid.identify.encoder_calibration.logs import CalibrationLog
+from swingid.identify.encoder_calibration.parts import Part, with_parts
+from swingid.identify.momentum.agreement import COMPARABLE, SEEN
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
+
+Array = NDArray[np.float64]
+
+STEPS = 4
+"""Gauss–Newton steps at most; the third changes nothing that can be seen with 1°."""
+
+SETTLED = 0.02
+"""Change of every part, in its standard uncertainties, that ends the steps."""
+
+STRETCHES = (0.5, 2.0**-0.5, 2.0**0.5)
+"""Lengths of windows beside the chosen one on which the parts are found as well."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Values of the parts (rad, s) by key, their whole type A covariance, the common unknowns (a11 of the whole axis).
+
+    drift (parts,): uncertainty from windows of other lengths; grid, scatter (parts,): standard uncertainties. errors:
+    standard deviation of a row of each log.
+    """
+
+    asked: tuple[Part, ...]
+    values: dict[str, float]
+    scatter: Array
+    grid: Array
+    drift: Array
+    covariance: Array
+    common: Array
+    common_uncertainty: Array
+    errors: Array
+
+    @property
+    def uncertainties(self) -> dict[str, float]:
+        """Standard uncertainties of the parts by key."""
+        whole = np.sqrt(self.scatter**2 + self.grid**2 + self.drift**2)
+        return {part.key: float(u) for part, u in zip(self.asked, whole, strict=True)}
+
+
+def estimate(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) -> Estimate:
+    """The parts that make the balances of all logs close best with one inertia."""
+    values = {part.key: 0.0 for part in asked}
+    a11, b = _first(logs, rig)
+    for _ in range(STEPS):
+        bent = with_parts(rig, values, asked)
+        signals = [log.signals(bent) for log in logs]
+        fit = fit_jointly([log.rows(s, bent, a11, b) for log, s in zip(logs, signals, strict=True)], asked, values)
+        a11, b = _known(fit, rig)
+        step = fit.parts / fit.uncertainties
+        if np.max(np.abs(step)) < SETTLED:
+            break
+        values = {part.key: values[part.key] + float(d) for part, d in zip(asked, fit.parts, strict=True)}
+    others = []
+    for stretch in STRETCHES:
+        rows = [log.rows(s, bent, a11, b, stretch) for log, s in zip(logs, signals, strict=True)]
+        if all(len(one.target) > 2 * len(one.own) + 8 for one in rows):
+            others.append(fit_jointly(rows, asked, values))
+    k = len(fit.common)
+    whole = fit.covariance + fit.grid
+    return Estimate(
+        asked=tuple(asked),
+        values=values,
+        scatter=np.sqrt(np.diag(fit.covariance)[k:]),
+        grid=np.sqrt(np.maximum(np.diag(fit.grid)[k:], 0.0)),
+        drift=_drift(fit, others),
+        covariance=whole[k:, k:],
+        common=fit.common,
+        common_uncertainty=np.sqrt(np.diag(whole)[:k]),
+        errors=fit.errors,
+    )
+
+
+def _first(logs: Sequence[CalibrationLog], rig: Rig) -> tuple[float, float]:
+    """Inertia of the whole axis and gravity torque to begin with, from the most certain log."""
+    best = min((log.first for log in logs), key=lambda fit: fit.total)
+    b = Scale.of(rig).b
+    return best.a11, best.value("gravity_torque") if b is None else b
+
+
+def _known(fit: JointFit, rig: Rig) -> tuple[float, float]:
+    b = Scale.of(rig).b
+    return float(fit.common[0]), float(fit.common[1]) if b is None else b
+
+
+def _drift(chosen: JointFit, others: Sequence[JointFit]) -> Array:
+    """Uncertainty of every part by what windows of other lengths say otherwise; see `momentum.agreement`.
+
+    All lengths use the same samples, so the variance of a difference is the difference of the variances.
+    """
+    found = np.zeros(len(chosen.parts))
+    mine = chosen.uncertainties
+    for other in others:
+        u = other.uncertainties
+        variance = np.abs(u**2 - mine**2)
+        gap = other.parts - chosen.parts
+        beyond = (np.abs(gap) > SEEN * np.sqrt(variance)) & (u < COMPARABLE * mine)
+        found = np.where(beyond, np.maximum(found, np.sqrt(np.maximum(gap**2 - variance, 0.0))), found)
+    return found

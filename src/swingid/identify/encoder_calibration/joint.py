@@ -1,0 +1,131 @@
+"""The joint fit of several logs: one inertia, the encoders' parts, friction of each log for itself."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.identify.encoder_calibration.logs import LogRows
+from swingid.identify.encoder_calibration.parts import Part
+from swingid.identify.momentum.fits import LAG
+from swingid.numerics.regression import LinearFit, fit_linear
+
+Array = NDArray[np.float64]
+
+ROUNDS = 3
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """What the logs say together.
+
+    parts: change of each part against the linearisation (rad, s), in the order of `asked`. covariance: type A, of the
+    common unknowns (inertia first) and then the parts. grid: the same for the place of the encoder's grid, beyond what
+    the scatter of the rows holds of it. errors: standard deviation of a row of each log.
+    """
+
+    asked: tuple[Part, ...]
+    common: Array
+    parts: Array
+    covariance: Array
+    grid: Array
+    errors: Array
+
+    @property
+    def uncertainties(self) -> Array:
+        """Standard uncertainties of the parts."""
+        k = len(self.common)
+        result: Array = np.sqrt(np.diag(self.covariance + self.grid)[k : k + len(self.parts)])
+        return result
+
+
+def fit_jointly(logs: Sequence[LogRows], asked: Sequence[Part], current: Mapping[str, float]) -> JointFit:
+    """Least squares of all rows, each log's weighted by its own scatter, with the bounds of the parts as priors.
+
+    current: what each part is taken for in the rows; the prior draws it back towards 0.
+    """
+    common = len(logs[0].common)
+    constants = sorted({key for log in logs for key in log.constants})
+    shared = common + len(asked) + len(constants)
+    blocks = [_block(log, asked, constants) for log in logs]
+    own = np.cumsum([0, *(len(log.own) for log in logs)])
+    prior = np.zeros((len(asked) + len(constants), shared + own[-1]))
+    prior[:, common:shared] = np.eye(len(asked) + len(constants))
+    wanted = np.append([-current[part.key] / part.prior for part in asked], np.zeros(len(constants)))
+    errors = np.array([_error(_alone(log)) for log in logs])
+    for turn in range(ROUNDS):
+        stacked = [prior]
+        targets = [wanted]
+        for k, (block, log) in enumerate(zip(blocks, logs, strict=True)):
+            wide = np.zeros((len(block), shared + own[-1]))
+            wide[:, :shared] = block
+            wide[:, shared + own[k] : shared + own[k + 1]] = log.columns[:, common:]
+            stacked.append(wide / errors[k])
+            targets.append(log.target / errors[k])
+        solved = fit_linear(np.vstack(stacked), np.concatenate(targets))
+        edges = np.cumsum([len(prior), *(len(log.target) for log in logs)])
+        residuals = [solved.residuals[a:b] for a, b in pairwise(edges)]
+        if turn < ROUNDS - 1:
+            errors = errors * np.array([_error(part) for part in residuals])
+    seen = common + len(asked)
+    from_prior = solved.influence[:seen, : len(prior)]
+    scatter, grid = from_prior @ from_prior.T, np.zeros((seen, seen))
+    for k, log in enumerate(logs):
+        # a log of few rows knows as much as its rows without the unknowns that are its own
+        weights = solved.influence[:seen, edges[k] : edges[k + 1]]
+        alone = LinearFit(np.zeros(common + len(log.own)), residuals[k], weights, 1.0)
+        scatter += alone.covariance(LAG)
+        grid += _grid(log, weights / errors[k])
+    scale = np.append(np.ones(common), [part.prior for part in asked])
+    return JointFit(
+        asked=tuple(asked),
+        common=solved.values[:common],
+        parts=solved.values[common:seen] * scale[common:],
+        covariance=scatter * np.outer(scale, scale),
+        grid=grid * np.outer(scale, scale),
+        errors=errors,
+    )
+
+
+def _block(log: LogRows, asked: Sequence[Part], constants: Sequence[str]) -> Array:
+    """Columns of the common unknowns, the parts in units of their priors, the constants in theirs."""
+    nothing = np.zeros(len(log.target))
+    return np.column_stack(
+        [
+            log.columns[:, : len(log.common)],
+            *(log.parts.get(part.key, nothing) * part.prior for part in asked),
+            *(log.constants.get(key, nothing) for key in constants),
+        ]
+    )
+
+
+def _alone(log: LogRows) -> Array:
+    """Residuals of the log's own fit without the encoders' parts."""
+    return fit_linear(log.columns, log.target).residuals
+
+
+def _error(residuals: Array) -> float:
+    """Standard deviation of a row; rows share data, so each of them tells less than its residual says."""
+    return max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), 1e-300)
+
+
+def _grid(log: LogRows, influence: Array) -> Array:
+    """Covariance by the place of the encoder's grid, beyond the part that looks like scatter of the rows.
+
+    Alike at every swing, it does not average out. Each place of the grid moves the unknowns by the sum of what it does
+    to the rows; what an estimate from the scatter of such rows would say of that is taken off.
+    """
+    size = len(influence)
+    whole = np.zeros((size, size))
+    for errors in log.grid:
+        moved = influence @ errors
+        whole += np.outer(moved, moved) - LinearFit(np.zeros(0), errors, influence, 1.0).covariance(LAG)
+    whole /= max(len(log.grid), 1)
+    scale = np.sqrt(np.maximum(np.abs(np.diag(whole)), 1e-300))
+    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
+    result: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(scale, scale)
+    return result

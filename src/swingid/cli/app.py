@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from swingid.cli.calibrate import calibrate
+from swingid.cli.campaign import campaign
 from swingid.cli.compare import compare
 from swingid.cli.convert import convert
 from swingid.cli.datasets import datasets
@@ -37,6 +38,7 @@ app.command()(simulate)
 app.command()(inspect)
 app.command()(identify)
 app.command()(calibrate)
+app.command()(campaign)
 app.command()(compare)
 app.command()(convert)
 app.command()(datasets)

@@ -17,6 +17,7 @@ from swingid.identify.plot import GREY, INK, PALE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
@@ -97,6 +98,15 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
             handlelength=1.6,
             columnspacing=1.4,
         )
+
+
+def plain_powers(axis: Axis) -> None:
+    """Ticks of a logarithmic axis as plain numbers, 0.01 rather than a raised exponent, only at powers of ten."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis.set_major_locator(LogLocator(numticks=7))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def prefixed(values: Array, unit: str) -> tuple[float, str]:

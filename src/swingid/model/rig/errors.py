@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
 
-def describe(error: ValidationError, root: type[BaseModel]) -> tuple[str, str]:
-    """(code, sentence) of the finding that most likely caused the others: an unknown key before all."""
+def describe(error: ValidationError, root: type[BaseModel], what: str = "a rig file") -> tuple[str, str]:
+    """(code, sentence) of the finding that most likely caused the others: an unknown key before all.
+
+    what: the kind of file, in words.
+    """
     findings: list[Any] = sorted(error.errors(), key=lambda finding: finding["type"] != "extra_forbidden")
     finding = findings[0]
     place = tuple(str(part) for part in finding["loc"])
@@ -19,7 +22,7 @@ def describe(error: ValidationError, root: type[BaseModel]) -> tuple[str, str]:
             key = (*place, context["key"]) if context["key"] else place
             return context["slug"], f"{dotted(key)} {context['problem']}"
         case "extra_forbidden":
-            return "unknown-key", _unknown_key(place, root)
+            return "unknown-key", _unknown_key(place, root, what)
         case "missing":
             return "missing-key", f"{dotted(place)} is missing"
         case "literal_error":
@@ -55,10 +58,10 @@ def known_keys(table: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tup
     return keys
 
 
-def _unknown_key(place: tuple[str, ...], root: type[BaseModel]) -> str:
+def _unknown_key(place: tuple[str, ...], root: type[BaseModel], what: str) -> str:
     table, key = place[:-1], place[-1]
     everywhere = known_keys(root)
-    siblings = [path[-1] for path in everywhere if path[:-1] == table]
+    siblings = list(_model_at(root, table).model_fields)
     near = difflib.get_close_matches(key.lower(), siblings, n=1, cutoff=0.6)
     if near:
         return f"{dotted(place)} is not a known key; did you mean {dotted((*table, near[0]))}?"
@@ -66,10 +69,21 @@ def _unknown_key(place: tuple[str, ...], root: type[BaseModel]) -> str:
     if elsewhere:
         found = next(path for path in everywhere if path[-1] == elsewhere[0])
         return f"{dotted(place)} is not a known key; did you mean {dotted(found)}?"
-    where = f"[{dotted(table)}]" if table else "a rig file"
+    where = f"[{dotted(table)}]" if table else what
     near = difflib.get_close_matches(key.lower(), siblings, n=1, cutoff=0.0)
     hint = f" (nearest: {near[0]})" if near else ""
     return f"{dotted(place)} is not a known key{hint}; {where} has {', '.join(siblings)}"
+
+
+def _model_at(root: type[BaseModel], place: tuple[str, ...]) -> type[BaseModel]:
+    """The model of the table at a place; tables of tables have a name of the user's between."""
+    found, parts = root, list(place)
+    while parts:
+        annotation = found.model_fields[parts.pop(0)].annotation
+        found = _table_of(annotation) or found
+        if get_origin(annotation) is dict:
+            parts.pop(0)
+    return found
 
 
 def _table_of(annotation: Any) -> type[BaseModel] | None:

@@ -58,31 +58,59 @@ class Outcome:
 def run_once(plan: Plan, seed: int) -> tuple[Outcome, ...]:
     """Simulate with everything drawn by `seed`, write the log, read it as a lab would, and identify it."""
     rig = Rig.from_text(plan.rig_text, plan.rig_source)
-    # where the grid of an encoder lies is chance, and decides what its rounding does to a motion that repeats
-    place = np.random.default_rng([seed, 1]).random(2)
-    steps = (rig.sensors.of("angle").resolution, rig.sensors.of("wheel").resolution)
-    log = simulate(
+    log = drawn_log(
         rig,
         plan.reference,
         plan.controller,
         duration=plan.duration,
         rate=plan.rate,
-        seed=seed,
         initial_angle=plan.initial_angle,
-        draw=True,
-        encoder_zero=(float(place[0] * steps[0]), float(place[1] * steps[1])),
+        seed=seed,
     )
     truth = log.metadata["truth"]
     assert isinstance(truth, dict)
     # what a method may know: neither inertia nor friction, and nothing that is not in the file
     told = rig.changed({"axis.inertia": None, "axis.friction": None})
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            read = Recording.load(log.save(Path(folder) / "run.parquet", told), told)
-        except (UnanswerableError, InputError) as error:
-            return tuple(Outcome(method, np.nan, np.nan, error.code) for method, _ in plan.methods)
+    try:
+        read = through_file(log, told)
+    except (UnanswerableError, InputError) as error:
+        return tuple(Outcome(method, np.nan, np.nan, error.code) for method, _ in plan.methods)
     inertia = float(truth["inertia"])
     return tuple(_outcome(read, told, method, options, inertia) for method, options in plan.methods)
+
+
+def drawn_log(
+    rig: Rig,
+    reference: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None,
+    controller: Compensator | Backstepping | None,
+    *,
+    duration: float,
+    rate: float,
+    initial_angle: float,
+    seed: int,
+    draw: bool = True,
+) -> Recording:
+    """A run of the twin with the places of its encoders' grids drawn, and with `draw` its constants too."""
+    # where the grid of an encoder lies is chance, and decides what its rounding does to a motion that repeats
+    place = np.random.default_rng([seed, 1]).random(2)
+    steps = (rig.sensors.of("angle").resolution, rig.sensors.of("wheel").resolution)
+    return simulate(
+        rig,
+        reference,
+        controller,
+        duration=duration,
+        rate=rate,
+        seed=seed,
+        initial_angle=initial_angle,
+        draw=draw,
+        encoder_zero=(float(place[0] * steps[0]), float(place[1] * steps[1])),
+    )
+
+
+def through_file(log: Recording, rig: Rig) -> Recording:
+    """What a lab with `rig` reads from the file that is written of a log."""
+    with tempfile.TemporaryDirectory() as folder:
+        return Recording.load(log.save(Path(folder) / "run.parquet", rig), rig)
 
 
 def _outcome(log: Recording, rig: Rig, method: str, options: Mapping[str, object], truth: float) -> Outcome:

@@ -1,0 +1,112 @@
+"""``swingid campaign``: many runs of the twin with something varied, and what the methods make of them."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from swingid.errors import UsageError
+
+LINES = 20
+"""Lines of progress where standard error is no terminal."""
+
+
+def campaign(
+    plan: Annotated[
+        str | None, typer.Argument(metavar="PLAN", help="Path ending in .toml, or the name of a ready plan.")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option(metavar="DIR", help="Folder of the results; default: campaign-NAME.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes on this machine; default: one per core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, such as tcp://host:8786.")
+    ] = None,
+    runs: Annotated[int | None, typer.Option(help="At most so many runs, spread over the points.")] = None,
+    json: Annotated[
+        str | None, typer.Option(metavar="FILE", help='Write the summary here too; "-": standard output.')
+    ] = None,
+    listed: Annotated[bool, typer.Option("--list", help="Name the ready plans and what they take, and end.")] = False,
+) -> None:
+    """Run a campaign: an experiment on the twin many times, something varied, every log identified by some methods.
+
+    Killed and started again it goes on where it was. DIR gets results.parquet, summary.json and report.html.
+    """
+    from swingid.cli.output import tell, write_json
+
+    if listed:
+        tell(_ready())
+        return
+    if plan is None:
+        raise UsageError(
+            "give a plan, a .toml file or the name of a ready one ('swingid campaign --list')", code="no-plan"
+        )
+    if workers is not None and scheduler is not None:
+        raise UsageError(
+            "--workers is for this machine, --scheduler for a cluster; give one of them", code="two-workers"
+        )
+    from swingid.cli.kernels import announce_compilation
+    from swingid.report.campaign import write_campaign
+    from swingid.study.campaign import load_plan, run_campaign, summarise
+
+    chosen = load_plan(plan).with_runs(runs)
+    folder = Path(out or f"campaign-{chosen.name}")
+    announce_compilation("simulate")
+    run_campaign(chosen, folder, workers=workers, scheduler=scheduler, progress=_progress())
+    summary = summarise(chosen, folder)
+    text = summary.to_json()
+    write_json(text, str(folder / "summary.json"))
+    write_campaign(summary, folder / "report.html")
+    if json is not None:
+        write_json(text, json)
+    tell(summary.text() + f"\nwrote {folder}: results.parquet, summary.json, report.html", to_error=json == "-")
+
+
+def _ready() -> str:
+    from swingid.study.campaign.ready import described
+    from swingid.study.terminal import aligned
+
+    return "\n".join(aligned([(name, takes, about) for name, about, takes in described()]))
+
+
+def _progress() -> Callable[[int, int, int], None]:
+    """Runs done and time left on standard error: a line that overwrites itself, or some lines in a file."""
+    from swingid.cli.output import tell
+
+    start = time.monotonic()
+    shown = -1
+    terminal = sys.stderr is not None and sys.stderr.isatty()
+
+    def told(done: int, trials: int, already: int) -> None:
+        nonlocal shown
+        line = progress_line(done, trials, already, time.monotonic() - start)
+        if terminal:
+            sys.stderr.write(f"\r{line:<70}" + ("\n" if done == trials else ""))
+            sys.stderr.flush()
+        elif LINES * done // trials > shown:
+            shown = LINES * done // trials
+            tell(f"swingid: {line}", to_error=True)
+
+    return told
+
+
+def progress_line(done: int, trials: int, already: int, seconds: float) -> str:
+    """How far it is, and the time left as the runs of this process took it."""
+    line = f"{done} of {trials} runs"
+    if done == trials:
+        return f"{line}, {_duration(seconds)}"
+    if done == already:
+        return f"{line} were there already" if already else line
+    return f"{line}, {_duration(seconds * (trials - done) / (done - already))} left"
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    minutes = seconds / 60
+    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"

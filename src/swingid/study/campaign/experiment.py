@@ -1,0 +1,181 @@
+"""From a point of a plan to an experiment: the twin, what the lab is told of it, motion, controller, methods."""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from swingid.control.backstepping import Backstepping
+from swingid.control.compensator import Compensator
+from swingid.control.references import parse_reference
+from swingid.errors import InputError, UsageError
+from swingid.identify.run import check_options, method_function
+from swingid.model.rig import Rig
+from swingid.study.campaign.factors import Point, Times, flattened
+from swingid.units import Quantity, parse_quantity
+
+if TYPE_CHECKING:
+    from swingid.control.references.base import Reference
+    from swingid.study.campaign.plan import Plan
+
+ABSENT = "absent"
+"""The value that takes a key of the rig away."""
+
+GAINS = {"experiment": Compensator.paper, "simulation": Compensator.paper_simulation}
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """Everything of one point; `told` is the rig file that the lab has, without inertia and friction.
+
+    methods: name in the plan, method, options.
+    """
+
+    twin: Rig
+    told: Rig
+    reference: Reference | None
+    controller: Compensator | Backstepping | None
+    duration: float
+    rate: float
+    initial_angle: float
+    draw: bool
+    methods: tuple[tuple[str, str, Mapping[str, object]], ...]
+
+
+def experiment_of(plan: Plan, point: Point) -> Experiment:
+    """The experiment of a point. Raises InputError or UsageError that names the key which cannot be."""
+    base = plan.tables.base
+    settings = _base_settings(plan) | point.settings
+    source, text = plan.rigs[str(settings["rig"])]
+    rig = changed(Rig.from_text(text, source), _under(settings, "both"))
+    twin = changed(rig, _under(settings, "twin"))
+    told = changed(rig, _under(settings, "stated")).changed({"axis.inertia": None, "axis.friction": None})
+    if twin.axis.inertia is None:
+        raise InputError("twin.axis.inertia is missing, but the twin needs it", code="no-inertia")
+    reference = _reference(settings)
+    # a lab tunes its controller on the rig that it believes to have
+    controller = None if reference is None else _controller(told, _under(settings, "controller"))
+    if controller is None and _under(settings, "controller"):
+        raise InputError("controller needs a reference to follow; give base.reference", code="no-reference")
+    return Experiment(
+        twin,
+        told,
+        reference,
+        controller,
+        _positive(settings, "duration"),
+        _positive(settings, "rate"),
+        _angle(settings["initial_angle"], twin),
+        base.draw,
+        tuple(_method(plan, name, _under(settings, f"methods.{name}")) for name in base.methods),
+    )
+
+
+def _base_settings(plan: Plan) -> dict[str, Any]:
+    base = plan.tables.base
+    nested = {name: getattr(base, name) for name in ("both", "twin", "stated", "controller")}
+    plain = {name: getattr(base, name) for name in ("rig", "reference", "duration", "rate", "initial_angle")}
+    return plain | flattened(nested)
+
+
+def _under(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
+    """The settings whose key begins with a prefix, without it."""
+    return {key[len(prefix) + 1 :]: value for key, value in settings.items() if key.startswith(f"{prefix}.")}
+
+
+def changed(rig: Rig, values: Mapping[str, Any]) -> Rig:
+    """The rig with values at dotted keys; "absent" takes a key away, `Times` multiplies what is stated."""
+    if not values:
+        return rig
+    return rig.changed({key: _value(rig, key, value) for key, value in values.items()})
+
+
+def _value(rig: Rig, key: str, value: Any) -> Any:
+    if value == ABSENT:
+        return None
+    if not isinstance(value, Times):
+        return value
+    place: object = rig
+    for name in key.split("."):
+        place = getattr(place, name, None)
+    if isinstance(place, Quantity):
+        return Quantity(place.value * value.factor, place.std)
+    if isinstance(place, int | float) and not isinstance(place, bool):
+        return place * value.factor
+    raise InputError(f"{key} is not stated as a number, so there is no multiple of it", code="wrong-value")
+
+
+def _reference(settings: Mapping[str, Any]) -> Reference | None:
+    """The motion, with the factors reference.NAME in the place of {NAME}."""
+    text = settings["reference"]
+    parts = _under(settings, "reference")
+    if text is None:
+        if parts:
+            raise InputError("reference is missing, so it has no part that could be varied", code="no-reference")
+        return None
+    try:
+        names = {name for _, name, _, _ in string.Formatter().parse(str(text)) if name is not None}
+    except ValueError:
+        raise InputError(f"reference {text!r} has a brace without its partner", code="bad-reference") from None
+    if missing := sorted(names - parts.keys()):
+        raise InputError(
+            f"reference {text!r} asks for {{{missing[0]}}}, and no factor has the key reference.{missing[0]}",
+            code="bad-reference",
+        )
+    if idle := sorted(parts.keys() - names):
+        raise InputError(f"reference {text!r} has no {{{idle[0]}}} for reference.{idle[0]}", code="bad-reference")
+    return parse_reference(str(text).format(**{name: _plain(value) for name, value in parts.items()}))
+
+
+def _plain(value: object) -> str:
+    return f"{value:.12f}".rstrip("0") + "0" if isinstance(value, float) else str(value)
+
+
+def _controller(rig: Rig, settings: dict[str, Any]) -> Compensator | Backstepping:
+    """The compensator (by default with the gains of the paper's experiment) or backstepping, single gains replaced."""
+    kind = settings.pop("kind", "compensator")
+    made: Compensator | Backstepping
+    if kind == "compensator":
+        gains = settings.pop("gains", "experiment")
+        if gains not in GAINS:
+            raise InputError(f"controller.gains must be {' or '.join(GAINS)}, not {gains!r}", code="wrong-value")
+        made = GAINS[gains](rig)
+    elif kind == "backstepping":
+        made = Backstepping.paper(rig)
+    else:
+        raise InputError(f"controller.kind must be compensator or backstepping, not {kind!r}", code="wrong-value")
+    known = {field.name for field in fields(made)} - {"sample_time", "observers"}
+    for key, value in settings.items():
+        if key not in known:
+            raise InputError(
+                f"controller.{key} is no setting of the {kind}; it has {', '.join(sorted(known))}", code="unknown-key"
+            )
+        settings[key] = None if value == ABSENT else tuple(value) if isinstance(value, list) else value
+    try:
+        return replace(made, **settings)
+    except TypeError as error:
+        raise InputError(f"controller: {error}", code="wrong-value") from None
+
+
+def _method(plan: Plan, name: str, settings: dict[str, Any]) -> tuple[str, str, Mapping[str, object]]:
+    table = dict(plan.tables.methods.get(name, {"method": name}))
+    method = str(table.pop("method"))
+    options: dict[str, object] = table | settings
+    check_options(method, method_function(method), options)
+    return name, method, options
+
+
+def _positive(settings: Mapping[str, Any], key: str) -> float:
+    value = settings[key]
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < float("inf"):
+        raise InputError(f"{key} must be a positive number, not {value!r}", code="wrong-value")
+    return float(value)
+
+
+def _angle(value: object, rig: Rig) -> float:
+    unit = "rad" if rig.axis.kind == "rotary" else "m"
+    found = parse_quantity(value, unit, "initial_angle")
+    if found.std is not None:
+        raise UsageError("initial_angle takes no uncertainty; give a number", code="uncertainty-unused")
+    return found.value

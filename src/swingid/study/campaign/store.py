@@ -1,0 +1,162 @@
+"""A campaign's folder: the plan it belongs to, one Parquet file per block of trials, and all of them sorted.
+
+campaign.json      what decides the results; another plan is refused
+parts/             the data set: part-000000.parquet is block 0, and so on; whole or not there
+results.parquet    all rows in the order of trials, written when the last block is there
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from swingid.errors import InputError
+from swingid.recording.save import write_whole
+from swingid.study.campaign.plan import Plan, differing_key
+from swingid.study.campaign.tables import RESERVED
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from swingid.study.campaign.trial import Row
+
+SCHEMA = "swingid.campaign/1"
+MANIFEST, RESULTS, PARTS = "campaign.json", "results.parquet", "parts"
+
+KINDS = {
+    "int64": ("trial", "point", "repeat", "seed"),
+    "string": ("method", "quantity", "status", "code", "message", "warnings"),
+}
+"""Types of the columns; all others hold float64."""
+
+
+class Store:
+    """The folder of one campaign. Raises InputError where it belongs to another plan or cannot be written."""
+
+    def __init__(self, plan: Plan, folder: Path) -> None:
+        self.plan, self.folder = plan, folder
+        self.parts = folder / PARTS
+        manifest = folder / MANIFEST
+        if folder.exists() and not folder.is_dir():
+            raise InputError(f"{folder} is a file; give a folder with --out", code="not-a-folder")
+        if manifest.is_file():
+            self._check_same(manifest)
+        elif folder.exists() and any(folder.iterdir()):
+            raise InputError(
+                f"{folder} holds other files and no campaign; give an empty or a new folder with --out",
+                code="not-a-campaign",
+            )
+        try:
+            self.parts.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make {folder}: {error.strerror}", code="cannot-write") from None
+        if not manifest.is_file():
+            content = {"schema": SCHEMA, **plan.identity()}
+            write_whole(manifest, (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
+
+    def _check_same(self, manifest: Path) -> None:
+        try:
+            there = json.loads(manifest.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            raise InputError(f"{manifest} is no campaign's; give another folder with --out", code="bad-json") from None
+        there.pop("schema", None)
+        key = differing_key(there, self.plan.identity())
+        if key:
+            raise InputError(
+                f"{self.folder} holds results of another plan ({key} differs); give another folder with --out, or "
+                "remove this one",
+                code="other-plan",
+            )
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """Keep other processes from writing into the folder; InputError where one does. It ends with the process."""
+        import fcntl
+
+        with (self.folder / ".lock").open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError:
+                raise InputError(
+                    f"another process runs the campaign in {self.folder}; wait for it", code="busy"
+                ) from None
+            yield
+
+    def done(self) -> set[int]:
+        """Numbers of the blocks that are there."""
+        names = [re.fullmatch(r"part-(\d+)\.parquet", path.name) for path in self.parts.iterdir()]
+        return {int(name[1]) for name in names if name}
+
+    def write(self, block: int, rows: Sequence[Row]) -> None:
+        """Write the rows of a block; the file appears whole or not at all."""
+        self._write(self._part(block), self._table(rows))
+
+    def finish(self) -> Path:
+        """Write all rows, sorted by trial, to one file, whose bytes follow from the plan alone; returns its path."""
+        import pyarrow as pa
+
+        whole = pa.concat_tables([self._read(block) for block in range(self.plan.blocks)]).combine_chunks()
+        target = self.folder / RESULTS
+        self._write(target, whole)
+        for leftover in self.folder.rglob(".*.part"):
+            leftover.unlink(missing_ok=True)
+        return target
+
+    def table(self) -> pa.Table:
+        """The sorted results. Raises InputError where the campaign is not finished."""
+        import pyarrow.parquet as pq
+
+        path = self.folder / RESULTS
+        if not path.is_file():
+            raise InputError(f"{path} does not exist; run the campaign to its end", code="missing-file")
+        return pq.read_table(path)
+
+    def _part(self, block: int) -> Path:
+        return self.parts / f"part-{block:06d}.parquet"
+
+    def _read(self, block: int) -> pa.Table:
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        path = self._part(block)
+        try:
+            return pq.ParquetFile(io.BytesIO(path.read_bytes())).read()
+        except (OSError, pa.ArrowException):
+            raise InputError(
+                f"{path} cannot be read; remove it and start again, its trials are done anew", code="bad-part"
+            ) from None
+
+    def _table(self, rows: Sequence[Row]) -> pa.Table:
+        import pyarrow as pa
+
+        return pa.Table.from_pylist(list(rows), schema=self._schema())
+
+    def _schema(self) -> pa.Schema:
+        """Columns: place of the trial, factors, answer."""
+        import pyarrow as pa
+
+        kinds = {name: kind for kind, names in KINDS.items() for name in names}
+        factors: dict[str, Any] = {}
+        for name in self.plan.tables.factors:
+            labels = {type(point.labels[name]) for point in self.plan.points}
+            factors[name] = pa.float64() if labels == {float} else pa.string()
+        fields = [(name, pa.type_for_alias(kinds.get(name, "float64"))) for name in RESERVED]
+        return pa.schema([*fields[:4], *factors.items(), *fields[4:]])
+
+    def _write(self, target: Path, table: pa.Table) -> None:
+        import pyarrow.parquet as pq
+
+        buffer = io.BytesIO()
+        pq.write_table(table, buffer, compression="zstd", row_group_size=1 << 16)
+        write_whole(target, buffer.getvalue())
+
+
+def is_finished(folder: Path) -> bool:
+    """Whether a folder holds the results of a whole campaign."""
+    return os.path.isfile(folder / RESULTS)

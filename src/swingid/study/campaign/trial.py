@@ -1,0 +1,162 @@
+"""One trial: the twin draws and runs, a log is written and read back, every method answers; rows of the results.
+
+A trial is a pure function of the plan and its number: any process may do it, at any time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import asdict
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from swingid.errors import SwingidError
+from swingid.identify.output_error.bound import cramer_rao
+from swingid.identify.run import identify
+from swingid.study.campaign.experiment import Experiment, experiment_of
+from swingid.study.campaign.loop import Loop, loop_of
+from swingid.study.rehearse.trial import drawn_log, through_file
+
+if TYPE_CHECKING:
+    from swingid.identify.result import Result
+    from swingid.recording.recording import Recording
+    from swingid.study.campaign.plan import Plan
+
+Row = dict[str, Any]
+
+FAILED, REFUSED = "failed", "refused"
+"""Status of a row where there was no log, and where the method has no number; others are those of a result."""
+
+
+def run_block(plan: Plan, block: int) -> list[Row]:
+    """The rows of all trials of a block, in their order."""
+    return [row for trial in plan.block(block) for row in run_trial(plan, trial)]
+
+
+def run_trial(plan: Plan, trial: int) -> list[Row]:
+    """The rows of one trial: one per method and quantity, whatever happens in it."""
+    point, repeat = plan.place(trial)
+    seed = plan.seed(point, repeat)
+    head: Row = {"trial": trial, "point": point, "repeat": repeat, "seed": seed, **plan.points[point].labels}
+    names = plan.tables.base.methods or [""]
+    try:
+        experiment = _experiment(_Known(plan), point)
+        log = drawn_log(
+            experiment.twin,
+            experiment.reference,
+            experiment.controller,
+            duration=experiment.duration,
+            rate=experiment.rate,
+            initial_angle=experiment.initial_angle,
+            seed=seed,
+            draw=experiment.draw,
+        )
+        known = through_file(log, experiment.told)
+    except Exception as error:
+        # whatever it is, it is this trial's alone: the others go on, and the row says what happened
+        return [_row(head, name, q, FAILED, error=error) for name in names for q in plan.tables.quantities]
+    motor = experiment.twin.drive.motor
+    loop = loop_of(log, None if motor is None else motor.voltage_limit)
+    truth = log.metadata["truth"]
+    assert isinstance(truth, dict)
+    bounds = _bounds(plan, experiment, log)
+    rows = []
+    if not experiment.methods:
+        rows += [_row(head, "", q, "ok", truth, loop, bounds) for q in plan.tables.quantities]
+    for name, method, options in experiment.methods:
+        try:
+            result: Result | Exception = identify(known, experiment.told, method, **options)
+        except Exception as error:  # as above
+            result = error
+        rows += [_answer(head, name, q, result, truth, loop, bounds) for q in plan.tables.quantities]
+    return rows
+
+
+class _Known:
+    """A plan that `lru_cache` tells apart by identity of its contents rather than by comparing all of it."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan = plan
+        self.key = (plan.source, repr(plan.identity()))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known) and self.key == other.key
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+
+@lru_cache(maxsize=64)
+def _experiment(known: _Known, point: int) -> Experiment:
+    return experiment_of(known.plan, known.plan.points[point])
+
+
+def _bounds(plan: Plan, experiment: Experiment, log: Recording) -> dict[str, float]:
+    """Least standard deviations by quantity, where the plan asks for them and the sensors have noise."""
+    asked = plan.tables.bound
+    if asked is None:
+        return {}
+    try:
+        start = (experiment.initial_angle, *[0.0] * (3 if log.wheel_angle is not None else 1))
+        return cramer_rao(log, experiment.twin, asked.law, free=asked.free, start=start)
+    except SwingidError:
+        return {}
+
+
+def _answer(
+    head: Row, name: str, quantity: str, result: Result | Exception, truth: Row, loop: Loop, bounds: dict[str, float]
+) -> Row:
+    if isinstance(result, Exception):
+        return _row(head, name, quantity, REFUSED, truth, loop, bounds, error=result)
+    if quantity not in result.parameters:
+        missing = SwingidError(f"{name} does not identify {quantity}", code="not-identified")
+        return _row(head, name, quantity, REFUSED, truth, loop, bounds, error=missing)
+    row = _row(head, name, quantity, result.status, truth, loop, bounds, (w.code for w in result.warnings))
+    found = result.parameters[quantity]
+    low, high = found.interval95 or (math.nan, math.nan)
+    u = math.nan if found.standard_uncertainty is None else found.standard_uncertainty
+    true = row["truth"]
+    row |= {"value": found.value, "u": u, "low": low, "high": high}
+    row["error"] = found.value / true - 1 if true else math.nan
+    return row
+
+
+def _row(
+    head: Row,
+    name: str,
+    quantity: str,
+    status: str,
+    truth: Row | None = None,
+    loop: Loop | None = None,
+    bounds: dict[str, float] | None = None,
+    warnings: Iterable[str] = (),
+    *,
+    error: Exception | None = None,
+) -> Row:
+    """A row without a number."""
+    nothing = dict.fromkeys(("value", "u", "low", "high", "error"), math.nan)
+    code, message = ("", "") if error is None else _reason(error)
+    return {
+        **head,
+        "method": name,
+        "quantity": quantity,
+        "status": status,
+        "code": code,
+        "message": message,
+        "warnings": " ".join(sorted(set(warnings))),
+        "truth": _number((truth or {}).get(quantity)),
+        **nothing,
+        "bound": (bounds or {}).get(quantity, math.nan),
+        **asdict(loop or Loop()),
+    }
+
+
+def _reason(error: Exception) -> tuple[str, str]:
+    if isinstance(error, SwingidError):
+        return error.code, error.message
+    return f"bug-{type(error).__name__}", " ".join(str(error).split())[:200]
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else math.nan

@@ -16,6 +16,7 @@ from swingid.errors import SwingidError, UsageError
 if TYPE_CHECKING:
     from swingid.identify.result import Result
     from swingid.model.rig import Rig
+    from swingid.recording.large import LargeLog
     from swingid.recording.recording import Recording
 
 Provenance = dict[str, object]
@@ -28,10 +29,16 @@ class _Reading:
     part: tuple[float, float] | None
     repairs: dict[str, bool]
 
-    def load(self, log: str, rig: Rig) -> Recording:
-        """The recording in a file; raises as `Recording.load` and `Recording.segment`."""
+    def load(self, log: str, rig: Rig) -> Recording | LargeLog:
+        """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`, `Recording.segment`."""
+        from swingid.recording.large import LargeLog, is_large
         from swingid.recording.recording import Recording
 
+        if is_large(log):
+            from swingid.cli.progress import Progress
+
+            large = LargeLog(log, rig, self.repairs, self.part, Progress())
+            return large if self.part is None else large.small() or large
         recording = Recording.load(log, rig, repairs=self.repairs)
         return recording if self.part is None else recording.segment(*self.part)
 
@@ -166,6 +173,7 @@ def _identify(
     from swingid.cli.kernels import announce_compilation
     from swingid.identify import identify as run
     from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
     from swingid.recording.repairs import switched_off
 
     switched_off(reading.repairs)  # a name that is none is a wrong usage, not a log that cannot be used
@@ -176,10 +184,12 @@ def _identify(
         announce_compilation("identify")
         result = run(_loaded(logs, plant, reading), plant, method, **options)
     else:
-        recording = reading.load(logs[0], plant)
-        provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
+        log = reading.load(logs[0], plant)
+        recording = log if isinstance(log, Recording) else None
+        if recording is not None:
+            provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
         announce_compilation("identify")
-        result = run(recording, plant, method, **options)
+        result = run(log, plant, method, **options)
     if report is not None:
         from swingid.report import write_report
 
@@ -187,9 +197,9 @@ def _identify(
     return result
 
 
-def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | SwingidError]:
+def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | LargeLog | SwingidError]:
     """The logs by their names; the error of one that cannot be used in its place, for the others still count."""
-    found: dict[str, Recording | SwingidError] = {}
+    found: dict[str, Recording | LargeLog | SwingidError] = {}
     for log in logs:
         if log in found:
             raise UsageError(f"{log} was given twice; a run counts once", code="same-log-twice")

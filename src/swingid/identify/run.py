@@ -11,6 +11,7 @@ from swingid.errors import SwingidError, UsageError
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
+from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
 
 METHODS: dict[str, str] = {
@@ -26,12 +27,14 @@ KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("
 """Annotations of options whose kind is checked at the door: in words, and the type."""
 
 
+Log = Recording | LargeLog
+
 INNER = ("alone",)
 """Keyword arguments that are set for several logs at once, and are no options."""
 
 
 def identify(
-    log: Recording | Sequence[Recording] | Mapping[str, Recording | SwingidError],
+    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError],
     rig: Rig,
     method: str = "momentum",
     **options: object,
@@ -40,9 +43,10 @@ def identify(
 
     Parameters
     ----------
-    log : Recording, or several of one body on one rig, in a list or by name
+    log : Recording or LargeLog, or several of one body on one rig, in a list or by name
         Measured angles, and voltage or torque where the method needs them. Nothing else of it is used. Several give
-        one result with `per_log`; by name, an error may stand in the place of one that could not be read.
+        one result with `per_log`; by name, an error may stand in the place of one that could not be read. A LargeLog
+        is read and identified in parts.
     rig : Rig
         The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never knowledge.
     method : one of `METHODS`
@@ -55,14 +59,14 @@ def identify(
     Raises
     ------
     UsageError
-        Unknown method or option.
+        Unknown method or option; a LargeLog for a method that does not read in parts.
     UnanswerableError
         The log cannot answer: no motion, too short, not identifiable, no scale.
     """
     function = method_function(method)
-    if isinstance(log, Recording):
+    if isinstance(log, Recording | LargeLog):
         check_options(method, function, options)
-        return function(straightened(log, rig), rig, **options)
+        return _of_one(log, rig, method, function, options)
     from swingid.identify.combine.several import FRICTION, identify_several
 
     known = inspect.signature(function).parameters
@@ -71,7 +75,18 @@ def identify(
     check_options(method, function, options)
     if "alone" in known and len(log) > 1:
         options.setdefault("alone", False)
-    return identify_several(log, lambda one: function(straightened(one, rig), rig, **options), friction=friction)
+    return identify_several(log, lambda one: _of_one(one, rig, method, function, options), friction=friction)
+
+
+def _of_one(log: Log, rig: Rig, method: str, function: Callable[..., Result], options: Mapping[str, object]) -> Result:
+    if isinstance(log, Recording):
+        return function(straightened(log, rig), rig, **options)
+    from swingid.identify.large import identify_large, require_in_parts
+
+    require_in_parts(log, method)
+    if "alone" in inspect.signature(function).parameters:
+        options = {"alone": False} | dict(options)
+    return identify_large(log, lambda part: function(straightened(part, rig), rig, **options))
 
 
 def method_function(method: str) -> Callable[..., Result]:

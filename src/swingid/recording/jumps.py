@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.recording.spikes import ROBUST
+from swingid.recording.spikes import ROBUST, ROUNDING
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,8 +22,10 @@ WINDOW = 24  # steps on either side that tell the local noise
 LONGEST_STEP = 2.6  # median steps: across a gap nothing can be told
 
 
-def find_jumps(time: Floats, values: Floats) -> list[tuple[int, float]]:
+def find_jumps(time: Floats, values: Floats, rows: int = 1) -> list[tuple[int, float]]:
     """Rows before which `values` jump, and by how much; time (s) strictly increasing, spikes already out.
+
+    rows: of the log that each value is the mean of.
 
     A jump is what a step has beyond the speeds on both sides; it stands out of noise and rounding, and once it is taken
     back nothing is left around it.
@@ -36,9 +38,11 @@ def find_jumps(time: Floats, values: Floats) -> list[tuple[int, float]]:
         return []
     level = ROBUST * float(np.median(size[known]))
     steps = np.abs(np.diff(values))
-    quantum = float(steps[steps > 0].min(initial=np.inf))
     low, high = np.quantile(values, (0.01, 0.99))
-    least = max(NOISE_FACTOR * level, SMALLEST * float(high - low), QUANTA * quantum if np.isfinite(quantum) else 0.0)
+    quantum = float(steps[steps > ROUNDING * float(high - low)].min(initial=np.inf))
+    least = max(
+        NOISE_FACTOR * level, SMALLEST * float(high - low), rows * QUANTA * quantum if np.isfinite(quantum) else 0.0
+    )
     found: list[tuple[int, float]] = []
     for k in np.flatnonzero(size > least).tolist():
         near = slice(max(k - SIDE, 0), k + SIDE + 1)

@@ -43,9 +43,8 @@ def from_table(
     """The Recording in a table of named columns; raises as `Recording.load`."""
     name = source.path or "the table"
     off = switched_off(repairs)
-    conventions, units = with_header_units(table, rig, name)
-    _check_origin(table, conventions, name)
-    unreadable = _unreadable(table, name, off)
+    conventions, known = read_header(table, rig, name, off)
+    unreadable = unreadable_rows(table, name, off)
     logged, texts = gather(table, conventions, name)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
         logged, findings = repair(logged, conventions, texts, name, off)
@@ -54,19 +53,23 @@ def from_table(
     metadata = table.metadata.get("metadata")
     return Recording(
         **channels,
-        drive_held=_drive_held(table, conventions),
+        drive_held=drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
-        findings=(
-            *_saved_findings(table),
-            *notes_of(off),
-            *unreadable,
-            *units,
-            *_no_reference(table, conventions),
-            *_integrated(conventions),
-            *findings,
-        ),
+        findings=(*known, *unreadable, *findings),
         source=source,
+        averaged=1,
     )
+
+
+def read_header(table: Table, rig: Rig, name: str, off: frozenset[str]) -> tuple[Conventions, list[Finding]]:
+    """How a table is to be read, and what is said of that; its names, units and metadata are looked at, no rows.
+
+    Raises InputError where the table was written in other conventions than the rig's.
+    """
+    conventions, units = with_header_units(table, rig, name)
+    _check_origin(table, conventions, name)
+    said = [*_saved_findings(table), *notes_of(off), *units]
+    return conventions, [*said, *_no_reference(table, conventions), *_integrated(conventions)]
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -103,7 +106,7 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
             raise InputError(f"{message}; use the rig that it was written with.", code="other-conventions")
 
 
-def _unreadable(table: Table, name: str, off: frozenset[str]) -> tuple[Finding, ...]:
+def unreadable_rows(table: Table, name: str, off: frozenset[str]) -> tuple[Finding, ...]:
     """What to say of rows that do not split into the table's columns; InputError when most do not."""
     lost = table.unreadable_rows
     if lost == 0:
@@ -138,7 +141,7 @@ def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]
     return (Finding("no-reference", f"the log has no column {column!r} (the reference); nothing needs it.", "note"),)
 
 
-def _drive_held(table: Table, conventions: Conventions) -> bool:
+def drive_held(table: Table, conventions: Conventions) -> bool:
     """Whether the drive was held: a file written by swingid knows, else the rig says."""
     written = table.metadata.get("log")
     held = written.get("drive_held") if isinstance(written, dict) else None

@@ -89,12 +89,19 @@ def made_continuous(
 
 
 def without_spikes(
-    channels: Channels, conventions: Conventions, spikes: NDArray[np.bool_], off: frozenset[str] = frozenset()
+    channels: Channels,
+    conventions: Conventions,
+    spikes: NDArray[np.bool_],
+    off: frozenset[str] = frozenset(),
+    rows: int = 1,
 ) -> tuple[Channels, list[Finding]]:
-    """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are told."""
+    """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are told.
+
+    rows: of the log that each row is the mean of.
+    """
     findings: list[Finding] = []
-    channels = _drop_spikes(channels, spikes, findings, keep="spikes" in off)
-    _warn_of_jumps(channels, conventions.columns, findings)
+    channels = _drop_spikes(channels, spikes, findings, keep="spikes" in off, mean_of=rows)
+    _warn_of_jumps(channels, conventions.columns, findings, rows)
     _note_gaps(channels["time"], conventions.columns["time"], findings)
     return channels, findings
 
@@ -243,7 +250,9 @@ def _make_continuous(
     return channels, spikes
 
 
-def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding], *, keep: bool) -> Channels:
+def _drop_spikes(
+    channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding], *, keep: bool, mean_of: int = 1
+) -> Channels:
     """The rows without single samples that fit neither neighbour; `spikes` are those that are known already.
 
     keep: leave them in, and warn.
@@ -260,7 +269,7 @@ def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[F
         spikes = np.zeros(len(channels["time"]), dtype=bool)
         for channel in SMOOTH:
             if channel in channels:
-                spikes |= find_spikes(channels["time"], channels[channel])
+                spikes |= find_spikes(channels["time"], channels[channel], mean_of)
     if times:
         found = np.sort(np.concatenate(times))
         shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
@@ -273,9 +282,9 @@ def _drop_spikes(channels: Channels, spikes: NDArray[np.bool_], findings: list[F
     return channels
 
 
-def _warn_of_jumps(channels: Channels, columns: Mapping[str, str], findings: list[Finding]) -> None:
+def _warn_of_jumps(channels: Channels, columns: Mapping[str, str], findings: list[Finding], rows: int = 1) -> None:
     for channel in ANGLES:
-        jumps = find_jumps(channels["time"], channels[channel]) if channel in channels else []
+        jumps = find_jumps(channels["time"], channels[channel], rows) if channel in channels else []
         if not jumps:
             continue
         shown = ", ".join(f"{size:.3g} at {channels['time'][row]:g} s" for row, size in jumps[:3])

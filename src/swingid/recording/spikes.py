@@ -18,11 +18,14 @@ SMOOTH = 0.2  # of the spike: what may be left at its neighbours without it (a k
 WINDOW = 24  # samples on each side that tell the local noise
 REACH = 2  # samples on each side whose misfit the spike itself causes
 ROBUST = 1.4826  # standard deviation per median absolute value, Gaussian
+ROUNDING = 1e-9  # of the range of the motion: steps below are the computer's
 SIDES = np.array([-2, -1, 1, 2])
 
 
-def find_spikes(time: Floats, values: Floats) -> NDArray[np.bool_]:
+def find_spikes(time: Floats, values: Floats, rows: int = 1) -> NDArray[np.bool_]:
     """True at the rows whose value is an isolated spike; time (s) may be uneven. Shape as `values`.
+
+    rows: of the log that each value is the mean of; a grid then shows this many times finer than it rounds.
 
     A spike's misfit against the cubic through two neighbours on each side stands out of the log's noise, of
     the noise within 24 samples on either side, of rounding, and is gone from the neighbours' misfit when the
@@ -37,7 +40,7 @@ def find_spikes(time: Floats, values: Floats) -> NDArray[np.bool_]:
     threshold = NOISE_FACTOR * ROBUST * float(np.median(misfit[REACH:-REACH]))
     candidates = np.flatnonzero(misfit > threshold)
     if candidates.size:
-        threshold = max(threshold, *_floors(values))
+        threshold = max(threshold, *_floors(values, rows))
         candidates = candidates[misfit[candidates] > threshold]
     candidates = candidates[(candidates >= 3) & (candidates < values.size - 3)]
     for k in (-2, -1, 1, 2):  # a spike makes misfits around it; its own is the largest, or nearly so beside a gap
@@ -86,9 +89,10 @@ def _through(times: Floats, values: Floats, at: Floats) -> Floats:
     return result
 
 
-def _floors(values: Floats) -> tuple[float, float]:
+def _floors(values: Floats, rows: int) -> tuple[float, float]:
     """Misfits below these are no spikes: some counts of the encoder, a small part of the motion's range."""
     steps = np.abs(np.diff(values))
-    quantum = float(steps[steps > 0].min(initial=np.inf))
     low, high = np.quantile(values, (0.01, 0.99))
+    # means of the same counts in another order differ by rounding
+    quantum = rows * float(steps[steps > ROUNDING * float(high - low)].min(initial=np.inf))
     return (QUANTA * quantum if np.isfinite(quantum) else 0.0), SMALLEST * float(high - low)

@@ -24,15 +24,16 @@ from swingid.identify.combine.verdicts import (
     undetermined,
 )
 from swingid.identify.result import BudgetEntry, Message, Result, refusal
+from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
 
-Identify = Callable[[Recording], Result]
+Identify = Callable[[Recording | LargeLog], Result]
 
 FRICTION = ("per-log", "shared")
 
 
 def identify_several(
-    logs: Sequence[Recording] | Mapping[str, Recording | SwingidError],
+    logs: Sequence[Recording | LargeLog] | Mapping[str, Recording | LargeLog | SwingidError],
     identify_one: Identify,
     *,
     friction: str = "per-log",
@@ -145,12 +146,12 @@ def estimates_of(results: Sequence[Result], friction: str) -> dict[str, list[Est
 
 
 def _by_name(
-    logs: Sequence[Recording] | Mapping[str, Recording | SwingidError],
-) -> dict[str, Recording | SwingidError]:
+    logs: Sequence[Recording | LargeLog] | Mapping[str, Recording | LargeLog | SwingidError],
+) -> dict[str, Recording | LargeLog | SwingidError]:
     """The logs by name: their paths, or their numbers where paths are missing or alike."""
     if isinstance(logs, Mapping):
         return dict(logs)
-    paths = [log.source.path for log in logs]
+    paths = [log.source.path if isinstance(log, Recording) else log.path for log in logs]
     unique = len(set(paths)) == len(paths)
     return {
         path if path and unique else f"log {k + 1}": log for k, (path, log) in enumerate(zip(paths, logs, strict=True))
@@ -163,7 +164,7 @@ def _short(names: Sequence[str]) -> list[str]:
     return bare if len(set(bare)) == len(bare) else list(names)
 
 
-def _refuse_twice(logs: Mapping[str, Recording | SwingidError]) -> None:
+def _refuse_twice(logs: Mapping[str, Recording | LargeLog | SwingidError]) -> None:
     seen: dict[object, str] = {}
     for name, log in logs.items():
         if not isinstance(log, Recording):

@@ -16,7 +16,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import table_from_arrow
-from swingid.recording.formats.dialect import find_layout, is_number, split_cells
+from swingid.recording.formats.dialect import Layout, find_layout, is_number, split_cells
 from swingid.recording.formats.table import METADATA_KEY, Table
 
 if TYPE_CHECKING:
@@ -47,11 +47,17 @@ def read(content: bytes, name: str) -> Table:
     The layout is found in the first lines; rows with too few or too many cells are left out and counted. Raises
     InputError, naming the file, for other kinds of file, no rows, or lines without columns.
     """
-    import pyarrow as pa
-    import pyarrow.csv as pc
+    content = as_text(content, name)
+    raw_metadata, body = split_comments(content)
+    layout = layout_of(body, name)
+    rows = body[layout.rows :]
+    if not rows.strip():
+        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
+    return read_rows(rows, layout, name, raw_metadata)
 
-    content = _as_text(content, name)
-    raw_metadata, body = _split_comments(content)
+
+def layout_of(body: bytes, name: str) -> Layout:
+    """How the text below the comments is laid out; InputError where it is no table."""
     layout = find_layout(body)
     if layout is None:
         raise InputError(
@@ -61,18 +67,27 @@ def read(content: bytes, name: str) -> Table:
     if layout.header_width != layout.width:
         message = f"{name} is not a table: its header names {layout.header_width} columns, but its rows have"
         raise InputError(f"{message} {layout.width} cells.", code="not-a-table")
-    rows = body[layout.rows :]
+    return layout
+
+
+def column_names(layout: Layout) -> list[str]:
+    """Names of the columns: those of the header, or column1, column2 and so on."""
+    return list(layout.names) or [f"column{k}" for k in range(1, layout.width + 1)]
+
+
+def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") -> Table:
+    """The table in lines of this layout, without a header; InputError where they are none."""
+    import pyarrow as pa
+    import pyarrow.csv as pc
+
     if layout.delimiter == b" ":
         rows = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", rows))
-    names = layout.names or [f"column{k}" for k in range(1, layout.width + 1)]
-    if not rows.strip():
-        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
     ragged = _RaggedRows()
     try:
         table = pc.read_csv(
             io.BytesIO(rows),
             read_options=pc.ReadOptions(
-                column_names=list(names),
+                column_names=column_names(layout),
                 block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
             ),
             parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=ragged),
@@ -111,7 +126,7 @@ class _RaggedRows:
         return "skip"
 
 
-def _as_text(content: bytes, name: str) -> bytes:
+def as_text(content: bytes, name: str) -> bytes:
     """The content as UTF-8 without a byte order mark; InputError when it is no text."""
     start = content[:64].lstrip()
     for magic, kind in _OTHER_KINDS.items():
@@ -144,7 +159,7 @@ def _names_columns(line: bytes, rest: bytes) -> bool:
     return len(cells) == below.width and not any(is_number(cell, below.decimal) for cell in cells)
 
 
-def _split_comments(content: bytes) -> tuple[str, bytes]:
+def split_comments(content: bytes) -> tuple[str, bytes]:
     """The metadata of swingid from the comment lines on top, and what follows them."""
     metadata, mark = "{}", f"# {METADATA_KEY}:".encode()
     while content.lstrip(b"\r\n").startswith(_COMMENTS):

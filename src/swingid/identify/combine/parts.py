@@ -1,0 +1,226 @@
+"""The parts of one large log into one answer: pooled as several logs are, with the scatter between them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swingid.errors import SwingidError
+from swingid.identify.combine.consistency import outliers
+from swingid.identify.combine.joint import PAIR, Pairs, is_joint, outlying_pair, pool_pair
+from swingid.identify.combine.pooling import BETWEEN, Pooled, pool
+from swingid.identify.combine.several import estimates_of
+from swingid.identify.combine.shares import Estimate, sum_of
+from swingid.identify.combine.verdicts import SINGLE, common_notes, conditioning
+from swingid.identify.format import percent
+from swingid.identify.result import BudgetEntry, Details, Message, Result, SwingSeries
+
+BETWEEN_PARTS = "scatter between the parts"
+
+OFTEN = 0.1
+"""Share of the parts from which on what they doubt is a doubt of the whole; below it is told in a note."""
+
+JUDGED = 48
+"""Groups of successive parts, at most, of which each is held against the others."""
+
+DRAWN = 2000
+"""Swings, at most, that the result keeps for drawing."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a log: begin and end (s), rows of the log, rows averaged into one, its result or why it has none."""
+
+    start: float
+    stop: float
+    rows: int
+    averaged: int
+    result: Result | SwingidError
+
+    @property
+    def name(self) -> str:
+        """'30 s to 60 s'."""
+        return f"{self.start:.6g} s to {self.stop:.6g} s"
+
+
+def combine_parts(parts: Sequence[Part]) -> Result:
+    """The common answer of the parts of one log; inertia, gravity torque and friction are pooled.
+
+    Friction is that of the parts that chose the commonest law. What few parts doubt is a note. Raises the error of the
+    first part where none has a number, UnanswerableError where all together do not tell inertia from gravity torque.
+    """
+    found = [(part, part.result) for part in parts if isinstance(part.result, Result)]
+    certain = [(part, result) for part, result in found if result.inertia.standard_uncertainty is not None]
+    if not found:
+        raise next(part.result for part in parts if isinstance(part.result, SwingidError))
+    kept = certain or found[:1]
+    results = [result for _, result in kept]
+    if certain:
+        pooled = _pooled(results)
+        parameters = {name: one.parameter(results[0].parameters[name].unit) for name, one in pooled.items()}
+        budget = tuple(entry for name, one in pooled.items() for entry in _entries(name, one))
+    else:
+        pooled, parameters, budget = {}, results[0].parameters, results[0].budget
+    joint = bool(results[0].covariance)
+    warnings = conditioning(parameters["inertia"], budget) if joint and len(results) > 1 else []
+    said, notes = _said(results, len(parts), settled=joint and len(results) > 1)
+    warnings += [*said, *_apart(kept, joint=joint)]
+    notes = [_note(parts, kept, pooled), *common_notes(results), *notes, *_without(parts)]
+    return Result(
+        method=results[0].method,
+        status="warning" if warnings else "ok",
+        parameters=parameters,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+        budget=budget,
+        provenance=_provenance(parts, results[0]),
+        details=_details(kept),
+        sensitivities={} if joint or not pooled else _sensitivities(results, pooled["inertia"]),
+        covariance=Pairs.of(results, estimates_of(results, "per-log")).common_covariance() if joint else {},
+    )
+
+
+def _pooled(results: Sequence[Result]) -> dict[str, Pooled]:
+    """Inertia and gravity torque of all parts, friction of those with the commonest law."""
+    estimates = estimates_of(results, "per-log")
+    pooled = {name: pool(each) for name, each in estimates.items()}
+    if is_joint(results):
+        pooled |= pool_pair(Pairs.of(results, estimates))
+    laws = Counter(tuple(name for name in result.parameters if name not in PAIR) for result in results)
+    law = laws.most_common(1)[0][0]
+    alike = [result for result in results if tuple(name for name in result.parameters if name not in PAIR) == law]
+    friction = {name: each for name, each in estimates_of(alike, "shared").items() if name not in PAIR}
+    return pooled | {name: pool(each) for name, each in friction.items()}
+
+
+def _entries(name: str, pooled: Pooled) -> list[BudgetEntry]:
+    """The budget of one parameter, the scatter named for what it is here."""
+    entries = pooled.estimate.entries(name)
+    return [replace(entry, source=BETWEEN_PARTS) if entry.source == BETWEEN else entry for entry in entries]
+
+
+def _said(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
+    """Warnings of the parts, each kind once: as a warning where many parts have it, else as a note."""
+    kinds: dict[str, list[str]] = {}
+    for result in results:
+        for code in dict.fromkeys(message.code for message in result.warnings):
+            if not (settled and code in SINGLE):
+                text = next(message.message for message in result.warnings if message.code == code)
+                kinds.setdefault(code, []).append(text)
+    warnings: list[Message] = []
+    notes: list[Message] = []
+    for code, texts in kinds.items():
+        message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
+        (warnings if len(texts) >= OFTEN * count else notes).append(message)
+    return warnings, notes
+
+
+def _apart(kept: Sequence[tuple[Part, Result]], *, joint: bool) -> list[Message]:
+    """A warning that names the parts that disagree with the rest in the inertia (in the pair, where that is sought)."""
+    advice = "look at the log there, or leave it out with --part; the uncertainty holds the scatter"
+    if joint:
+        found = outlying_pair(Pairs.of([r for _, r in kept], estimates_of([r for _, r in kept], "per-log")))
+        if found is None:
+            return []
+        text = f"the part from {kept[found[0]][0].name} stands apart in inertia and gravity torque together; {advice}."
+        return [Message("parts-disagree", text)]
+    size = -(-len(kept) // JUDGED)
+    groups = [kept[k : k + size] for k in range(0, len(kept), size)]
+    if any(result.inertia.standard_uncertainty is None for _, result in kept):
+        return []
+    all_of_them = estimates_of([result for _, result in kept], "per-log")["inertia"]
+    estimates = [_mean(all_of_them[k : k + size]) for k in range(0, len(kept), size)]
+    named = outliers(estimates)
+    if not named:
+        return []
+    told = ", ".join(
+        f"{groups[d.log][0][0].start:.6g} s to {groups[d.log][-1][0].stop:.6g} s "
+        f"({percent(d.value / (estimates[d.log].value - d.value), sign=True)})"
+        for d in named[:5]
+    )
+    more = f" and {len(named) - 5} more" if len(named) > 5 else ""
+    return [Message("parts-disagree", f"the inertia stands apart in the part from {told}{more}; {advice}.")]
+
+
+def _mean(estimates: Sequence[Estimate]) -> Estimate:
+    return estimates[0] if len(estimates) == 1 else sum_of(estimates, pool(estimates).weights)
+
+
+def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], pooled: dict[str, Pooled]) -> Message:
+    """How the log was read, and how its parts scatter."""
+    blocks = sorted({part.averaged for part in parts})
+    text = f"the log was read in {len(parts)} parts, {len(kept)} of which have a number"
+    if blocks != [1]:
+        lengths = f"{blocks[0]}" if len(blocks) == 1 else f"{blocks[0]} to {blocks[-1]}"
+        text += f"; {lengths} rows were averaged into one, which shortens no swing to less than 300 of them"
+    inertia = pooled.get("inertia")
+    if inertia is not None and len(kept) > 1:
+        scatter = "no scatter between the parts beyond that within them"
+        if inertia.between > 0:
+            scatter = f"scatter between the parts {percent(inertia.between / abs(inertia.estimate.value))}"
+        text += f"; {scatter}"
+    return Message("read-in-parts", f"{text}; what the parts share does not average out.")
+
+
+def _without(parts: Sequence[Part]) -> list[Message]:
+    """One note for each reason why parts have no number."""
+    reasons: dict[str, list[Part]] = {}
+    for part in parts:
+        if isinstance(part.result, SwingidError):
+            reasons.setdefault(part.result.code, []).append(part)
+    return [
+        Message(
+            "parts-without-number",
+            f"{len(alike)} of {len(parts)} parts have no number, such as that from {alike[0].name}: "
+            f"{alike[0].result.message if isinstance(alike[0].result, SwingidError) else ''}",
+        )
+        for alike in reasons.values()
+    ]
+
+
+def _provenance(parts: Sequence[Part], first: Result) -> dict[str, object]:
+    """That of the first part, with the rows of all and a line for each."""
+    lines = []
+    for part in parts:
+        line: dict[str, object] = {"start": part.start, "stop": part.stop, "rows": part.rows, "averaged": part.averaged}
+        if isinstance(part.result, Result):
+            inertia = part.result.inertia
+            line |= {"inertia": inertia.value, "standard_uncertainty": inertia.standard_uncertainty}
+        else:
+            line |= {"refused": part.result.code}
+        lines.append(line)
+    return {**first.provenance, "rows": sum(part.rows for part in parts), "parts": lines}
+
+
+def _details(kept: Sequence[tuple[Part, Result]]) -> Details | None:
+    """Turning points and swings of all parts, the friction of the one in the middle of their inertias."""
+    found = [result.details for _, result in kept if result.details is not None]
+    if not found:
+        return None
+    values = [result.inertia.value for _, result in kept if result.details is not None]
+    middle = found[int(np.argsort(values)[len(values) // 2])]
+    swings = [details.swings for details in found if details.swings is not None]
+    series = None
+    if swings:
+        every = -(-sum(len(one.times) for one in swings) // DRAWN)
+        names = ("times", "sides", "values", "uncertainties")
+        series = SwingSeries(*(np.concatenate([getattr(one, name) for one in swings])[::every] for name in names))
+    return Details(
+        start=found[0].start,
+        stop=found[-1].stop,
+        turning_times=np.concatenate([details.turning_times for details in found]),
+        turning_angles=np.concatenate([details.turning_angles for details in found]),
+        window=middle.window,
+        swings=series,
+        friction=middle.friction,
+    )
+
+
+def _sensitivities(results: Sequence[Result], inertia: Pooled) -> dict[str, float]:
+    keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
+    return {
+        key: float(sum(w * r.sensitivities[key] for w, r in zip(inertia.weights, results, strict=True))) for key in keys
+    }

@@ -1,0 +1,139 @@
+"""`LargeLog`: a log in a file that is read in parts, in constant memory."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import InputError, SwingidError, UnanswerableError
+from swingid.recording.conventions import Conventions, gather
+from swingid.recording.formats import csv_pieces, parquet_pieces
+from swingid.recording.formats.table import Table
+from swingid.recording.large.parts import Reader, parts, within
+from swingid.recording.load import drive_held, from_table, read_header
+from swingid.recording.recording import Recording, Source
+from swingid.recording.repairs import switched_off
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+
+LARGE = 1_000_000
+"""Rows beyond which a log is read in parts."""
+
+PIECE = 250_000
+"""Rows that are read at once."""
+
+UNUSED = ("reference", "adaptive_gain")
+"""Channels that only pictures show."""
+
+
+def is_large(path: str | Path) -> bool:
+    """Whether a file is a log of more than `LARGE` rows in a format that can be read in parts (Parquet, text)."""
+    found = _file(path)
+    return found is not None and found.rows > LARGE
+
+
+def _file(path: str | Path) -> parquet_pieces.File | csv_pieces.File | None:
+    """The file, where it is one that can be read in pieces and is large enough to look into it."""
+    where = Path(path)
+    try:
+        if not where.is_file() or where.stat().st_size < LARGE:
+            return None
+        with where.open("rb") as stream:
+            start = stream.read(4)
+    except (OSError, ValueError):
+        return None
+    if start == b"PAR1":
+        return parquet_pieces.File.open(str(path))
+    return csv_pieces.File.open(str(path))
+
+
+@dataclass(frozen=True)
+class LargeLog:
+    """A log of a rig that is too large to be read whole.
+
+    repairs: switches as of `Recording.load`. span: the part of the log (s) to use, None for all. progress: is called
+    with the rows read so far and the rows of the log (`rows`, of text about so many) after each part is identified.
+    """
+
+    path: str
+    rig: Rig
+    repairs: Mapping[str, bool] = field(default_factory=dict)
+    span: tuple[float, float] | None = None
+    progress: Callable[[int, int], None] | None = None
+
+    @cached_property
+    def _open(self) -> parquet_pieces.File | csv_pieces.File:
+        found = _file(self.path)
+        if found is None:
+            raise InputError(f"{self.path} cannot be read in parts; read it whole.", code="not-in-parts")
+        return found
+
+    @property
+    def rows(self) -> int:
+        """Rows of the file, about so many of a text file."""
+        return self._open.rows
+
+    def parts(self) -> Iterator[tuple[int, Recording | SwingidError]]:
+        """The parts of the log in their order, or why one cannot be used; with the rows of the file read so far.
+
+        Rows are averaged as far as the motion allows, see `averages`; each recording says how many (`averaged`). Raises
+        InputError where the file cannot be read.
+        """
+        header = self._open.header()
+        off = switched_off(self.repairs)
+        conventions, findings = read_header(header, self.rig, self.path, off)
+        gather(header, conventions, self.path)  # raises for a column that is missing
+        held = drive_held(header, conventions)
+        reader = Reader(conventions, self.rig, self.path, held, off, tuple(findings), self.span)
+        yield from parts(self._open.pieces(PIECE, _columns(header, conventions)), reader)
+
+    def small(self) -> Recording | None:
+        """The part `span` as an ordinary recording, of which nothing is averaged; None where it is large, too.
+
+        Raises as `Recording.load` and `Recording.segment`.
+        """
+        if self.span is None:
+            return None
+        header = self._open.header()
+        conventions, _ = read_header(header, self.rig, self.path, switched_off(self.repairs))
+        gather(header, conventions, self.path)
+        before, rows, found = 0, 0, []
+        for table in self._open.pieces(PIECE, list(header.columns)):
+            inside = within(table, conventions, before, self.span)
+            before += inside.size
+            rows += int(inside.sum())
+            if rows > LARGE:
+                return None
+            if inside.any():
+                found.append({name: values[inside] for name, values in table.columns.items()})
+        if not found:
+            raise UnanswerableError(
+                f"{self.path} has no rows between {self.span[0]:g} s and {self.span[1]:g} s; choose another part.",
+                code="empty-segment",
+            )
+        columns = {name: np.concatenate([piece[name] for piece in found]) for name in found[0]}
+        table = Table(columns, header.metadata, 0, header.units)
+        source = Source(self.path, self.sha256())
+        return from_table(table, self.rig, source, repairs=self.repairs).segment(*self.span)
+
+    def sha256(self) -> str:
+        """SHA-256 of the file; InputError where it cannot be read."""
+        try:
+            with Path(self.path).open("rb") as stream:
+                return hashlib.file_digest(stream, "sha256").hexdigest()
+        except OSError as error:
+            raise InputError(f"{self.path} cannot be read: {error.strerror}.", code="unreadable-file") from None
+
+
+def _columns(header: Table, conventions: Conventions) -> list[str]:
+    """Names of the columns that are needed."""
+    wanted = (*(("time",) if conventions.rate is None else ()), *conventions.channels)
+    found = [header.find(conventions.columns[channel]) for channel in wanted if channel not in UNUSED]
+    return [column for column in found if column is not None]

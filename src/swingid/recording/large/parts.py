@@ -1,0 +1,188 @@
+"""From pieces of a file to parts of a log: rows in order, angles continuous, averaged, then repaired as any log."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import InputError, SwingidError
+from swingid.recording.conventions import Scale, gather
+from swingid.recording.large.averages import averaged, block_length
+from swingid.recording.load import unreadable_rows
+from swingid.recording.plausibility import judge
+from swingid.recording.recording import Finding, Recording, Source
+from swingid.recording.repair import MANY, made_continuous, on_even_clock, rows_in_order, without_spikes
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.model.rig import Rig
+    from swingid.recording.conventions import Channels, Conventions
+    from swingid.recording.formats.table import Table
+
+ENOUGH = 60_000
+"""Rows, averaged ones, that make a part."""
+
+ANGLES = ("angle", "wheel_angle")
+HELD = ("voltage", "torque")
+
+
+@dataclass(frozen=True)
+class Reader:
+    """How pieces of a table become channels: conventions of the rig, switches of the repairs, the file's name."""
+
+    conventions: Conventions
+    rig: Rig
+    name: str
+    held: bool
+    off: frozenset[str]
+    findings: tuple[Finding, ...] = ()
+    span: tuple[float, float] | None = None
+
+
+@dataclass
+class _Part:
+    """A part as it grows: its averaged rows, raw rows that wait, how many are averaged, what was found."""
+
+    block: int
+    rows: int = 0
+    kept: list[Channels] = field(default_factory=list)
+    waiting: Channels = field(default_factory=dict)
+    findings: list[Finding] = field(default_factory=list)
+
+    def add(self, channels: Channels, held: tuple[str, ...]) -> None:
+        """Take raw rows."""
+        self.rows += channels["time"].size
+        if self.block == 1:
+            self.kept.append(channels)
+            return
+        means, self.waiting = averaged(_joined([self.waiting, channels]), self.block, held)
+        self.kept.append(means)
+
+    @property
+    def size(self) -> int:
+        """Averaged rows so far."""
+        return sum(channels["time"].size for channels in self.kept)
+
+
+def parts(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[int, Recording | SwingidError]]:
+    """The parts of a log, or why one cannot be used, each with the number of rows read so far.
+
+    Raises InputError as `Recording.load`, where the rows of a piece cannot be used.
+    """
+    held = HELD if reader.held else ()
+    part: _Part | None = None
+    done = 0
+    for channels, findings in _pieces(pieces, reader):
+        averages = "wheel_speed" not in channels
+        block = block_length(channels["angle"]) if averages and channels["time"].size else 1
+        if part is not None and (part.size >= ENOUGH or not part.block <= block <= 3 * part.block):
+            done += part.rows
+            yield done, _recording(part, reader)
+            part = None
+        part = part or _Part(block)
+        part.findings += findings
+        part.add(channels, held)
+    if part is not None:
+        yield done + part.rows, _recording(part, reader)
+
+
+def _pieces(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[Channels, list[Finding]]]:
+    """Channels of each piece in logged units, in order of time and continuous also from piece to piece."""
+    last: Channels = {}
+    wrapped: set[str] = set()
+    before = 0
+    for table in pieces:
+        unreadable = unreadable_rows(table, reader.name, reader.off)
+        channels, texts = gather(table, reader.conventions, reader.name)
+        if reader.conventions.rate is not None:
+            channels["time"] = channels["time"] + before / reader.conventions.rate
+        row = before
+        before += channels["time"].size
+        if reader.span is not None:
+            inside = within(table, reader.conventions, row, reader.span)
+            channels = {name: values[inside] for name, values in channels.items()}
+        if channels["time"].size < 2:
+            continue
+        channels, findings = rows_in_order(channels, reader.conventions, texts, reader.name, reader.off)
+        channels = _after(channels, last, reader, row, findings)
+        channels, spikes, more = made_continuous(channels, reader.conventions, reader.off)
+        findings += [*unreadable, *more]
+        if spikes.any():
+            message = f"{int(spikes.sum())} of {spikes.size} rows left out: isolated spikes of an angle."
+            findings.append(Finding("spikes", message, "warning", "spikes"))
+            channels = {name: values[~spikes] for name, values in channels.items()}
+        if any(finding.code == "unwrapped" for finding in more):
+            wrapped |= {name for name in ANGLES if reader.conventions.scales.get(name) is not None}
+        channels = _continued(channels, last, reader.conventions, wrapped)
+        last = {name: values[-1:] for name, values in channels.items()}
+        yield channels, findings
+
+
+def within(table: Table, conventions: Conventions, before: int, span: tuple[float, float]) -> NDArray[np.bool_]:
+    """Which rows (n,) of a piece lie in a span of time (s); before: rows of the pieces before."""
+    if conventions.rate is not None:
+        time = (before + np.arange(max(map(len, table.columns.values())))) / conventions.rate
+    else:
+        column = table.find(conventions.columns["time"])
+        time, _ = table.numbers(column or conventions.columns["time"])
+    time = conventions.scales.get("time", Scale()).to_model(time)
+    inside: NDArray[np.bool_] = (time >= span[0]) & (time <= span[1])
+    return inside
+
+
+def _after(channels: Channels, last: Channels, reader: Reader, row: int, findings: list[Finding]) -> Channels:
+    """The rows after the piece before; InputError where more than a few go back."""
+    if not last:
+        return channels
+    late = channels["time"] <= last["time"][0]
+    count = int(late.sum())
+    if count == 0:
+        return channels
+    column = reader.conventions.columns["time"]
+    where = f"{reader.name}: column {column!r} runs backwards after row {row}"
+    if count > max(3, MANY * late.size):
+        message = f"{where}; a log of this size is not sorted, so give one run per file, or choose a part of it."
+        raise InputError(message, code="unsorted")
+    findings.append(Finding("unsorted", f"{where}; {count} rows were left out.", "warning", "sort"))
+    return {name: values[~late] for name, values in channels.items()}
+
+
+def _continued(channels: Channels, last: Channels, conventions: Conventions, wrapped: set[str]) -> Channels:
+    """Angles that are logged within one turn, on the turn on which the piece before ends."""
+    for name in ANGLES:
+        turn = None if name not in conventions.scales else conventions.scales[name].turn
+        if name in channels and name in last and turn is not None and name in wrapped:
+            turns = np.round((last[name][0] - channels[name][0]) / turn)
+            channels = {**channels, name: channels[name] + turn * turns}
+    return channels
+
+
+def _joined(pieces: list[Channels]) -> Channels:
+    full = [piece for piece in pieces if piece]
+    if len(full) == 1:
+        return full[0]
+    return {name: np.concatenate([piece[name] for piece in full]) for name in full[-1]}
+
+
+def _recording(part: _Part, reader: Reader) -> Recording | SwingidError:
+    """A part as a Recording: the rest of the repairs, the model's units, judged; the error where it cannot be one."""
+    channels = _joined(part.kept)
+    findings = [*reader.findings, *part.findings]
+    try:
+        with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused
+            channels, clock = on_even_clock(channels, reader.conventions, reader.off)
+            spikes = np.zeros(channels["time"].size, dtype=bool)
+            channels, more = without_spikes(channels, reader.conventions, spikes, reader.off, part.block)
+            model = reader.conventions.to_model(channels)
+            findings += [*clock, *more, *judge(model, reader.rig, reader.name)]
+        source = Source(reader.name, None)
+        held = reader.held and part.block == 1
+        return Recording(
+            **model, drive_held=held, metadata={}, findings=tuple(findings), source=source, averaged=part.block
+        )
+    except SwingidError as error:
+        return error

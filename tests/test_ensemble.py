@@ -71,6 +71,17 @@ def test_gains_noise_and_drawn_constants_are_those_of_simulate():
         assert difference(ensemble.recording(k), alone) <= EQUAL
 
 
+def test_encoders_read_their_zero_as_in_simulate():
+    rig = Rig.builtin("paper")
+    step = rig.sensors.of("angle").resolution
+    zeros = step * np.random.default_rng(0).random((3, 2))
+    ensemble = simulate_ensemble(rig, fast, duration=2.0, seeds=range(3), encoder_zero=zeros)
+    assert not ensemble.alone.any()
+    for k in range(3):
+        zero = (float(zeros[k, 0]), float(zeros[k, 1]))
+        assert difference(ensemble.recording(k), simulate(rig, fast, duration=2.0, seed=k, encoder_zero=zero)) <= EQUAL
+
+
 def test_open_loops_and_free_decays_are_those_of_simulate():
     rig = Rig.builtin("paper").changed({"axis.friction.coulomb": 2e-3})
     volts = 6.0 * np.sign(np.sin(5.0 * np.arange(2001) / 1000.0))

@@ -73,7 +73,7 @@ class Ensemble:
             drawn=run.draw,
             initial_angle=run.initial_angle,
             initial_speed=run.initial_speed,
-            encoder_zero=(0.0, 0.0),
+            encoder_zero=run.encoder_zero,
             controller=run.controller,
             reference=run.reference,
         )
@@ -93,6 +93,7 @@ def simulate_ensemble(
     initial_speed: ArrayLike = 0.0,
     drive: ArrayLike | None = None,
     draw: bool = False,
+    encoder_zero: ArrayLike = (0.0, 0.0),
     record: Record = "all",
     threads: int | None = None,
 ) -> Ensemble:
@@ -100,8 +101,9 @@ def simulate_ensemble(
 
     What is given once holds for all runs; sequences give one entry per run, all of one length. `values`: arrays (n,)
     (SI) of rig.toml keys of axis, wheel and motor by which the runs' rigs differ from `rigs`, without a `Rig` for each.
-    `drive`: (rows,) or (n, rows). record: "nothing", "measured" (angles and command) or "all" (what `recording` needs).
-    threads: as many as there are cores by default; the result does not depend on it. Other arguments as `simulate`.
+    `drive`: (rows,) or (n, rows). `encoder_zero`: (2,) or (n, 2) (rad). record: "nothing", "measured" (angles and
+    command) or "all" (what `recording` needs). threads: as many as there are cores by default; the result does not
+    depend on it. Other arguments as `simulate`.
 
     The lanes know viscous, Coulomb, Stribeck, quadratic, offset and one-sided friction, the compensator of relative
     degree 2 or an open loop, and sensors with resolution, noise and dropouts; all else is done run by run, as is said
@@ -109,7 +111,9 @@ def simulate_ensemble(
 
     Raises as `simulate`, and UsageError where the lengths of the sequences differ.
     """
-    runs = runs_of(rigs, reference, controller, values or {}, drive, seeds, initial_angle, initial_speed, draw)
+    runs = runs_of(
+        rigs, reference, controller, values or {}, drive, seeds, initial_angle, initial_speed, draw, encoder_zero
+    )
     return _simulated(runs, duration, rate, record, threads)
 
 
@@ -126,12 +130,15 @@ def ensemble_chunks(
     initial_speed: ArrayLike = 0.0,
     drive: ArrayLike | None = None,
     draw: bool = False,
+    encoder_zero: ArrayLike = (0.0, 0.0),
     record: Record = "all",
     threads: int | None = None,
     chunk: int = 8 * LANES,
 ) -> Iterator[Ensemble]:
     """As `simulate_ensemble`, in pieces of at most `chunk` runs in their order, so that memory does not grow with n."""
-    runs = runs_of(rigs, reference, controller, values or {}, drive, seeds, initial_angle, initial_speed, draw)
+    runs = runs_of(
+        rigs, reference, controller, values or {}, drive, seeds, initial_angle, initial_speed, draw, encoder_zero
+    )
     for first in range(0, len(runs), chunk):
         yield _simulated(runs[first : first + chunk], duration, rate, record, threads)
 
@@ -177,6 +184,7 @@ def _alone(run: Run, duration: float, rate: float, channels: int) -> tuple[NDArr
         "initial_speed": run.initial_speed,
         "drive": run.drive,
         "draw": run.draw,
+        "encoder_zero": run.encoder_zero,
     }
     run_made = simulate_run(run.own_rig, run.reference, run.controller, **arguments)
     truth = run_made.truth

@@ -48,6 +48,7 @@ class Run:
     initial_angle: float
     initial_speed: float
     draw: bool
+    encoder_zero: tuple[float, float] = (0.0, 0.0)
 
     @cached_property
     def own_rig(self) -> Rig:
@@ -74,7 +75,8 @@ class Run:
 
     def encoders(self) -> NDArray[np.float64]:
         """Arrays (2, 4) of `model.sensors` for axis and wheel."""
-        return np.array([[self.rig.sensors.of(name).resolution, 0.0, 0.0, 0.0] for name in CHANNELS])
+        steps = [self.rig.sensors.of(name).resolution for name in CHANNELS]
+        return np.array([[step, 0.0, 0.0, zero] for step, zero in zip(steps, self.encoder_zero, strict=True)])
 
     def noise(self, rows: int) -> NDArray[np.float64] | None:
         """Noise (2, rows) (rad) of the two encoders, None where there is none."""
@@ -96,6 +98,7 @@ def runs_of(
     initial_angle: ArrayLike,
     initial_speed: ArrayLike,
     draw: bool,
+    encoder_zero: ArrayLike = (0.0, 0.0),
 ) -> list[Run]:
     """The runs that the arguments of `simulate_ensemble` describe: what is given once holds for all of them.
 
@@ -117,6 +120,7 @@ def runs_of(
         "seeds": _listed(seeds if isinstance(seeds, int) else list(seeds)),
         "initial_angle": np.atleast_1d(np.asarray(initial_angle, dtype=np.float64)).tolist(),
         "initial_speed": np.atleast_1d(np.asarray(initial_speed, dtype=np.float64)).tolist(),
+        "encoder_zero": np.atleast_2d(np.asarray(encoder_zero, dtype=np.float64)).tolist(),
     } | {key: np.atleast_1d(np.asarray(value, dtype=np.float64)).tolist() for key, value in values.items()}
     count = max(len(each) for each in several.values())
     for name, each in several.items():
@@ -131,7 +135,7 @@ def runs_of(
         changes = {key: one[key] for key in values}
         run = Run(
             one["rigs"], changes, one["reference"], one["controller"], one["drive"], int(one["seeds"]),
-            one["initial_angle"], one["initial_speed"], draw,
+            one["initial_angle"], one["initial_speed"], draw, tuple(one["encoder_zero"]),
         )  # fmt: skip
         runs.append(_with_controller(run, standard))
     return runs

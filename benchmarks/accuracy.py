@@ -21,11 +21,10 @@ import numpy as np
 
 import swingid as sw
 from swingid.control.compensator import Compensator
-from swingid.control.references import Sine
 
 RIG = sw.Rig.load("paper")
 TRUTH = RIG.axis.inertia.value
-REFERENCE = Sine(0.8, 8.5)
+REFERENCE = "sine 0.8 rad 8.5 rad/s"
 STRIBECK = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3}
 LAWS: dict[str, dict[str, object]] = {
     "viscous": {},
@@ -55,6 +54,7 @@ class Case:
     ideal_gains: bool = False
     encoder_zero: tuple[float, float] = (0.0, 0.0)
     keep_every: int = 1
+    reference: str = REFERENCE
 
 
 def rigs(sensors: dict[str, object] | None = None, friction: dict[str, object] | None = None) -> tuple[sw.Rig, sw.Rig]:
@@ -70,7 +70,7 @@ def logged(case: Case) -> sw.Recording:
     controller = gains(case.twin, sample_time=step)
     log = sw.simulate(
         case.twin,
-        REFERENCE,
+        sw.parse_reference(case.reference),
         controller,
         duration=25.0,
         rate=case.rate,

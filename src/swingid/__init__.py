@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from swingid.control.references import parse_reference as parse_reference
     from swingid.identify import identify as identify
     from swingid.identify.combine import difference as difference
+    from swingid.identify.encoder_calibration import calibrate_encoders as calibrate_encoders
     from swingid.identify.motor_calibration import calibrate as calibrate
     from swingid.identify.online import online as online
     from swingid.identify.result import Result as Result
@@ -45,6 +46,7 @@ _HOMES = {
     "Rig": "swingid.model.rig",
     "online": "swingid.identify.online",
     "calibrate": "swingid.identify.motor_calibration",
+    "calibrate_encoders": "swingid.identify.encoder_calibration",
     "compare": "swingid.study.compare",
     "design": "swingid.study.design",
     "difference": "swingid.identify.combine",
@@ -62,6 +64,7 @@ __all__ = [
     "Result",
     "Rig",
     "calibrate",
+    "calibrate_encoders",
     "compare",
     "design",
     "difference",

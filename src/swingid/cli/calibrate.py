@@ -1,4 +1,4 @@
-"""``swingid calibrate``: the motor's constants from voltage tests and free swings."""
+"""``swingid calibrate``: the motor's constants from voltage tests, the encoders' errors from logs of a motion."""
 
 from __future__ import annotations
 
@@ -10,17 +10,27 @@ import typer
 from swingid.errors import UsageError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from swingid.identify.encoder_calibration import EncoderCalibration
     from swingid.identify.motor_calibration import Calibration
 
 
 def calibrate(
     logs: Annotated[
         list[str],
-        typer.Argument(metavar="LOG...", help="Voltage tests with the rod clamped or free, and free swings."),
+        typer.Argument(
+            metavar="LOG...",
+            help="Voltage tests with the rod clamped or free, and free swings; with --encoders, runs as for identify.",
+        ),
     ],
     rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
+    encoders: Annotated[
+        bool,
+        typer.Option("--encoders", help="Find nonlinearity and latency of the encoders, not the motor's constants."),
+    ] = False,
     out: Annotated[
-        str | None, typer.Option(metavar="NEW.toml", help="Write the rig with the constants found, and its comments.")
+        str | None, typer.Option(metavar="NEW.toml", help="Write the rig with what was found, and its comments.")
     ] = None,
     json: Annotated[
         str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
@@ -29,17 +39,18 @@ def calibrate(
 ) -> None:
     """Find the motor's constants from LOGs of a voltage test, and say which cannot be told apart.
 
-    What kind of test a log is, clamped rod, free rod or free swing, is seen in the log.
+    What kind of test a log is, clamped rod, free rod or free swing, is seen in the log. With --encoders: what the
+    encoders do wrong once per turn, and the latency between the channels, from one or several motions of one body.
     """
     _check_usage(logs, rig, out, json, report)
     provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
     try:
-        found = _calibrate(logs, rig, out, json, report)
+        found = _calibrate(logs, rig, encoders, out, json, report)
     except Exception as error:
         if json is not None:
             from swingid.cli.identify import write_refusal
 
-            write_refusal(json, "calibrate", error, provenance)
+            write_refusal(json, "calibrate-encoders" if encoders else "calibrate", error, provenance)
         raise
     from swingid.cli.output import say, tell, write_json
 
@@ -62,19 +73,24 @@ def _check_usage(logs: list[str], rig: str, out: str | None, json: str | None, r
     check_targets({"--out": out, "--json": json, "--report": report}, inputs)
 
 
-def _calibrate(logs: list[str], rig: str, out: str | None, json: str | None, report: str | None) -> Calibration:
+def _calibrate(
+    logs: list[str], rig: str, encoders: bool, out: str | None, json: str | None, report: str | None
+) -> Calibration | EncoderCalibration:
     """From files to the calibration, its rig file and its report."""
     from swingid.cli.output import check_writable, write_file
 
     check_writable(out, json, report)
     from swingid.cli.kernels import announce_compilation
-    from swingid.identify.motor_calibration import calibrate as run
+    from swingid.identify.encoder_calibration import calibrate_encoders
+    from swingid.identify.motor_calibration import calibrate as of_motor
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
 
     plant = Rig.load(rig)
-    recordings = [Recording.load(log, plant, still_axis=True) for log in logs]
-    announce_compilation("calibrate")
+    recordings = [Recording.load(log, plant, still_axis=not encoders) for log in logs]
+    announce_compilation("identify" if encoders else "calibrate")
+    run: Callable[[list[Recording], Rig], Calibration | EncoderCalibration]
+    run = calibrate_encoders if encoders else of_motor
     found = run(recordings, plant)
     if out is not None:
         write_file(Path(out), found.rig.text.encode())

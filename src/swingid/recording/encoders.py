@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swingid.model.rig import Rig
+    from swingid.model.rig.sensors import Sensor
 
 REPAIR = "encoders"
 ROUNDS = 8
@@ -29,18 +30,23 @@ def straightened(log: Recording, rig: Rig) -> Recording:
     """
     if any(finding.repair == REPAIR for finding in log.findings):
         return log
-    changed, said = {}, []
-    for channel, values in (("angle", log.angle), ("wheel", log.wheel_angle)):
-        sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
-        alpha, beta = sensor.cosine.value, sensor.sine.value
-        if values is None or (alpha == 0 and beta == 0):
-            continue
-        changed["angle" if channel == "angle" else "wheel_angle"] = true_angles(values, alpha, beta)
-        said.append(f"{np.degrees(np.hypot(alpha, beta)):.2g}° of the {channel}'s")
-    if not changed:
+    angle, wheel, said = log.angle, log.wheel_angle, []
+    axis, other = rig.sensors.of("angle"), rig.sensors.of("wheel")
+    if axis.cosine.value or axis.sine.value:
+        angle = true_angles(angle, axis.cosine.value, axis.sine.value)
+        said.append(f"{_size(axis)} of the angle's")
+    if wheel is not None and (other.cosine.value or other.sine.value):
+        wheel = true_angles(wheel, other.cosine.value, other.sine.value)
+        said.append(f"{_size(other)} of the wheel's")
+    if not said:
         return log
     text = f"the encoders' nonlinearity that the rig file states was taken off: {' and '.join(said)} once per turn."
-    return replace(log, **changed, findings=(*log.findings, Finding("encoders", text, "note", REPAIR)))
+    found = (*log.findings, Finding("encoders", text, "note", REPAIR))
+    return replace(log, angle=angle, wheel_angle=wheel, findings=found)
+
+
+def _size(sensor: Sensor) -> str:
+    return f"{np.degrees(np.hypot(sensor.cosine.value, sensor.sine.value)):.2g}°"
 
 
 def true_angles(readings: NDArray[np.float64], alpha: float, beta: float) -> NDArray[np.float64]:

@@ -60,8 +60,14 @@ CALIBRATED = {
     "motor.dead_zone.positive": Word("dead zone, upper edge", "d₁", "N m"),
     "motor.dead_zone.negative": Word("dead zone, lower edge", "d₂", "N m"),
     "gravity_per_inertia": Word("gravity torque per inertia of the whole axis", "b/a₁₁", "1/s^2"),
+    "sensors.nonlinearity_cosine": Word("axis' encoder, cosine part once per turn", "α₁", "rad"),
+    "sensors.nonlinearity_sine": Word("axis' encoder, sine part once per turn", "β₁", "rad"),
+    "sensors.wheel.nonlinearity_cosine": Word("wheel's encoder, cosine part once per turn", "α₂", "rad"),
+    "sensors.wheel.nonlinearity_sine": Word("wheel's encoder, sine part once per turn", "β₂", "rad"),
+    "sensors.latency": Word("latency of the angle against the torque", "", "s"),
+    "sensors.wheel.latency": Word("latency of the wheel's channel against the angle's", "", "s"),
 }
-"""What a motor calibration names besides the keys of a rig."""
+"""What a calibration names besides the keys of a rig."""
 
 NOT_USED = ("axis.inertia", "axis.friction.")
 """Keys that identification never reads: they are what it seeks."""

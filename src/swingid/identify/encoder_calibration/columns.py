@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from swingid.identify.encoder_calibration.parts import ANGLE, WHEEL
 from swingid.identify.momentum.balance import Rows, Signals
+from swingid.identify.momentum.imperfections import axis_bends, wheel_bends
 from swingid.identify.scale import Scale
 from swingid.numerics.test_functions import project
 
@@ -23,27 +24,19 @@ Array = NDArray[np.float64]
 
 def encoder_columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float) -> dict[str, Array]:
     """How much a unit of each part adds to the left side of every row, by its key (and "zero")."""
-    nodes, windows = signals.nodes, rows.windows
-    pairs: list[tuple[Array, int]] = []
-    if not signals.linear:
-        cosine, sine = np.cos(signals.angle), signals.sine
-        pairs += [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0), (cosine, 0)]
-    if signals.wheel is not None and signals.wheel_values is not None:
-        pairs += [(nodes.spline(signals.wheel_values, derivative=1), 2)]
-        pairs += [(np.cos(signals.wheel), 2), (np.sin(signals.wheel), 2)]
-    elif signals.torque is not None:
-        pairs.append((signals.torque, 1))
-    found = project(nodes, pairs, windows.centres, windows.half).T
     result: dict[str, Array] = {}
+    for name, effect in axis_bends(signals, rows, a11, b).items():
+        result[f"{ANGLE}.nonlinearity_{name}"] = -effect
+    for name, effect in wheel_bends(signals, rows, scale.a12).items():
+        result[f"{WHEEL}.nonlinearity_{name}"] = -effect
+    windows = rows.windows
     if not signals.linear:
-        result[f"{ANGLE}.nonlinearity_cosine"] = a11 * found[0] + b * found[1]
-        result[f"{ANGLE}.nonlinearity_sine"] = a11 * found[2] + b * found[3]
-        result["zero"] = b * found[4]
-        found = found[5:]
-    if signals.wheel is not None:
-        result[f"{WHEEL}.latency"] = scale.a12 * found[0]
-        result[f"{WHEEL}.nonlinearity_cosine"] = scale.a12 * found[1]
-        result[f"{WHEEL}.nonlinearity_sine"] = scale.a12 * found[2]
+        result["zero"] = b * project(signals.nodes, [(np.cos(signals.angle), 0)], windows.centres, windows.half)[:, 0]
+    if signals.wheel_values is not None:
+        rate = signals.nodes.spline(signals.wheel_values, derivative=1)
+        late = project(signals.nodes, [(rate, 2)], windows.centres, windows.half)[:, 0]
+        result[f"{WHEEL}.latency"] = scale.a12 * late
     elif signals.torque is not None:
-        result[f"{ANGLE}.latency"] = -found[0]
+        late = project(signals.nodes, [(signals.torque, 1)], windows.centres, windows.half)[:, 0]
+        result[f"{ANGLE}.latency"] = -late
     return result

@@ -94,3 +94,9 @@ def require_batch(rig: Rig, scale: Scale) -> None:
             "identify these logs one by one.",
             code="not-for-batches",
         )
+    if any(part.value for name in ("angle", "wheel") for part in rig.sensors.of(name).parts.values()):
+        raise InputError(
+            f"rig {rig.name}: many logs at once are taken as read, but sensors states a nonlinearity; "
+            "identify these logs one by one.",
+            code="not-for-batches",
+        )

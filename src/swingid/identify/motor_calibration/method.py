@@ -34,6 +34,7 @@ from swingid.identify.provenance import add_findings, exact_constants, provenanc
 from swingid.identify.result import BudgetEntry, Message, Parameter, Result, combined
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
+from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -97,7 +98,7 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     UnanswerableError
         Nothing moves, the voltage is too plain to tell gain from damping, a wrong sign.
     """
-    several = [logs] if isinstance(logs, Recording) else list(logs)
+    several = [straightened(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
     if not several:
         raise InputError("no log was given; calibrate needs at least one voltage test or free swing.", code="no-log")
     _require_wheel(rig)

@@ -20,6 +20,7 @@ from swingid.identify.online.samples import Reader
 from swingid.identify.online.solution import Recursion, first_solution, solve_all
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
+from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -185,7 +186,7 @@ class _Swings:
     def _recording(self, piece: Array) -> Recording:
         drive = piece[:, 3] if self.reader.needed[3] else None
         wheel = self.scale.drive == "reaction-wheel"
-        return Recording(
+        log = Recording(
             time=piece[:, 0],
             angle=piece[:, 1],
             wheel_angle=piece[:, 2] if wheel else None,
@@ -193,6 +194,7 @@ class _Swings:
             torque=None if wheel else drive,
             drive_held=self.reader.held,
         )
+        return straightened(log, self.rig)
 
 
 def _check_sign(estimate: SwingEstimate) -> None:

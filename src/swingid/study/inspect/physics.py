@@ -16,6 +16,7 @@ from swingid.identify.motor_balance import motor_balance
 from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale, require_channels
 from swingid.model.rig import Rig
+from swingid.recording.encoders import straightened
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording
 from swingid.study.inspect.extra_columns import Extra, amplitude, extras, zero_of
@@ -65,7 +66,7 @@ def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balanc
     """The balance on at most MOST_ROWS rows from the middle of the useful part; errors as those of `identify`."""
     scale = Scale.of(rig)
     require_channels(log, rig)
-    used = log.segment(swings.start, swings.stop)
+    used = straightened(log.segment(swings.start, swings.stop), rig)
     if len(used) > MOST_ROWS:
         begin = (len(used) - MOST_ROWS) // 2
         used = used.segment(float(used.time[begin]), float(used.time[begin + MOST_ROWS - 1]))

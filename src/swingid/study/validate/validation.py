@@ -23,6 +23,7 @@ from swingid.identify.result import Result
 from swingid.identify.scale import require_channels
 from swingid.identify.segment import usable_part
 from swingid.model.rig import Rig
+from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 from swingid.study.validate.model import drive_of, model_vector
 
@@ -129,7 +130,7 @@ def validate(
     Raises InputError for a refused result or a missing channel, UnanswerableError for a log without motion.
     """
     p = model_vector(result, rig)
-    several = [logs] if isinstance(logs, Recording) else list(logs)
+    several = [straightened(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
     predictions = tuple(_of_log(log, rig, p, input, log.source.path or f"log {k + 1}") for k, log in enumerate(several))
     return Validation(result.method, rig.axis.kind == "linear", predictions, tuple(_notes(result, several, rig)))
 

@@ -60,7 +60,8 @@ def combine_parts(parts: Sequence[Part]) -> Result:
     results = [result for _, result in kept]
     if certain:
         pooled = _pooled(results)
-        parameters = {name: one.parameter(results[0].parameters[name].unit) for name, one in pooled.items()}
+        units = {name: parameter.unit for result in results for name, parameter in result.parameters.items()}
+        parameters = {name: one.parameter(units[name]) for name, one in pooled.items()}
         budget = tuple(entry for name, one in pooled.items() for entry in _entries(name, one))
     else:
         pooled, parameters, budget = {}, results[0].parameters, results[0].budget

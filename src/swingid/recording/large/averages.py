@@ -28,7 +28,7 @@ SHORTER = 0.1
 BACK = 0.1
 """Share of the range by which the angle must come back for its extreme to be one."""
 
-LOOKED_AT = 20_000
+LOOKED_AT = 5_000
 """Rows that are looked at, spread over all."""
 
 WIDE = 1.5

@@ -1,0 +1,99 @@
+"""A log of an hour at 10 kHz: rows a second, peak memory, error and interval.
+
+    python benchmarks/large_log.py [--rows 36000000] [--method momentum] [--format parquet|csv]
+
+The log is a periodic motion in closed form, read by 14-bit encoders with noise; it is written to a file first.
+`swingid identify` then runs as a user runs it; reading alone is timed in another process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "tests"))
+
+from large_logs import GIVEN, INERTIA, write_large_log
+
+HERE = Path(__file__).resolve()
+
+
+def main() -> None:
+    """Write the log, read it, identify it, print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rows", type=int, default=36_000_000)
+    parser.add_argument("--method", default="momentum")
+    parser.add_argument("--format", choices=("parquet", "csv"), default="parquet")
+    parser.add_argument("--read", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.read:
+        _read(given.read)
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        short, path = (
+            write_large_log(Path(folder) / f"{rows}.{given.format}", rows) for rows in (1_200_000, given.rows)
+        )
+        _command(short, given.method)  # compiles what is to be compiled
+        reading = _timed([sys.executable, HERE, "--read", path])
+        found = _command(path, given.method)
+    _print(given, found, reading)
+
+
+def _print(given: argparse.Namespace, found: dict, reading: dict) -> None:
+    rows, seconds, result = given.rows, found["seconds"], found["result"]
+    inertia, parts = result["parameters"]["inertia"], result["provenance"]["parts"]
+    after, used = seconds - reading["seconds"], found["processor"] - reading["processor"]
+    low, high = inertia["interval95"]
+    lines = (
+        f"{rows / 1e6:.1f} million rows, {given.method}, {given.format}; {os.cpu_count()} processors, load "
+        f"{os.getloadavg()[0]:.1f}; read in {len(parts)} parts, {parts[0]['averaged']} rows averaged into one",
+        f"  reading alone            {_rate(rows, reading['seconds'])}",
+        f"  read and identified      {_rate(rows, seconds)}",
+        f"  the same less reading    {_rate(rows, after)}",
+        f"  processor time of that   {_rate(rows, used)}",
+        f"  peak memory              {found['memory']:7.2f} GB",
+        f"  error of the inertia     {100 * (inertia['value'] / INERTIA - 1):+.5f} %",
+        f"  95 % interval            ±{100 * (high - low) / 2 / INERTIA:.5f} %",
+        f"  warnings                 {', '.join(w['code'] for w in result['warnings']) or 'none'}",
+    )
+    print("\n".join(lines))
+
+
+def _rate(rows: int, seconds: float) -> str:
+    return f"{seconds:7.2f} s   {rows / max(seconds, 1e-9) / 1e6:6.2f} million rows/s"
+
+
+def _command(path: Path, method: str) -> dict[str, object]:
+    """``swingid identify``, as a user runs it: seconds, processor time, peak memory (GB), the result."""
+    rig, result = path.with_name("rig.toml"), path.with_name("result.json")
+    rig.write_text(GIVEN.text)
+    command = [sys.executable, "-m", "swingid", "identify", path, "--rig", rig, "--method", method, "--json", result]
+    return _timed(command) | {"result": json.loads(result.read_text())}
+
+
+def _timed(command: list[object]) -> dict[str, object]:
+    """Seconds, processor time and peak memory (GB) of a process."""
+    begin = time.perf_counter()
+    process = subprocess.Popen([str(word) for word in command], stdout=subprocess.DEVNULL)
+    _, status, used = os.wait4(process.pid, 0)
+    if status:
+        raise SystemExit(f"{command} failed")
+    processor = used.ru_utime + used.ru_stime
+    return {"seconds": time.perf_counter() - begin, "processor": processor, "memory": used.ru_maxrss / 1e6}
+
+
+def _read(path: str) -> None:
+    from swingid.recording.large.log import PIECE, _file
+
+    for _ in _file(path).pieces(PIECE, ["t", "q1", "q2", "u"]):
+        pass
+
+
+if __name__ == "__main__":
+    main()

@@ -20,12 +20,13 @@ EVEN = 1e-6
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of one sample of the angle and of the wheel angle, the sample step in s, the angle's grid."""
+    """Standard deviations of one sample of the angle and of the wheel angle, the sample step in s, and their grids."""
 
     angle: float
     wheel: float
     step: float
     resolution: float = 0.0
+    wheel_resolution: float = 0.0
 
 
 def channel_noise(log: Recording, rig: Rig) -> Noise:
@@ -34,19 +35,20 @@ def channel_noise(log: Recording, rig: Rig) -> Noise:
     Where each row is the mean of n rows of the log, the white noise that the rig declares is less by √n, and a grid of
     which a mean shows an n-th is n times as wide.
     """
-    levels = []
+    levels, grids = [], []
     rows = log.averaged
-    grid = max(rig.sensors.of("angle").resolution, rows * grid_step(log.angle))
     steps = np.diff(log.time)
     even = bool(np.ptp(steps) <= EVEN * steps[0]) if len(steps) else True
     for sensor, values in ((rig.sensors.of("angle"), log.angle), (rig.sensors.of("wheel"), log.wheel_angle)):
         declared = float(np.hypot(sensor.noise, sensor.resolution / np.sqrt(12)) / np.sqrt(rows))
-        seen = 0.0
+        seen, grid = 0.0, 0.0
         if values is not None:
+            grid = grid_step(values)
             white = sample_noise(values) if even else uneven_noise(log.time, values)
-            seen = max(white, np.sqrt(rows / 12) * grid_step(values))
+            seen = max(white, np.sqrt(rows / 12) * grid)
         levels.append(max(declared, seen))
-    return Noise(levels[0], levels[1], 1 / log.rate, grid)
+        grids.append(max(sensor.resolution, rows * grid))
+    return Noise(levels[0], levels[1], 1 / log.rate, grids[0], grids[1])
 
 
 def uneven_noise(time: Array, values: Array) -> float:

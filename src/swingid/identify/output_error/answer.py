@@ -16,9 +16,10 @@ from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
 from swingid.identify.output_error.problem import Problem, problem_of
+from swingid.identify.output_error.resolution import grid_covariance, zero_effect
 from swingid.identify.output_error.search import Searched
-from swingid.identify.output_error.solver import influence_of, reduce
-from swingid.identify.output_error.unknowns import FRICTION, Places, Unknowns, constant_places, constant_value
+from swingid.identify.output_error.solver import influence_of, informed, inverse_of, reduce, with_zero
+from swingid.identify.output_error.unknowns import FRICTION, ZERO, Places, Unknowns, constant_places, constant_value
 from swingid.identify.result import BudgetEntry, Details, FrictionCurve, Parameter, combined
 from swingid.identify.scale import Scale
 from swingid.model.friction import static_curve
@@ -40,7 +41,8 @@ class Estimate:
 
     declared: shift of the values (m,) by one unit of every constant or imperfection, with its source, standard
     deviation (None: exact) and shared_id. kinds: inertia, standard uncertainty and unexplained gap to the answer when
-    some of the readings count less.
+    some of the readings count less. grid (m, m), zero (m,): covariance over the place of the encoders' grids, standard
+    deviations from the angle's zero.
     """
 
     searched: Searched
@@ -48,6 +50,8 @@ class Estimate:
     covariance: Array
     declared: tuple[tuple[str, float | None, str, Array], ...]
     kinds: dict[str, tuple[float, float, float]]
+    grid: Array
+    zero: Array
 
     @property
     def robust(self) -> bool:
@@ -77,7 +81,11 @@ def estimate_of(
         *_encoders(searched, problem, influence, log, rig, noise, motion),
         *_latencies(problem, fit.prediction.rates, influence, rig),
     )
-    return Estimate(searched, influence, covariance, declared, _kinds(searched, problem, influence, covariance))
+    grid = np.zeros_like(covariance)
+    if log.averaged == 1:
+        grid = grid_covariance(problem, fit, influence, noise)
+    kinds = _kinds(searched, problem, influence, covariance)
+    return Estimate(searched, influence, covariance, declared, kinds, grid, zero_effect(fit, searched.unknowns))
 
 
 def type_a(problem: Problem, searched: Searched, motion: Motion) -> float:
@@ -144,10 +152,13 @@ def _encoders(
         return
     shapes = (("cosine", np.cos), ("sine", np.sin))
     for channel, prefix, here in (("angle", "", ~problem.wheel), ("wheel", "wheel.", problem.wheel)):
-        std = rig.sensors.of("angle" if channel == "angle" else "wheel").nonlinearity
-        if std == 0 or (channel == "wheel" and problem.input not in ("voltage", "wheel")):
+        sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
+        if channel == "wheel" and problem.input not in ("voltage", "wheel"):
             continue
         for name, shape in shapes:
+            std = sensor.parts[name].std
+            if not std:
+                continue
             if channel == "wheel" and problem.input == "wheel":
                 assert log.wheel_angle is not None
                 effect = -_other_input(searched, problem, log, rig, noise, motion, std * shape(log.wheel_angle)) / std
@@ -170,7 +181,10 @@ def _other_input(
     fit, unknowns = searched.fit, searched.unknowns
     entries = unknowns.entries(problem.states)
     p = unknowns.vector(fit.values)
-    return again.predict(p, entries, fit.states, len(unknowns)).outputs - fit.prediction.outputs
+    prediction = again.predict(p, entries, fit.states, len(unknowns))
+    if unknowns.zero is not None:
+        prediction = with_zero(prediction, problem, problem.states + unknowns.zero, fit.values[unknowns.zero])
+    return prediction.outputs - fit.prediction.outputs
 
 
 def _latencies(
@@ -202,9 +216,10 @@ def _kinds(
     found = {}
     for name, mostly in groups.items():
         weights = fit.weights * np.where(mostly, 1.0, LESS**2)
-        reduced = reduce(problem, fit.prediction.slopes, fit.residuals, weights)
+        data = reduce(problem, fit.prediction.slopes, fit.residuals, weights)
+        reduced = informed(data, searched.unknowns, fit.values)
         other = influence_of(problem, fit.prediction.slopes, weights, reduced)[0]
-        shift = float(other @ fit.residuals)
+        shift = float(inverse_of(reduced)[0] @ reduced.right)
         variance = float((other - influence[0]) @ (other - influence[0])) * ratio
         gap = float(np.sqrt(shift**2 - variance)) if shift**2 > SEEN**2 * variance else 0.0
         found[name] = float(fit.values[0]) + shift, float(np.sqrt(other @ other * ratio)), gap
@@ -226,6 +241,7 @@ def answer_of(
         BudgetEntry(SCATTER, "A", name, float(np.sqrt(np.maximum(own @ covariance @ own, 0.0))))
         for name, own in weights.items()
     ]
+    budget += _grid_entries(estimate, weights)
     budget += [
         BudgetEntry(f"disagreement of readings, {name}", "A", "inertia", gap)
         for name, (_, _, gap) in estimate.kinds.items()
@@ -256,9 +272,19 @@ def answer_of(
     return parameters, budget, sensitivities
 
 
+def _grid_entries(estimate: Estimate, weights: dict[str, Array]) -> Iterator[BudgetEntry]:
+    """What the encoders' grids do beyond the scatter, which holds them too, and what is left open of the zero."""
+    for name, own in weights.items():
+        beyond = float(own @ (estimate.grid - estimate.covariance) @ own)
+        if beyond > 0:
+            yield BudgetEntry("place of the encoder's grid", "A", name, float(np.sqrt(beyond)))
+        if (left := float(np.abs(own) @ estimate.zero)) > 0:
+            yield BudgetEntry("zero of the angle", "A", name, left)
+
+
 def _sought(unknowns: Unknowns) -> dict[str, Array]:
     """Weights of every reported parameter on the unknowns: the static friction is Stribeck's peak on Coulomb's."""
-    unit = {name: np.eye(len(unknowns))[k] for k, name in enumerate(unknowns.names)}
+    unit = {name: np.eye(len(unknowns))[k] for k, name in enumerate(unknowns.names) if name != ZERO}
     if "stribeck" not in unit:
         return unit
     sides = [unit[name] for name in ("coulomb", "coulomb_positive", "coulomb_negative") if name in unit]

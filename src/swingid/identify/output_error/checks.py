@@ -6,13 +6,13 @@ import numpy as np
 
 from swingid.errors import UnanswerableError
 from swingid.identify.energy.checks import SecondOpinion, gap_to_momentum
-from swingid.identify.format import percent
+from swingid.identify.format import number, percent
 from swingid.identify.identifiability import BLIND, HOPELESS, advice, examine_information, require_seen
 from swingid.identify.momentum.checks import check_answer, check_motor
 from swingid.identify.motion import Motion
 from swingid.identify.output_error.answer import SCATTER, Estimate
 from swingid.identify.output_error.problem import Problem
-from swingid.identify.output_error.solver import Fit
+from swingid.identify.output_error.solver import Fit, inverse_of
 from swingid.identify.output_error.unknowns import FRICTION
 from swingid.identify.provenance import exact_constants
 from swingid.identify.result import BudgetEntry, Message, Parameter
@@ -24,6 +24,9 @@ POOR = 2.0
 
 SETTLED = 0.2
 """Step of the inertia, in standard uncertainties, that the search may leave undone."""
+
+OUTSIDE = 10.0
+"""Noise of one reading beyond which an angle's zero is worth a note."""
 
 UNSEEN = 1e-11
 """Share of the information matrix' largest power below which a direction is rounding."""
@@ -73,6 +76,7 @@ def check_fit(
             warnings += _against_momentum(inertia, budget, opinion, problem, scale)
     notes.append(_conditioning(estimate, seen.condition, seen.inflation))
     notes.append(_search_note(estimate, problem))
+    notes += _zero_note(estimate, problem)
     warnings += opinion.scale
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += motor_notes
@@ -158,7 +162,7 @@ def _search_doubts(estimate: Estimate) -> list[Message]:
     Friction that the log hardly tells apart makes a flat valley along which the search creeps, and does no harm.
     """
     fit = estimate.searched.fit
-    step = float(estimate.influence[0] @ fit.residuals)
+    step = float(inverse_of(fit.reduced)[0] @ fit.reduced.right)
     if fit.converged or abs(step) < SETTLED * np.sqrt(estimate.covariance[0, 0]):
         return []
     text = "the search for the least squares did not settle; take fewer unknowns or a simpler friction law."
@@ -197,6 +201,17 @@ def _search_note(estimate: Estimate, problem: Problem) -> Message:
     if searched.starts > 1:
         text += f"; {searched.agreeing} of {searched.starts} starts ended at the same inertia"
     return Message("search", f"{text}.")
+
+
+def _zero_note(estimate: Estimate, problem: Problem) -> list[Message]:
+    """A note where the angle's zero was found outside a step of its grid."""
+    zero = estimate.unknowns.zero
+    if zero is None or abs(estimate.values[zero]) < OUTSIDE * problem.sigma[~problem.wheel][0]:
+        return []
+    text = (
+        f"0 of the angle was found {number(estimate.values[zero], 'rad')} beside where the body hangs, and set right."
+    )
+    return [Message("zero-found", text)]
 
 
 def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:

@@ -202,7 +202,7 @@ class _Setup:
     def unknowns(self, law: str) -> Unknowns:
         """The unknowns with a friction law."""
         strongest = _strongest(self.windows, self.motion, self.scale)
-        return unknowns_of(self.rig, self.scale, law, self.free, self.fastest, strongest)
+        return unknowns_of(self.rig, self.scale, law, self.free, self.fastest, strongest, self.noise.resolution)
 
     def first(self, unknowns: Unknowns) -> Array:
         """Where the search begins."""
@@ -237,7 +237,7 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
         certain = [type_a(problem, found, setup.motion) for problem, found in tried]
         best = int(np.argmin(np.where(np.isfinite(certain), certain, np.inf)))
     problem, found = tried[best]
-    found = replace(found, law=law)
+    found = replace(found, law=law, unknowns=found.unknowns.with_zero_of(found.unknowns, found.fit.values))
     if best > 0 and np.isfinite(tried[best - 1][1].fit.cost):
         found = replace(found, drift=abs(float(found.fit.values[0] - tried[best - 1][1].fit.values[0])))
     return problem, found
@@ -250,7 +250,7 @@ def _final_fit(setup: _Setup, problem: Problem, rough: Searched, law: str) -> tu
         return replace(rough, fit=fit), law
     independent = _independent(problem, rough)
     choice = choose_law(problem, rough.unknowns, rough.fit, independent, setup.fastest, law)
-    unknowns = setup.unknowns(choice.law)
+    unknowns = setup.unknowns(choice.law).with_zero_of(rough.unknowns, rough.fit.values)
     begin = np.array([choice.values[name] for name in unknowns.names])
     fit = solve(problem, unknowns, begin, rough.fit.states, setup.loss)
     spread = choice.spread if law == "auto" else 0.0

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from swingid.identify.friction_laws import DIRECTIONS, LAWS
 from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.output_error.problem import Problem
-from swingid.identify.output_error.solver import Fit, reduce, solve
-from swingid.identify.output_error.unknowns import FRICTION, Unknowns, free_start, friction_unknowns
+from swingid.identify.output_error.solver import Fit, reduce, solve, with_zero
+from swingid.identify.output_error.unknowns import FRICTION, ZERO, Unknowns, free_start, friction_unknowns
 from swingid.identify.scale import Scale
 from swingid.model.parameters import STRIBECK_SPEED
 from swingid.model.rig import Rig
@@ -84,6 +84,8 @@ def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale,
             value = PEAKS[2] * fastest
         elif item.name == "offset":
             value = even[0]
+        elif item.name == ZERO:
+            value = 0.0
         elif item.name in FRICTION:
             value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))
         else:
@@ -190,6 +192,8 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
     bare = Unknowns((), unknowns.base)
     entries = bare.entries(problem.states, places)
     prediction = problem.predict(p, entries, fit.states, len(places))
+    if unknowns.zero is not None:
+        prediction = with_zero(prediction, problem, problem.states + body.index(unknowns.zero))
     extended = np.column_stack([prediction.slopes, problem.sigma * fit.residuals])
     reduced = reduce(problem, extended, fit.residuals, fit.weights)
     at = dict(zip(unknowns.names, fit.values, strict=True))
@@ -198,7 +202,15 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
     for name in ("coulomb", "viscous"):
         friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
     values += [friction.get(name, 0.0) for name in names]
-    return _Columns((*(unknowns.names[k] for k in body), *names), reduced.matrix, np.array(values), peak)
+    gram = reduced.matrix
+    for column, k in enumerate(body):
+        if (power := unknowns.power[k]) > 0:
+            # what is known beforehand, as one more residual
+            gram[column, column] += power
+            gram[column, -1] -= power * fit.values[k]
+            gram[-1, column] -= power * fit.values[k]
+            gram[-1, -1] += power * fit.values[k] ** 2
+    return _Columns((*(unknowns.names[k] for k in body), *names), gram, np.array(values), peak)
 
 
 def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Verdict | None:

@@ -80,6 +80,14 @@ class Fit:
     converged: bool
 
 
+def inverse_of(reduced: Reduced) -> Array:
+    """Pseudo-inverse (m, m) of the normal equations' matrix, unknowns scaled alike."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+    inverse = np.linalg.pinv(reduced.matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
+    result: Array = inverse * np.outer(scale, scale)
+    return result
+
+
 def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduced) -> Array:
     """Influence (m, r) of residuals (in standard deviations of the sensor) on the unknowns."""
     s = problem.states
@@ -88,9 +96,7 @@ def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduc
     for k in range(len(problem.rows) - 1):
         rows = slice(problem.rows[k], problem.rows[k + 1])
         body[rows] -= (slopes[rows, :s] * root[rows, None]) @ np.linalg.solve(reduced.own[k], reduced.cross[k])
-    scale = 1 / np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
-    inverse = np.linalg.pinv(reduced.matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
-    result: Array = (inverse * np.outer(scale, scale)) @ body.T
+    result: Array = inverse_of(reduced) @ body.T
     return result
 
 
@@ -135,6 +141,23 @@ def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) ->
         matrix += block[s:, s:] - cross[k].T @ held[:, :m]
         right += aim[s:] - cross[k].T @ held[:, m]
     return Reduced(matrix, right, own, cross, right_own)
+
+
+def informed(reduced: Reduced, unknowns: Unknowns, values: Array) -> Reduced:
+    """The normal equations with what is known of the unknowns (m,) beforehand."""
+    return replace(
+        reduced,
+        matrix=reduced.matrix + np.diag(unknowns.power),
+        right=reduced.right - unknowns.power * values,
+    )
+
+
+def with_zero(prediction: Prediction, problem: Problem, column: int | None, value: float = 0.0) -> Prediction:
+    """The prediction as an angle's encoder reads it that shows `value` (rad) at 0; column: its place in the slopes."""
+    if column is None:
+        return prediction
+    prediction.slopes[~problem.wheel, column] = 1.0
+    return replace(prediction, outputs=prediction.outputs + np.where(problem.wheel, 0.0, value))
 
 
 def loss_of(residuals: Array, loss: str) -> tuple[float, Array]:
@@ -191,12 +214,15 @@ def solve(
 def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
     entries = unknowns.entries(problem.states)
     prediction = problem.predict(unknowns.vector(values), entries, states, len(unknowns))
+    if unknowns.zero is not None:
+        prediction = with_zero(prediction, problem, problem.states + unknowns.zero, values[unknowns.zero])
     residuals = (problem.measured - prediction.outputs) / problem.sigma
     if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
         empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))
         return Fit(values, states, prediction, residuals, residuals, np.inf, empty, converged=False)
     cost, weights = loss_of(residuals, loss)
-    reduced = reduce(problem, prediction.slopes, residuals, weights)
+    cost += float(unknowns.power @ values**2) / len(residuals)
+    reduced = informed(reduce(problem, prediction.slopes, residuals, weights), unknowns, values)
     return Fit(values, states, prediction, residuals, weights, cost, reduced, converged=False)
 
 

@@ -8,7 +8,7 @@ height over the Coulomb friction, so that plain bounds keep the law one of frict
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -76,15 +76,23 @@ FREE = ("gravity_torque", *(key for key in MOTOR_KEYS if key != "gear_ratio"), "
 MOTOR_NAMES = {"viscous": "motor_viscous", "coulomb": "motor_coulomb"}
 
 
+ZERO = "angle_zero"
+"""What the angle's encoder reads at angle 0: unknown within a step of its grid. It moves readings, not the motion."""
+
+
 @dataclass(frozen=True)
 class Unknown:
-    """One unknown: name, unit, bounds, and the places of the vector that it moves with their weights."""
+    """One unknown: name, unit, bounds, and the places of the vector that it moves with their weights.
+
+    std: standard deviation about 0 that is known beforehand.
+    """
 
     name: str
     unit: str
     low: float
     high: float
     places: Places
+    std: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -106,6 +114,27 @@ class Unknowns:
     def bounds(self) -> tuple[Array, Array]:
         """Lowest and highest values."""
         return np.array([item.low for item in self.items]), np.array([item.high for item in self.items])
+
+    @cached_property
+    def zero(self) -> int | None:
+        """Place of the angle's zero among the unknowns, where it is one."""
+        return self.names.index(ZERO) if ZERO in self.names else None
+
+    @cached_property
+    def power(self) -> Array:
+        """What is known of each unknown beforehand: 1/std² about 0."""
+        return np.array([item.std**-2.0 for item in self.items])
+
+    def with_zero_of(self, found: Unknowns, values: Array) -> Unknowns:
+        """The same with the angle's zero known no better than the `values` (m,) of `found` say that it lies from 0.
+
+        A zero outside the grid's step is not one of its rounding.
+        """
+        if self.zero is None or found.zero is None:
+            return self
+        item = self.items[self.zero]
+        std = max(found.items[found.zero].std, abs(float(values[found.zero])))
+        return replace(self, items=tuple(replace(own, std=std) if own is item else own for own in self.items))
 
     def entries(self, states: int, more: Sequence[Places] = ()) -> Entries:
         """(place, column, weight) of every unknown, then of `more`; columns count from `states`."""
@@ -178,11 +207,20 @@ def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
     return float(getattr(holder, "value", 0.0)), getattr(holder, "std", None)
 
 
-def unknowns_of(rig: Rig, scale: Scale, law: str, free: Sequence[str], fastest: float, strongest: float) -> Unknowns:
+def unknowns_of(
+    rig: Rig,
+    scale: Scale,
+    law: str,
+    free: Sequence[str],
+    fastest: float,
+    strongest: float,
+    resolution: float = 0.0,
+) -> Unknowns:
     """Inertia, gravity torque where it is "unknown" or asked for, the friction law, and the constants asked for.
 
     fastest: highest speed of the motion (rad/s); strongest: a torque (N m) that no friction exceeds. A Stribeck speed
-    is sought below the one, coefficients below what makes the other at that speed.
+    is sought below the one, coefficients below what makes the other at that speed. resolution: step of the angle's
+    grid (rad). Who sets an encoder to 0 where the body hangs errs by up to half a step, which gravity shows.
     Raises UsageError for an unknown law or constant.
     """
     places = constant_places(rig, scale)
@@ -203,6 +241,8 @@ def unknowns_of(rig: Rig, scale: Scale, law: str, free: Sequence[str], fastest: 
             low, high = 0.003 * fastest, fastest
         unit = units["coulomb" if name == "stribeck" else name]
         items.append(Unknown(name, unit, low, high, FRICTION[name]))
+    if resolution > 0 and not scale.linear and scale.b != 0:
+        items.append(Unknown(ZERO, "rad", -np.inf, np.inf, (), resolution / np.sqrt(12)))
     return Unknowns(tuple(items), _base(rig, scale, items))
 
 
@@ -218,7 +258,7 @@ def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
     base[A11] -= 1.0
     for item in items:
         value = stated.get(_free_key(item.name), 0.0)
-        if item.name == "inertia" or item.name in FRICTION:
+        if item.name in ("inertia", ZERO) or item.name in FRICTION:
             continue
         for place, weight in item.places:
             base[place] -= weight * value

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+import numpy as np
+
 from swingid.errors import InputError, SwingidError, UsageError
 from swingid.identify.combine.parts import Part, combine_parts
 from swingid.identify.result import Result
@@ -55,8 +57,35 @@ def _part(recording: Recording | SwingidError, rows: int, identify_one: Callable
         return Part(float("nan"), float("nan"), rows, 1, recording)
     start, stop = float(recording.time[0]), float(recording.time[-1])
     try:
-        return Part(start, stop, rows, recording.averaged, identify_one(recording))
+        result = identify_one(recording)
+        return Part(start, stop, rows, recording.averaged, result, _smear(recording, result))
     except UsageError:
         raise
     except SwingidError as error:
         return Part(start, stop, rows, recording.averaged, error)
+
+
+def _smear(log: Recording, result: Result) -> float:
+    """Relative error of the inertia, at most, by averaging rows: of the terms that are not linear in the angles.
+
+    The mean of sin q1 (and of friction) over a block of width w is that of the mean angle less (q1' w)²/24 of it
+    (Taylor); the gravity is b/(J ω²) times the inertia's term.
+    """
+    if log.averaged == 1:
+        return 0.0
+    steps = np.diff(log.time)
+    peak = float(np.quantile(np.abs(np.diff(log.angle) / steps), 0.99))
+    frequency = 2 * peak / max(float(np.ptp(log.angle)), 1e-300)
+    width = float(np.median(steps))
+    gravity = result.parameters.get("gravity_torque")
+    stated = result.provenance.get("constants", {})
+    b = gravity.value if gravity is not None else _value(stated, "axis.gravity_torque")
+    size = peak if b else frequency  # without gravity the motion's size is none in angles
+    share = abs(b) / max(abs(result.inertia.value) * frequency**2, 1e-300)
+    return (size * width) ** 2 / 24 * max(1.0, share)
+
+
+def _value(constants: object, key: str) -> float:
+    found = constants.get(key) if isinstance(constants, dict) else None
+    value = found.get("value") if isinstance(found, dict) else None
+    return float(value) if value is not None else 0.0

@@ -16,9 +16,14 @@ from swingid.identify.combine.several import estimates_of
 from swingid.identify.combine.shares import Estimate, sum_of
 from swingid.identify.combine.verdicts import SINGLE, common_notes, conditioning
 from swingid.identify.format import percent
-from swingid.identify.result import BudgetEntry, Details, Message, Result, SwingSeries
+from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries
 
 BETWEEN_PARTS = "scatter between the parts"
+AVERAGED = "averaging of rows"
+
+AVERAGE_OUT = ("momentum",)
+"""Methods whose scatter falls with the number of parts. Energy's smoothed speeds err alike in all of them, at the level
+of one part's scatter, so there its scatter counts as shared."""
 
 OFTEN = 0.1
 """Share of the parts from which on what they doubt is a doubt of the whole; below it is told in a note."""
@@ -32,13 +37,17 @@ DRAWN = 2000
 
 @dataclass(frozen=True)
 class Part:
-    """A part of a log: begin and end (s), rows of the log, rows averaged into one, its result or why it has none."""
+    """A part of a log: begin and end (s), rows of the log, rows averaged into one, its result or why it has none.
+
+    smear: relative error of the inertia, at most, by what does not average exactly (see `smear`).
+    """
 
     start: float
     stop: float
     rows: int
     averaged: int
     result: Result | SwingidError
+    smear: float = 0.0
 
     @property
     def name(self) -> str:
@@ -47,7 +56,7 @@ class Part:
 
 
 def combine_parts(parts: Sequence[Part]) -> Result:
-    """The common answer of the parts of one log; inertia, gravity torque and friction are pooled.
+    """The common answer of the parts of one log, by one method; inertia, gravity torque and friction are pooled.
 
     Friction is that of the parts that chose the commonest law. What few parts doubt is a note. Raises the error of the
     first part where none has a number, UnanswerableError where all together do not tell inertia from gravity torque.
@@ -63,6 +72,7 @@ def combine_parts(parts: Sequence[Part]) -> Result:
         units = {name: parameter.unit for result in results for name, parameter in result.parameters.items()}
         parameters = {name: one.parameter(units[name]) for name, one in pooled.items()}
         budget = tuple(entry for name, one in pooled.items() for entry in _entries(name, one))
+        budget, parameters = _with_averaging(budget, parameters, max(part.smear for part, _ in kept))
     else:
         pooled, parameters, budget = {}, results[0].parameters, results[0].budget
     joint = bool(results[0].covariance)
@@ -86,15 +96,33 @@ def combine_parts(parts: Sequence[Part]) -> Result:
 
 def _pooled(results: Sequence[Result]) -> dict[str, Pooled]:
     """Inertia and gravity torque of all parts, friction of those with the commonest law."""
-    estimates = estimates_of(results, "per-log")
+    estimates = _estimates(results, "per-log")
     pooled = {name: pool(each) for name, each in estimates.items()}
     if is_joint(results):
         pooled |= pool_pair(Pairs.of(results, estimates))
     laws = Counter(tuple(name for name in result.parameters if name not in PAIR) for result in results)
     law = laws.most_common(1)[0][0]
     alike = [result for result in results if tuple(name for name in result.parameters if name not in PAIR) == law]
-    friction = {name: each for name, each in estimates_of(alike, "shared").items() if name not in PAIR}
+    friction = {name: each for name, each in _estimates(alike, "shared").items() if name not in PAIR}
     return pooled | {name: pool(each) for name, each in friction.items()}
+
+
+def _estimates(results: Sequence[Result], friction: str) -> dict[str, list[Estimate]]:
+    return estimates_of(results, friction, scatter_is_shared=results[0].method not in AVERAGE_OUT)
+
+
+def _with_averaging(
+    budget: tuple[BudgetEntry, ...], parameters: dict[str, Parameter], smear: float
+) -> tuple[tuple[BudgetEntry, ...], dict[str, Parameter]]:
+    """Budget and parameters with what averaging rows does to the inertia: anywhere within ± smear (GUM 4.3.7)."""
+    inertia = parameters["inertia"]
+    if smear == 0.0 or inertia.standard_uncertainty is None or inertia.interval95 is None:
+        return budget, parameters
+    entry = BudgetEntry(AVERAGED, "A", "inertia", float(abs(inertia.value) * smear / 3**0.5))
+    reach = (inertia.interval95[1] - inertia.interval95[0]) / 2 / inertia.standard_uncertainty
+    u = float(np.hypot(inertia.standard_uncertainty, entry.standard_uncertainty))
+    interval = (inertia.value - reach * u, inertia.value + reach * u)
+    return (*budget, entry), parameters | {"inertia": replace(inertia, standard_uncertainty=u, interval95=interval)}
 
 
 def _entries(name: str, pooled: Pooled) -> list[BudgetEntry]:

@@ -135,10 +135,15 @@ def _pooled(
     return common, warnings, notes
 
 
-def estimates_of(results: Sequence[Result], friction: str) -> dict[str, list[Estimate]]:
-    """Estimates, per log, of every parameter that all logs give with an uncertainty and that is to be pooled."""
+def estimates_of(
+    results: Sequence[Result], friction: str, *, scatter_is_shared: bool = False
+) -> dict[str, list[Estimate]]:
+    """Estimates, per log, of every parameter that all logs give with an uncertainty and that is to be pooled.
+
+    scatter_is_shared: what each states as its scatter does not average out.
+    """
     return {
-        name: [estimate_of(result, name, _identity(k)) for k, result in enumerate(results)]
+        name: [estimate_of(result, name, _identity(k, scatter_is_shared)) for k, result in enumerate(results)]
         for name in results[0].parameters
         if (friction == "shared" or name in PAIR)
         and all(any(entry.parameter == name for entry in result.budget) for result in results)
@@ -180,13 +185,13 @@ def _of_method(result: Result, method: str) -> Result:
     return Result(method, result.status, error=result.error, provenance=result.provenance)
 
 
-def _identity(log: int) -> Identity:
+def _identity(log: int, scatter_is_shared: bool) -> Identity:
     """Scatter is each log's own; the rig's constants, and type A errors of a nature that all logs share, are not."""
 
     def key(entry: BudgetEntry) -> str:
         if entry.type == "B":
             return entry.shared_id or f"log {log}: {entry.source}"
-        return f"log {log}: {entry.source}" if scatters(entry) else entry.source
+        return f"log {log}: {entry.source}" if scatters(entry) and not scatter_is_shared else entry.source
 
     return key
 

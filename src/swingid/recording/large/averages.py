@@ -41,16 +41,14 @@ def block_length(angle: Floats) -> int:
     extremes = _extremes(angle[::stride])
     if len(extremes) >= 3:
         swing = float(np.quantile(np.diff(extremes), SHORTER, method="lower")) * stride
-    elif extremes:
-        swing = angle.size / 3
-    else:
-        swing = 0.0
+    else:  # a slow motion, or none
+        swing = angle.size / 3 if extremes else 0.0
     rows = int(swing / BLOCKS_PER_SWING)
     return max(1, rows if rows % 2 else rows - 1)
 
 
 def _extremes(values: Floats) -> list[int]:
-    """Places of the alternating extremes of `values`."""
+    """Places of the alternating extremes of `values`, without the first, which may be where they begin."""
     low, high = np.quantile(values, (0.01, 0.99))
     back = BACK * float(high - low)
     found: list[int] = []
@@ -68,7 +66,7 @@ def _extremes(values: Floats) -> list[int]:
         elif direction <= 0 and value - path[lowest] > back:
             found.append(lowest)
             direction, lowest, highest = 1, k, k
-    return found
+    return found[1:]
 
 
 def averaged(channels: Channels, rows: int, held: tuple[str, ...]) -> tuple[Channels, Channels]:

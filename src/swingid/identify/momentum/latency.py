@@ -202,8 +202,10 @@ def _spread(rig: Rig) -> float:
     """Declared standard deviation (s) of the latency that the balance feels; 0 in a free decay."""
     if rig.drive.kind == "none":
         return 0.0
-    channels = ("angle", "wheel") if rig.drive.kind == "reaction-wheel" else ("angle",)
-    return float(np.hypot.reduce([rig.sensors.of(name).latency.std or 0.0 for name in channels]))
+    sensors = [rig.sensors.of("angle")]
+    if rig.drive.kind == "reaction-wheel":
+        sensors.append(rig.sensors.of("wheel"))
+    return float(np.hypot.reduce([sensor.latency.std or 0.0 for sensor in sensors]))
 
 
 def _allowed(rig: Rig) -> Rig:

@@ -256,6 +256,22 @@ def test_the_command_reads_a_large_log(small_parts, parquet, tmp_path, capfd):
     capfd.readouterr()
 
 
+def test_inspect_convert_and_init_take_large_logs(small_parts, parquet, tmp_path, capfd, monkeypatch):
+    text = tmp_path / "log.csv"
+    pc.write_csv(pq.read_table(parquet), text)
+    assert main(["convert", str(text), str(tmp_path / "back.parquet")]) == 0
+    back = columns_of(tmp_path / "back.parquet")
+    assert all(np.array_equal(values, back[name]) for name, values in columns_of(parquet).items())
+    assert main(["convert", str(text), str(tmp_path / "back.mat")]) == 3
+    assert main(["inspect", str(text)]) == 0
+    assert "of which the first" in capfd.readouterr().out
+    assert main(["init", "--from", str(text), str(tmp_path / "rig")]) == 0
+    assert 'angle = "q1"' in (tmp_path / "rig" / "rig.toml").read_text()
+    monkeypatch.setattr("swingid.recording.load.MOST_ROWS", ROWS - 1)
+    with pytest.raises(InputError, match="too much to be read whole"):
+        Recording.load(parquet, GIVEN)
+
+
 @pytest.mark.long
 def test_memory_and_speed_of_three_million_rows(tmp_path):
     """In a process of its own, as a user runs it; a loose bound on the speed, for a busy machine."""

@@ -46,9 +46,11 @@ def _text_for(log: str) -> str:
     from swingid.recording.formats import read_table
     from swingid.recording.inspect import describe, guess_roles, log_table, rate_of
     from swingid.recording.inspect.rig_text import rig_text
+    from swingid.recording.large import first_rows, is_large
     from swingid.recording.load import read_bytes
 
-    columns = {column.name: column for column in describe(read_table(read_bytes(log), log))}
+    found = first_rows(log) if is_large(log) else read_table(read_bytes(log), log)
+    columns = {column.name: column for column in describe(found)}
     roles = guess_roles(list(columns.values()))
     if "angle" not in roles.found:
         names = ", ".join(repr(name[:40]) for name in list(columns)[:8])

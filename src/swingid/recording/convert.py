@@ -8,6 +8,8 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats import read_table, writer_for
+from swingid.recording.large import is_large
+from swingid.recording.large.convert import convert_large
 from swingid.recording.load import read_bytes
 from swingid.recording.save import write_whole
 
@@ -20,6 +22,8 @@ def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], lis
     columns differ in length, which no table holds.
     """
     writer = writer_for(Path(target))
+    if is_large(source):
+        return convert_large(source, Path(target))
     table = read_table(read_bytes(source), str(source))
     columns, dropped = {}, []
     for name in table.columns:

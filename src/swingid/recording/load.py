@@ -11,7 +11,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions, gather
-from swingid.recording.formats import read_table
+from swingid.recording.formats import parquet, parquet_pieces, read_table
 from swingid.recording.header_units import with_header_units
 from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
@@ -23,6 +23,10 @@ if TYPE_CHECKING:
 
     from swingid.model.rig import Rig
     from swingid.recording.formats.table import Table
+
+
+MOST_ROWS = 10_000_000
+LARGEST_FILE = 1 << 30
 
 
 def load(
@@ -73,7 +77,11 @@ def read_header(table: Table, rig: Rig, name: str, off: frozenset[str]) -> tuple
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """The file's bytes; InputError that says which of the ways in which a path can be wrong it is."""
+    """The file's bytes; InputError that says which of the ways in which a path can be wrong it is, or that it is large.
+
+    A file of more than `LARGEST_FILE` bytes, or Parquet of more than `MOST_ROWS` rows, is not read whole.
+    """
+    _refuse_large(path)
     try:
         content = Path(path).read_bytes()
     except FileNotFoundError:
@@ -89,6 +97,26 @@ def read_bytes(path: str | Path) -> bytes:
             code="empty-file",
         )
     return content
+
+
+def _refuse_large(path: str | Path) -> None:
+    """Raise InputError for a file that would need too much memory as a whole."""
+    try:
+        size = Path(path).stat().st_size
+        with Path(path).open("rb") as stream:
+            is_parquet = size > MOST_ROWS / 100 and stream.read(4) == parquet.MAGIC
+    except (OSError, ValueError):
+        return  # reading will say why
+    if size > LARGEST_FILE:
+        what = f"has {size / 1e9:.2g} GB"
+    elif is_parquet and (rows := parquet_pieces.File.open(str(path)).rows) > MOST_ROWS:
+        what = f"has {rows / 1e6:.3g} million rows"
+    else:
+        return
+    message = (
+        f"{path} {what}, too much to be read whole; swingid identify reads Parquet and CSV of any length in parts "
+    )
+    raise InputError(f"{message}(momentum, energy), and --part FROM:TO takes a part of it.", code="too-large")
 
 
 def _check_origin(table: Table, conventions: Conventions, name: str) -> None:

@@ -54,6 +54,49 @@ def _file(path: str | Path) -> parquet_pieces.File | csv_pieces.File | None:
     return csv_pieces.File.open(str(path))
 
 
+def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
+    """The first rows of a log for which `is_large`, all columns; raises InputError as `LargeLog.parts`."""
+    file = _require(path)
+    header = file.header()
+    found: list[Table] = []
+    for table in file.pieces(min(rows, PIECE), list(header.columns)):
+        found.append(table)
+        if sum(len(next(iter(one.columns.values()))) for one in found) >= rows:
+            break
+    if not found:
+        raise InputError(f"{path} has no rows of numbers; log a motion.", code="empty-file")
+    columns = {name: np.concatenate([one.columns[name] for one in found])[:rows] for name in header.columns}
+    return Table(columns, header.metadata, sum(one.unreadable_rows for one in found), header.units)
+
+
+def rows_in(path: str | Path) -> int:
+    """Rows of a log for which `is_large`, of text about so many."""
+    return _require(path).rows
+
+
+def pieces_of(path: str | Path) -> tuple[Table, Iterator[Table]]:
+    """The header (a row of zeros) and the pieces of a log for which `is_large`, all columns."""
+    file = _require(path)
+    header = file.header()
+    return header, file.pieces(PIECE, list(header.columns))
+
+
+def digest(path: str | Path) -> str:
+    """SHA-256 of a file; InputError where it cannot be read."""
+    try:
+        with Path(path).open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.", code="unreadable-file") from None
+
+
+def _require(path: str | Path) -> parquet_pieces.File | csv_pieces.File:
+    found = _file(path)
+    if found is None:
+        raise InputError(f"{path} cannot be read in parts; read it whole.", code="not-in-parts")
+    return found
+
+
 @dataclass(frozen=True)
 class LargeLog:
     """A log of a rig that is too large to be read whole.
@@ -70,10 +113,7 @@ class LargeLog:
 
     @cached_property
     def _open(self) -> parquet_pieces.File | csv_pieces.File:
-        found = _file(self.path)
-        if found is None:
-            raise InputError(f"{self.path} cannot be read in parts; read it whole.", code="not-in-parts")
-        return found
+        return _require(self.path)
 
     @property
     def rows(self) -> int:
@@ -125,11 +165,7 @@ class LargeLog:
 
     def sha256(self) -> str:
         """SHA-256 of the file; InputError where it cannot be read."""
-        try:
-            with Path(self.path).open("rb") as stream:
-                return hashlib.file_digest(stream, "sha256").hexdigest()
-        except OSError as error:
-            raise InputError(f"{self.path} cannot be read: {error.strerror}.", code="unreadable-file") from None
+        return digest(self.path)
 
 
 def _columns(header: Table, conventions: Conventions) -> list[str]:

@@ -21,6 +21,7 @@ from swingid.recording.inspect import Check, Column, Roles, describe, guess_role
 from swingid.recording.inspect.clock import Clock, check_clock
 from swingid.recording.inspect.roles import SECONDS
 from swingid.recording.inspect.trial import trial_rig
+from swingid.recording.large import digest, first_rows, is_large, rows_in
 from swingid.recording.load import read_bytes
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.channels import Channel, check_channels
@@ -96,9 +97,19 @@ class Inspection:
 
 
 def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
-    """Look at a log; raises InputError only where the file cannot be read as a table."""
+    """Look at a log (of a large one at its first rows); raises InputError only where the file is no table."""
+    if is_large(path):
+        return _of_first_rows(path, rig)
     content = read_bytes(path)
     return inspect_table(read_table(content, str(path)), rig, Source(str(path), hashlib.sha256(content).hexdigest()))
+
+
+def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:
+    """Look at as much of a large log as tells what it is."""
+    table = first_rows(path)
+    found = inspect_table(table, rig, Source(str(path), digest(path)))
+    text = f"the log has {rows_in(path)} rows, of which the first {found.rows} were looked at."
+    return replace(found, checks=(Check("first-rows", "rows", "note", text), *found.checks))
 
 
 def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = None) -> Inspection:

@@ -1,0 +1,55 @@
+"""A large log into Parquet, piece by piece."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.formats.table import METADATA_KEY
+from swingid.recording.large.log import pieces_of
+
+PARQUET = (".parquet", ".pq")
+
+
+def convert_large(source: str | Path, target: Path) -> tuple[int, list[str], list[str]]:
+    """As `recording.convert.convert`, in bounded memory; a column without a number in its first rows is left out.
+
+    Raises InputError where the target is not Parquet, or a file cannot be read or written.
+    """
+    if target.suffix.lower() not in PARQUET:
+        message = (
+            f"{source} is a log of more than a million rows, which only Parquet holds well; give a name ending in "
+        )
+        raise InputError(f"{message}.parquet in the place of {target}.", code="too-large")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    header, pieces = pieces_of(source)
+    partial = target.with_name(f".{target.name}.part")
+    rows, names, dropped = 0, {}, []
+    writer = None
+    try:
+        for table in pieces:
+            if writer is None:
+                dropped = [name for name in table.columns if np.isnan(table.numbers(name)[0]).all()]
+                kept = [name for name in table.columns if name not in dropped]
+                names = {name: f"{name} [{header.units[name]}]" if name in header.units else name for name in kept}
+                schema = pa.schema([(named, pa.float64()) for named in names.values()])
+                schema = schema.with_metadata({METADATA_KEY: json.dumps(header.metadata)})
+                writer = pq.ParquetWriter(partial, schema, compression="zstd")
+            columns = [table.numbers(name)[0] for name in names]
+            writer.write_table(pa.table(dict(zip(names.values(), columns, strict=True)), schema=writer.schema))
+            rows += len(columns[0]) if columns else 0
+        if writer is not None:
+            writer.close()
+            partial.replace(target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror or error}", code="cannot-write") from None
+    finally:
+        partial.unlink(missing_ok=True)
+    if not names:
+        raise InputError(f"{source} has no column of numbers to convert.", code="no-numbers")
+    return rows, list(names.values()), dropped

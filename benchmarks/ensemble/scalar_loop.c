@@ -7,7 +7,8 @@
  * 0 to 3): angle, wheel angle, voltage; with 0 channels the last state alone. Prints the least time of one run in seconds.
  *
  * The classical Runge-Kutta step, one per sample; sign and dead zone at every stage by branches, nothing located. So it
- * does less than the twin: it is right within a sample of each kink only. Viscous, Coulomb and quadratic friction.
+ * does less than the twin: it is right within a sample of each kink only, and takes Stribeck's peak, narrower than that,
+ * in one step too. Viscous, Coulomb, Stribeck and quadratic friction.
  */
 #include <math.h>
 #include <stdio.h>
@@ -31,6 +32,10 @@ static inline State slope(State y, double u, const double *restrict p, double m1
     double r2 = p[GEAR] * (motor - p[F2] * p[GEAR] * y.v2 - p[F3] * sign(y.v2));
     double side = sign(y.v1), viscous = y.v1 > 0.0 ? p[VISCOUS_P] : p[VISCOUS_N];
     double coulomb = y.v1 > 0.0 ? p[COULOMB_P] : p[COULOMB_N];
+    if (p[STRIBECK_SPEED] > 0.0) {
+        double ratio = y.v1 / p[STRIBECK_SPEED];
+        coulomb += ((y.v1 > 0.0 ? p[STATIC_P] : p[STATIC_N]) - coulomb) * exp(-ratio * ratio);
+    }
     double r1 = -p[B] * sin(y.q1) - viscous * y.v1 - side * (coulomb + p[QUADRATIC] * y.v1 * y.v1);
     return (State){y.v1, m11 * r1 - m12 * r2, y.v2, m22 * r2 - m12 * r1};
 }

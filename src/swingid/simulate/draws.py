@@ -63,6 +63,17 @@ def draw_constants(rig: Rig, seed: int) -> dict[str, float]:
     return values
 
 
+def draw_nonlinearity(rig: Rig, seed: int) -> list[tuple[float, float]]:
+    """α and β (rad) of each encoder: as stated, drawn where they are declared by a standard deviation."""
+    units = stream(seed, "nonlinearity").standard_normal((2, 2))
+    found = []
+    for sensor, unit in zip([rig.sensors.of(name) for name in CHANNELS], units, strict=True):
+        parts = zip(sensor.parts.values(), unit, strict=True)
+        alpha, beta = (part.value + (part.std or 0.0) * one + 0.0 for part, one in parts)  # + 0.0: no -0.0
+        found.append((float(alpha), float(beta)))
+    return found
+
+
 def draw(
     rig: Rig,
     rows: int,
@@ -77,16 +88,14 @@ def draw(
     A row is read as a whole: both encoders share a row's jitter and are lost together.
     """
     sensors = [rig.sensors.of(name) for name in CHANNELS]
-    nonlinearity = stream(seed, "nonlinearity").standard_normal((2, 2))
+    nonlinearity = draw_nonlinearity(rig, seed)
     latency = stream(seed, "latency").standard_normal(2)
     jitter = stream(seed, "jitter").standard_normal(rows)
     noise = stream(seed, "noise").standard_normal((2, rows))
     lost = stream(seed, "dropouts").random(rows) < max(sensor.dropouts for sensor in sensors)
     encoders, latencies, delays = [], [], np.zeros((2, rows))
     for i, sensor in enumerate(sensors):
-        parts = zip(sensor.parts.values(), nonlinearity[i], strict=True)
-        alpha, beta = (part.value + (part.std or 0.0) * unit + 0.0 for part, unit in parts)  # + 0.0: no -0.0
-        encoders.append(Encoder(sensor.resolution, float(alpha), float(beta), encoder_zero[i]))
+        encoders.append(Encoder(sensor.resolution, *nonlinearity[i], encoder_zero[i]))
         latencies.append(float(sensor.latency.value + (sensor.latency.std or 0.0) * latency[i]))
         delays[i] = latencies[i] + sensor.jitter * jitter
         noise[i] *= sensor.noise

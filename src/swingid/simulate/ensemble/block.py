@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.simulate.ensemble.control_lanes import control
-from swingid.simulate.ensemble.events import SMALL, redo
+from swingid.simulate.ensemble.events import TERMS, redo
 from swingid.simulate.ensemble.lane_functions import njit_lane, njit_threads, sine_cosine
 from swingid.simulate.ensemble.lanes import (
     A12,
@@ -58,6 +58,15 @@ from swingid.simulate.ensemble.series import coefficients, moved, slope, turned
 
 Array = NDArray[np.float64]
 
+ERROR, PEAKED_ERROR = 1e-14, 1e-14
+"""rad per step: what a step may leave out of its series, without and with Stribeck's peak, else it is taken again."""
+
+PARTS, NEAR = 2.0, 2.5
+"""Stribeck's peak is passed in so many steps per Stribeck speed, where the speed is below so many changes of a step."""
+
+FIFTH, PEAKED_FIFTH, FOURTH = 1e-13, 1e-14, 1e-11
+"""rad per step: terms below which what follows is left out for sure."""
+
 
 @njit_lane
 def reading(q: float, zero: float, noise: float, resolution: float) -> float:
@@ -65,6 +74,23 @@ def reading(q: float, zero: float, noise: float, resolution: float) -> float:
     value = q + zero + noise
     step = resolution if resolution > 0.0 else 1.0
     return step * np.rint(value / step) if resolution > 0.0 else value
+
+
+@njit_lane
+def read_bent(lane: Array, i: int, angle: int, encoder: int, place: int, noise: float) -> None:
+    """Reading of run i's row `angle` by the nonlinear encoder whose rows begin at `encoder`, into the row `place`."""
+    q, step = lane[angle * LANES + i], lane[encoder * LANES + i]
+    alpha, beta = lane[(encoder + 1) * LANES + i], lane[(encoder + 2) * LANES + i]
+    sine, cosine = sine_cosine(q)
+    bend = alpha * cosine + beta * sine
+    lane[place * LANES + i] = reading(q, lane[(encoder + 3) * LANES + i], noise + bend, step)
+
+
+@njit_lane
+def too_long(fourth: float, fifth: float, peaked: int) -> bool:
+    """Whether a step is too long for a series with these last terms: the next is theirs squared, divided."""
+    error, least = (PEAKED_ERROR, PEAKED_FIFTH) if peaked else (ERROR, FIFTH)
+    return (abs(fifth) > least) & (fifth * fifth > error * abs(fourth))
 
 
 @njit_lane
@@ -131,7 +157,9 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     torque = volts - emf * y_end
     flagged = (passed1 & (kink1 != 0.0)) | (passed2 & (kink2 != 0.0))
     flagged |= (above ^ (torque > edge_p)) | (below ^ (torque < edge_n))
-    flagged |= (abs(cu[4]) > SMALL) | (abs(cy[4]) > SMALL)
+    flagged |= too_long(cu[3], cu[4], peaked) | too_long(cy[3], cy[4], peaked)
+    if peaked:  # the fifth may be small by chance
+        flagged |= (abs(cu[3]) > FOURTH) & (abs(cu[3]) ** 3 > PEAKED_ERROR * cu[2] * cu[2])
     if resting:
         a12, released = lane[A12 * LANES + i], lane[WHEEL_STATIC * LANES + i]
         hold = outer - gravity * sine
@@ -144,7 +172,10 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     lane[U * LANES + i] = u if flagged else u_end
     lane[Q2 * LANES + i] = q2 if flagged else q2 + turned(y, cy, 1.0)
     lane[Y * LANES + i] = y if flagged else y_end
-    lane[FLAG * LANES + i] = 1.0 if flagged else 0.0
+    parts = 1.0
+    if peaked:  # each passes through a part of the peak, if the step goes through it
+        parts = max(1.0, PARTS * np.sqrt(spike) * abs(cu[0])) if abs(u) < abs(cu[0]) * NEAR else 1.0
+    lane[FLAG * LANES + i] = parts if flagged else 0.0
     return 1 if flagged else 0
 
 
@@ -174,8 +205,7 @@ def run_block(
     p: Array,
     inputs: Array,
     which: NDArray[np.int64],
-    closed: int,
-    peaked: int,
+    kinds: tuple[int, int, int],
     steps: int,
     h: float,
     noise: Array,
@@ -184,19 +214,25 @@ def run_block(
     """Run a block for all rows of `inputs`, moving `lane` in place to the last row; returns how many steps were redone.
 
     lane (ROWS * LANES,): as `lanes` says. p (LANES, SIZE): constants once more, for what is done by itself. inputs
-    (rows, references): rad; V or N m where the loop is open. which (LANES,): each run's column of them. steps of a
-    sample, each of h (s). noise (2, rows or 1, LANES) (rad). log (channels, runs <= LANES, rows) receives angle, wheel
-    angle, command and k tilde of every row, as many as it has channels.
+    (rows, references): rad; V or N m where the loop is open. which (LANES,): each run's column of them. kinds: whether
+    the loop is closed, some friction has Stribeck's peak, some encoder is nonlinear. steps of a sample, each of h (s).
+    noise (2, rows or 1, LANES) (rad). log (channels, runs <= LANES, rows) receives angle, wheel angle, command and
+    k tilde of every row, as many as it has channels.
     """
+    closed, peaked, bent = kinds
     rows, channels, noisy = len(inputs), len(log), noise.shape[1] > 1
     sample = h * steps
     work, nothing, nowhere, counts = np.zeros((10, 5)), np.zeros(0), np.zeros((0, 5)), np.zeros(4, np.int64)
-    redone, resting = 0, any_rests(lane)
+    series, redone, resting = np.zeros((6, TERMS + 1)), 0, any_rests(lane)
     for k in range(rows):
         for i in range(LANES):
             lane[REFERENCE * LANES + i] = inputs[k, which[i]]
         row = k if noisy else 0
-        for i in range(LANES):
+        if bent:
+            for i in range(LANES):
+                read_bent(lane, i, Q1, ANGLE_STEP, ANGLE_READING, noise[0, row, i])
+                read_bent(lane, i, Q2, WHEEL_STEP, WHEEL_READING, noise[1, row, i])
+        for i in range(0 if bent else LANES):
             lane[ANGLE_READING * LANES + i] = reading(
                 lane[Q1 * LANES + i], lane[ANGLE_ZERO * LANES + i], noise[0, row, i], lane[ANGLE_STEP * LANES + i]
             )
@@ -229,7 +265,7 @@ def run_block(
                 count = move_all(lane, 0, 0)
             if count > 0:
                 redone += count
-                redo(lane, p, h, work, nothing, nowhere, counts)
+                redo(lane, p, h, work, series, nothing, nowhere, counts)
             if resting or count > 0:
                 resting = any_rests(lane)
     return redone

@@ -41,20 +41,29 @@ from swingid.model.parameters import (
     B,
 )  # fmt: skip
 from swingid.model.sticking import mode_at_rest, side
-from swingid.simulate.ensemble.lane_functions import njit_lane, njit_threads, sine_cosine
+from swingid.simulate.ensemble.lane_functions import decay, njit_lane, njit_threads, sine_cosine
 from swingid.simulate.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
-from swingid.simulate.ensemble.series import Axis, Coefficients, Mobility, coefficients, moved, slope, turned
+from swingid.simulate.ensemble.series import Axis, Mobility
 
 Array = NDArray[np.float64]
 
-SMALL = 1e-13
-"""rad per step: a fifth coefficient beyond this shows that the step is too long for the series."""
+TERMS = 9
+"""Terms of the series here: more than in the lanes, since Stribeck's peak is passed within a step. A constant, so that
+the compiler unrolls its loops."""
+
+INVERSES = tuple(1.0 / max(k, 1) for k in range(TERMS + 2))
+
+LAST = 1e-13
+"""rad per step: what the last term of a series may be, so that the next is well below it."""
 
 MOST_STEPS, MOST_TRIALS = 30, 60
 BEYOND = 1e-11
 """Of a step: how far behind an edge of the dead zone the motion goes on, so that it is on the other side for sure."""
 
 NONE, AXIS, WHEEL, EDGE, UNSURE = 0, 1, 2, 3, 4
+
+SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK = range(6)
+"""Rows of the series (6, TERMS + 1)."""
 
 
 @njit_lane
@@ -85,18 +94,86 @@ def mode_constants(mode: Mode, h: float, u: float, p: Array) -> tuple[Axis, tupl
 
 
 @njit_lane
-def root(v: float, k: Coefficients, level: float) -> float:
-    """Fraction of a step at which the speed v + k1 x + ... passes `level`, which lies between its ends' values."""
-    low, high, at_low = 0.0, 1.0, v - level
-    x = at_low / (v - moved(v, k, 1.0))
+def expand(a: Array, axis: Axis, wheel: tuple[float, float], mobility: Mobility) -> None:
+    """Taylor's coefficients up to `TERMS`, as `series.coefficients` has them up to 5, into a from its first column.
+
+    That has sine and cosine of q1, U and Y. Time counts in steps; axis, wheel and mobility as there.
+    """
+    gravity, viscous, quadratic, load1, height, peak = axis
+    load2, drag = wheel
+    m11, m12, m22 = mobility
+    a[SQUARE, 0] = a[SPEED, 0] * a[SPEED, 0]
+    a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
+    for k in range(TERMS):
+        if k > 0:
+            # what is newest comes last into each sum, so that the older products need not wait for it
+            s, c, w, g = 0.0, 0.0, 0.0, 0.0
+            for i in range(1, k):
+                s += a[SPEED, i] * a[COS, k - 1 - i]
+                c -= a[SPEED, i] * a[SIN, k - 1 - i]
+                w += a[SPEED, i] * a[SPEED, k - i]
+            a[SIN, k] = (s + a[SPEED, 0] * a[COS, k - 1]) * INVERSES[k]
+            a[COS, k] = (c - a[SPEED, 0] * a[SIN, k - 1]) * INVERSES[k]
+            a[SQUARE, k] = w + 2.0 * a[SPEED, 0] * a[SPEED, k]
+            if height != 0.0:
+                for i in range(k - 1, 0, -1):
+                    g -= (k - i) * a[SQUARE, k - i] * a[PEAK, i]
+                a[PEAK, k] = (g - k * a[SQUARE, k] * a[PEAK, 0]) * (peak * INVERSES[k])
+            load1, load2 = 0.0, 0.0
+        r1 = load1 - gravity * a[SIN, k] - viscous * a[SPEED, k] - quadratic * a[SQUARE, k]
+        if height != 0.0:
+            r1 -= a[PEAK, k]
+        r2 = load2 - drag * a[WHEEL_SPEED, k]
+        a[SPEED, k + 1] = (m11 * r1 - m12 * r2) * INVERSES[k + 1]
+        a[WHEEL_SPEED, k + 1] = (m22 * r2 - m12 * r1) * INVERSES[k + 1]
+
+
+@njit_lane
+def last_terms(v: Array) -> float:
+    """How large the last terms of a series are; two, because one may be small by chance."""
+    return float(abs(v[TERMS]) + 0.1 * abs(v[TERMS - 1]))
+
+
+@njit_lane
+def value(v: Array, x: float) -> float:
+    """Speed (rad per step) at the fraction x of a step."""
+    total = float(v[TERMS])
+    for k in range(TERMS - 1, -1, -1):
+        total = total * x + v[k]
+    return total
+
+
+@njit_lane
+def grade(v: Array, x: float) -> float:
+    """Derivative of `value` (rad per step^2)."""
+    total = float(TERMS * v[TERMS])
+    for k in range(TERMS - 1, 0, -1):
+        total = total * x + k * v[k]
+    return total
+
+
+@njit_lane
+def passed(v: Array, x: float) -> float:
+    """Angle (rad) passed at the fraction x of a step: the integral of `value`."""
+    total = float(v[TERMS]) * INVERSES[TERMS + 1]
+    for k in range(TERMS - 1, -1, -1):
+        total = total * x + v[k] * INVERSES[k + 1]
+    return total * x
+
+
+@njit_lane
+def root(v: Array, end: float, level: float) -> float:
+    """Fraction of a step at which the speed passes `level`, which lies between its values at the start and `end`."""
+    low, high, at_low = 0.0, 1.0, v[0] - level
+    x = at_low / (v[0] - end)
     for _ in range(MOST_TRIALS):
-        value = moved(v, k, x) - level
-        if value * at_low > 0.0:
+        there = value(v, x) - level
+        if there * at_low > 0.0:
             low = x
         else:
             high = x
-        grade = slope(k, x)
-        following = x - value / grade if grade != 0.0 else 0.5 * (low + high)
+        slope = grade(v, x)
+        following = x - there / slope if slope != 0.0 else 0.5 * (low + high)
         if not low < following < high:
             following = 0.5 * (low + high)
         if abs(following - x) < 1e-14:
@@ -107,34 +184,36 @@ def root(v: float, k: Coefficients, level: float) -> float:
 
 @njit_lane
 def first_change(
-    mode: Mode, u: float, y: float, cu: Coefficients, cy: Coefficients, edges: tuple[float, float]
+    mode: Mode, u: Array, y: Array, ends: tuple[float, float], edges: tuple[float, float]
 ) -> tuple[int, float]:
     """(What changes first in a step, at which fraction of it): NONE at 1 where nothing does.
 
-    edges: speeds Y of the wheel between which the motor stays in its branch (rad per step).
+    u, y: series of the speeds, which are `ends` at the end. edges: speeds Y of the wheel between which the motor stays
+    in its branch (rad per step).
     """
     s1, s2, _ = mode
     what, x = NONE, 1.0
     if s1 != 0:
-        if s1 * moved(u, cu, 1.0) < 0.0:
-            if u == 0.0:
+        end = ends[0]
+        if s1 * end < 0.0:
+            if u[0] == 0.0:
                 return UNSURE, 0.0
-            what, x = AXIS, root(u, cu, 0.0)
-        elif s1 * (u + cu[0]) < 0.0:
+            what, x = AXIS, root(u, end, 0.0)
+        elif s1 * (u[0] + u[1]) < 0.0:
             return UNSURE, 0.0
-    y_end = moved(y, cy, 1.0)
+    end = ends[1]
     if s2 != 0:
-        if s2 * y_end < 0.0:
-            if y == 0.0:
+        if s2 * end < 0.0:
+            if y[0] == 0.0:
                 return UNSURE, 0.0
-            there = root(y, cy, 0.0)
+            there = root(y, end, 0.0)
             if there < x:
                 what, x = WHEEL, there
-        elif s2 * (y + cy[0]) < 0.0:
+        elif s2 * (y[0] + y[1]) < 0.0:
             return UNSURE, 0.0
     for edge in edges:
-        if (y_end - edge) * (y - edge) < 0.0:
-            there = root(y, cy, edge)
+        if (end - edge) * (y[0] - edge) < 0.0:
+            there = root(y, end, edge)
             if there < x:
                 what, x = EDGE, there
     return what, x
@@ -155,65 +234,71 @@ def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, floa
 
 
 @njit_lane
-def released(
-    mode: Mode, sine: float, cu: Coefficients, cy: Coefficients, h: float, u: float, drive: float, p: Array
-) -> bool:
+def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -> bool:
     """Whether what rests in a mode may be released within a step, by what friction must hold at its ends."""
     s1, s2, _ = mode
     a12 = p[A12] / (h * h)
     if s1 == 0:
         for k in range(2):
-            dry = p[DIRECT] * u - p[B] * sine - p[OFFSET] - a12 * slope(cy, float(k))
+            dry = p[DIRECT] * u - p[B] * a[SIN, 0] - p[OFFSET] - a12 * grade(a[WHEEL_SPEED], float(k))
             if dry > p[STATIC_P] or dry < -p[STATIC_N]:
                 return True
     if s2 == 0:
         for k in range(2):
-            if abs(drive - a12 * slope(cu, float(k))) > p[WHEEL_STATIC]:
+            if abs(drive - a12 * grade(a[SPEED], float(k))) > p[WHEEL_STATIC]:
                 return True
     return False
 
 
 @njit_threads
-def through(work: Array, h: float, u: float, p: Array) -> float:
-    """Move row NOW of `work` by up to h (s) under the command u through changes of mode; returns what is left (s)."""
-    left = h
+def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -> float:
+    """Move row NOW of `work` by up to h (s) under the command u through changes of mode; returns what is left (s).
+
+    a (6, TERMS + 1): place for the series. parts: into how many parts h may have to be cut.
+    """
+    left, part = h, h / parts
+    speed, wheel_speed = a[SPEED], a[WHEEL_SPEED]
     for _ in range(MOST_STEPS):
         q1, v1, v2 = work[NOW, ANGLE], work[NOW, V1], work[NOW, V2]
         mode = (side(v1), side(v2), motor_branch(u, v2, p))
         if v1 == 0.0 or v2 == 0.0:
             mode = mode_at_rest(q1, v1, v2, 0.0, mode, u, p)
-        sine, cosine = sine_cosine(q1)
-        part = left
+        a[SIN, 0], a[COS, 0] = sine_cosine(q1)
+        part, last, drive = min(part, left), 0.0, 0.0
         for _ in range(MOST_TRIALS):
             axis, wheel, mobility = mode_constants(mode, part, u, p)
-            x_u, x_y = v1 * part, v2 * part
-            cu, cy = coefficients(sine, cosine, x_u, x_y, axis, wheel, mobility, 1)
-            last = max(abs(cu[4]), abs(cy[4]))
-            if last <= SMALL:
+            speed[0], wheel_speed[0], drive = v1 * part, v2 * part, wheel[0]
+            expand(a, axis, wheel, mobility)
+            last = max(last_terms(speed), last_terms(wheel_speed), 1e-300)
+            if last <= LAST:
                 break
-            part *= min(0.9, 0.9 * (SMALL / last) ** (1 / 6))  # the fifth coefficient goes with the step's sixth power
-        if last > SMALL or released(mode, sine, cu, cy, part, u, wheel[0], p):
+            part *= min(0.9, 0.9 * (LAST / last) ** INVERSES[TERMS + 1])
+        if last > LAST or released(mode, a, part, u, drive, p):
             return left
-        what, x = first_change(mode, x_u, x_y, cu, cy, branch_edges(mode[2], part, u, p))
+        ends = value(speed, 1.0), value(wheel_speed, 1.0)
+        what, x = first_change(mode, speed, wheel_speed, ends, branch_edges(mode[2], part, u, p))
         if what == UNSURE:
             return left
         if what == EDGE:
             x = min(x + BEYOND, 1.0)
-        work[NOW, ANGLE] += turned(x_u, cu, x)
-        work[NOW, WHEEL_ANGLE] += turned(x_y, cy, x)
-        work[NOW, V1] = 0.0 if what == AXIS else moved(x_u, cu, x) / part
-        work[NOW, V2] = 0.0 if what == WHEEL else moved(x_y, cy, x) / part
+        work[NOW, ANGLE] += passed(speed, x)
+        work[NOW, WHEEL_ANGLE] += passed(wheel_speed, x)
+        if what != NONE:
+            ends = value(speed, x), value(wheel_speed, x)
+        work[NOW, V1] = 0.0 if what == AXIS else ends[0] / part
+        work[NOW, V2] = 0.0 if what == WHEEL else ends[1] / part
         if what == NONE and part == left:
             return 0.0
         left -= part * x
         if left < 1e-13:
             return left
+        part *= 0.9 * (LAST / last) ** INVERSES[TERMS + 1]
     return left
 
 
 @njit_threads
 def redo(
-    lane: Array, p: Array, h: float, work: Array, nothing: Array, nowhere: Array, counts: NDArray[np.int64]
+    lane: Array, p: Array, h: float, work: Array, a: Array, nothing: Array, nowhere: Array, counts: NDArray[np.int64]
 ) -> None:
     """Take the flagged steps of a block again, with each change located."""
     for i in range(LANES):
@@ -223,7 +308,7 @@ def redo(
         work[NOW, ANGLE], work[NOW, V1] = lane[Q1 * LANES + i], lane[U * LANES + i] / h
         work[NOW, WHEEL_ANGLE], work[NOW, V2] = lane[Q2 * LANES + i], lane[Y * LANES + i] / h
         work[NOW, Z] = 0.0
-        left = through(work, h, command, p[i])
+        left = through(work, a, h, command, p[i], lane[FLAG * LANES + i])
         if left > 0.0:
             advance(0.0, left, command, work, min(left, LONGEST), p[i], nothing, nowhere, counts)
         lane[Q1 * LANES + i], lane[U * LANES + i] = work[NOW, ANGLE], work[NOW, V1] * h

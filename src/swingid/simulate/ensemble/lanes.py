@@ -18,7 +18,8 @@ from swingid.model.sensors import ALPHA, BETA, RESOLUTION, ZERO
 LANES = 32
 """Runs of a block. Its rows are 18 kB, which leaves room in the first-level cache for what is written."""
 
-# State of motion and controller, and what a sample leaves; FLAG: 1 where the step must be taken by itself.
+# State of motion and controller, and what a sample leaves; FLAG: 0, or where the step
+# must be taken by itself into how many parts it may have to be cut.
 Q1, U, Q2, Y, K_TILDE, FILTERED, WHEEL_MEMORY, WHEEL_SEEN, XI = range(9)
 REFERENCE, ANGLE_READING, WHEEL_READING, COMMAND, FLAG = range(9, 14)
 # The axis: torques of gravity and friction, per U where they grow with it.

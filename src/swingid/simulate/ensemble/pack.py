@@ -100,7 +100,9 @@ def run_packed(block: Block, log: Array) -> Array:
                 noise[:, :, i] = draws
     flat = lane.ravel()
     peaked = int(bool(np.any(lane[lanes.PEAK] > 0.0)))
-    run_block(flat, p, block.inputs, block.which[filled], int(block.closed), peaked, steps, h, noise, log)
+    bends = lane[[lanes.ANGLE_COSINE, lanes.ANGLE_SINE, lanes.WHEEL_COSINE, lanes.WHEEL_SINE]]
+    kinds = int(block.closed), peaked, int(bool(np.any(bends)))
+    run_block(flat, p, block.inputs, block.which[filled], kinds, steps, h, noise, log)
     end = lane[[lanes.Q1, lanes.U, lanes.Q2, lanes.Y], :count].T
     result: Array = end * np.array([1.0, 1.0 / h, 1.0, 1.0 / h])
     return result

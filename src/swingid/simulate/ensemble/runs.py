@@ -13,7 +13,7 @@ from swingid.control.compensator import Compensator
 from swingid.errors import UsageError
 from swingid.model import parameters as places
 from swingid.model.parameters import FRICTION_KEYS, MOTOR_KEYS, constants, vector
-from swingid.simulate.draws import CHANNELS, draw_constants, stream
+from swingid.simulate.draws import CHANNELS, draw_constants, draw_nonlinearity, stream
 from swingid.simulate.twin import Controller, Reference
 
 if TYPE_CHECKING:
@@ -71,12 +71,14 @@ class Run:
         ):
             return False
         sensors = [self.rig.sensors.of(name) for name in CHANNELS]
-        return not any(s.bent or s.jitter or s.latency.value or s.latency.std for s in sensors)
+        return not any(s.jitter or s.latency.value or s.latency.std for s in sensors)
 
     def encoders(self) -> NDArray[np.float64]:
         """Arrays (2, 4) of `model.sensors` for axis and wheel."""
         steps = [self.rig.sensors.of(name).resolution for name in CHANNELS]
-        return np.array([[step, 0.0, 0.0, zero] for step, zero in zip(steps, self.encoder_zero, strict=True)])
+        bent = draw_nonlinearity(self.rig, self.seed)
+        rows = zip(steps, bent, self.encoder_zero, strict=True)
+        return np.array([[step, alpha, beta, zero] for step, (alpha, beta), zero in rows])
 
     def noise(self, rows: int) -> NDArray[np.float64] | None:
         """Noise (2, rows) (rad) of the two encoders, None where there is none."""

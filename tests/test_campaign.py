@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -38,13 +37,14 @@ def results(folder: Path) -> bytes:
     return (folder / "results.parquet").read_bytes()
 
 
+def command(out: str, workers: int) -> list[str]:
+    return [sys.executable, "-m", "swingid", "campaign", "plan.toml", "--out", out, "--workers", str(workers)]
+
+
 def test_killed_and_started_again_it_ends_with_the_same_bytes_for_any_number_of_workers(tmp_path: Path) -> None:
     (tmp_path / "plan.toml").write_text(PLAN)
-    plan = plan_from_text(PLAN, "plan.toml")
-    run_campaign(plan, tmp_path / "whole", workers=1)
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    command = [sys.executable, "-m", "swingid", "campaign", "plan.toml", "--out", "killed", "--workers", "2"]
-    process = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.DEVNULL)
+    subprocess.run(command("whole", 1), cwd=tmp_path, check=True, capture_output=True)
+    process = subprocess.Popen(command("killed", 2), cwd=tmp_path, stderr=subprocess.DEVNULL)
     parts = tmp_path / "killed" / "parts"
     deadline = time.monotonic() + 60
     while time.monotonic() < deadline and (not parts.is_dir() or len(list(parts.glob("part-*"))) < 2):
@@ -52,13 +52,11 @@ def test_killed_and_started_again_it_ends_with_the_same_bytes_for_any_number_of_
     process.send_signal(signal.SIGKILL)
     process.wait()
     there = sorted(parts.glob("part-*"))
-    assert 2 <= len(there) < plan.blocks
+    assert 2 <= len(there) < 12
     before = {path: path.stat().st_mtime_ns for path in there}
     assert not (tmp_path / "killed" / "results.parquet").exists()
-    seen: list[tuple[int, int, int]] = []
-    run_campaign(plan, tmp_path / "killed", workers=1, progress=lambda *at: seen.append(at))
-    assert seen[0] == (len(there), 12, len(there))
-    assert seen[-1][:2] == (12, 12)
+    again = subprocess.run(command("killed", 1), cwd=tmp_path, check=True, capture_output=True, text=True)
+    assert f"{len(there)} of 12 runs were there already" in again.stderr
     assert {path: path.stat().st_mtime_ns for path in there} == before
     assert results(tmp_path / "killed") == results(tmp_path / "whole")
 
@@ -106,7 +104,7 @@ def test_a_failed_trial_is_a_row_with_its_reason(tmp_path: Path, monkeypatch: py
 
     monkeypatch.setattr(trial, "drawn_log", drawn)
     rows = pq.read_table(run_campaign(plan, tmp_path / "one", workers=1)).to_pylist()
-    assert [row["status"] for row in rows] == ["refused", "ok", "refused", "failed"]
+    assert [row["status"] for row in rows] == ["refused", "refused", "ok", "failed"]
     assert rows[0]["message"].endswith(".")
     assert rows[3]["code"] == "bug-ZeroDivisionError"
     assert rows[3]["message"] == "by chance"
@@ -159,6 +157,26 @@ def test_the_command_writes_results_summary_and_page(tmp_path: Path, capsys: pyt
     assert "paper-variants" in capsys.readouterr().out
     assert main(["campaign"]) == 2
     assert main(["campaign", "coverage", "--workers", "1", "--scheduler", "tcp://x:1"]) == 2
+
+
+def test_runs_done_together_are_those_of_a_single_log(tmp_path: Path) -> None:
+    """Batched estimates of 40 runs in blocks of 16: each run's truth, and the error of single logs."""
+    text = (
+        PLAN.replace("repeats = 6", "repeats = 20")
+        .replace("block = 1", "block = 16")
+        .replace("duration = 5", "duration = 8")
+    )
+    text = text.replace("[base]\n", '[base]\nmethods = ["momentum-batch"]\n')
+    text = text.replace("both.sensors.noise = 1e-3", 'both.sensors.noise = 1e-3\nboth.axis.inertia = "3.022e-3 ± 3e-5"')
+    plan = plan_from_text(text)
+    rows = pq.read_table(run_campaign(plan, tmp_path / "one", workers=1)).to_pylist()
+    assert [(row["trial"], row["point"], row["repeat"]) for row in rows] == [(k, *divmod(k, 20)) for k in range(40)]
+    truth, value, u = (np.array([row[name] for row in rows]) for name in ("truth", "value", "u"))
+    assert np.std(truth / 3.022e-3) == pytest.approx(0.01, rel=0.4)
+    assert np.sqrt(np.mean((value / truth - 1) ** 2)) < 2e-4
+    assert 0.6 < np.sqrt(np.mean(((value - truth) / u) ** 2)) < 1.6
+    alone = trial.made_log(trial.experiment_at(trial.Known(plan), 1), rows[25]["seed"])
+    assert alone.metadata["truth"]["inertia"] == rows[25]["truth"]
 
 
 def test_progress_says_what_is_left() -> None:

@@ -86,8 +86,9 @@ def _drawn(summary: Summary) -> list[tuple[str, Figure | None, str]]:
 
 
 MAPS = (
-    "Median over everything else that is varied. Grey: no run there came to an end. The inertia's error is that of the "
-    "first method."
+    "Median over everything else that is varied. Crossed out: the loop does not follow in half of the runs (its "
+    "tracking error is above a fifth of the motion, both RMS). A gain that settles after the whole run has not "
+    "settled. Grey: not run. The inertia's error is that of the first method."
 )
 BOXES = (
     "Boxes hold the middle half of the runs, whiskers 95 % of them. Left: how large errors are. Right: in the standard "

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.identify.format import RAISED
 from swingid.identify.plot import GREY, INK, PALE
 
 if TYPE_CHECKING:
@@ -101,12 +102,19 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
 
 
 def plain_powers(axis: Axis) -> None:
-    """Ticks of a logarithmic axis as plain numbers, 0.01 rather than a raised exponent, only at powers of ten."""
+    """Ticks of a logarithmic axis at powers of ten: 0.01, and 10⁻⁵ where plain digits would be many."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axis.set_major_locator(LogLocator(numticks=7))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}".replace("-", "−")))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
     axis.set_minor_formatter(NullFormatter())
+
+
+def power_text(value: float) -> str:
+    """A power of ten as text for a tick."""
+    if 1e-4 < value < 1e5 or value <= 0.0:
+        return f"{value:g}".replace("-", "−")
+    return "10" + f"{round(np.log10(value))}".translate(RAISED)
 
 
 def prefixed(values: Array, unit: str) -> tuple[float, str]:

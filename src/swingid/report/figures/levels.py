@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.identify.plot import GREY
+from swingid.identify.plot import GREEN, GREY, INK
 from swingid.report.figures.forest import LOOKS
 from swingid.report.style import legend_above, new_figure, plain_powers
 
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from swingid.study.campaign.summary import Cell
 
 LEGEND_COLUMNS = 4
+
+MANY_LOOKS = (*LOOKS, (GREEN, "P"), (INK, "X"), (GREY, "h"))
+"""Colour and marker of a method, in turn."""
 
 
 def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Figure | None:
@@ -35,7 +38,7 @@ def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Fig
     rows = math.ceil((len(methods) + 1) / LEGEND_COLUMNS)
     figure, (ax,) = new_figure((2.8 if numbers else 0.8 + 0.28 * len(levels)) + 0.2 * rows)
     for k, method in enumerate(methods):
-        colour, marker = LOOKS[k % len(LOOKS)]
+        colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
         own = [c for c in cells if c.method == method]
         sizes, errors = [100 * c.statistics.rmse[0] for c in own], [100 * c.statistics.rmse[1] for c in own]
         look: dict[str, Any] = {"ms": 5, "mew": 0, "color": colour, "elinewidth": 1.0, "capsize": 0, "label": method}

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.identify.plot import INK, PALE
+from swingid.identify.plot import INK, PALE, VERMILION
 from swingid.report.style import new_figure
 
 if TYPE_CHECKING:
@@ -24,6 +25,9 @@ PANELS = (
     ("error", 100.0, "size of the inertia's error, %"),
 )
 """Column of the results, factor, words."""
+
+FOLLOWS = 0.2
+"""Share of the wanted motion's RMS up to which the tracking error counts as following it."""
 
 DARK = 0.55
 """Share of the colour scale from which on numbers are written in white."""
@@ -51,6 +55,8 @@ def draw_map(summary: Summary, pair: tuple[str, str]) -> Figure | None:
                 known = known[np.isfinite(known)]
                 values[i, j] = factor * np.median(known) if len(known) else np.nan
         _panel(axes, values, words)
+        if column == "tracking":
+            _cross_out(axes, summary, pair, (across, up))
     for axes in panels[2:]:
         axes.set_xticks(range(len(across)), [_label(x) for x in across])
         axes.set_xlabel(pair[0])
@@ -68,6 +74,20 @@ def _label(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def _cross_out(axes: Axes, summary: Summary, pair: tuple[str, str], levels: tuple[Values, Values]) -> None:
+    """A cross over the cells where the loop does not follow in half of the runs."""
+    share = summary.columns["tracking"] / summary.columns["wanted"]
+    for (i, y), (j, x) in product(enumerate(levels[1]), enumerate(levels[0])):
+        own = share[(summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)]
+        if len(own) and not np.nanmedian(np.where(np.isfinite(own), own, np.inf)) <= FOLLOWS:
+            axes.plot([j - 0.5, j + 0.5], [i - 0.5, i + 0.5], color=VERMILION, lw=0.9)
+            axes.plot([j - 0.5, j + 0.5], [i + 0.5, i - 0.5], color=VERMILION, lw=0.9)
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}" if value >= 1e-3 else f"{value:.0e}".replace("e-0", "e-")
+
+
 def _panel(axes: Axes, values: Values, words: str) -> None:
     """Cells coloured by the logarithm of their value, with the value in them."""
     logs = np.log10(np.where(values > 0, values, np.nan))
@@ -77,7 +97,7 @@ def _panel(axes: Axes, values: Values, words: str) -> None:
     for (i, j), value in np.ndenumerate(values):
         if np.isfinite(value):
             share = (logs[i, j] - low) / max(high - low, 0.5) if np.isfinite(logs[i, j]) else 0.0
-            axes.text(j, i, f"{value:.2g}", ha="center", va="center", size=7.0, color="white" if share > DARK else INK)
+            axes.text(j, i, _short(value), ha="center", va="center", size=7.0, color="white" if share > DARK else INK)
     axes.set_title(words)
     axes.grid(visible=False)
     axes.tick_params(length=0)

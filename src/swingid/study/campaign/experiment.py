@@ -14,6 +14,7 @@ from swingid.errors import InputError, UsageError
 from swingid.identify.run import check_options, method_function
 from swingid.model.rig import Rig
 from swingid.study.campaign.factors import Point, Times, flattened
+from swingid.study.campaign.tables import BATCHED, KEYS_IN_WORDS, is_key
 from swingid.units import Quantity, parse_quantity
 
 if TYPE_CHECKING:
@@ -48,6 +49,7 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
     """The experiment of a point. Raises InputError or UsageError that names the key which cannot be."""
     base = plan.tables.base
     settings = _base_settings(plan) | point.settings
+    _check_keys(plan, point)
     source, text = plan.rigs[str(settings["rig"])]
     rig = changed(Rig.from_text(text, source), _under(settings, "both"))
     twin = changed(rig, _under(settings, "twin"))
@@ -70,6 +72,16 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
         base.draw,
         tuple(_method(plan, name, _under(settings, f"methods.{name}")) for name in base.methods),
     )
+
+
+def _check_keys(plan: Plan, point: Point) -> None:
+    """Raise InputError for a setting that nothing would heed."""
+    for key in point.settings:
+        if not is_key(key):
+            raise InputError(f"{key} is nothing that can be set; {KEYS_IN_WORDS}", code="unknown-key")
+        prefix, _, rest = key.partition(".")
+        if prefix == "methods" and rest.partition(".")[0] not in plan.tables.base.methods:
+            raise InputError(f"{key} belongs to a method that base.methods does not name", code="unknown-key")
 
 
 def _base_settings(plan: Plan) -> dict[str, Any]:
@@ -162,6 +174,10 @@ def _method(plan: Plan, name: str, settings: dict[str, Any]) -> tuple[str, str, 
     table = dict(plan.tables.methods.get(name, {"method": name}))
     method = str(table.pop("method"))
     options: dict[str, object] = table | settings
+    if method in BATCHED:
+        if options:
+            raise InputError(f"{method} has no options, such as {next(iter(options))}", code="unknown-option")
+        return name, method, {}
     check_options(method, method_function(method), options)
     return name, method, options
 

@@ -19,11 +19,12 @@ AT_LIMIT = 0.999
 class Loop:
     """Measures of one run; NaN where there is no loop.
 
-    tracking: RMS of y_m - q1 over the second half (rad). k_tilde: the gain at the end. settling (s): since when k tilde
-    is within 1 % of it. chatter: RMS of the voltage's change from sample to sample over the second half (V; direct
-    drive N m). saturated: share of the second half at the limit of the voltage.
+    wanted, tracking: RMS of y_m less its mean, and of y_m - q1, over the second half (rad). k_tilde: the gain at the
+    end. settling (s): since when k tilde is within 1 % of it. chatter: RMS of the voltage's change from sample to
+    sample over the second half (V; direct drive N m). saturated: share of the second half at the voltage's limit.
     """
 
+    wanted: float = np.nan
     tracking: float = np.nan
     k_tilde: float = np.nan
     settling: float = np.nan
@@ -45,4 +46,4 @@ def loop_of(log: Recording, limit: float | None) -> Loop:
         chatter = float(np.sqrt(np.mean(np.diff(commands[half]) ** 2)))
         saturated = 0.0 if limit is None else float(np.mean(np.abs(commands[half]) >= AT_LIMIT * limit))
     tracking = float(np.sqrt(np.mean((log.reference - log.angle)[half] ** 2)))
-    return Loop(tracking, float(gain[-1]), float(settled), chatter, saturated)
+    return Loop(float(np.std(log.reference[half])), tracking, float(gain[-1]), float(settled), chatter, saturated)

@@ -18,7 +18,7 @@ from swingid.errors import InputError, SwingidError, UsageError
 from swingid.model.rig import Rig
 from swingid.model.rig.errors import describe
 from swingid.study.campaign.factors import Point, flattened, levels_of, points_of
-from swingid.study.campaign.tables import MOST_TRIALS, PlanTables
+from swingid.study.campaign.tables import BATCHED, MOST_TRIALS, PlanTables
 
 
 @dataclass(frozen=True)
@@ -60,17 +60,19 @@ class Plan:
         """Number of blocks of trials, each of which is done as a whole."""
         return -(-self.trials // self.tables.block)
 
+    @property
+    def batched(self) -> bool:
+        """Whether the runs of a point are simulated and identified together."""
+        return bool(self.tables.base.methods) and self.tables.base.methods[0] in BATCHED
+
     def block(self, number: int) -> range:
         """The trials of a block."""
         size = self.tables.block
         return range(number * size, min((number + 1) * size, self.trials))
 
     def place(self, trial: int) -> tuple[int, int]:
-        """(point, repeat) of a trial: all points once, then all again; of fewer runs than points an even choice."""
-        count = len(self.points)
-        if self.trials < count:
-            return trial * count // self.trials, 0
-        return trial % count, trial // count
+        """(point, repeat) of a trial: all repeats of a point, then the next; of fewer runs an even choice."""
+        return divmod(trial * self.whole // self.trials, self.tables.repeats)
 
     def seed(self, point: int, repeat: int) -> int:
         """The seed of a trial: the second child of the plan's seed, its child by repeat, and by point.
@@ -82,12 +84,10 @@ class Plan:
         return int(sequence.generate_state(1, np.uint64)[0] >> np.uint64(1))
 
     def identity(self) -> dict[str, Any]:
-        """What decides the results: the plan but for its words, the rigs, the number of runs, the version."""
-        from swingid import __version__
-
+        """What decides the results beside the code: the plan but for its words, the rigs, the number of runs."""
         decisive = {k: v for k, v in self.document.items() if k not in ("about", "takes", "report")}
         rigs = {name: hashlib.sha256(text.encode()).hexdigest() for name, (_, text) in self.rigs.items()}
-        return {"plan": decisive, "rigs": rigs, "runs": self.trials, "swingid": __version__}
+        return {"plan": decisive, "rigs": rigs, "runs": self.trials}
 
     def with_runs(self, runs: int | None) -> Plan:
         """The plan with at most so many trials. Raises UsageError unless it is positive."""

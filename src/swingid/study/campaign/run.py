@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from swingid.errors import UsageError
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished
 from swingid.study.campaign.workers import blocks_done
@@ -29,8 +30,6 @@ def run_campaign(
     Raises InputError where the folder holds another plan's results or cannot be written, UsageError for fewer than one
     worker or a missing package.
     """
-    from swingid.errors import UsageError
-
     if workers is not None and workers < 1:
         raise UsageError(f"--workers is {workers}; give a positive number of processes", code="bad-workers")
     store = Store(plan, Path(folder))
@@ -41,6 +40,7 @@ def run_campaign(
             progress(done, plan.trials, already)
         missing = [block for block in range(plan.blocks) if block not in there]
         if missing or not is_finished(store.folder):
+            store.check_code()
             for block, rows in blocks_done(plan, missing, workers, scheduler):
                 store.write(block, rows)
                 done += len(plan.block(block))

@@ -7,12 +7,14 @@ results.parquet    all rows in the order of trials, written when the last block 
 
 from __future__ import annotations
 
+import hashlib
 import io
 import json
 import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -57,22 +59,28 @@ class Store:
         except OSError as error:
             raise InputError(f"cannot make {folder}: {error.strerror}", code="cannot-write") from None
         if not manifest.is_file():
-            content = {"schema": SCHEMA, **plan.identity()}
+            content = {"schema": SCHEMA, **plan.identity(), **made_by()}
             write_whole(manifest, (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
 
     def _check_same(self, manifest: Path) -> None:
-        try:
-            there = json.loads(manifest.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            raise InputError(f"{manifest} is no campaign's; give another folder with --out", code="bad-json") from None
-        there.pop("schema", None)
-        key = differing_key(there, self.plan.identity())
+        key = differing_key(_without(read_manifest(manifest), ("schema", *made_by())), self.plan.identity())
         if key:
             raise InputError(
                 f"{self.folder} holds results of another plan ({key} differs); give another folder with --out, or "
                 "remove this one",
                 code="other-plan",
             )
+
+    def check_code(self) -> None:
+        """Raise InputError where the results that are there were made by other code than this."""
+        there = read_manifest(self.folder / MANIFEST)
+        for key, value in made_by().items():
+            if there.get(key) != value:
+                raise InputError(
+                    f"{self.folder} was begun by another version of swingid ({key} differs); go on with that, or give "
+                    "another folder with --out",
+                    code="other-version",
+                )
 
     @contextmanager
     def alone(self) -> Iterator[None]:
@@ -155,6 +163,34 @@ class Store:
         buffer = io.BytesIO()
         pq.write_table(table, buffer, compression="zstd", row_group_size=1 << 16)
         write_whole(target, buffer.getvalue())
+
+
+def read_manifest(path: Path) -> dict[str, Any]:
+    """The content of campaign.json; InputError where it is none."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        content = None
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError(f"{path} is no campaign's; give another folder with --out", code="bad-json")
+    return content
+
+
+def _without(content: dict[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
+    return {key: value for key, value in content.items() if key not in keys}
+
+
+@cache
+def made_by() -> dict[str, str]:
+    """Version of swingid, and a hash of its code below the reports, for nobody changes a version with every edit."""
+    import swingid
+
+    package = Path(swingid.__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        if path.relative_to(package).parts[0] not in ("cli", "report"):
+            digest.update(path.read_bytes())
+    return {"swingid": swingid.__version__, "code": digest.hexdigest()[:16]}
 
 
 def is_finished(folder: Path) -> bool:

@@ -28,7 +28,7 @@ MOST_LEVELS = 12
 
 BINS = 4
 
-LOOP = ("tracking", "k_tilde", "settling", "chatter", "saturated")
+LOOP = ("wanted", "tracking", "k_tilde", "settling", "chatter", "saturated")
 
 
 @dataclass(frozen=True)

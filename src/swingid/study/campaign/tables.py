@@ -18,6 +18,11 @@ SAMPLED = ("random", "latin-hypercube", "sobol")
 PREFIXES = ("both", "twin", "stated", "controller", "methods", "reference")
 PLAIN_KEYS = ("rig", "reference", "duration", "rate", "initial_angle")
 
+KEYS_IN_WORDS = f"give {', '.join(PLAIN_KEYS)}, or a key that begins with {', '.join(f'{p}.' for p in PREFIXES)}"
+
+BATCHED = ("momentum-batch", "energy-batch")
+"""Methods that read all runs of a point together, `swingid.identify.batch`."""
+
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 MOST_TRIALS = 10_000_000
 
@@ -48,13 +53,8 @@ class Factor(Table):
                 refuse("bad-factor", "is empty; give at least one level", "levels")
         elif self.key is None:
             refuse("missing-key", 'is missing; name what is varied, such as "twin.sensors.noise"', "key")
-        elif not _is_key(self.key):
-            refuse(
-                "unknown-key",
-                f"is {self.key!r}; give {', '.join(PLAIN_KEYS)}, or a key that begins with "
-                f"{', '.join(f'{p}.' for p in PREFIXES)}",
-                "key",
-            )
+        elif not is_key(self.key):
+            refuse("unknown-key", f"is {self.key!r}; {KEYS_IN_WORDS}", "key")
         self._check_numbers()
         return self
 
@@ -161,20 +161,30 @@ class PlanTables(Table):
                 has = "is missing" if "method" not in table else f"is {table['method']!r}"
                 refuse("unknown-method", f"{has}; choose one of {', '.join(METHODS)}", f"methods.{name}.method")
         for name in self.base.methods:
-            if name not in METHODS and name not in self.methods:
-                known = ", ".join((*METHODS, *self.methods))
+            if name not in (*METHODS, *BATCHED, *self.methods):
+                known = ", ".join((*METHODS, *BATCHED, *self.methods))
                 refuse(
                     "unknown-method", f"names {name!r}; choose of {known}, or define [methods.{name}]", "base.methods"
                 )
+        batched = [name for name in self.base.methods if name in BATCHED]
+        if batched and len(batched) < len(self.base.methods):
+            refuse(
+                "contradiction",
+                f"names {batched[0]!r} beside others; give only {' and '.join(BATCHED)}",
+                "base.methods",
+            )
+        if batched and self.quantities != ["inertia"]:
+            refuse("contradiction", f'must be ["inertia"], all that {batched[0]} answers', "quantities")
 
 
 RESERVED = (
     "trial", "point", "repeat", "seed", "method", "quantity", "status", "code", "message", "warnings", "truth", "value",
-    "u", "low", "high", "error", "bound", "tracking", "k_tilde", "settling", "chatter", "saturated",
+    "u", "low", "high", "error", "bound", "wanted", "tracking", "k_tilde", "settling", "chatter", "saturated",
 )  # fmt: skip
 """Columns of the results that are no factors."""
 
 
-def _is_key(key: str) -> bool:
+def is_key(key: str) -> bool:
+    """Whether a dotted key is one that can be set or varied."""
     prefix, dot, rest = key.partition(".")
     return key in PLAIN_KEYS or (prefix in PREFIXES and bool(dot) and bool(rest))

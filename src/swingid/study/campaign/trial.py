@@ -6,7 +6,7 @@ A trial is a pure function of the plan and its number: any process may do it, at
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -15,11 +15,12 @@ from swingid.errors import SwingidError
 from swingid.identify.output_error.bound import cramer_rao
 from swingid.identify.run import identify
 from swingid.study.campaign.experiment import Experiment, experiment_of
+from swingid.study.campaign.kernels import ensure_compiled
 from swingid.study.campaign.loop import Loop, loop_of
 from swingid.study.rehearse.trial import drawn_log, through_file
 
 if TYPE_CHECKING:
-    from swingid.identify.result import Result
+    from swingid.identify.result import Parameter, Result
     from swingid.recording.recording import Recording
     from swingid.study.campaign.plan import Plan
 
@@ -31,39 +32,38 @@ FAILED, REFUSED = "failed", "refused"
 
 def run_block(plan: Plan, block: int) -> list[Row]:
     """The rows of all trials of a block, in their order."""
-    return [row for trial in plan.block(block) for row in run_trial(plan, trial)]
+    ensure_compiled(plan)
+    return block_rows(plan, plan.block(block))
+
+
+def block_rows(plan: Plan, trials: Sequence[int]) -> list[Row]:
+    """The rows of some trials, in their order."""
+    if plan.batched:
+        from swingid.study.campaign.batch import batch_rows
+
+        return batch_rows(plan, trials)
+    return [row for trial in trials for row in run_trial(plan, trial)]
 
 
 def run_trial(plan: Plan, trial: int) -> list[Row]:
     """The rows of one trial: one per method and quantity, whatever happens in it."""
-    point, repeat = plan.place(trial)
-    seed = plan.seed(point, repeat)
-    head: Row = {"trial": trial, "point": point, "repeat": repeat, "seed": seed, **plan.points[point].labels}
+    head = head_of(plan, trial)
     names = plan.tables.base.methods or [""]
     try:
-        experiment = _experiment(_Known(plan), point)
-        log = drawn_log(
-            experiment.twin,
-            experiment.reference,
-            experiment.controller,
-            duration=experiment.duration,
-            rate=experiment.rate,
-            initial_angle=experiment.initial_angle,
-            seed=seed,
-            draw=experiment.draw,
-        )
+        experiment = experiment_at(Known(plan), head["point"])
+        log = made_log(experiment, head["seed"])
         known = through_file(log, experiment.told)
     except Exception as error:
         # whatever it is, it is this trial's alone: the others go on, and the row says what happened
-        return [_row(head, name, q, FAILED, error=error) for name in names for q in plan.tables.quantities]
+        return [numberless(head, name, q, FAILED, error=error) for name in names for q in plan.tables.quantities]
     motor = experiment.twin.drive.motor
     loop = loop_of(log, None if motor is None else motor.voltage_limit)
     truth = log.metadata["truth"]
     assert isinstance(truth, dict)
-    bounds = _bounds(plan, experiment, log)
+    bounds = bounds_of(plan, experiment, log)
     rows = []
     if not experiment.methods:
-        rows += [_row(head, "", q, "ok", truth, loop, bounds) for q in plan.tables.quantities]
+        rows += [numberless(head, "", q, "ok", truth, loop, bounds) for q in plan.tables.quantities]
     for name, method, options in experiment.methods:
         try:
             result: Result | Exception = identify(known, experiment.told, method, **options)
@@ -73,26 +73,48 @@ def run_trial(plan: Plan, trial: int) -> list[Row]:
     return rows
 
 
-class _Known:
-    """A plan that `lru_cache` tells apart by identity of its contents rather than by comparing all of it."""
+def head_of(plan: Plan, trial: int) -> Row:
+    """The columns that say which trial a row belongs to."""
+    point, repeat = plan.place(trial)
+    place = {"trial": trial, "point": point, "repeat": repeat, "seed": plan.seed(point, repeat)}
+    return {**place, **plan.points[point].labels}
+
+
+def made_log(experiment: Experiment, seed: int) -> Recording:
+    """The twin's log of an experiment, before it goes through a file."""
+    return drawn_log(
+        experiment.twin,
+        experiment.reference,
+        experiment.controller,
+        duration=experiment.duration,
+        rate=experiment.rate,
+        initial_angle=experiment.initial_angle,
+        seed=seed,
+        draw=experiment.draw,
+    )
+
+
+class Known:
+    """A plan as a key of caches: equal where what decides its results is."""
 
     def __init__(self, plan: Plan) -> None:
         self.plan = plan
         self.key = (plan.source, repr(plan.identity()))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Known) and self.key == other.key
+        return isinstance(other, Known) and self.key == other.key
 
     def __hash__(self) -> int:
         return hash(self.key)
 
 
 @lru_cache(maxsize=64)
-def _experiment(known: _Known, point: int) -> Experiment:
+def experiment_at(known: Known, point: int) -> Experiment:
+    """The experiment of a point, made once per process."""
     return experiment_of(known.plan, known.plan.points[point])
 
 
-def _bounds(plan: Plan, experiment: Experiment, log: Recording) -> dict[str, float]:
+def bounds_of(plan: Plan, experiment: Experiment, log: Recording) -> dict[str, float]:
     """Least standard deviations by quantity, where the plan asks for them and the sensors have noise."""
     asked = plan.tables.bound
     if asked is None:
@@ -108,21 +130,23 @@ def _answer(
     head: Row, name: str, quantity: str, result: Result | Exception, truth: Row, loop: Loop, bounds: dict[str, float]
 ) -> Row:
     if isinstance(result, Exception):
-        return _row(head, name, quantity, REFUSED, truth, loop, bounds, error=result)
+        return numberless(head, name, quantity, REFUSED, truth, loop, bounds, error=result)
     if quantity not in result.parameters:
         missing = SwingidError(f"{name} does not identify {quantity}", code="not-identified")
-        return _row(head, name, quantity, REFUSED, truth, loop, bounds, error=missing)
-    row = _row(head, name, quantity, result.status, truth, loop, bounds, (w.code for w in result.warnings))
-    found = result.parameters[quantity]
+        return numberless(head, name, quantity, REFUSED, truth, loop, bounds, error=missing)
+    row = numberless(head, name, quantity, result.status, truth, loop, bounds, (w.code for w in result.warnings))
+    return with_number(row, result.parameters[quantity])
+
+
+def with_number(row: Row, found: Parameter) -> Row:
+    """A row with a number put in."""
     low, high = found.interval95 or (math.nan, math.nan)
     u = math.nan if found.standard_uncertainty is None else found.standard_uncertainty
-    true = row["truth"]
-    row |= {"value": found.value, "u": u, "low": low, "high": high}
-    row["error"] = found.value / true - 1 if true else math.nan
-    return row
+    error = found.value / row["truth"] - 1 if row["truth"] else math.nan
+    return row | {"value": found.value, "u": u, "low": low, "high": high, "error": error}
 
 
-def _row(
+def numberless(
     head: Row,
     name: str,
     quantity: str,

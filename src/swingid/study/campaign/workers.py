@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from swingid.errors import InputError, UsageError
+from swingid.study.campaign.store import made_by
 from swingid.study.campaign.trial import Row, run_block
 
 if TYPE_CHECKING:
@@ -94,23 +95,17 @@ def _by_dask(plan: Plan, blocks: Sequence[int], scheduler: str) -> Iterator[Done
 
 def _check_versions(client: Any) -> None:
     """Raise InputError for workers with another swingid, whose numbers could differ."""
-    from swingid import __version__
-
     try:
-        found = client.run(_version)
+        found = client.run(made_by)
     except Exception as error:
         raise InputError(
-            f"a worker of the cluster cannot import swingid {__version__} ({type(error).__name__}); install it there",
+            f"a worker of the cluster cannot import swingid ({type(error).__name__}); install it there",
             code="no-swingid",
         ) from None
-    for address, version in found.items():
-        if version != __version__:
+    for address, there in found.items():
+        if there != made_by():
             raise InputError(
-                f"worker {address} has swingid {version}, and here is {__version__}; install the same", code="version"
+                f"worker {address} has another version of swingid ({there.get('swingid')}, code {there.get('code')}); "
+                "install the same everywhere",
+                code="other-version",
             )
-
-
-def _version() -> str:
-    from swingid import __version__
-
-    return __version__

@@ -91,9 +91,6 @@ def drawn_log(
     draw: bool = True,
 ) -> Recording:
     """A run of the twin with the places of its encoders' grids drawn, and with `draw` its constants too."""
-    # where the grid of an encoder lies is chance, and decides what its rounding does to a motion that repeats
-    place = np.random.default_rng([seed, 1]).random(2)
-    steps = (rig.sensors.of("angle").resolution, rig.sensors.of("wheel").resolution)
     return simulate(
         rig,
         reference,
@@ -103,8 +100,18 @@ def drawn_log(
         seed=seed,
         initial_angle=initial_angle,
         draw=draw,
-        encoder_zero=(float(place[0] * steps[0]), float(place[1] * steps[1])),
+        encoder_zero=encoder_places(rig, seed),
     )
+
+
+def encoder_places(rig: Rig, seed: int) -> tuple[float, float]:
+    """What the encoders of axis and wheel read at angle 0, within one step (rad).
+
+    Where the grid of an encoder lies is chance, and decides what its rounding does to a motion that repeats.
+    """
+    place = np.random.default_rng([seed, 1]).random(2)
+    steps = (rig.sensors.of("angle").resolution, rig.sensors.of("wheel").resolution)
+    return float(place[0] * steps[0]), float(place[1] * steps[1])
 
 
 def through_file(log: Recording, rig: Rig) -> Recording:

@@ -165,7 +165,7 @@ def passed(v: Array, x: float) -> float:
 def root(v: Array, end: float, level: float) -> float:
     """Fraction of a step at which the speed passes `level`, which lies between its values at the start and `end`."""
     low, high, at_low = 0.0, 1.0, v[0] - level
-    x = at_low / (v[0] - end)
+    x = float(at_low / (v[0] - end))
     for _ in range(MOST_TRIALS):
         there = value(v, x) - level
         if there * at_low > 0.0:

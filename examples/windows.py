@@ -44,7 +44,8 @@ def fits(log: sw.Recording, rig: sw.Rig, half: float) -> tuple[WindowFit, Window
     whole = find_motion(log.time, log.angle, noise.angle)
     start, stop, _ = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
-    signals = Signals.of(used, rig, whole.within(float(used.time[0]), float(used.time[-1])))
+    motion = whole.within(float(used.time[0]), float(used.time[-1]))
+    signals = Signals.of(used, rig, motion, longest=0.0)  # blocks of one interval, for the sums to be plain
     rows = rows_of(signals, law_windows(signals, half))
     exact = fit_rows(rows, Scale.of(rig), noise, BASIS)
     plain = fit_rows(replace(rows, inertia=plain_sum(signals, rows.windows)), Scale.of(rig), noise, BASIS)

@@ -85,6 +85,16 @@ class Motion:
         """Median time between turning points in s."""
         return float(np.median(np.diff(self.turning_times)))
 
+    @cached_property
+    def quickest(self) -> float:
+        """Time (s) in which the quickest turn of the motion passes: its speed through its acceleration; 1/ω of a sine.
+
+        The acceleration is that which a hundredth of the grid exceeds.
+        """
+        grid, speed = self.speed.grid, self.speed.speed
+        acceleration = float(np.quantile(np.abs(np.diff(speed) / np.diff(grid)), 0.99))
+        return float(np.max(np.abs(speed))) / max(acceleration, 1e-300)
+
     def reread(self, time: Array, angle: Array, reach: float) -> Motion:
         """The same motion with its turning points read off cubics over ±`reach` s, from samples of the whole log."""
         reach = max(reach, WIDTHS[0] * typical_step(time))
@@ -141,7 +151,8 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
     scale = np.nanmax(np.abs(speeds))
     while width * WIDTHS[1] < longest:
         wider = local_cubic(time, angle, places, width * WIDTHS[1])[:, 1]
-        change = np.sqrt(np.nanmean((wider - speeds) ** 2))
+        change = wider - speeds
+        change = np.sqrt(np.mean(change[np.isfinite(change)] ** 2))
         if change > 1.3 * max(_slope_noise(noise, step, width), 1e-9 * scale):
             break
         width, speeds = width * WIDTHS[1], wider

@@ -35,6 +35,9 @@ RESTLESS = 0.05
 
 FEWEST_ROWS = 12
 
+SWINGS = 16
+"""The first swings of a log, on which the balance is weighed: no check of a reading needs more."""
+
 GOOD = 0.05
 """Relative residual below which nobody asks whether the voltage is turned."""
 
@@ -98,23 +101,26 @@ def motor_torque(motor: Motor, voltage: Array, wheel_speed: Array) -> Array:
 
 
 def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, noise: Noise) -> MotorBalance | None:
-    """Residuals of row (II) on `windows`; None without voltage or motor constants."""
+    """Residuals of row (II) on `windows` over the first swings; None without voltage or motor constants."""
     motor, wheel = rig.drive.motor, signals.wheel
     if motor is None or wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
         return None
-    nodes = signals.nodes
+    turning = signals.motion.turning_times
+    nodes = signals.nodes.until(turning[SWINGS]) if len(turning) > SWINGS else signals.nodes
+    blocks, stamps = len(nodes.rows) - 1, nodes.stamps
+    windows = windows.select(windows.centres + windows.half <= nodes.time[-1])
     assert signals.wheel_values is not None
-    speed = smooth_speed(nodes.time, signals.wheel_values, noise.wheel, spacing=1.5)
-    wheel_speed, voltage = speed.at_nodes(nodes), _voltage(log, rig, nodes)
+    speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
+    # the dead zone bends, so the torque is taken row by row, held in between, and only then gathered into blocks
+    middles = (stamps[1:] + stamps[:-1]) / 2
+    wheel_speed, voltage = speed.at(middles), _voltage(log, rig, middles)
     is_relative = rig.log.wheel_angle_is == "relative"
     sign = -1.0 if is_relative else 1.0
-    other_speed = wheel_speed + sign * signals.speed
+    other_speed = wheel_speed + sign * signals.motion.speed.at(middles)
     slow, other_slow = _slow(speed, 0.0), _slow(speed, signals.motion.speed.noise)
-    terms = [
-        *_terms(motor, voltage, wheel_speed, slow),
-        *_terms(motor, voltage, other_speed, other_slow),
-    ]
-    part = project(nodes, [(signals.angle, 2), (wheel, 2), *((x, 0) for x in terms)], windows.centres, windows.half)
+    terms = np.stack([*_terms(motor, voltage, wheel_speed, slow), *_terms(motor, voltage, other_speed, other_slow)])
+    columns = [(signals.angle[:blocks], 2), (wheel[:blocks], 2), *((x, 0) for x in nodes.held(terms))]
+    part = project(nodes, columns, windows.centres, windows.half)
     a12, a22 = rig.drive.a12, rig.drive.a22
     angle, turn = part[:, 0], part[:, 1]
     stated = _Reading(a12 * angle + a22 * turn, part[:, 2], part[:, 3], part[:, 4:7])
@@ -127,7 +133,7 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     left, turned = stated.residual(expected), np.inf
     if left > GOOD:
         driven = _terms(motor, -voltage, wheel_speed, slow)[0]
-        against = project(nodes, [(driven, 0)], windows.centres, windows.half)[:, 0]
+        against = project(nodes, [(nodes.held(driven[None])[0], 0)], windows.centres, windows.half)[:, 0]
         turned = replace(stated, driven=against).residual(expected)
     return MotorBalance(
         as_stated=left,
@@ -140,15 +146,15 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     )
 
 
-def _voltage(log: Recording, rig: Rig, nodes: GaussNodes) -> Array:
-    """The voltage at the nodes, on the clock of the angle: an angle that is read late meets a later voltage."""
+def _voltage(log: Recording, rig: Rig, middles: Array) -> Array:
+    """The voltage between the rows, on the clock of the angle: an angle that is read late meets a later voltage."""
     assert log.voltage is not None
-    late = rig.sensors.of("angle").latency.value
+    late, count = rig.sensors.of("angle").latency.value, len(middles)
     if log.drive_held:
-        return nodes.hold(log.voltage, late)
-    instants = nodes.instants
-    bends = spline_slopes(log.time, log.voltage)
-    return spline_at(log.time, log.voltage, bends, (instants + late).ravel(), 0).reshape(instants.shape)
+        moved = log.voltage[:, None] if late == 0.0 else GaussNodes(log.time, 2).hold(log.voltage, late)
+        held: Array = moved[:count].mean(axis=1)
+        return held
+    return spline_at(log.time, log.voltage, spline_slopes(log.time, log.voltage), middles + late, 0)
 
 
 def _slow(speed: Speed, more: float) -> float:
@@ -157,7 +163,7 @@ def _slow(speed: Speed, more: float) -> float:
 
 
 def _terms(motor: Motor, voltage: Array, rate: Array, slow: float) -> tuple[Array, ...]:
-    """At the nodes: right side of (II), what friction at rest may add to it, and its derivatives for c1, f2, f3."""
+    """Between the rows: right side of (II), what friction at rest may add to it, and its derivatives for c1, f2, f3."""
     gear, coulomb = motor.gear_ratio.value, motor.coulomb.value
     rests = (np.abs(rate) < slow).astype(np.float64)
     direction: Array = np.sign(rate) * (1.0 - rests)

@@ -7,7 +7,54 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.numerics.compiled import njit, njit_sums
+
 Array = NDArray[np.float64]
+
+
+@njit
+def symmetric_inverse(matrix: Array) -> Array:
+    """Inverse of a small positive definite matrix, for compiled loops where a call of LAPACK costs more (Cholesky)."""
+    n = len(matrix)
+    factor, inverse = np.zeros((n, n)), np.zeros((n, n))
+    for a in range(n):
+        for c in range(a + 1):
+            total = matrix[a, c]
+            for j in range(c):
+                total -= factor[a, j] * factor[c, j]
+            factor[a, c] = np.sqrt(max(total, 1e-300)) if a == c else total / factor[c, c]
+    for k in range(n):  # the columns of L⁻¹, then L⁻ᵀ L⁻¹
+        for a in range(k, n):
+            total = 1.0 if a == k else 0.0
+            for j in range(k, a):
+                total -= factor[a, j] * inverse[j, k]
+            inverse[a, k] = total / factor[a, a]
+    result = np.zeros((n, n))
+    for a in range(n):
+        for c in range(n):
+            for j in range(max(a, c), n):
+                result[a, c] += inverse[j, a] * inverse[j, c]
+    return result
+
+
+@njit_sums
+def _newey_west(influence: Array, residuals: Array, lag: int) -> Array:
+    """Σ over lags of the Bartlett-weighted products of scores, the rows of influence times residuals."""
+    unknowns, count = influence.shape
+    scores = influence * residuals
+    result = np.zeros((unknowns, unknowns))
+    for a in range(unknowns):
+        for c in range(a + 1):
+            total = 0.0
+            for i in range(count):
+                total += scores[a, i] * scores[c, i]
+            for k in range(1, min(lag, count - 1) + 1):
+                cross = 0.0
+                for i in range(count - k):
+                    cross += scores[a, i + k] * scores[c, i] + scores[c, i + k] * scores[a, i]
+                total += (1.0 - k / (lag + 1.0)) * cross
+            result[a, c] = result[c, a] = total
+    return result
 
 
 @dataclass(frozen=True)
@@ -27,11 +74,7 @@ class LinearFit:
 
         (Newey and West 1987, Bartlett weights; small-sample factor from the number of rows that do not overlap.)
         """
-        scores = self.influence * self.residuals
-        covariance = scores @ scores.T
-        for k in range(1, min(lag, scores.shape[1] - 1) + 1):
-            cross = scores[:, k:] @ scores[:, :-k].T
-            covariance += (1 - k / (lag + 1)) * (cross + cross.T)
+        covariance = _newey_west(self.influence, self.residuals, lag)
         independent = self.influence.shape[1] / max(1.0, lag / 2)
         spare = max(independent - len(self.values), 1.0)
         result: Array = covariance * independent / spare

@@ -39,16 +39,13 @@ def phi_integral(s: float) -> float:
 
 
 @njit
-def _lagrange(fractions: Array, values: Array, s: float) -> float:
-    """Signal at fraction `s` of an interval from its values at the interval's nodes."""
-    value = 0.0
-    for j in range(len(fractions)):
-        factor = values[j]
-        for i in range(len(fractions)):
-            if i != j:
-                factor *= (s - fractions[i]) / (fractions[j] - fractions[i])
-        value += factor
-    return value
+def _lagrange(fractions: Array, j: int, s: float) -> float:
+    """At fraction `s` of an interval, the polynomial that is 1 at node j and 0 at the interval's others."""
+    factor = 1.0
+    for i in range(len(fractions)):
+        if i != j:
+            factor *= (s - fractions[i]) / (fractions[j] - fractions[i])
+    return factor
 
 
 @njit
@@ -66,11 +63,16 @@ def _cut(
     result = np.zeros(len(orders))
     points, h = len(fractions), time[k + 1] - time[k]
     t0, t1 = max(time[k], c - big_l), min(time[k + 1], c + big_l)
+    shares = np.zeros((3, points))  # of the node's values in the integrals with φ, φ' and φ''
     for j in range(points):
         t = t0 + (t1 - t0) * fractions[j]
-        for g in range(len(orders)):
-            x = _lagrange(fractions, signals[g, k * points : (k + 1) * points], (t - time[k]) / h)
-            result[g] += (t1 - t0) * weights[j] * phi((t - c) / big_l, orders[g]) / big_l ** orders[g] * x
+        for order in range(3):
+            test = (t1 - t0) * weights[j] * phi((t - c) / big_l, order) / big_l**order
+            for i in range(points):
+                shares[order, i] += test * _lagrange(fractions, i, (t - time[k]) / h)
+    for g in range(len(orders)):
+        for i in range(points):
+            result[g] += shares[orders[g], i] * signals[g, k * points + i]
     return result
 
 
@@ -194,6 +196,33 @@ def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
     return result
 
 
+def overlaps(weights: Array, centres: Array, half: Array, lags: int, gravity: float) -> tuple[float, float]:
+    """What white noise of power 1 gives Σ weights ∫g noise: (Σ Σ w w ∫g g) with this `gravity`, and without.
+
+    Windows up to lags − 1 apart count as overlapping; weights hold what scales g, as half^(−3/2).
+    """
+    grid, (curved, crossed, plain) = _overlap_table()
+    one, two, three = _overlaps(weights, centres, half, lags, grid[1], curved, crossed, plain)
+    return one + gravity * (2 * two + gravity * three), one
+
+
+@njit
+def _overlaps(
+    weights: Array, centres: Array, half: Array, lags: int, step: float, curved: Array, crossed: Array, plain: Array
+) -> tuple[float, float, float]:
+    one = two = three = 0.0
+    for lag in range(min(lags, len(weights))):
+        for i in range(len(weights) - lag):
+            place = abs(centres[i + lag] - centres[i]) / (half[i + lag] * step)
+            k = min(int(place), len(curved) - 2)
+            share = min(place - k, 1.0)
+            pair = weights[i] * weights[i + lag] * (2.0 if lag else 1.0)
+            one += pair * (curved[k] + share * (curved[k + 1] - curved[k]))
+            two += pair * (crossed[k] + share * (crossed[k + 1] - crossed[k]))
+            three += pair * (plain[k] + share * (plain[k + 1] - plain[k]))
+    return one, two, three
+
+
 @cache
 def _overlap_table() -> tuple[Array, tuple[Array, Array, Array]]:
     """∫φ''φ'', ∫φ''φ and ∫φφ on a grid of distances fine enough for linear interpolation to 1e-6 of the maximum."""
@@ -222,9 +251,14 @@ def _project_hats(
     points = nodes.shape[1]
     place = np.empty(nodes.shape, np.int64)
     share = np.empty(nodes.shape)
+    at = 0
     for k in range(nodes.shape[0]):
         for j in range(points):
-            at = min(max(np.searchsorted(knots, nodes[k, j]) - 1, 0), len(knots) - 2)
+            # the speed changes little from node to node
+            while at < len(knots) - 2 and nodes[k, j] > knots[at + 1]:
+                at += 1
+            while at > 0 and nodes[k, j] <= knots[at]:
+                at -= 1
             place[k, j] = at
             share[k, j] = min(max((nodes[k, j] - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
     result = np.zeros((len(centres), len(knots)))

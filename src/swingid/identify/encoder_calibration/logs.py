@@ -87,7 +87,7 @@ class CalibrationLog:
 
     def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows:
         """The balance on windows of `stretch` times the chosen length; a11, b as known so far."""
-        scale = Scale.of(rig)
+        scale, signals = Scale.of(rig), signals.suited(stretch * self.first.half)
         rows = rows_of(signals, law_windows(signals, stretch * self.first.half))
         friction = tuple(name for name in self.first.unknowns if name in rows.friction)
         names, columns = columns_of(rows, scale, friction)

@@ -17,12 +17,22 @@ from numpy.typing import NDArray
 
 from swingid.identify.motion import Motion
 from swingid.model.rig import Rig
+from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import project_impulses, project_stacked, project_steps
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
+
+BLOCK = 1 / 16
+"""Length of the blocks of rows, of the time in which the quickest turn of the motion passes."""
+
+FEWEST_BLOCKS = 4
+"""Blocks that half a window holds, at least."""
+
+FINE = 1 / 3
+"""Length of the blocks on which the friction near rest is seen, of those of the signals."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +52,9 @@ class Windows:
 
 @dataclass(frozen=True)
 class Signals:
-    """What the balance is made of, at the Gauss nodes of the segment; computed once for all windows."""
+    """What the balance is made of, at the Gauss nodes of blocks of rows; computed once for all windows."""
 
-    nodes: GaussNodes
+    nodes: BlockNodes
     angle: Array
     angle_values: Array
     sine: Array
@@ -56,6 +66,8 @@ class Signals:
     directions: Array
     motion: Motion
     linear: bool
+    source: tuple[Recording, Rig]
+    longest: float
 
     @cached_property
     def stacked(self) -> tuple[Array, NDArray[np.int64]]:
@@ -74,13 +86,20 @@ class Signals:
         edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
         moved = replace(self, motion=motion, edges=edges, directions=directions)
         # what does not depend on the turning points is computed once
-        moved.__dict__.update(stacked=self.stacked, kept=self.kept, fastest=self.fastest, stiffness=self.stiffness)
+        for name in ("stacked", "kept", "fastest", "finely", "stiffness"):
+            moved.__dict__[name] = getattr(self, name)
         return moved
 
     @cached_property
     def fastest(self) -> float:
         """Speed that is exceeded for a thousandth of the time only."""
         return float(np.quantile(np.abs(self.speed), 0.999))
+
+    @cached_property
+    def finely(self) -> tuple[GaussNodes, Array]:
+        """Nodes of shorter blocks and the speed at them, for functions of the speed that change quickly near rest."""
+        nodes = GaussNodes(BlockNodes.of(self.nodes.stamps, FINE * self.longest).time, 3)
+        return nodes, self.motion.speed.at_nodes(nodes)
 
     @cached_property
     def stiffness(self) -> float:
@@ -93,18 +112,28 @@ class Signals:
         return {}
 
     def grid_errors(self, resolution: float) -> Array:
-        """Errors of the angle on grids of this step shifted by eighths of it, times the steps of time: (8, rows)."""
+        """Errors of the angle on grids of this step shifted by eighths of it, times the nodes' weights: (8, nodes)."""
         key = ("grid errors", resolution)
         if key not in self.kept:
-            shifted = self.motion.speed.angle_at(self.nodes.time) / resolution + np.arange(8)[:, None] / 8
-            self.kept[key] = (np.round(shifted) - shifted) * (np.gradient(self.nodes.time) * resolution)
+            stamps = self.nodes.stamps
+            middles = self.motion.speed.angle_at((stamps[1:] + stamps[:-1]) / 2)
+            self.kept[key] = self.nodes.rounded(middles / resolution) * (self.nodes.flat[1] * resolution)
         return self.kept[key]
 
+    def suited(self, half: float) -> Signals:
+        """These signals, or on shorter blocks where half-lengths of `half` (s) need them."""
+        if half >= FEWEST_BLOCKS * self.longest:
+            return self
+        return Signals.of(*self.source, self.motion, longest=half / (2 * FEWEST_BLOCKS))
+
     @classmethod
-    def of(cls, log: Recording, rig: Rig, motion: Motion) -> Signals:
-        """Nodes of a log: two per interval at high rates, three where a swing has few samples."""
-        samples_per_swing = motion.half_period * log.rate if len(motion.turning_times) > 1 else len(log)
-        nodes = GaussNodes(log.time, 2 if samples_per_swing > 200 else 3)
+    def of(cls, log: Recording, rig: Rig, motion: Motion, *, longest: float | None = None) -> Signals:
+        """Signals of a log at the nodes of blocks no longer than `longest` (s).
+
+        By default they are short beside the quickest turn of the motion.
+        """
+        longest = BLOCK * motion.quickest if longest is None else longest
+        nodes = BlockNodes.of(log.time, longest)
         late = rig.sensors.of("angle").latency.value
         angle = nodes.spline(log.angle)
         wheel_values = None
@@ -129,6 +158,8 @@ class Signals:
             directions=directions,
             motion=motion,
             linear=rig.axis.kind == "linear",
+            source=(log, rig),
+            longest=longest,
         )
 
 

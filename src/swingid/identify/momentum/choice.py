@@ -62,19 +62,13 @@ class Choice(NamedTuple):
     friction: FrictionLaw
 
 
-def choose_law(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> tuple[WindowFit, dict[float, WindowFit]]:
-    """The "law" fit and all fits tried of `choose`."""
-    found = choose(signals, rig, scale, noise)
-    return found.law, found.tried
-
-
 def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
     """Windows and terms for the inertia, and the turning points that the friction found with them corrects.
 
     A peak of friction at rest delays the turning points further, and they decide what is seen of it: both are found
     in turns. Raises UnanswerableError for a log too short for any window.
     """
-    searched = _search(signals, scale, noise, BASIS)
+    searched, signals = _search(signals, scale, noise, BASIS)
     seen = friction_windows(signals, searched)
     torque, before = first_torque(signals, seen.rows, scale), np.zeros(0)
     for _ in range(PASSES):
@@ -123,14 +117,21 @@ def _fits(rows: dict[float, Rows], scale: Scale, noise: Noise, friction: tuple[s
     return {half: fit for half, fit in fits.items() if fit is not None}
 
 
-def _search(signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:
-    """Fits by half-length: octaves downwards while they get better, then the half octaves beside the best."""
+def _search(
+    signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, ...]
+) -> tuple[dict[float, WindowFit], Signals]:
+    """Fits by half-length: octaves downwards while they get better, then the half octaves beside the best.
+
+    Also the signals on blocks short enough for the shortest of them.
+    """
     time = signals.nodes.time
     longest = min(0.75 * signals.motion.half_period, (time[-1] - time[0]) / 5)
     shortest = 4 * noise.step
     tried: dict[float, WindowFit] = {}
 
     def attempt(half: float) -> WindowFit | None:
+        nonlocal signals
+        signals = signals.suited(half)
         fit = fit_rows(rows_of(signals, law_windows(signals, half)), scale, noise, friction)
         if fit is not None and np.isfinite(fit.u):
             tried[half] = fit
@@ -152,7 +153,7 @@ def _search(signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, .
     for neighbour in (best / np.sqrt(2), best * np.sqrt(2)):
         if shortest < neighbour < longest:
             attempt(neighbour)
-    return tried
+    return tried, signals
 
 
 def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowFit:

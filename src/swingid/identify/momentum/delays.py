@@ -36,7 +36,7 @@ def late_reversals(signals: Signals, torque: Torque, inertia: float, noise: Nois
     motion = signals.motion
     late = lateness(motion, torque, inertia)
     late = np.where(np.abs(late) < FARTHEST * motion.reach, late, 0.0)
-    share, spread = share_seen(motion, signals.nodes.time, signals.angle_values, late, noise.angle)
+    share, spread = share_seen(motion, signals.nodes.stamps, signals.angle_values, late, noise.angle)
     if spread > 0:
         share = (share / spread**2 + 1 / DRIVEN**2) / (1 / spread**2 + 1 / DRIVEN**2)
     return share * late

@@ -13,7 +13,8 @@ import numpy as np
 from swingid.identify.format import plus_minus
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.calibration import with_declared
-from swingid.identify.momentum.fits import LAG, WindowFit
+from swingid.identify.momentum.fits import LAG, WindowFit, columns_of
+from swingid.identify.momentum.imperfections import axis_bends, wheel_bends
 from swingid.identify.result import Message
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
@@ -41,10 +42,11 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> 
     """
     if signals.linear or scale.drive == "none" or scale.b is None or rig.sensors.of("angle").bent:
         return []
+    if not _may_show(law, signals, scale):
+        return []
     bent = with_declared(replace(law, declared=()), rig.changed({"sensors.nonlinearity": WIDE}), signals, scale)
     before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))
-    left_over = len(law.rows.windows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES  # degrees of freedom
-    if not 0 < after < BETTER**2 * before or (before / after - 1) * left_over / AMPLITUDES < CERTAIN:
+    if not _shows(law, before, after):
         return []
     if max(abs(bent.a11 - law.a11), bent.total) < MATTERS * law.total:
         return []
@@ -56,3 +58,22 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> 
         '"0.1 deg", or calibrate the encoders.'
     )
     return [Message("encoder-nonlinearity", text)]
+
+
+def _shows(law: WindowFit, before: float, after: float) -> bool:
+    """Whether a fall of the residuals' power is large, and no chance."""
+    left_over = len(law.rows.windows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES  # degrees of freedom
+    return 0 < after < BETTER**2 * before and (before / after - 1) * left_over / AMPLITUDES >= CERTAIN
+
+
+def _may_show(law: WindowFit, signals: Signals, scale: Scale) -> bool:
+    """Whether the residuals would fall enough if the amplitudes were free: quick, and true wherever it shows."""
+    b = law.value("gravity_torque") if scale.b is None else scale.b
+    bends = axis_bends(signals, law.rows, law.a11, b) | {
+        f"wheel {name}": effect for name, effect in wheel_bends(signals, law.rows, scale.a12).items()
+    }
+    columns = columns_of(law.rows, scale, tuple(name for name in law.unknowns if name in law.rows.friction))[1]
+    free = np.column_stack(list(bends.values()))
+    free = free - columns @ (law.fit.influence @ free)
+    left = law.fit.residuals - free @ np.linalg.lstsq(free, law.fit.residuals, rcond=1e-10)[0]
+    return _shows(law, float(np.mean(law.fit.residuals**2)), float(np.mean(left**2)))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from swingid.identify.momentum.balance import Rows, Windows
 from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import LinearFit, fit_linear
-from swingid.numerics.test_functions import curvature_overlap
+from swingid.numerics.test_functions import curvature_overlap, overlaps
 
 Array = NDArray[np.float64]
 
@@ -118,23 +117,12 @@ def _sensor_variance(rows: Rows, unknowns: tuple[str, ...], fit: LinearFit, scal
     """Variance of a11 from white noise of both angles: through φ'', and of the axis through the gravity as well."""
     windows = rows.windows
     weights = fit.influence[0] / windows.half**1.5
-    count, a11 = len(weights), float(fit.values[0])
+    a11 = float(fit.values[0])
     b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
     gravity = 0.0 if scale.linear else b * rows.stiffness * _middle(windows.half) ** 2 / a11
-    first, second = _neighbours(count, min(2 * LAG, count))
-    distance = (windows.centres[second] - windows.centres[first]) / windows.half[second]
-    pairs = 2.0 * weights[second] * weights[first]
-    pairs[:count] /= 2.0
-    axis, wheel = float(pairs @ curvature_overlap(distance, gravity)), float(pairs @ curvature_overlap(distance))
+    axis, wheel = overlaps(weights, windows.centres, windows.half, 2 * LAG, gravity)
     power = (a11 * noise.angle) ** 2 * max(axis, 0.0) + (scale.a12 * noise.wheel) ** 2 * max(wheel, 0.0)
     return float(power * noise.step)
-
-
-@lru_cache(maxsize=16)
-def _neighbours(count: int, lags: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Indices of all pairs of rows up to `lags` − 1 apart, each row with itself first."""
-    first = [np.arange(count - lag) for lag in range(lags)]
-    return np.concatenate(first), np.concatenate([at + lag for lag, at in enumerate(first)])
 
 
 def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
@@ -142,6 +130,7 @@ def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
 
     It moves what is nearly collinear with a11 along: at one frequency an unknown gravity torque.
     """
-    column_variance = noise.angle**2 * noise.step * float(np.sum(curvature_overlap(np.zeros(1)) / windows.half**3))
+    column_variance = noise.angle**2 * noise.step * float(curvature_overlap(np.zeros(1))[0])
+    column_variance *= float(np.sum(windows.half**-3.0))
     result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
     return result

@@ -7,6 +7,7 @@ wrong there. Only the continuous rest needs the speed, and a basis of hat functi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +49,11 @@ class FrictionRows:
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
         """Weights on `columns` that give the columns of a law's terms, shape (columns, terms)."""
-        weights = np.zeros((len(EXACT) + len(self.knots), len(terms)))
-        for k, term in enumerate(terms):
-            if term in EXACT:
-                weights[EXACT.index(term), k] = 1.0
-            else:
-                peak = law_columns((term,), self.knots, stribeck_speed)[:, 0]
-                weights[:, k] = self.function(self._smooth(peak), 1.0, -1.0)
+        weights = _own_columns(terms, len(EXACT) + len(self.knots))
+        if "stribeck" in terms:
+            weights = weights.copy()
+            peak = law_columns(("stribeck",), self.knots, stribeck_speed)[:, 0]
+            weights[:, terms.index("stribeck")] = self.function(self._smooth(peak), 1.0, -1.0)
         return weights
 
     def stribeck_slope(self, stribeck_speed: float) -> Array:
@@ -82,11 +81,21 @@ class FrictionRows:
         return weights
 
 
+@cache
+def _own_columns(terms: tuple[str, ...], count: int) -> Array:
+    """Weights of the terms that have a column of their own."""
+    weights = np.zeros((count, len(terms)))
+    for k, term in enumerate(terms):
+        if term in EXACT:
+            weights[EXACT.index(term), k] = 1.0
+    return weights
+
+
 def _of_speed(signals: Signals, windows: Windows, knots: Array) -> Array:
     """Columns that the speed alone makes: the cubic term, then the hats."""
     power = (signals.speed * signals.speed * signals.speed).reshape(1, -1)
     cubic = project_stacked(signals.nodes, power, np.zeros(1, dtype=np.int64), windows.centres, windows.half)
-    return np.column_stack([cubic, project_hats(signals.nodes, signals.speed, knots, windows.centres, windows.half)])
+    return np.column_stack([cubic, project_hats(*signals.finely, knots, windows.centres, windows.half)])
 
 
 def speed_knots(fastest: float, count: int) -> Array:

@@ -55,10 +55,12 @@ def check_gravity(
         return []
     free, spread = found
     seen = free.value("gravity_torque")
-    others = [one for fit in tried if (one := _freed(fit, signals, rig, scale, noise)) is not None]
-    for fit, u in [found, *(one for one in others if one[1] < AS_GOOD * spread)]:
-        off = fit.value("gravity_torque") - stated.value
-        if off * (seen - stated.value) <= 0 or abs(off) <= CERTAIN * np.hypot(u, stated.std or 0.0):
+    for own in (law, *tried):
+        one = found if own is law else _freed(own, signals, rig, scale, noise)
+        if one is None or one[1] >= AS_GOOD * spread:
+            continue
+        off = one[0].value("gravity_torque") - stated.value
+        if off * (seen - stated.value) <= 0 or abs(off) <= CERTAIN * np.hypot(one[1], stated.std or 0.0):
             return []
     if not seen > 0 or free.a11 <= 0 or abs(free.a11 - law.a11) <= max(MATTERS * law.total, least * law.a11):
         return []

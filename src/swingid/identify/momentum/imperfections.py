@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Rows, Signals
 from swingid.model.rig import Rig
+from swingid.model.rig.sensors import Sensor
 from swingid.numerics.test_functions import project
 from swingid.units import Quantity
 
@@ -76,30 +77,36 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
     What the rig file states of it was found in data, maybe in these, and is passed on: to find it again would count
     them twice. Fitted at the joint estimate and passed on, a11 has the variance of the joint fit.
     """
-    windows = rows.windows
-    sensor = rig.sensors.of("angle")
-    if sensor.nonlinearity and not signals.linear:
-        cosine, sine = np.cos(signals.angle), signals.sine
-        columns = [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0)]
-        part = project(signals.nodes, columns, windows.centres, windows.half)
-        for name, k in (("cosine", 0), ("sine", 2)):
-            effect = -(a11 * part[:, k] + b * part[:, k + 1])
-            std, free = sensor.parts[name].std or 0.0, name not in sensor.calibrated
-            source, shared = f"angle encoder nonlinearity ({name})", f"sensors.nonlinearity.{name}"
-            yield Imperfection(source, std, effect, 0.0, shared, free)
-    sensor = rig.sensors.of("wheel")
-    if sensor.nonlinearity and signals.wheel is not None:
-        part = project(
-            signals.nodes,
-            [(np.cos(signals.wheel), 2), (np.sin(signals.wheel), 2)],
-            windows.centres,
-            windows.half,
-        )
-        for name, k in (("cosine", 0), ("sine", 1)):
-            effect = -rig.drive.a12 * part[:, k]
-            std, free = sensor.parts[name].std or 0.0, name not in sensor.calibrated
-            source, shared = f"wheel encoder nonlinearity ({name})", f"sensors.wheel.nonlinearity.{name}"
-            yield Imperfection(source, std, effect, 0.0, shared, free)
+    encoders = rig.sensors.of("angle"), rig.sensors.of("wheel")
+    if encoders[0].nonlinearity:
+        yield from _bent(encoders[0], axis_bends(signals, rows, a11, b), "angle", "sensors.nonlinearity")
+    if encoders[1].nonlinearity:
+        yield from _bent(encoders[1], wheel_bends(signals, rows, rig.drive.a12), "wheel", "sensors.wheel.nonlinearity")
+
+
+def _bent(sensor: Sensor, bends: dict[str, Array], which: str, key: str) -> Iterator[Imperfection]:
+    for name, effect in bends.items():
+        std, free = sensor.parts[name].std or 0.0, name not in sensor.calibrated
+        yield Imperfection(f"{which} encoder nonlinearity ({name})", std, effect, 0.0, f"{key}.{name}", free)
+
+
+def axis_bends(signals: Signals, rows: Rows, a11: float, b: float) -> dict[str, Array]:
+    """Effect on the rows of α = 1 ("cosine") and of β = 1 ("sine") of the axis' encoder; none on a linear axis."""
+    if signals.linear:
+        return {}
+    cosine, sine = np.cos(signals.angle), signals.sine
+    columns = [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0)]
+    part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
+    return {name: -(a11 * part[:, k] + b * part[:, k + 1]) for name, k in (("cosine", 0), ("sine", 2))}
+
+
+def wheel_bends(signals: Signals, rows: Rows, a12: float) -> dict[str, Array]:
+    """The same of the wheel's encoder; none without a wheel."""
+    if signals.wheel is None:
+        return {}
+    columns = [(np.cos(signals.wheel), 2), (np.sin(signals.wheel), 2)]
+    part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
+    return {name: -a12 * part[:, k] for name, k in (("cosine", 0), ("sine", 1))}
 
 
 def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]:

@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_columns, law_terms
 from swingid.identify.momentum.fits import LAG
-from swingid.identify.momentum.friction_rows import EXACT, FrictionRows
+from swingid.identify.momentum.friction_rows import FrictionRows
+from swingid.numerics.compiled import njit
+from swingid.numerics.regression import symmetric_inverse
 
 Array = NDArray[np.float64]
 
@@ -84,7 +86,7 @@ class LawChoice:
         peaked, speed = "stribeck" in terms, float("nan")
         if peaked:
             speed = self._stribeck_speed(terms)
-        lost, values, inverse = self._lost(self.friction.law(terms, speed)) if peaked else self._plain(terms)
+        lost, values, inverse = self._lost(self.friction.law(terms, speed))
         lost = max(lost, ROUNDING * float(self.gram[-1, -1]))
         if not self.trials or _dissipates(terms, values, inverse * lost / self.independent):
             count = len(terms) + peaked
@@ -116,32 +118,48 @@ class LawChoice:
                 break
         return speed
 
-    def _plain(self, terms: tuple[str, ...]) -> tuple[float, Array, Array]:
-        """As `_lost`, for terms that all have a column of their own."""
-        at = [self.body + EXACT.index(term) for term in terms] + list(range(self.body))
-        return self._solved(self.gram[np.ix_(at, at)], self.gram[at, -1], len(terms))
-
     def _lost(self, weights: Array) -> tuple[float, Array, Array]:
         """Sum of squared residuals of a law, its coefficients, and what scales their covariance (of the inverse).
 
         weights: of the law's terms on the friction columns.
         """
-        terms = weights.shape[1]
-        blend = np.zeros((len(self.gram) - 1, self.body + terms))
-        blend[: self.body, terms:] = np.eye(self.body)
-        blend[self.body :, :terms] = weights
-        return self._solved(blend.T @ self.gram[:-1, :-1] @ blend, blend.T @ self.gram[:-1, -1], terms)
-
-    def _solved(self, inner: Array, right: Array, terms: int) -> tuple[float, Array, Array]:
-        scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-        scaled = inner * scale * scale[:, None]
-        scaled.flat[:: len(inner) + 1] += 1e-13
-        inverse = np.linalg.inv(scaled) * scale * scale[:, None]
-        values = inverse @ right
+        values, inverse, explained = _solved(self.gram, self.body, weights)
         power = float(self.gram[-1, -1])
         # less than the rounding of the power cannot be told
-        lost = max(power - float(values @ right), 1e-15 * power, 1e-300)
-        return lost, values[:terms], inverse[:terms, :terms]
+        return max(power - explained, 1e-15 * power, 1e-300), values, inverse
+
+
+@njit
+def _solved(gram: Array, body: int, weights: Array) -> tuple[Array, Array, float]:
+    """Least squares for the columns [friction · weights | body] of a Gram matrix of [body | friction | known side].
+
+    Returns the values of the first ones, their part of the inverse, and the sum of squares explained.
+    """
+    count, terms = weights.shape
+    size = terms + body
+    blended = np.zeros((size, len(gram)))  # the blend of columns times the Gram matrix
+    for k in range(body):
+        blended[terms + k] = gram[k]
+    for k in range(terms):
+        for j in range(count):
+            if weights[j, k] != 0.0:
+                for i in range(len(gram)):
+                    blended[k, i] += weights[j, k] * gram[body + j, i]
+    inner = np.zeros((size, size))
+    right = blended[:, -1].copy()
+    for k in range(size):
+        for i in range(body):
+            inner[k, terms + i] = blended[k, i]
+        for j in range(count):
+            for i in range(terms):
+                inner[k, i] += weights[j, i] * blended[k, body + j]
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    inverse = symmetric_inverse(inner * scale * scale.reshape(-1, 1) + 1e-13 * np.eye(size))
+    inverse *= scale * scale.reshape(-1, 1)
+    values = np.zeros(size)
+    for k in range(size):
+        values += inverse[:, k] * right[k]
+    return values[:terms], inverse[:terms, :terms].copy(), float((values * right).sum())
 
 
 def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> bool:

@@ -29,6 +29,6 @@ def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) ->
     if noise.resolution == 0.0:
         return 0.0
     windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
-    weights = superpose(signals.nodes.time, windows.centres, windows.half, row, 2) * fit.a11
+    weights = superpose(signals.nodes.flat[0], windows.centres, windows.half, row, 2) * fit.a11
     effects = signals.grid_errors(noise.resolution) @ weights
     return float(np.sqrt(np.mean(effects**2)))

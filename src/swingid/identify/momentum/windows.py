@@ -43,7 +43,7 @@ def even_windows(signals: Signals, half: float) -> Windows:
 
 def _clear(signals: Signals, windows: Windows) -> NDArray[np.bool_]:
     """Whether each window holds enough samples, no rest of the axis and no gap longer than a quarter of it."""
-    time = signals.nodes.time
+    time = signals.nodes.stamps
     first = np.searchsorted(time, windows.centres - windows.half)
     last = np.searchsorted(time, windows.centres + windows.half)
     clear: NDArray[np.bool_] = (last - first) >= 6

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.identify.format import number, percent, plus_minus
 from swingid.identify.momentum.balance import Signals
@@ -13,6 +14,8 @@ from swingid.identify.result import Message
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project
+
+Array = NDArray[np.float64]
 
 CERTAIN = 5.0
 """Standard uncertainties that an offset must exceed to be one."""
@@ -51,9 +54,11 @@ def check_zero(law: WindowFit, signals: Signals, scale: Scale, uncertainty: floa
     if not scale.b or signals.linear:
         return []
     friction = tuple(name for name in law.unknowns if name in law.rows.friction)
-    found, doubt = _offset(law, signals, scale, friction), ""
+    cosine = project(signals.nodes, [(np.cos(signals.angle), 0)], law.rows.windows.centres, law.rows.windows.half)
+    found, doubt = _offset(law, signals, scale, friction, cosine[:, 0]), ""
     if not found.matters(law.a11, uncertainty):
-        alone = _offset(law, signals, scale, tuple(name for name in friction if name != "viscous_even"))
+        less = tuple(name for name in friction if name != "viscous_even")
+        alone = _offset(law, signals, scale, less, cosine[:, 0])
         if not alone.matters(law.a11, uncertainty) or alone.left > AS_GOOD * float(
             law.fit.residuals @ law.fit.residuals
         ):
@@ -68,21 +73,22 @@ def check_zero(law: WindowFit, signals: Signals, scale: Scale, uncertainty: floa
     return [Message("zero-off", text)]
 
 
-def _offset(law: WindowFit, signals: Signals, scale: Scale, friction: tuple[str, ...]) -> _Offset:
-    """δ of the angle from the rows of a fit, with these terms of friction beside it; one round where there is none."""
+def _offset(law: WindowFit, signals: Signals, scale: Scale, friction: tuple[str, ...], cosine: Array) -> _Offset:
+    """δ of the angle from the rows of a fit, with these terms of friction beside it; one round where there is none.
+
+    cosine: ∫φ cos q1 of every row.
+    """
     assert scale.b is not None
     windows = law.rows.windows
     _, columns = columns_of(law.rows, scale, friction)
     offset, spread, rows = 0.0, 0.0, law.rows
     for _ in range(ROUNDS):
-        angle = signals.angle - offset if offset else signals.angle
-        terms = [(np.cos(angle), 0)]
         if offset:
-            terms.append((np.sin(angle), 0))
-        part = project(signals.nodes, terms, windows.centres, windows.half)
-        if offset:
-            rows = replace(law.rows, gravity=part[:, 1])
-        fit = fit_linear(np.column_stack([columns, part[:, 0]]), known_side(rows, scale))
+            angle = signals.angle - offset
+            terms = [(np.cos(angle), 0), (np.sin(angle), 0)]
+            cosine, sine = project(signals.nodes, terms, windows.centres, windows.half).T
+            rows = replace(law.rows, gravity=sine)
+        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, scale))
         offset -= float(fit.values[-1]) / scale.b
         spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / scale.b
         if abs(offset) < CERTAIN * spread:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
@@ -99,8 +100,14 @@ class Sensors(Encoder):
 
     def of(self, channel: Literal["angle", "wheel"]) -> Sensor:
         """The encoder of the `channel` "angle" or "wheel", resolved to SI; "wheel" inherits what it does not state."""
-        if channel == "angle":
-            return self.resolved()
+        return self._of_angle if channel == "angle" else self._of_wheel
+
+    @cached_property
+    def _of_angle(self) -> Sensor:
+        return self.resolved()
+
+    @cached_property
+    def _of_wheel(self) -> Sensor:
         own = {} if self.wheel is None else {key: getattr(self.wheel, key) for key in self.wheel.model_fields_set}
         shared = {key: getattr(self, key) for key in Encoder.model_fields if key not in ONE_ENCODER}
         if "counts_per_turn" in own or "resolution" in own:

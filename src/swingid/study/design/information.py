@@ -16,7 +16,7 @@ from swingid.errors import UnanswerableError
 from swingid.identify.friction_laws import friction_units
 from swingid.identify.identifiability import Identifiability, examine, examine_information
 from swingid.identify.momentum.balance import Rows, Signals, rows_of
-from swingid.identify.momentum.choice import choose_law
+from swingid.identify.momentum.choice import choose
 from swingid.identify.momentum.fits import BASIS, columns_of
 from swingid.identify.momentum.imperfections import Imperfection, imperfections
 from swingid.identify.momentum.windows import law_windows
@@ -76,8 +76,8 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
     seen_log = with_errors(log, rig, np.random.default_rng(0))
     noise = channel_noise(seen_log, rig)
     moving = find_motion(log.time, seen_log.angle, noise.angle)
-    half = choose_law(Signals.of(seen_log, rig, moving), rig, scale, noise)[0].half
-    signals = Signals.of(log, rig, find_motion(log.time, log.angle, noise.angle))
+    half = choose(Signals.of(seen_log, rig, moving), rig, scale, noise).law.half
+    signals = Signals.of(log, rig, find_motion(log.time, log.angle, noise.angle)).suited(half)
     rows = rows_of(signals, law_windows(signals, half))
     unknowns, columns = columns_of(rows, scale, BASIS)
     if len(rows.windows) <= 2 * len(unknowns):

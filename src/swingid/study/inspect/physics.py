@@ -10,7 +10,7 @@ import numpy as np
 from swingid.identify.format import number, percent, plus_minus
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.checks import check_motor, check_sign
-from swingid.identify.momentum.choice import choose_law
+from swingid.identify.momentum.choice import choose
 from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.noise import Noise
@@ -19,8 +19,9 @@ from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording
-from swingid.study.inspect.extra_columns import Extra, amplitude, extras, zero_of
+from swingid.study.inspect.extra_columns import PRIOR_LATENCY, Extra, amplitude, extras, pooled, zero_of
 from swingid.study.inspect.motion import Swings
+from swingid.study.inspect.voltage_latency import voltage_latency
 
 SURE = 5.0
 """Standard uncertainties from which on a small quantity is there."""
@@ -71,10 +72,10 @@ def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balanc
         begin = (len(used) - MOST_ROWS) // 2
         used = used.segment(float(used.time[begin]), float(used.time[begin + MOST_ROWS - 1]))
     motion = swings.motion.within(float(used.time[0]), float(used.time[-1]))
-    signals = Signals.of(used, rig, motion)
-    law, tried = choose_law(signals, rig, scale, noise)
+    choice = choose(Signals.of(used, rig, motion), rig, scale, noise)
+    law = choice.law
     check_sign(law, scale, log.source.path or "the log")
-    return Balance(used, signals, scale, noise, law, list(tried.values()))
+    return Balance(used, choice.signals, scale, noise, law, list(choice.tried.values()))
 
 
 def check_physics(balance: Balance, rig: Rig) -> list[Check]:
@@ -88,6 +89,7 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
         found.append(_zero(small["zero"], zero_of(fits, balance.signals, balance.scale)))
     if "latency" in small:
         found.append(_latency(small["latency"], balance, rig))
+    found += _voltage(fits, balance, rig)
     for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
         if f"{which} 1 cosine" in small:
             found.append(_encoder(small, which, word, table, rig))
@@ -191,6 +193,33 @@ def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
     return Check("latency", "latency", "repair", f"{text}.", remedy, values)
 
 
+def _voltage(fits: list[WindowFit], balance: Balance, rig: Rig) -> Iterator[Check]:
+    """Latency of both angles against the voltage, where the rig file has the motor's constants."""
+    windows = [fit.rows.windows for fit in fits]
+    told = [voltage_latency(balance.used, rig, balance.signals, each, balance.noise) for each in windows]
+    known = sorted((u, value) for value, u in (one for one in told if one is not None))
+    if not known:
+        return
+    late = pooled("voltage latency", known, PRIOR_LATENCY)
+    size = plus_minus(1e3 * late.value, 1e3 * late.uncertainty, "ms")
+    values: dict[str, object] = {"latency": late.value, "uncertainty": late.uncertainty}
+    code, title = "voltage-latency", "latency of the voltage"
+    if not late.told:
+        text = f"the motion does not tell when the voltage acts (to within {1e3 * late.uncertainty:.2g} ms only)."
+        yield Check(code, title, "unknown", text, "", values)
+        return
+    text = f"both angles are read {size} after the voltage acts, beyond what the rig file says"
+    if abs(late.value) < max(SURE * late.uncertainty, SHORT * balance.noise.step):
+        yield Check(code, title, "ok", f"{text}: nothing to be seen.", "", values)
+        return
+    if late.value < 0:
+        text += "; negative: the voltage acts later than it is logged (a delay, or the coil's inductance)"
+    total = 1e3 * (rig.sensors.of("angle").latency.value + late.value)
+    text += ". Methods that need the motor feel it; momentum does not."
+    remedy = f'state latency = "{total:.4g} ± {1e3 * late.uncertainty:.2g} ms" under [sensors], for both encoders'
+    yield Check(code, title, "note", text, remedy, values)
+
+
 def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Rig) -> Check:
     """Once and twice per turn of one encoder."""
     parts: list[str] = []
@@ -206,7 +235,8 @@ def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Ri
         parts.append(f"{degrees} {often} per turn")
         if told and size > SURE * spread and not (k == 1 and size < 3 * declared):
             level = "repair" if k == 1 else "note" if level == "ok" else level
-            remedy = remedy or f'state nonlinearity = "{np.degrees(size) / np.sqrt(2):.2g} deg" under [{table}]'
+            state = f'state nonlinearity = "{np.degrees(size) / np.sqrt(2):.2g} deg" under [{table}]'
+            remedy = remedy or f"{state}, or run swingid calibrate --encoders"
     if level == "note":
         remedy = ""
     code, title = f"{which}-encoder", f"{word} encoder"

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.format import percent, plus_minus
-from swingid.identify.momentum.balance import Signals, rows_of
+from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.choice import Choice, choose
-from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, fit_rows, known_side
+from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, known_side
 from swingid.identify.momentum.imperfections import Imperfection, imperfections
+from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
 from swingid.identify.result import Message
 from swingid.identify.scale import Scale
@@ -53,6 +54,22 @@ FEWEST = 20
 
 
 @dataclass(frozen=True)
+class Seen:
+    """What a fit begins with: the part of the log used, its motion as found in the angle, the rig."""
+
+    log: Recording
+    motion: Motion
+    rig: Rig
+    scale: Scale
+    noise: Noise
+
+    def moved(self, by: float) -> Choice:
+        """The choice with the late channel moved `by` (s) beyond what the rig file says."""
+        rig = self.rig.changed({_key(self.rig): _declared(self.rig) + by})
+        return choose(Signals.of(self.log, rig, self.motion), self.rig, self.scale, self.noise)
+
+
+@dataclass(frozen=True)
 class Latency:
     """How late (s) the wheel is read after the angle, or the angle after the torque acts, with its uncertainty."""
 
@@ -60,11 +77,12 @@ class Latency:
     u: float
 
 
-def with_latency(choice: Choice, log: Recording, rig: Rig, scale: Scale, noise: Noise) -> tuple[Choice, list[Message]]:
+def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message]]:
     """The choice with a channel moved by the declared latency that the balance tells, and what to say of it.
 
     Where it tells nothing, the uncertainty that stays is of first order; a warning where its square matters as well.
     """
+    rig, scale = seen.rig, seen.scale
     if not _spread(rig):
         return choice, []
     moved, found = 0.0, latency_of(choice.law, choice.signals, rig, scale)
@@ -72,8 +90,7 @@ def with_latency(choice: Choice, log: Recording, rig: Rig, scale: Scale, noise: 
         if _second_order(choice.signals, found.value) < SMALL * choice.law.total / abs(choice.law.a11):
             break
         moved += found.value
-        signals = Signals.of(log, _later(rig, moved), choice.signals.motion)
-        choice = choose(signals, rig, scale, noise)
+        choice = seen.moved(moved)
         found = latency_of(choice.law, choice.signals, rig, scale)
     messages = []
     if moved:
@@ -93,28 +110,23 @@ def with_latency(choice: Choice, log: Recording, rig: Rig, scale: Scale, noise: 
     return choice, messages
 
 
-def check_latency(
-    choice: Choice, log: Recording, rig: Rig, scale: Scale, noise: Noise, uncertainty: float
-) -> list[Message]:
+def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Message]:
     """A warning where the balance shows a latency that the rig file does not declare, and the inertia suffers by it.
 
     uncertainty: the inertia's, with all declared imperfections.
     """
+    rig, scale = seen.rig, seen.scale
     if scale.drive == "none" or _spread(rig) or not _may_show(choice, rig, scale):
         return []
     allowed = _allowed(rig)
-    law, signals, moved = choice.law, choice.signals, 0.0
+    best, moved = choice, 0.0
     for _ in range(STEPS):
-        found = latency_of(law, signals, allowed, scale)
-        moved += found.value
-        signals = Signals.of(log, _later(rig, moved), choice.signals.motion)
-        refitted = fit_rows(rows_of(signals, law.rows.windows), scale, noise, _friction(law))
-        if refitted is None:
-            return []
-        law = refitted
-    u = float(np.hypot(found.u, _scatter(choice.tried.values(), choice.signals, allowed, scale)))
-    before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (choice.law, law))
-    if abs(moved) < CERTAIN * u or after > BETTER**2 * before:
+        moved += latency_of(best.law, best.signals, allowed, scale).value
+        best = seen.moved(moved)
+    law, found = best.law, latency_of(best.law, best.signals, allowed, scale)
+    moved += found.value
+    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals, allowed, scale)))
+    if abs(moved) < CERTAIN * u:
         return []
     # what a latency leaves of the balance widens the interval as well, and would then hide it
     if abs(law.a11 - choice.law.a11) < MATTERS * min(uncertainty, law.u):
@@ -211,10 +223,6 @@ def _spread(rig: Rig) -> float:
 def _allowed(rig: Rig) -> Rig:
     """The rig as if it said that its latency may be off by LATEST."""
     return rig.changed({_key(rig): {"value": _declared(rig), "std": LATEST}})
-
-
-def _later(rig: Rig, moved: float) -> Rig:
-    return rig.changed({_key(rig): _declared(rig) + moved})
 
 
 def _channel(rig: Rig) -> str:

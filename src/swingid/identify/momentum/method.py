@@ -24,7 +24,7 @@ from swingid.identify.momentum.fits import BASIS, WindowFit, fit_rows, known_sid
 from swingid.identify.momentum.friction import FrictionLaw
 from swingid.identify.momentum.gravity import check_gravity
 from swingid.identify.momentum.imperfections import imperfections, sensitivities
-from swingid.identify.momentum.latency import check_latency, with_latency
+from swingid.identify.momentum.latency import Seen, check_latency, with_latency
 from swingid.identify.momentum.loss import loss_unexplained
 from swingid.identify.momentum.systematics import grid_spread, timing_spread
 from swingid.identify.momentum.windows import even_windows, swing_windows
@@ -76,7 +76,8 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     start, stop, segment_note = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(log.time, log.angle, whole.speed.half_width)
-    choice, late = with_latency(choose(Signals.of(used, rig, motion), rig, scale, noise), used, rig, scale, noise)
+    seen = Seen(used, motion, rig, scale, noise)
+    choice, late = with_latency(choose(Signals.of(used, rig, motion), rig, scale, noise), seen)
     signals, motion = choice.signals, choice.signals.motion
     estimate = _estimate(choice, rig, scale, noise)
     check_sign(estimate.law, scale, log.source.path or "the log")
@@ -99,7 +100,7 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     if not off:  # a zero that is off bends the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
     off += check_encoders(estimate.law, rig, signals, scale)
-    off += check_latency(choice, used, rig, scale, noise, parameters["inertia"].standard_uncertainty or 0.0)
+    off += check_latency(choice, seen, parameters["inertia"].standard_uncertainty or 0.0)
     off += [message for message in late if message.code != "latency-told"]
     notes += [message for message in late if message.code == "latency-told"]
     warnings = [*warnings, *off, *motor_warnings]

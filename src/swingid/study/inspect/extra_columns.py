@@ -72,7 +72,7 @@ def extras(fits: list[WindowFit], signals: Signals, scale: Scale, turn: float) -
         for one in _fitted(fit, signals, scale, turn):
             found.setdefault(one.name, []).append((one.uncertainty, one.value))
             priors[one.name] = one.prior
-    return {name: _pooled(name, sorted(several), priors[name]) for name, several in found.items()}
+    return {name: pooled(name, sorted(several), priors[name]) for name, several in found.items()}
 
 
 def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
@@ -152,10 +152,10 @@ def zero_of(fits: list[WindowFit], signals: Signals, scale: Scale) -> Extra | No
         solved = fit_linear(np.column_stack([columns, -scale.b * cosine]), known_side(fit.rows, scale))
         found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
     found.sort()
-    return _pooled("zero", found, PRIOR_ZERO)
+    return pooled("zero", found, PRIOR_ZERO)
 
 
-def _pooled(name: str, found: list[tuple[float, float]], prior: float) -> Extra:
+def pooled(name: str, found: list[tuple[float, float]], prior: float) -> Extra:
     """The most certain of (uncertainty, value), sorted, and how far the others that are not much worse lie from it."""
     best, value = found[0]
     others = np.array([v for u, v in found if u < SHARP * best])

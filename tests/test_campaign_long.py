@@ -53,16 +53,15 @@ def test_a_worker_of_a_dask_cluster_killed_in_the_middle(tmp_path: Path) -> None
 @pytest.mark.long
 def test_a_killed_process_of_this_machine_costs_time_only(tmp_path: Path) -> None:
     pytest.importorskip("joblib")
-    from joblib.externals.loky import get_reusable_executor
+    from joblib.externals.loky import reusable_executor
 
     plan = plan_from_text(PLAN)
     run_campaign(plan, tmp_path / "one", workers=1)
     killed: list[int] = []
 
     def kill_one(done: int, trials: int, already: int) -> None:
-        processes = get_reusable_executor(max_workers=2)._processes
-        if not killed and 0 < done < trials and processes:
-            killed.append(next(iter(processes)))
+        if not killed and 0 < done < trials:
+            killed.append(next(iter(reusable_executor._executor._processes)))
             os.kill(killed[0], signal.SIGKILL)
 
     run_campaign(plan, tmp_path / "two", workers=2, progress=kill_one)

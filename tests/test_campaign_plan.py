@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -125,6 +128,14 @@ def test_fewer_runs_are_spread_over_the_points() -> None:
     assert [plan.place(k) for k in (0, 4, 5, 49)] == [(0, 0), (0, 4), (1, 0), (9, 4)]
     with pytest.raises(UsageError, match="--runs is 0"):
         plan.with_runs(0)
+
+
+def test_the_plan_in_the_documentation_is_one() -> None:
+    page = (Path(__file__).resolve().parents[1] / "docs" / "campaign.md").read_text(encoding="utf-8")
+    (text,) = re.findall(r"^```toml\n(.*?)^```", page, re.M | re.S)
+    plan = plan_from_text(text)
+    assert plan.trials == 5 * 2 * 20
+    assert experiment_of(plan, plan.points[1]).reference(np.array([np.pi / 17]))[0] == pytest.approx(0.8)
 
 
 def test_ready_plans_are_sound_and_described() -> None:

@@ -59,8 +59,12 @@ class Store:
         except OSError as error:
             raise InputError(f"cannot make {folder}: {error.strerror}", code="cannot-write") from None
         if not manifest.is_file():
-            content = {"schema": SCHEMA, **plan.identity(), **made_by()}
-            write_whole(manifest, (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
+            self._claim()
+
+    def _claim(self) -> None:
+        """Write whose folder this is."""
+        content = {"schema": SCHEMA, **self.plan.identity(), **made_by()}
+        write_whole(self.folder / MANIFEST, (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
 
     def _check_same(self, manifest: Path) -> None:
         key = differing_key(_without(read_manifest(manifest), ("schema", *made_by())), self.plan.identity())
@@ -72,7 +76,9 @@ class Store:
             )
 
     def check_code(self) -> None:
-        """Raise InputError where the results that are there were made by other code than this."""
+        """Raise InputError where results that are there were made by other code than this."""
+        if not self.done():
+            self._claim()
         there = read_manifest(self.folder / MANIFEST)
         for key, value in made_by().items():
             if there.get(key) != value:

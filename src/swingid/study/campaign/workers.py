@@ -72,7 +72,7 @@ def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Don
 
 def _by_dask(plan: Plan, blocks: Sequence[int], scheduler: str) -> Iterator[Done]:
     try:
-        from distributed import Client, as_completed
+        from distributed import CancelledError, Client, KilledWorker, as_completed
     except ImportError:
         raise UsageError("--scheduler needs Dask: pip install 'swingid[cluster]'", code="no-dask") from None
     try:
@@ -86,7 +86,14 @@ def _by_dask(plan: Plan, blocks: Sequence[int], scheduler: str) -> Iterator[Done
         futures = client.map(_one, [shared] * len(blocks), list(blocks), pure=False, retries=MOST_LOST)
         try:
             for future in as_completed(futures):
-                block, rows = future.result()
+                try:
+                    block, rows = future.result()
+                except (KilledWorker, CancelledError, OSError) as error:
+                    raise InputError(
+                        f"the cluster lost its workers or its scheduler ({type(error).__name__}); start again, what is "
+                        "done is kept",
+                        code="lost-workers",
+                    ) from None
                 future.release()
                 yield block, rows
         finally:

@@ -11,7 +11,7 @@ from swingid.identify.energy.fit import block_covariance, influence_of, slope_ov
 from swingid.identify.energy.passes import mirrored_passes
 from swingid.identify.motion import find_motion
 from swingid.identify.noise import uneven_noise
-from swingid.numerics.cumulative import running_integrals
+from swingid.numerics.cumulative import running_hats, running_integrals
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import local_cubic
 
@@ -22,7 +22,7 @@ IRREGULAR = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, 60)) * 0.02
 def test_running_integrals_of_polynomials_are_exact_at_any_instant(points, power):
     nodes = GaussNodes(IRREGULAR, points)
     at = np.sort(np.random.default_rng(2).uniform(IRREGULAR[0], IRREGULAR[-1], 40))
-    (found,) = running_integrals(nodes, [nodes.instants**power], at)
+    (found,) = running_integrals(nodes, nodes.instants[None] ** power, at)
     expected = (at ** (power + 1) - IRREGULAR[0] ** (power + 1)) / (power + 1)
     assert found == pytest.approx(expected, abs=1e-14)
 
@@ -30,7 +30,7 @@ def test_running_integrals_of_polynomials_are_exact_at_any_instant(points, power
 @pytest.mark.parametrize("points", [2, 3])
 def test_at_the_samples_they_have_the_degree_of_gauss_rules(points):
     nodes, power = GaussNodes(IRREGULAR, points), 2 * points - 1
-    (found,) = running_integrals(nodes, [nodes.instants**power], IRREGULAR)
+    (found,) = running_integrals(nodes, nodes.instants[None] ** power, IRREGULAR)
     expected = (IRREGULAR ** (power + 1) - IRREGULAR[0] ** (power + 1)) / (power + 1)
     assert found == pytest.approx(expected, abs=1e-14)
 
@@ -38,11 +38,20 @@ def test_at_the_samples_they_have_the_degree_of_gauss_rules(points):
 def test_a_held_signal_costs_no_accuracy_between_samples():
     time, levels = np.array([0.0, 1.0, 1.5, 4.0]), np.array([2.0, -1.0, 3.0, 0.0])
     nodes = GaussNodes(time)
-    found, ramp = running_integrals(
-        nodes, [nodes.hold(levels), nodes.hold(levels) * nodes.instants], np.array([1.2, 2.0])
-    )
+    signals = np.stack([nodes.hold(levels), nodes.hold(levels) * nodes.instants])
+    found, ramp = running_integrals(nodes, signals, np.array([1.2, 2.0]))
     assert found == pytest.approx([2 - 0.2, 2 - 0.5 + 3 * 0.5])
     assert ramp == pytest.approx([1 - (1.2**2 - 1) / 2, 1 - (1.5**2 - 1) / 2 + 3 * (4 - 1.5**2) / 2])
+
+
+@pytest.mark.parametrize("points", [2, 3])
+def test_running_hats_are_the_running_integrals_of_the_hats(points):
+    nodes, knots = GaussNodes(IRREGULAR, points), np.array([0.3, 0.5, 1.1, 2.0])
+    values, powers = 1.2 + np.sin(5 * nodes.instants), np.cos(nodes.instants)
+    at = np.sort(np.random.default_rng(4).uniform(IRREGULAR[0], IRREGULAR[-1], 40))
+    hats = np.stack([np.interp(values, knots, row) * powers for row in np.eye(4)])
+    found = running_hats(nodes, values, powers, knots, at)
+    assert found == pytest.approx(running_integrals(nodes, hats, at), abs=1e-14)
 
 
 @pytest.mark.parametrize("motion", [ONE_TONE, TWO_TONES])

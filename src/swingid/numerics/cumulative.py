@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -40,19 +42,67 @@ def _running(
     return result
 
 
-def running_integrals(nodes: GaussNodes, signals: list[Array], instants: Array) -> Array:
+def running_integrals(nodes: GaussNodes, signals: Array, instants: Array) -> Array:
     """∫ x dt from the first sample to each of the rising `instants` (s), for every x given at the nodes.
 
-    signals: arrays (n−1, points). Returns (signals, instants). Inside an interval that an instant cuts, x is the
+    signals: (signals, n−1, points). Returns (signals, instants). Inside an interval that an instant cuts, x is the
     polynomial through its nodes, so a held signal's jump at the samples costs nothing.
     """
     fractions, weights = gauss_rule(nodes.points)
-    return _running(nodes.time, np.stack(signals), instants, _antiderivatives(fractions), fractions, weights)
+    return _running(nodes.time, signals, instants, _antiderivatives(nodes.points), fractions, weights)
 
 
-def _antiderivatives(fractions: Array) -> Array:
-    """Coefficients of s, s², … of ∫₀ˢ of each Lagrange polynomial on `fractions`, shape (points, points)."""
+@cache
+def _antiderivatives(points: int) -> Array:
+    """Coefficients of s, s², … of ∫₀ˢ of each Lagrange polynomial on the nodes of the rule, shape (points, points)."""
+    fractions, _ = gauss_rule(points)
     powers = np.arange(len(fractions))
     lagrange = np.asarray(np.linalg.inv(fractions[:, None] ** powers).T, dtype=np.float64)
     result: Array = lagrange / (powers + 1)
     return result
+
+
+@njit
+def _running_hats(
+    time: Array, values: Array, powers: Array, knots: Array, instants: Array, anti: Array, weights: Array
+) -> Array:
+    points, last = len(weights), len(knots) - 1
+    total, result = np.zeros(len(knots)), np.empty((len(knots), len(instants)))
+    place, share = np.empty(points, np.int64), np.empty(points)
+    k, fresh = 0, True
+    for i in range(len(instants)):
+        while True:
+            h = time[k + 1] - time[k]
+            if fresh:
+                for j in range(points):
+                    x = min(max(values[k, j], knots[0]), knots[last])
+                    place[j] = min(max(np.searchsorted(knots, x) - 1, 0), last - 1)
+                    share[j] = (x - knots[place[j]]) / (knots[place[j] + 1] - knots[place[j]])
+                fresh = False
+            if k >= len(time) - 2 or time[k + 1] > instants[i]:
+                break
+            for j in range(points):
+                part = h * weights[j] * powers[k, j]
+                total[place[j]] += part * (1.0 - share[j])
+                total[place[j] + 1] += part * share[j]
+            k, fresh = k + 1, True
+        result[:, i] = total
+        s = (instants[i] - time[k]) / h
+        for j in range(points):
+            weight, power = 0.0, s
+            for m in range(points):
+                weight += anti[j, m] * power
+                power *= s
+            part = h * weight * powers[k, j]
+            result[place[j], i] += part * (1.0 - share[j])
+            result[place[j] + 1, i] += part * share[j]
+    return result
+
+
+def running_hats(nodes: GaussNodes, values: Array, powers: Array, knots: Array, instants: Array) -> Array:
+    """∫Λ_k(x) y dt from the first sample to each of the rising `instants` (s), for the hat functions Λ_k on `knots`.
+
+    values x and powers y at the nodes, (n−1, points). Returns (knots, instants). The outermost hats go on flat.
+    """
+    weights = gauss_rule(nodes.points)[1]
+    return _running_hats(nodes.time, values, powers, knots, instants, _antiderivatives(nodes.points), weights)

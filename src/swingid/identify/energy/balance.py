@@ -12,6 +12,7 @@ branch of the dead zone the motor is, which way it turns, and what it loses to f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +57,13 @@ class Course:
     voltage: Array
     active: Array
     power: Array
+
+    @cached_property
+    def powers(self) -> Array:
+        """What runs up to the work and to ∫f(q1') q1' dt of the terms f of friction but "offset", (5, n−1, points)."""
+        v, size = self.speed, np.abs(self.speed)
+        square = v * v
+        return np.stack([self.power, size, square, size * square, size * v])
 
     @classmethod
     def of(cls, log: Recording, rig: Rig, motion: Motion, noise: Noise, chain: Chain = SMOOTHED) -> Course:
@@ -142,10 +150,8 @@ TERMS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 def states_at(course: Course, instants: Array, *, linear: bool) -> States:
     """States at `instants` (blocks, nodes), rising when flattened and inside the log."""
     flat, shape = instants.ravel(), instants.shape
-    axis, v = course.axis, course.speed
-    size = np.abs(v)
-    terms = running_integrals(course.nodes, [course.power, size, v * v, size * v * v, size * v], flat)
-    terms = terms.reshape(-1, *shape)
+    axis = course.axis
+    terms = running_integrals(course.nodes, course.powers, flat).reshape(-1, *shape)
     angle = axis.angle_at(flat).reshape(shape)
     wheel = course.wheel
     still = np.zeros(shape)

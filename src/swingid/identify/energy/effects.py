@@ -154,4 +154,4 @@ def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfec
 
 def _integrals(course: Course, states: States, signals: list[Array]) -> Array:
     shape = states.instants.shape
-    return running_integrals(course.nodes, signals, states.instants.ravel()).reshape(-1, *shape)
+    return running_integrals(course.nodes, np.stack(signals), states.instants.ravel()).reshape(-1, *shape)

@@ -27,7 +27,7 @@ from swingid.identify.format import percent
 from swingid.identify.result import Message
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
-from swingid.numerics.cumulative import running_integrals
+from swingid.numerics.cumulative import running_hats
 
 Array = NDArray[np.float64]
 
@@ -128,13 +128,9 @@ def _fitted(fit: NodeFit, speeds: Array) -> Array:
 def _hat_works(course: Course, instants: Array, speeds: Array) -> Array:
     """∫Λ_k(|q1'|) |q1'| dt up to each instant, (knots, *instants); the outermost hats go on flat."""
     size = np.abs(course.speed)
-    inside = np.clip(size, speeds[0], speeds[-1])
-    place = np.clip(np.searchsorted(speeds, inside) - 1, 0, len(speeds) - 2)
-    share = (inside - speeds[place]) / np.diff(speeds)[place]
-    signals = [np.where(place == k, 1 - share, np.where(place == k - 1, share, 0.0)) * size for k in range(len(speeds))]
     order = np.argsort(instants.ravel(), kind="stable")
-    found = np.empty((len(signals), instants.size))
-    found[:, order] = running_integrals(course.nodes, signals, instants.ravel()[order])
+    found = np.empty((len(speeds), instants.size))
+    found[:, order] = running_hats(course.nodes, size, size, speeds, instants.ravel()[order])
     return found.reshape(len(speeds), *instants.shape)
 
 

@@ -28,6 +28,7 @@ EVEN = 1e-3  # of a step: stamps that scatter less are even, or as good
 SMOOTHER = 0.85  # of the roughness with the stamps as they are: the motion has to gain that much
 NO_ROUGHER = 1.02  # and no channel may lose more
 FARTHEST = 0.5  # of a step: a stamp farther from its place on the clock belongs to another place
+ABSURD = 1e100  # from the first stamp to the last, in any unit: squares overflow; such numbers are refused later
 TRIMMED = 0.98  # share of rows that the roughness looks at: spikes and wraps are not its business
 
 
@@ -45,7 +46,7 @@ def even_clock(time: Floats, angles: Sequence[Floats]) -> Clock | None:
 
     Rows may be missing: the stamps tell how many. None also where the stamps are even as they are.
     """
-    if time.size < FEWEST:
+    if time.size < FEWEST or np.ptp(time) > ABSURD:
         return None
     clock = _without_gaps(time) or _with_gaps(time)
     if clock is None or clock.scatter < EVEN * clock.step:
@@ -63,7 +64,7 @@ def rounded_clock(time: Floats) -> Clock | None:
     """
     steps = np.diff(time)
     rising = steps[steps > 0]
-    if time.size < FEWEST or rising.size == 0 or (steps < 0).any():
+    if time.size < FEWEST or rising.size == 0 or (steps < 0).any() or np.ptp(time) > ABSURD:
         return None
     quantum = float(rising.min())
     if np.abs(steps / quantum - np.round(steps / quantum)).max() > 0.01:

@@ -195,7 +195,7 @@ class Rig(Table):
             return
         a12, a22 = self.drive.a12, self.drive.a22
         a11 = self.axis.inertia.value + self.drive.wheel.inertia.value + self.drive.motor.rotor_inertia.value
-        if not a12**2 < a11 * a22:
+        if not a12 * a12 < a11 * a22:
             refuse(
                 "unreachable-inertias",
                 f"is {self.axis.inertia.value:g}, an unreachable combination with drive.wheel.inertia and "

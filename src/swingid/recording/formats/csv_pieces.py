@@ -74,5 +74,9 @@ class File:
             raise InputError(f"{self.path} cannot be read: {error.strerror}.", code="unreadable-file") from None
 
     def _table(self, lines: bytes, columns: list[str]) -> Table:
+        try:
+            lines.decode("utf-8")
+        except UnicodeDecodeError:
+            lines = lines.decode("latin-1").encode()
         table = read_rows(lines, self.layout, self.path)
         return Table({name: table.columns[name] for name in columns}, {}, table.unreadable_rows, table.units)

@@ -12,7 +12,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata
 from swingid.recording.formats.optional import require
-from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
 from swingid.recording.formats.vectors import add_vectors
 
 if TYPE_CHECKING:
@@ -31,12 +31,17 @@ def read(content: bytes, name: str) -> Table:
     """
     h5py = require("h5py", "h5py", name, "an HDF5 file (MATLAB v7.3 is one)")
     columns: Columns = {}
+    spare = most_unpacked(content)
 
     def collect(group: Any, prefix: str) -> None:
         for key, item in group.items():
             if isinstance(item, h5py.Group) and not key.startswith("#"):
                 collect(item, f"{prefix}{key}.")
             elif isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf":
+                nonlocal spare
+                spare -= 8 * int(item.size or 0)
+                if spare < 0:
+                    raise ValueError("more numbers than the file can hold")
                 array = item[()]
                 # MATLAB writes its arrays with the axes swapped
                 add_vectors(columns, prefix + key, array.T if "MATLAB_class" in item.attrs else array)
@@ -45,7 +50,7 @@ def read(content: bytes, name: str) -> Table:
         with h5py.File(io.BytesIO(content), "r") as file:
             collect(file, "")
             raw = file.attrs.get(METADATA_KEY, "{}")
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError):
+    except Exception:  # a damaged file may fail anywhere in the other package
         message = f"{name} is not a whole HDF5 file: damaged, or cut off while it was written; save it again."
         raise InputError(message, code="not-a-table") from None
     if not columns:

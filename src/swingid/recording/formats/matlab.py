@@ -20,7 +20,7 @@ from swingid.errors import InputError
 from swingid.recording.formats import hdf5
 from swingid.recording.formats.arrow import parse_metadata
 from swingid.recording.formats.matlab_objects import read_objects
-from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
 from swingid.recording.formats.vectors import add_vectors
 
 if TYPE_CHECKING:
@@ -56,11 +56,11 @@ def read(content: bytes, name: str) -> Table:
         order = {b"IM": "<", b"MI": ">"}[content[126:_HEADER]]
         for kind, data in _elements(content[_HEADER:], order):
             if kind == _COMPRESSED:
-                for inner, unpacked in _elements(zlib.decompress(data), order):
+                for inner, unpacked in _elements(_unpacked(data, most_unpacked(content)), order):
                     _collect(columns, "", inner, unpacked, order)
             else:
                 _collect(columns, "", kind, data, order)
-    except (ValueError, KeyError, StopIteration, struct.error, zlib.error):
+    except (ValueError, LookupError, StopIteration, OverflowError, struct.error, zlib.error):
         message = f"{name} is not a whole MATLAB file: damaged, or cut off while it was written; save it again."
         raise InputError(message, code="not-a-table") from None
     raw = "".join(map(chr, columns.pop(METADATA_KEY, np.empty(0)).astype(np.int64)))
@@ -109,6 +109,15 @@ def _elements(content: bytes, order: str) -> Iterator[tuple[int, bytes]]:
         if start + size > len(content):
             raise ValueError("element beyond the end")
         yield kind, content[start : start + size]
+
+
+def _unpacked(data: bytes, most: int) -> bytes:
+    """What was compressed; ValueError where it is more than `most` bytes, or cut off."""
+    inflater = zlib.decompressobj()
+    found = inflater.decompress(data, most)
+    if not inflater.eof:
+        raise ValueError("more numbers than the file can hold, or cut off")
+    return found
 
 
 def _collect(columns: Columns, prefix: str, kind: int, data: bytes, order: str, depth: int = 0) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -113,8 +114,9 @@ def _cells(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> d
     elif channel.message_encoding == "cdr" and schema is not None and schema.name == JOINT_STATE:
         if decode is None:
             require("mcap_ros2.decoder", "mcap-ros2-support", name, "an MCAP file with ROS 2 messages")
-        decoder = decode.decoder_for(channel.message_encoding, schema)
-        state = decoder(message.data)
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # the package prints what it cannot parse
+            decoder = decode.decoder_for(channel.message_encoding, schema)
+            state = decoder(message.data)
         stamp = state.header.stamp
         cells["time"] = stamp.sec + 1e-9 * stamp.nanosec
         for kind in KINDS:

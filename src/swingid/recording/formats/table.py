@@ -28,6 +28,15 @@ def split_unit(column: str) -> tuple[str, str]:
     return match["name"], match["unit"].strip()
 
 
+MOST_BYTES, MOST_TIMES = 32 << 20, 100
+"""A file may unpack to so many bytes, and this many times its own size; more is damage, or no log."""
+
+
+def most_unpacked(content: bytes) -> int:
+    """Bytes that the numbers in a file of this content may have."""
+    return MOST_BYTES + MOST_TIMES * len(content)
+
+
 @dataclass(frozen=True)
 class Table:
     """Columns of a file by name, float64 arrays or, where cells hold text, object arrays (str and None).

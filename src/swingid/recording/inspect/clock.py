@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 GAP = 1.5
+COUNTED = 1e12  # rows that a gap is said to miss, at most
 """Median steps beyond which a step is a gap."""
 
 EVEN = 0.01
@@ -79,7 +80,7 @@ def read_clock(stamps: Floats, columns: list[Column]) -> Clock:
         jitter=1.4826 * float(np.median(np.abs(regular - usual))) if regular.size else 0.0,
         gaps=int(gaps.size),
         longest=float(rising.max(initial=0.0)),
-        lost=int(np.sum(np.floor(gaps / usual + 0.3) - 1)) if gaps.size else 0,
+        lost=int(np.sum(np.floor(np.minimum(gaps / usual, COUNTED) + 0.3) - 1)) if gaps.size else 0,
         repeated=int(repeated.size),
         copies=int(np.count_nonzero(copies)),
         backwards=int(np.count_nonzero(steps < 0)),

@@ -1,0 +1,151 @@
+"""One case of fuzzing: a mutated file, read; what came of it."""
+
+from __future__ import annotations
+
+import contextlib
+import random
+import resource
+import tempfile
+import traceback
+import warnings
+from pathlib import Path
+
+import numpy as np
+from fuzz.corpus import FILES, csv_files, parquet_files, result_files, rig_files, rig_for, rigs
+from fuzz.mutations import mutated, mutated_rig
+
+from swingid.errors import SwingidError
+from swingid.recording.recording import Recording
+
+SPARE, TIMES = 96 << 20, 40
+"""Memory (bytes, and multiples of the file) that reading one more file may take."""
+
+TARGETS = (*FILES, "pieces", "inspect", "rig", "result")
+"""What is fuzzed: the readers of logs by format, reading in parts, inspect, rig files, result files."""
+
+
+def content_of(target: str, seed: int) -> tuple[bytes, str]:
+    """The mutated file of a case, and its name."""
+    draw = random.Random(f"{target} {seed}")
+    if target == "rig":
+        return mutated_rig(draw.choice(rig_files()), rig_files(), draw), "rig.toml"
+    if target == "result":
+        return mutated(draw.choice(result_files()), result_files(), draw), "result.json"
+    if target == "pieces":
+        files, ending = draw.choice(((csv_files(), ".csv"), (parquet_files(), ".parquet")))
+    else:
+        make, ending = FILES[target] if target in FILES else FILES[draw.choice(list(FILES))]
+        files = make()
+    others = files if draw.random() < 0.8 else FILES[draw.choice(list(FILES))][0]()
+    name = f"log{ending if draw.random() < 0.95 else draw.choice(('.csv', '.txt', '.mat', '.parquet', ''))}"
+    return mutated(draw.choice(files), others, draw), name
+
+
+def warm_up(target: str) -> None:
+    """Import and compile what the cases of a target need, before their memory is measured."""
+    if target in FILES or target == "inspect":
+        from swingid.recording.formats import read_table
+
+        for make, ending in FILES.values():
+            for content in make():
+                draw = random.Random(0)
+                table = read_table(content, f"log{ending}")
+                with warnings.catch_warnings(), contextlib.suppress(SwingidError):
+                    warnings.simplefilter("ignore")
+                    _read("inspect" if target == "inspect" else "csv", content, f"log{ending}", draw)
+                    assert table.columns
+    for seed in range(20):
+        failure_of(target, -seed - 1)
+
+
+def failure_of(target: str, seed: int) -> str | None:
+    """What is wrong with a case: a traceback, or more memory than allowed; None where all is as documented."""
+    draw = random.Random(seed)
+    try:
+        content, name = content_of(target, seed)
+        before = _memory()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            _read(target, content, name, draw)
+    except SwingidError as error:
+        if error.exit_code not in (3, 4) or not error.message.strip() or "Traceback" in error.message:
+            return f"an error that is none of the documented: {error!r}"
+    except BaseException:
+        return traceback.format_exc()
+    grown = _memory() - before
+    if grown > SPARE + TIMES * len(content):
+        return f"{grown / 1e6:.0f} MB more memory for a file of {len(content)} bytes"
+    return None
+
+
+def _read(target: str, content: bytes, name: str, draw: random.Random) -> None:
+    if target == "rig":
+        _read_rig(content)
+    elif target == "result":
+        _read_result(content)
+    elif target == "pieces":
+        _read_pieces(content, name, draw)
+    elif target == "inspect":
+        from swingid.recording.formats import read_table
+        from swingid.study.inspect.inspection import inspect_table
+
+        table = read_table(content, name)
+        found = inspect_table(table, draw.choice((None, rig_for(table.columns, draw))))
+        assert found.to_json()
+        assert found.summary()
+    else:
+        _read_log(content, name, draw)
+
+
+def _read_log(content: bytes, name: str, draw: random.Random) -> None:
+    from swingid.recording.formats import read_table
+    from swingid.recording.load import from_table
+    from swingid.recording.recording import Source
+
+    table = read_table(content, name)
+    for column in table.columns:
+        assert table.numbers(column)[0].dtype == np.float64
+    log = from_table(table, rig_for(table.columns, draw), Source(name))
+    assert isinstance(log, Recording)
+    assert len(log) > 1
+
+
+def _read_rig(content: bytes) -> None:
+    from swingid.model.rig import Rig
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rig.toml"
+        path.write_bytes(content)
+        rig = Rig.load(str(path))
+    assert rig.name is not None
+    assert Rig.from_text(rig.text, "again").axis == rig.axis
+
+
+def _read_result(content: bytes) -> None:
+    from swingid.identify.result_file import load_result
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "result.json"
+        path.write_bytes(content)
+        load_result(path)
+
+
+def _read_pieces(content: bytes, name: str, draw: random.Random) -> None:
+    """A small file read as if it were large."""
+    from swingid.recording.large import LargeLog, log, parts
+
+    kept = log.LARGE, log.PIECE, parts.ENOUGH
+    log.LARGE, log.PIECE, parts.ENOUGH = 0, 40, 30
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / name
+            path.write_bytes(content)
+            for _, part in LargeLog(str(path), draw.choice(rigs())).parts():
+                assert isinstance(part, Recording | SwingidError)
+    finally:
+        log.LARGE, log.PIECE, parts.ENOUGH = kept
+
+
+def _memory() -> int:
+    """Most memory that this process has had, bytes."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

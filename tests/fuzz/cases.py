@@ -11,9 +11,9 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+
 from fuzz.corpus import FILES, csv_files, parquet_files, result_files, rig_files, rig_for, rigs
 from fuzz.mutations import mutated, mutated_rig
-
 from swingid.errors import SwingidError
 from swingid.recording.recording import Recording
 

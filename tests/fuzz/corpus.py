@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import random
+import warnings
 from functools import cache
 from pathlib import Path
 
@@ -54,7 +55,8 @@ def rig_for(columns: object, draw: random.Random) -> Rig:
 
 
 def _text(separator: str = ",", decimal: str = ".", header: str = "t,q1,q2,u\n", newline: str = "\n") -> bytes:
-    rows = [separator.join(f"{x:.6g}".replace(".", decimal) for x in row) for row in zip(*COLUMNS.values(), strict=True)]
+    cells = ([f"{x:.6g}".replace(".", decimal) for x in row] for row in zip(*COLUMNS.values(), strict=True))
+    rows = [separator.join(row) for row in cells]
     return (header.replace(",", separator) + newline.join(rows) + newline).encode()
 
 
@@ -221,8 +223,10 @@ def object_files() -> tuple[bytes, ...]:
     """MATLAB files with time series inside objects."""
     import tempfile
 
-    import matio
-    from matio.utils.matclass import MatlabOpaque
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        import matio
+        from matio.utils.matclass import MatlabOpaque
 
     def series(name: str) -> MatlabOpaque:
         values = {"Time_": COLUMNS["t"].reshape(-1, 1), "Data_": COLUMNS[name].reshape(-1, 1), "Name": name}
@@ -253,7 +257,8 @@ def result_files() -> tuple[bytes, ...]:
         "provenance": {"log": "a.csv", "rig": "paper-2020", "constants": {"axis.gravity_torque": {"value": 0.078}}},
         "error": None,
     }
-    return (json.dumps(result, indent=1).encode(), json.dumps(result | {"parameters": {}, "status": "refused"}).encode())
+    refused = result | {"parameters": {}, "status": "refused"}
+    return json.dumps(result, indent=1).encode(), json.dumps(refused).encode()
 
 
 @cache

@@ -199,7 +199,7 @@ class Rig(Table):
             refuse(
                 "unreachable-inertias",
                 f"is {self.axis.inertia.value:g}, an unreachable combination with drive.wheel.inertia and "
-                f"drive.motor: a12^2 = {a12**2:.6g} must be below a11 a22 = {a11 * a22:.6g}",
+                f"drive.motor: a12^2 = {a12 * a12:.6g} must be below a11 a22 = {a11 * a22:.6g}",
                 "axis.inertia",
             )
 

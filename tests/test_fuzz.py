@@ -1,0 +1,116 @@
+"""Whatever the bytes of a file: a documented error or a valid Recording; no traceback, no hang, no flood of memory."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from fuzz.batch import watched
+from fuzz.cases import TARGETS, content_of, failure_of
+from swingid.errors import InputError
+from swingid.model.rig import Rig
+from swingid.recording.formats import read_table
+
+QUICK = {"objects": 2, "inspect": 30, "rig": 80}
+LONG = {
+    **dict.fromkeys(("csv", "parquet", "mat", "hdf5", "mcap", "json"), 12_000),
+    "pieces": 10_000,
+    "rig": 12_000,
+    "result": 5_000,
+    "inspect": 2_750,
+    "objects": 250,
+}
+"""Cases of each reader, by what a case costs; 102 000 together."""
+
+BATCH = 2_000
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_a_few_hundred_damaged_files(target):
+    failures = {seed: failure for seed in range(QUICK.get(target, 60)) if (failure := failure_of(target, seed))}
+    assert not failures, "\n".join(failures.values())
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_most_cases_differ(target):
+    contents = {content_of(target, seed)[0] for seed in range(40)}
+    assert len(contents) > 25
+
+
+@pytest.mark.long
+def test_a_hundred_thousand_damaged_files():
+    """In processes of their own, as many as there are processors; a crash, a hang and any output are failures, too."""
+    assert sum(LONG.values()) >= 100_000
+    assert set(LONG) == set(TARGETS)
+    batches = []
+    for target, count in LONG.items():
+        size = min(BATCH, max(count // 2, 1))
+        batches += [(target, 1_000_000 + k, min(size, count - k)) for k in range(0, count, size)]
+    batches.sort(key=lambda batch: batch[0] != "objects")  # the slowest first
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        found = list(pool.map(lambda batch: (batch[0], watched(*batch)), batches))
+    failures = [f"{target} {seed}: {text}" for target, each in found for seed, text in each]
+    assert not failures, "\n".join(failures[:20])
+
+
+def test_the_watch_sees_what_goes_wrong(monkeypatch, tmp_path):
+    """A case that hangs, one that crashes the process and one that prints are all reported, and the rest goes on."""
+    from fuzz import batch
+
+    script = tmp_path / "batch.py"
+    script.write_text(
+        "import os, sys, time\n"
+        "first, count, state = int(sys.argv[2]), int(sys.argv[3]), sys.argv[4]\n"
+        "for seed in range(first, first + count):\n"
+        "    open(state, 'w').write(str(seed))\n"
+        "    if seed == 1: os.kill(os.getpid(), 11)\n"
+        "    if seed == 3:\n"
+        "        while True: pass\n"
+        '    if seed == 4: print(\'FAILURE: {"seed": 4, "failure": "x"}\')\n'
+    )
+    monkeypatch.setattr(batch, "__file__", str(script))
+    monkeypatch.setattr(batch, "HANG", 0.3)
+    failures = dict(batch.watched("csv", 0, 6))
+    assert sorted(failures) == [1, 3, 4]
+    assert failures[1].startswith("crash")
+    assert failures[3].startswith("hang")
+
+
+@pytest.mark.parametrize(("ending", "head"), [(".mat", b"MATLAB 5.0 MAT-file"), (".h5", b"")])
+def test_a_bomb_is_refused(ending, head):
+    """A small file that says it holds many more zeros than it may."""
+    if ending == ".mat":
+        import zlib
+
+        size = 1 << 27
+        deflate = zlib.compressobj(9)
+        block = bytes(1 << 22)
+        packed = b"".join(deflate.compress(block) for _ in range(size >> 22)) + deflate.flush()
+        content = head.ljust(124) + b"\x00\x01IM" + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little")
+        content += packed
+    else:
+        import io
+
+        import h5py
+
+        sink = io.BytesIO()
+        with h5py.File(sink, "w") as file:
+            file.create_dataset("t", shape=(1 << 27,), dtype="f8", chunks=(1 << 20,), compression="gzip")
+        content = sink.getvalue()
+    with pytest.raises(InputError, match="is not a whole"):
+        read_table(content, f"log{ending}")
+
+
+def test_a_rig_of_absurd_numbers_is_one_sentence():
+    text = Rig.builtin("paper").text
+    for value in ("1e308", "1e200", '"1e300 kg*m^2"', "-1e308", "5e-324"):
+        for key in ("inertia", "gravity_torque"):
+            changed = "\n".join(
+                f"{key} = {value}" if line.strip().startswith(f"{key} ") else line for line in text.splitlines()
+            )
+            try:
+                Rig.from_text(changed, "rig.toml")
+            except InputError as error:
+                assert "\n" not in error.message

@@ -68,6 +68,13 @@ def test_what_did_not_answer_counts_as_a_run_and_no_more() -> None:
     assert some.rmse[0] == pytest.approx(0.02)
 
 
+def test_a_truth_of_zero_has_no_relative_error() -> None:
+    zero = answers([0.01, 0.02], 0.01)
+    s = statistics_of(Answers(zero.point, np.zeros(2), zero.value, zero.half_width, zero.bound))
+    assert (s.runs, s.answered) == (2, 0)
+    assert np.isnan(s.rmse[0])
+
+
 def test_many_numbers_go_into_groups_of_equal_size() -> None:
     values = np.random.default_rng(0).random(200)
     groups = levels_in(values)

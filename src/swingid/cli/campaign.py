@@ -37,8 +37,9 @@ def campaign(
 
     Killed and started again it goes on where it was. DIR gets results.parquet, summary.json and report.html.
     """
-    from swingid.cli.output import tell, write_json
+    from swingid.cli.output import check_writable, say, tell, write_json
 
+    check_writable(json)
     if listed:
         tell(_ready())
         return
@@ -50,13 +51,14 @@ def campaign(
         raise UsageError(
             "--workers is for this machine, --scheduler for a cluster; give one of them", code="two-workers"
         )
-    from swingid.cli.kernels import announce_compilation
     from swingid.report.campaign import write_campaign
     from swingid.study.campaign import load_plan, run_campaign, summarise
+    from swingid.study.campaign.kernels import are_compiled
 
     chosen = load_plan(plan).with_runs(runs)
     folder = Path(out or f"campaign-{chosen.name}")
-    announce_compilation("simulate")
+    if scheduler is None and not are_compiled(chosen):
+        say("compiling kernels and trying every kind of run, once per version, a minute or so")
     run_campaign(chosen, folder, workers=workers, scheduler=scheduler, progress=_progress())
     summary = summarise(chosen, folder)
     text = summary.to_json()

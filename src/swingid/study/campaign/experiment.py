@@ -56,6 +56,11 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
     told = changed(rig, _under(settings, "stated")).changed({"axis.inertia": None, "axis.friction": None})
     if twin.axis.inertia is None:
         raise InputError("twin.axis.inertia is missing, but the twin needs it", code="no-inertia")
+    if isinstance(twin.axis.gravity_torque, str):
+        raise InputError(
+            'twin.axis.gravity_torque is "unknown", but the twin needs it; set stated.axis.gravity_torque alone',
+            code="unknown-gravity",
+        )
     reference = _reference(settings)
     # a lab tunes its controller on the rig that it believes to have
     controller = None if reference is None else _controller(told, _under(settings, "controller"))
@@ -166,8 +171,11 @@ def _controller(rig: Rig, settings: dict[str, Any]) -> Compensator | Backsteppin
         settings[key] = None if value == ABSENT else tuple(value) if isinstance(value, list) else value
     try:
         return replace(made, **settings)
-    except TypeError as error:
-        raise InputError(f"controller: {error}", code="wrong-value") from None
+    except TypeError:
+        odd = next((k for k, v in settings.items() if not isinstance(v, int | float)), "kind")
+        raise InputError(
+            f"controller.{odd} cannot be {settings.get(odd)!r}; give a number", code="wrong-value"
+        ) from None
 
 
 def _method(plan: Plan, name: str, settings: dict[str, Any]) -> tuple[str, str, Mapping[str, object]]:

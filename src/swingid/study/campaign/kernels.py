@@ -13,6 +13,7 @@ import pickle
 import subprocess
 import sys
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -28,16 +29,25 @@ def ensure_compiled(plan: Plan) -> None:
     _ensure(_kind(plan), pickle.dumps(plan))
 
 
+def are_compiled(plan: Plan) -> bool:
+    """Whether the kernels of a plan are in this machine's cache."""
+    return _marker(_kind(plan)).exists()
+
+
+def _marker(kind: str) -> Path:
+    from swingid.numerics.compiled import CACHE
+
+    return CACHE / f"campaign-{kind}"
+
+
 @cache
 def _ensure(kind: str, pickled: bytes) -> None:
     import fcntl
 
-    from swingid.numerics.compiled import CACHE
-
-    marker = CACHE / f"campaign-{kind}"
+    marker = _marker(kind)
     if marker.exists():
         return
-    with (CACHE / "campaign.lock").open("w") as file:
+    with marker.with_name("campaign.lock").open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)  # of several workers of a machine one compiles, the others wait
         if not marker.exists():
             subprocess.run([sys.executable, "-c", PROGRAM], input=pickled, capture_output=True, check=False)

@@ -31,8 +31,14 @@ class Answers:
 
     @property
     def errors(self) -> Array:
-        """Relative errors."""
-        return self.value / self.truth - 1
+        """Relative errors, NaN where the truth is 0."""
+        return self.relative(self.value) - 1
+
+    def relative(self, values: Array) -> Array:
+        """Values in units of the truth, NaN where that is 0."""
+        size = np.where(self.truth == 0.0, np.nan, self.truth)
+        result: Array = values / size
+        return result
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ def statistics_of(answers: Answers, method: str = "") -> Statistics:
     errors = answers.errors
     refusals = dict(Counter(code for code in answers.codes if code))
     warnings = dict(Counter(code for text in answers.warnings for code in text.split()))
-    seen = Expectation(method, errors, answers.half_width / np.abs(answers.truth), refusals, warnings)
+    seen = Expectation(method, errors, np.abs(answers.relative(answers.half_width)), refusals, warnings)
     known = errors[np.isfinite(errors)]
     squares = known**2
     count = len(known)

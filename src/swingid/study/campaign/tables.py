@@ -7,6 +7,9 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from swingid.errors import UsageError
+from swingid.identify.friction_laws import friction_units
+from swingid.identify.output_error.unknowns import friction_unknowns
 from swingid.identify.run import METHODS
 from swingid.model.rig.fields import Column, Table, refuse
 
@@ -100,6 +103,15 @@ class Bound(Table):
     law: Column = "viscous"
     free: list[str] = Field(default_factory=list)
 
+    @field_validator("law")
+    @classmethod
+    def _known_law(cls, law: str) -> str:
+        try:
+            friction_unknowns(law)
+        except UsageError as error:
+            refuse(error.code, f"is {law!r}: {error.message}")
+        return law
+
 
 class Report(Table):
     """What the report draws beside the standard pictures: maps over pairs of factors."""
@@ -118,7 +130,7 @@ class PlanTables(Table):
     design: Design = "grid"
     points: int | None = Field(None, gt=0)
     seeds: Literal["independent", "common"] = "independent"
-    quantities: list[str] = Field(default_factory=lambda: ["inertia"])
+    quantities: list[str] = Field(default_factory=lambda: ["inertia"], min_length=1)
     block: int = Field(8, gt=0)
     base: Base
     methods: dict[str, dict[str, Any]] = Field(default_factory=dict)
@@ -144,6 +156,10 @@ class PlanTables(Table):
                 refuse("missing-key", f"is missing, which the design {self.design!r} needs", f"factors.{name}.steps")
         if self.design in SAMPLED and self.points is None:
             refuse("missing-key", f"is missing, which the design {self.design!r} needs", "points")
+        known = ("inertia", "gravity_torque", *friction_units(linear=False))
+        for name in self.quantities:
+            if name not in known:
+                refuse("wrong-value", f"names {name!r}; choose of {', '.join(known)}", "quantities")
         if self.design not in SAMPLED and self.points is not None:
             refuse("contradiction", f"belongs to the designs {', '.join(SAMPLED)}", "points")
         if self.design in SAMPLED and not self.factors:
@@ -157,7 +173,7 @@ class PlanTables(Table):
 
     def _check_methods(self) -> None:
         for name, table in self.methods.items():
-            if table.get("method") not in METHODS:
+            if table.get("method") not in tuple(METHODS):
                 has = "is missing" if "method" not in table else f"is {table['method']!r}"
                 refuse("unknown-method", f"{has}; choose one of {', '.join(METHODS)}", f"methods.{name}.method")
         for name in self.base.methods:
@@ -166,6 +182,8 @@ class PlanTables(Table):
                 refuse(
                     "unknown-method", f"names {name!r}; choose of {known}, or define [methods.{name}]", "base.methods"
                 )
+        if len(set(self.base.methods)) < len(self.base.methods):
+            refuse("wrong-value", "names a method twice; define another name for it under [methods]", "base.methods")
         batched = [name for name in self.base.methods if name in BATCHED]
         if batched and len(batched) < len(self.base.methods):
             refuse(

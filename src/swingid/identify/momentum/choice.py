@@ -107,8 +107,9 @@ def _with_memory(
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, noise, "memory")))
     # the correction of the turning points is as uncertain as it is large, for friction at rest is extrapolated from
-    # faster motion, where a short peak doesn't show; but the rows say how much of an impulse there can be
-    impulse /= float(np.hypot(1.0, impulse / max(np.hypot(found, spread), 1e-300)))
+    # faster motion, where a short peak doesn't show: a prior of the impulse, which the rows then tell more about
+    told = impulse**2 / max(impulse**2 + spread**2, 1e-300)
+    impulse = float(np.hypot(told * found, np.sqrt(told) * spread))
     return (remembered if found > DETECTED * spread else tried), impulse
 
 

@@ -11,13 +11,13 @@ from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2
 from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
 from swingid.model.sensors import encoder_reading
 from swingid.numerics.compiled import njit
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.inlined import njit_inlined_with_arrays
 
 # Kinds of controller.
 OPEN_LOOP, COMPENSATOR, BACKSTEPPING = 0, 1, 2
 
 
-@njit_inlined
+@njit_inlined_with_arrays
 def command(
     kind: int,
     k: int,

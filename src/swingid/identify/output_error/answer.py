@@ -109,8 +109,8 @@ def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Mo
     white: Array = influence @ influence.T * size
     blocks = np.searchsorted(motion.turning_times, problem.times)
     segment = np.searchsorted(problem.rows, np.arange(len(residuals)), side="right")
-    _, label = np.unique(np.column_stack([segment, blocks]), axis=0, return_inverse=True)
-    scores = np.array([np.bincount(label.ravel(), row) for row in influence * residuals])
+    _, label = np.unique(segment * (len(motion.turning_times) + 1) + blocks, return_inverse=True)
+    scores = np.array([np.bincount(label, row) for row in influence * residuals])
     robust = block_covariance(scores, len(influence))
     floor = np.maximum(np.diag(white), 1e-300)
     stretch = np.sqrt(np.maximum(np.diag(robust) / floor, 1.0))

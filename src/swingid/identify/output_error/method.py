@@ -218,7 +218,7 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
     """A first fit, on segments of `segment` s, or of a length that suits.
 
     A model that is not quite the rig's runs away from the log over a long segment. Where the fit is poor the segments
-    are halved, and those taken on which the inertia is most certain.
+    are halved (quartered where the search does not settle), and those taken on which the inertia is most certain.
     """
     unknowns = setup.unknowns(law)
     values = setup.first(unknowns)
@@ -228,7 +228,8 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
         problem = setup.problem(length)
         found = search(problem, unknowns, values, setup.loss, 1 if tried else setup.starts)
         tried.append((problem, found))
-        length /= 2
+        # where not even the search settles the segments are far too long
+        length /= 2 if found.fit.converged else 4
         left = max(misfit_ratios(found.fit, problem, setup.rig).values())
         if segment is not None or not left > POOR or length * setup.log.rate < SHORTEST:
             break

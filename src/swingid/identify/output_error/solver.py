@@ -35,7 +35,7 @@ STALLED = 1e-9
 LEAP = 0.4
 """Share of itself to which the inertia may fall in one step, and rise by its inverse."""
 
-MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
+MOST_STEPS, MOST_ROUGH_STEPS = 30, 8
 HARDEST = 1e10
 
 SINGULAR = 1e-12
@@ -93,11 +93,21 @@ def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduc
     s = problem.states
     root: Array = weights / problem.sigma
     body: Array = slopes[:, s:] * root[:, None]
-    for k in range(len(problem.rows) - 1):
-        rows = slice(problem.rows[k], problem.rows[k + 1])
-        body[rows] -= (slopes[rows, :s] * root[rows, None]) @ np.linalg.solve(reduced.own[k], reduced.cross[k])
+    held: Array = np.asarray(np.linalg.solve(reduced.own, reduced.cross), dtype=np.float64)
+    _take_held(body, slopes, root, held, problem.rows)
     result: Array = inverse_of(reduced) @ body.T
     return result
+
+
+@njit
+def _take_held(body: Array, slopes: Array, root: Array, held: Array, rows: Ints) -> None:
+    """Take from the rows of `body` (r, m) what their segment's initial values, `held` (k, s, m), follow of them."""
+    for k in range(len(rows) - 1):
+        for r in range(rows[k], rows[k + 1]):
+            for i in range(held.shape[1]):
+                weighted = root[r] * slopes[r, i]
+                for c in range(held.shape[2]):
+                    body[r, c] -= weighted * held[k, i, c]
 
 
 @njit
@@ -127,20 +137,14 @@ def _grams(slopes: Array, residuals: Array, weights: Array, scale: Array, rows: 
 def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Reduced:
     """Normal equations of weighted residuals with every segment's initial values eliminated."""
     s, m = problem.states, slopes.shape[1] - problem.states
-    count = len(problem.rows) - 1
-    own, cross, right_own = np.empty((count, s, s)), np.empty((count, s, m)), np.empty((count, s))
-    matrix, right = np.zeros((m, m)), np.zeros(m)
     grams = _grams(slopes, residuals, weights, 1 / problem.sigma, problem.rows)
-    for k in range(count):
-        block, aim = grams[k, :-1, :-1], grams[k, :-1, -1]
-        own[k], cross[k], right_own[k] = block[:s, :s], block[:s, s:], aim[:s]
-        # a wheel that rests at once forgets a mix of its initial speeds, and the block is singular
-        sizes = np.diag(own[k]).copy()
-        own[k][np.diag_indices(s)] += SINGULAR * np.maximum(sizes, SINGULAR * sizes.max())
-        held = np.linalg.solve(own[k], np.column_stack([cross[k], right_own[k]]))
-        matrix += block[s:, s:] - cross[k].T @ held[:, :m]
-        right += aim[s:] - cross[k].T @ held[:, m]
-    return Reduced(matrix, right, own, cross, right_own)
+    own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
+    # a wheel that rests at once forgets a mix of its initial speeds, and the block is singular
+    sizes = np.diagonal(own, axis1=1, axis2=2)
+    own = own + np.eye(s) * (SINGULAR * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
+    held = np.linalg.solve(own, grams[:, :s, s:])
+    left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
+    return Reduced(left[:, :m], left[:, m], own, cross, right_own)
 
 
 def informed(reduced: Reduced, unknowns: Unknowns, values: Array) -> Reduced:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 Done = tuple[int, list[Row]]
 
+IDLE = 20
+"""s after which a process without work ends, as it does when the one that started it was killed."""
+
 MOST_LOST = 3
 """Times that processes may be lost before it is given up."""
 
@@ -44,6 +47,13 @@ def _one(plan: Plan, block: int) -> Done:
     return block, run_block(plan, block)
 
 
+def _one_for(parent: int, plan: Plan, block: int) -> Done:
+    """A block for the process that started this one; where that was killed nobody wants it, and this one ends."""
+    if os.getppid() != parent:
+        os._exit(1)
+    return _one(plan, block)
+
+
 def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Done]:
     try:
         from joblib import Parallel, delayed, parallel_config
@@ -55,9 +65,9 @@ def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Don
     left = dict.fromkeys(blocks)
     for _ in range(MOST_LOST):
         try:
-            with parallel_config(backend="loky", inner_max_num_threads=1):
+            with parallel_config(backend="loky", inner_max_num_threads=1, idle_worker_timeout=IDLE):
                 pool = Parallel(n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-                for block, rows in pool(delayed(_one)(plan, block) for block in list(left)):
+                for block, rows in pool(delayed(_one_for)(os.getpid(), plan, block) for block in list(left)):
                     del left[block]
                     yield block, rows
             return

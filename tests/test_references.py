@@ -9,6 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from swingid.cli import main
 from swingid.control.references import (
     Chirp,
     Motion,
@@ -21,6 +22,8 @@ from swingid.control.references import (
     parse_reference,
 )
 from swingid.errors import InputError, UsageError
+from swingid.model.rig import Rig
+from swingid.simulate import simulate
 
 amplitudes = st.floats(0.05, 3.0)
 frequencies = st.floats(0.5, 20.0)
@@ -304,3 +307,50 @@ def test_motion_from_a_file(tmp_path) -> None:
 @pytest.mark.parametrize("motion", [Sine(1, 2), Strokes(1, 1), Triangle(1, 1), Chirp(1, 1, 2, 3), Motion(np.sin)])
 def test_every_motion_is_a_reference(motion: Reference) -> None:
     assert isinstance(motion, Reference)
+
+
+# The kind of axis
+
+
+CART = """
+[axis]
+kind = "linear"
+inertia = 2.0
+[axis.friction]
+viscous = 3.0
+[drive]
+kind = "direct"
+"""
+
+
+@pytest.mark.parametrize(("rig", "right", "wrong"), [(CART, "m", "rad"), (None, "rad", "m")])
+def test_a_motion_has_the_unit_of_its_axis(rig, right, wrong):
+    plant = Rig.builtin("paper") if rig is None else Rig.from_text(rig)
+    for words in ("sine 0.1 {} 8.5 rad/s", "strokes 0.1 {} 0.5 s", "chirp 0.1 {} 1 Hz 2 Hz 5 s"):
+        moved = simulate(plant, parse_reference(words.format(right)), duration=0.2)
+        assert np.ptp(moved.reference) > 0
+        with pytest.raises(UsageError, match=f"is in {wrong}, but the rig's axis is {plant.axis.kind}; give it in"):
+            simulate(plant, parse_reference(words.format(wrong)), duration=0.2)
+
+
+def test_a_bare_amplitude_has_the_unit_that_is_asked_for():
+    assert parse_reference("sine 0.1 8.5").unit == "rad"
+    assert parse_reference("multisine 0.1 8.5 + 0.2 5", "m").unit == "m"
+    assert parse_reference("sine 0.1 rad 8.5", "m").unit == "rad"
+
+
+def test_a_motion_without_a_unit_suits_both():
+    for rig in (Rig.from_text(CART), Rig.builtin("paper")):
+        assert np.ptp(simulate(rig, lambda t: 0.1 * np.sin(8 * t), duration=0.2).reference) > 0
+
+
+@pytest.mark.parametrize("command", ["simulate", "rehearse"])
+def test_the_commands_refuse_radians_on_a_linear_axis(command, tmp_path, capsys):
+    rig = tmp_path / "cart.toml"
+    rig.write_text(CART)
+    options = ["--rig", str(rig), "--reference", "sine 0.8 rad 8.5 rad/s", "--duration", "5"]
+    code = main([command, *options, *(["--out", str(tmp_path / "log.csv")] if command == "simulate" else [])])
+    told = capsys.readouterr().err
+    assert code == 2
+    assert "is in rad, but the rig's axis is linear; give it in m." in told
+    assert "compil" not in told

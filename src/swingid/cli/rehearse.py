@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from swingid.cli.identify import Method
-from swingid.cli.simulate import Gains, compensator_of, parse_angle
+from swingid.cli.simulate import Gains, compensator_of, motion_of, parse_angle
 from swingid.errors import UsageError
 
 
@@ -39,13 +39,12 @@ def rehearse(
     check_targets({"--json": json}, {rig: "the rig file"})
     check_writable(json)
     from swingid.cli.kernels import announce_compilation
-    from swingid.control.references import parse_reference
     from swingid.model.rig import Rig
     from swingid.study.rehearse import rehearse as run
 
     plant = Rig.load(rig)
     angle = parse_angle(initial_angle, plant)
-    motion = None if reference is None else parse_reference(reference)
+    motion = None if reference is None else motion_of(reference, plant)
     if motion is None and angle == 0.0:
         raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
     if motion is None and gains is not None:

@@ -102,13 +102,12 @@ def simulate(
         )
     writer_for(Path(out))
     check_target(Path(out))
-    from swingid.control.references import parse_reference
     from swingid.model.rig import Rig
     from swingid.simulate import simulate as run
 
     plant = Rig.load(rig)
     angle = parse_angle(initial_angle, plant)
-    motion = None if reference is None else parse_reference(reference)
+    motion = None if reference is None else motion_of(reference, plant)
     chosen = None
     if motion is not None:
         chosen = compensator_of(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
@@ -168,6 +167,15 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.f
         raise UsageError(f"--voltage {text!r} has no amplitude in V; write for example {example!r}", code="bad-voltage")
     wave = parse_reference(words)
     return np.asarray(wave(np.arange(int(duration * rate + 1e-9) + 1) / rate))
+
+
+def motion_of(text: str, rig: Rig) -> Reference:
+    """The reference motion in words, its amplitude in rad, or m on a linear axis; UsageError for others."""
+    from swingid.control.references import parse_reference, require_axis
+
+    motion = parse_reference(text, "m" if rig.axis.kind == "linear" else "rad")
+    require_axis(motion, rig.axis.kind)
+    return motion
 
 
 def parse_angle(text: str, rig: Rig, option: str = "--initial-angle") -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
+from swingid.control.references.base import require_axis
 from swingid.errors import UsageError
 from swingid.model.integrator import Q1, Q2, STATES, V1, V2, Z
 from swingid.model.motion import EVENTS, GUARDED, STEPS
@@ -216,6 +217,7 @@ def loop_inputs(
         if controller is not None:
             raise UsageError("a controller needs a reference to follow; give one", code="no-reference")
         return np.zeros(len(times)), True
+    require_axis(reference, rig.axis.kind)
     wanted = np.asarray(reference(times), dtype=np.float64)
     if wanted.shape != times.shape or not np.isfinite(wanted).all():
         raise UsageError("the reference must give one finite number per instant", code="bad-reference")

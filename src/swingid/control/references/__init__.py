@@ -1,6 +1,6 @@
 """Reference motions: one file each, and `parse_reference` that reads them from text."""
 
-from swingid.control.references.base import Reference
+from swingid.control.references.base import Reference, require_axis
 from swingid.control.references.chirp import Chirp
 from swingid.control.references.multisine import Multisine
 from swingid.control.references.parse import parse_reference
@@ -19,4 +19,5 @@ __all__ = [
     "Strokes",
     "Triangle",
     "parse_reference",
+    "require_axis",
 ]

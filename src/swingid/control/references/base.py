@@ -50,6 +50,19 @@ def require_unit(motion: str, unit: str) -> None:
         raise UsageError(f"Reference {motion}: the unit must be rad or m, not {unit!r}.", code="bad-reference")
 
 
+def require_axis(motion: object, kind: str) -> None:
+    """Raise UsageError where a motion in rad is meant for a "linear" axis, or one in m for a "rotary" one.
+
+    A motion without a unit, such as a plain function, suits both.
+    """
+    unit = getattr(motion, "unit", None)
+    wanted = "m" if kind == "linear" else "rad"
+    if unit not in (None, wanted):
+        words = motion.describe() if isinstance(motion, Reference) else "motion"
+        sentence = f"Reference {words!r} is in {unit}, but the rig's axis is {kind}; give it in {wanted}."
+        raise UsageError(sentence, code="bad-reference")
+
+
 def inside(times: Array, duration: float) -> Array:
     """The times strictly between 0 and `duration`."""
     return times[(times > 0.0) & (times < duration)]

@@ -1,7 +1,7 @@
 """Reference motions from text, as in ``--reference "sine 0.8 rad 8.5 rad/s"``.
 
 Grammar: a kind, then numbers each followed by a unit (none = SI). Frequencies in rad/s, Hz, or any unit of
-angle per time; angles in rad, deg, ..., or lengths for a linear axis.
+angle per time; angles in rad, deg, ..., or lengths for a linear axis (whether they suit a rig: `require_axis`).
 
     sine       AMPLITUDE FREQUENCY [PHASE]
     multisine  AMPLITUDE FREQUENCY [PHASE] + AMPLITUDE FREQUENCY [PHASE] + ...
@@ -41,8 +41,8 @@ TERM = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([^\s\d+.-]
 Term = tuple[str, str]
 
 
-def parse_reference(text: str) -> Reference:
-    """The reference motion that `text` names, after the grammar of this module.
+def parse_reference(text: str, unit: str = "rad") -> Reference:
+    """The reference motion that `text` names, after the grammar of this module; `unit` is that of a bare amplitude.
 
     Raises UsageError for text outside the grammar, with an example, and InputError for an unusable file.
     """
@@ -54,35 +54,35 @@ def parse_reference(text: str) -> Reference:
     if kind not in EXAMPLES:
         raise _bad(text, "sine", f"it must begin with one of {', '.join(EXAMPLES)}")
     if kind == "multisine":
-        return Multisine(tuple(_sine(text, kind, part) for part in re.split(r"\s\+\s", rest)))
-    return _BUILDERS[kind](text, kind, rest)
+        return Multisine(tuple(_sine(text, kind, part, unit) for part in re.split(r"\s\+\s", rest)))
+    return _BUILDERS[kind](text, kind, rest, unit)
 
 
-def _sine(text: str, kind: str, rest: str) -> Sine:
-    amplitude, unit, terms = _terms(text, kind, rest, 1, 2)
+def _sine(text: str, kind: str, rest: str, plain: str) -> Sine:
+    amplitude, unit, terms = _terms(text, kind, rest, (1, 2), plain)
     phase = _angle(text, kind, terms[1]) if len(terms) > 1 else 0.0
     return Sine(amplitude, _frequency(text, kind, terms[0]), phase, unit)
 
 
-def _strokes(text: str, kind: str, rest: str) -> Strokes:
-    amplitude, unit, terms = _terms(text, kind, rest, 1, 2)
+def _strokes(text: str, kind: str, rest: str, plain: str) -> Strokes:
+    amplitude, unit, terms = _terms(text, kind, rest, (1, 2), plain)
     times = [_time(text, kind, term) for term in terms]
     return Strokes(amplitude, times[0], times[1] if len(times) > 1 else 0.0, unit)
 
 
-def _triangle(text: str, kind: str, rest: str) -> Triangle:
-    amplitude, unit, terms = _terms(text, kind, rest, 1, 2)
+def _triangle(text: str, kind: str, rest: str, plain: str) -> Triangle:
+    amplitude, unit, terms = _terms(text, kind, rest, (1, 2), plain)
     corner = _time(text, kind, terms[1]) if len(terms) > 1 else None
     return Triangle(amplitude, _frequency(text, kind, terms[0]), corner, unit)
 
 
-def _chirp(text: str, kind: str, rest: str) -> Chirp:
-    amplitude, unit, terms = _terms(text, kind, rest, 3, 3)
+def _chirp(text: str, kind: str, rest: str, plain: str) -> Chirp:
+    amplitude, unit, terms = _terms(text, kind, rest, (3, 3), plain)
     band = [_frequency(text, kind, term) for term in terms[:2]]
     return Chirp(amplitude, band[0], band[1], _time(text, kind, terms[2]), unit)
 
 
-_BUILDERS: dict[str, Callable[[str, str, str], Reference]] = {
+_BUILDERS: dict[str, Callable[[str, str, str, str], Reference]] = {
     "sine": _sine,
     "strokes": _strokes,
     "triangle": _triangle,
@@ -90,9 +90,9 @@ _BUILDERS: dict[str, Callable[[str, str, str], Reference]] = {
 }
 
 
-def _terms(text: str, kind: str, rest: str, fewest: int, most: int) -> tuple[float, str, list[Term]]:
-    """Amplitude with its unit, and between `fewest` and `most` further terms (number, unit) of `rest`."""
-    terms, place = [], 0
+def _terms(text: str, kind: str, rest: str, wanted: tuple[int, int], plain: str) -> tuple[float, str, list[Term]]:
+    """Amplitude with its unit (`plain` where none is given), and as many further terms (number, unit) as wanted."""
+    (fewest, most), terms, place = wanted, [], 0
     while place < len(rest.rstrip()):
         match = TERM.match(rest, place)
         if match is None:
@@ -100,9 +100,9 @@ def _terms(text: str, kind: str, rest: str, fewest: int, most: int) -> tuple[flo
         terms.append((match[1], match[2] or ""))
         place = match.end()
     if not fewest <= len(terms) - 1 <= most:
-        wanted = f"{fewest + 1}" if fewest == most else f"{fewest + 1} to {most + 1}"
-        raise _bad(text, kind, f"{kind} takes {wanted} quantities, not {len(terms)}")
-    if terms[0][1] != "m":
+        count = f"{fewest + 1}" if fewest == most else f"{fewest + 1} to {most + 1}"
+        raise _bad(text, kind, f"{kind} takes {count} quantities, not {len(terms)}")
+    if (terms[0][1] or plain) != "m":
         try:
             return _value(text, kind, terms[0], "rad"), "rad", terms[1:]
         except UsageError:

@@ -12,6 +12,7 @@ from swingid.identify.encoder_calibration.joint import JointFit, fit_jointly
 from swingid.identify.encoder_calibration.logs import CalibrationLog
 from swingid.identify.encoder_calibration.parts import Part, with_parts
 from swingid.identify.momentum.agreement import COMPARABLE, SEEN
+from swingid.identify.momentum.balance import Signals
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 
@@ -52,8 +53,20 @@ class Estimate:
         return {part.key: float(u) for part, u in zip(self.asked, whole, strict=True)}
 
 
-def estimate(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) -> Estimate:
-    """The parts that make the balances of all logs close best with one inertia."""
+@dataclass(frozen=True)
+class Solved:
+    """The joint fit about the parts `values` (by key), with the rig that states them and the signals straightened."""
+
+    fit: JointFit
+    values: dict[str, float]
+    bent: Rig
+    signals: list[Signals]
+    a11: float
+    b: float
+
+
+def solve(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) -> Solved:
+    """Gauss–Newton to the parts that make the balances of all logs close best with one inertia."""
     values = {part.key: 0.0 for part in asked}
     a11, b = _first(logs, rig)
     for _ in range(STEPS):
@@ -65,16 +78,23 @@ def estimate(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) ->
         if np.max(np.abs(step)) < SETTLED:
             break
         values = {part.key: values[part.key] + float(d) for part, d in zip(asked, fit.parts, strict=True)}
-    others = []
+    return Solved(fit, values, bent, signals, a11, b)
+
+
+def estimate(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) -> Estimate:
+    """The parts by all logs together, with what windows of other lengths say otherwise."""
+    found = solve(logs, rig, asked)
+    fit, others = found.fit, []
     for stretch in STRETCHES:
-        rows = [log.rows(s, bent, a11, b, stretch) for log, s in zip(logs, signals, strict=True)]
+        pairs = zip(logs, found.signals, strict=True)
+        rows = [log.rows(signals, found.bent, found.a11, found.b, stretch) for log, signals in pairs]
         if all(len(one.target) > 2 * len(one.own) + 8 for one in rows):
-            others.append(fit_jointly(rows, asked, values))
+            others.append(fit_jointly(rows, asked, found.values))
     k = len(fit.common)
     whole = fit.covariance + fit.grid
     return Estimate(
         asked=tuple(asked),
-        values=values,
+        values=found.values,
         scatter=np.sqrt(np.diag(fit.covariance)[k:]),
         grid=np.sqrt(np.maximum(np.diag(fit.grid)[k:], 0.0)),
         drift=_drift(fit, others),

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.encoder_calibration.estimate import Estimate, estimate
+from swingid.identify.encoder_calibration.estimate import Estimate, estimate, solve
 from swingid.identify.encoder_calibration.logs import CalibrationLog
 from swingid.identify.encoder_calibration.parts import ANGLE, Part, parts_of, uncalibrated
 from swingid.identify.encoder_calibration.rig_file import with_encoders
@@ -130,7 +130,7 @@ def _strangers(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part], 
     if len(logs) < 2:
         return
     for log, error in zip(logs, found.errors, strict=True):
-        own = float(estimate([log], rig, asked).errors[0])
+        own = float(solve([log], rig, asked).fit.errors[0])
         if error > FOREIGN * own:
             text = (
                 f"{log.name} does not go with the other logs: with one inertia and the same encoders it leaves "

@@ -13,7 +13,7 @@ import numpy as np
 from swingid.identify.format import plus_minus
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.calibration import with_declared
-from swingid.identify.momentum.fits import LAG, WindowFit, columns_of
+from swingid.identify.momentum.fits import LAG, WindowFit, residuals_beside
 from swingid.identify.momentum.imperfections import axis_bends, wheel_bends
 from swingid.identify.result import Message
 from swingid.identify.scale import Scale
@@ -34,6 +34,9 @@ AMPLITUDES = 4
 MATTERS = 2.0
 """Standard uncertainties of a11 by which it must move, or become less certain, to be worth a warning."""
 
+LEAST = 1e-4
+"""Share of a11 below which that is none in any case: without noise, anything small left looks like something."""
+
 
 def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> list[Message]:
     """A warning where an undeclared once-per-turn nonlinearity of the encoders shows and the inertia suffers by it.
@@ -48,7 +51,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> 
     before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))
     if not _shows(law, before, after):
         return []
-    if max(abs(bent.a11 - law.a11), bent.total) < MATTERS * law.total:
+    if max(abs(bent.a11 - law.a11), bent.total) < max(MATTERS * law.total, LEAST * law.a11):
         return []
     left = np.sqrt(after / before)
     text = (
@@ -72,8 +75,5 @@ def _may_show(law: WindowFit, signals: Signals, scale: Scale) -> bool:
     bends = axis_bends(signals, law.rows, law.a11, b) | {
         f"wheel {name}": effect for name, effect in wheel_bends(signals, law.rows, scale.a12).items()
     }
-    columns = columns_of(law.rows, scale, tuple(name for name in law.unknowns if name in law.rows.friction))[1]
-    free = np.column_stack(list(bends.values()))
-    free = free - columns @ (law.fit.influence @ free)
-    left = law.fit.residuals - free @ np.linalg.lstsq(free, law.fit.residuals, rcond=1e-10)[0]
+    left = residuals_beside(law, scale, np.column_stack(list(bends.values())))
     return _shows(law, float(np.mean(law.fit.residuals**2)), float(np.mean(left**2)))

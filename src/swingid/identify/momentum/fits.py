@@ -108,6 +108,15 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
     return WindowFit(rows, unknowns, fit, covariance, _middle(rows.windows.half))
 
 
+def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:
+    """What a fit would leave with these columns (rows, m) more, free of any bound; quick, without their values."""
+    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
+    columns = columns_of(fit.rows, scale, friction)[1]
+    free = more - columns @ np.linalg.lstsq(columns, more, rcond=1e-10)[0]
+    left: Array = fit.fit.residuals - free @ np.linalg.lstsq(free, fit.fit.residuals, rcond=1e-10)[0]
+    return left
+
+
 def _middle(values: Array) -> float:
     """The median, or the value above it, of few values."""
     return float(np.sort(values)[len(values) // 2])

@@ -115,14 +115,20 @@ def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]
     Inertia, gravity and friction all come from the angle, so an angle that is late is a drive that is early; a free
     decay feels nothing of it.
     """
-    windows = rows.windows
     std = rig.sensors.of("angle").latency.std or 0.0
     wheel = rig.sensors.of("wheel").latency.std or 0.0
     if signals.wheel_values is not None and (std > 0 or wheel > 0):
-        rate = signals.nodes.spline(signals.wheel_values, derivative=1)
-        effect = rig.drive.a12 * project(signals.nodes, [(rate, 2)], windows.centres, windows.half)[:, 0]
-        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency", True)
-        yield Imperfection("wheel latency", wheel, -effect, 0.0, "sensors.wheel.latency", True)
+        effect = late_channel(signals, rows, rig.drive.a12)
+        yield Imperfection("angle latency", std, -effect, 0.0, "sensors.latency", True)
+        yield Imperfection("wheel latency", wheel, effect, 0.0, "sensors.wheel.latency", True)
     elif signals.torque is not None and std > 0:
-        effect = project(signals.nodes, [(signals.torque, 1)], windows.centres, windows.half)[:, 0]
-        yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency", True)
+        yield Imperfection("angle latency", std, late_channel(signals, rows, 0.0), 0.0, "sensors.latency", True)
+
+
+def late_channel(signals: Signals, rows: Rows, a12: float) -> Array:
+    """Effect on the rows, per s, of a wheel read later than the angle, or of an angle later than the torque acts."""
+    columns = [(signals.torque, 1)] if signals.torque is not None else []
+    if signals.wheel_values is not None:
+        columns = [(-a12 * signals.nodes.spline(signals.wheel_values, derivative=1), 2)]
+    effect: Array = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)[:, 0]
+    return effect

@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 from swingid.identify.format import percent, plus_minus
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.choice import Choice, choose
-from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, known_side
-from swingid.identify.momentum.imperfections import Imperfection, imperfections
+from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, known_side, residuals_beside
+from swingid.identify.momentum.imperfections import Imperfection, imperfections, late_channel
 from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
 from swingid.identify.result import Message
@@ -179,16 +179,9 @@ def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig, scale: Scale
 def _may_show(choice: Choice, rig: Rig, scale: Scale) -> bool:
     """Whether one column more, without a bound, lets the residuals fall enough: quick, and true wherever it shows."""
     law = choice.law
-    b = law.value("gravity_torque") if scale.b is None else scale.b
-    late = [i for i in imperfections(_allowed(rig), choice.signals, law.rows, law.a11, b) if _counts(i, rig) > 0]
-    if not late:
-        return False
-    columns = columns_of(law.rows, scale, _friction(law))[1]
-    residuals = law.fit.residuals
-    free = late[0].rows - columns @ np.linalg.lstsq(columns, late[0].rows, rcond=1e-10)[0]
-    power, along = float(free @ free), float(free @ residuals)
-    fall = along**2 / power if power > 0 else 0.0
-    return fall > (1 - BETTER**2) * float(residuals @ residuals)
+    late = late_channel(choice.signals, law.rows, rig.drive.a12 if rig.drive.kind == "reaction-wheel" else 0.0)
+    left = residuals_beside(law, scale, late[:, None])
+    return float(left @ left) < BETTER**2 * float(law.fit.residuals @ law.fit.residuals)
 
 
 def _second_order(signals: Signals, late: float) -> float:

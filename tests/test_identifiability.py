@@ -112,3 +112,10 @@ def test_the_same_with_two_frequencies_is_answered(tmp_path):
     assert result.status == "ok"
     (note,) = [message.message for message in result.notes if message.code == "identifiability"]
     assert "rank 7 of 7" in note
+
+
+@pytest.mark.parametrize(("slope", "words"), [(0.0, "hardly less"), (0.3, "hardly less"), (1.0, "1.4 times less")])
+def test_what_it_costs_that_others_are_unknown_is_said_in_words(slope, words):
+    """Columns at an angle with cosine c: the inertia is 1 / sqrt(1 - c²) times less certain."""
+    seen = of(np.array([[1.0, slope], [0.0, 1.0]]))
+    assert seen.price == f"what is unknown beside the inertia makes it {words} certain"

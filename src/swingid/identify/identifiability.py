@@ -24,6 +24,9 @@ HOPELESS = 0.3
 SINGULAR = 1e-9
 """Singular value of the scaled columns, in shares of the largest, below which a direction is not seen at all."""
 
+HARDLY = 1.1
+"""Inflation below which it is not worth a number."""
+
 BLIND = 1e-3
 """Share in an unseen direction above which an unknown takes part in it."""
 
@@ -81,6 +84,13 @@ class Identifiability:
         squared = self.covariance[0] ** 2 / (variances[0] * variances)
         order = np.argsort(-squared[1:], kind="stable") + 1
         return (self.wanted, *(self.names[k] for k in order if squared[k] > TRADES))
+
+    @property
+    def price(self) -> str:
+        """What it costs in certainty that others are unknown too, in words."""
+        if self.inflation < HARDLY:
+            return f"what is unknown beside the {self.wanted} makes it hardly less certain"
+        return f"what is unknown beside the {self.wanted} makes it {self.inflation:.2g} times less certain"
 
     def relative(self, value: float) -> float:
         """Standard uncertainty of the wanted unknown as a share of its `value`, infinite where it is not seen."""

@@ -148,8 +148,7 @@ def _values(law: WindowFit) -> dict[str, float]:
 def _how_identifiable(seen: Identifiability, law: WindowFit) -> Message:
     text = (
         f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}; "
-        f"{seen.combination(_values(law))}, and what is unknown beside the inertia makes it "
-        f"{number(seen.inflation, digits=2)} times less certain."
+        f"{seen.combination(_values(law))}, and {seen.price}."
     )
     return Message("identifiability", text)
 

@@ -7,7 +7,7 @@ import numpy as np
 from swingid.errors import UnanswerableError
 from swingid.identify.energy.checks import SecondOpinion, gap_to_momentum
 from swingid.identify.format import number, percent
-from swingid.identify.identifiability import BLIND, HOPELESS, advice, examine_information, require_seen
+from swingid.identify.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
 from swingid.identify.momentum.checks import check_answer, check_motor
 from swingid.identify.motion import Motion
 from swingid.identify.output_error.answer import SCATTER, Estimate
@@ -74,7 +74,7 @@ def check_fit(
         notes += [note for note in told if note.code != "identifiability"]
         if not estimate.robust:
             warnings += _against_momentum(inertia, budget, opinion, problem, scale)
-    notes.append(_conditioning(estimate, seen.condition, seen.inflation))
+    notes.append(_conditioning(seen))
     notes.append(_search_note(estimate, problem))
     notes += _zero_note(estimate, problem)
     warnings += opinion.scale
@@ -185,13 +185,9 @@ def _against_momentum(
     return [Message("disagrees-with-momentum", text)]
 
 
-def _conditioning(estimate: Estimate, condition: float, inflation: float) -> Message:
-    names = ", ".join(estimate.unknowns.names)
-    text = (
-        f"sought together: {names}; condition {condition:.2g}, and what is unknown beside the inertia makes it "
-        f"{inflation:.2g} times less certain."
-    )
-    return Message("identifiability", text)
+def _conditioning(seen: Identifiability) -> Message:
+    names = ", ".join(seen.names)
+    return Message("identifiability", f"sought together: {names}; condition {seen.condition:.2g}, and {seen.price}.")
 
 
 def _search_note(estimate: Estimate, problem: Problem) -> Message:

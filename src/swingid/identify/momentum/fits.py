@@ -11,7 +11,7 @@ from swingid.identify.momentum.balance import Rows, Windows
 from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import LinearFit, fit_linear
-from swingid.numerics.test_functions import curvature_overlap, overlaps
+from swingid.numerics.test_functions import CURVATURE_POWER, overlaps
 
 Array = NDArray[np.float64]
 
@@ -128,7 +128,7 @@ def _sensor_variance(rows: Rows, unknowns: tuple[str, ...], fit: LinearFit, scal
     weights = fit.influence[0] / windows.half**1.5
     a11 = float(fit.values[0])
     b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
-    gravity = 0.0 if scale.linear else b * rows.stiffness * _middle(windows.half) ** 2 / a11
+    gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * _middle(windows.half) ** 2 / a11
     axis, wheel = overlaps(weights, windows.centres, windows.half, 2 * LAG, gravity)
     power = (a11 * noise.angle) ** 2 * max(axis, 0.0) + (scale.a12 * noise.wheel) ** 2 * max(wheel, 0.0)
     return float(power * noise.step)
@@ -139,7 +139,7 @@ def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
 
     It moves what is nearly collinear with a11 along: at one frequency an unknown gravity torque.
     """
-    column_variance = noise.angle**2 * noise.step * float(curvature_overlap(np.zeros(1))[0])
+    column_variance = noise.angle**2 * noise.step * CURVATURE_POWER
     column_variance *= float(np.sum(windows.half**-3.0))
     result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
     return result

@@ -5,7 +5,7 @@
 Each draw has its own cosine and sine part of both encoders, N(0, 0.1°) each, and its own place of their grids; 14 bit,
 1 kHz, 25 s. Each log is written to a file and read back, `calibrate_encoders` sees the files and a rig.toml that
 declares 0.1° (--undeclared: nothing), and `identify` the same files and the rig.toml that it writes. "as it is" is
-identify without calibration. Errors in per cent of the truth; ± of the coverage is binomial.
+identify without calibration, of the first 50 draws. Errors in per cent of the truth; ± of the coverage is binomial.
 """
 
 from __future__ import annotations
@@ -32,6 +32,8 @@ MOTIONS: dict[str, tuple[str, ...]] = {
 }
 LAWS: dict[str, dict[str, object]] = {"viscous": {}, "Stribeck": STRIBECK}
 Row = tuple[float, float, bool]
+AS_IT_IS = 50
+NOTHING: Row = (np.nan, np.nan, False)
 
 
 def on_one_draw(motions: tuple[str, ...], law: str, declared: bool, seed: int) -> tuple[Row, Row]:
@@ -41,7 +43,8 @@ def on_one_draw(motions: tuple[str, ...], law: str, declared: bool, seed: int) -
     zero = tuple(np.random.default_rng([2, seed]).uniform(0, given.sensors.of("angle").resolution, 2))
     logs = [logged(Case(twin, given, seed=seed, encoder_zero=zero, reference=motion)) for motion in motions]
     found = calibrate_encoders(logs, given)
-    return judged(logs, rigs({"nonlinearity": None})[1]), judged(logs, found.rig)
+    before = judged(logs, rigs({"nonlinearity": None})[1]) if seed < AS_IT_IS else NOTHING
+    return before, judged(logs, found.rig)
 
 
 def judged(logs: list[sw.Recording], rig: sw.Rig) -> Row:
@@ -80,7 +83,8 @@ def main(arguments: Iterable[str] | None = None) -> None:
             over_seeds(partial(on_one_draw, motions, chosen.law, not chosen.undeclared), chosen.draws), dtype=float
         )
         for k, how in enumerate(("as it is", "calibrated")):
-            print(line(f"{name}, {how}", found[:, k]), flush=True)
+            rows = found[:, k]
+            print(line(f"{name}, {how}", rows[np.isfinite(rows[:, 0])]), flush=True)
 
 
 if __name__ == "__main__":

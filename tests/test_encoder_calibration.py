@@ -10,11 +10,24 @@ from hypothesis import given as for_all
 from hypothesis import strategies as st
 from scipy.interpolate import CubicSpline
 
-from closed_form_logs import INERTIA, ONE_TONE, TWO_TONES, Sines, direct_log, direct_rig, encoded, exact_rig, wheel_log
+from closed_form_logs import (
+    INERTIA,
+    ONE_TONE,
+    TWO_TONES,
+    Sines,
+    direct_log,
+    direct_rig,
+    encoded,
+    exact_rig,
+    free_log,
+    free_rig,
+    wheel_log,
+)
 from swingid.control.references import parse_reference
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify import identify
 from swingid.identify.encoder_calibration import calibrate_encoders
+from swingid.identify.online import swing_estimates
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened, true_angles
 from swingid.recording.recording import Recording
@@ -82,6 +95,27 @@ def test_a_late_torque():
     assert found.result.parameters["sensors.latency"].value == pytest.approx(late, abs=1e-6)
     assert set(found.result.parameters) == {*ANGLE, "sensors.latency"}
     assert identify(logs[0], found.rig).inertia.value == pytest.approx(INERTIA, rel=1e-5)
+
+
+def test_a_free_decay():
+    log = free_log(lambda v: 1.144e-4 * v, np.arange(15_001) / 1000, 1.4)
+    log = encoded(replace(log, angle=log.angle + 0.004 * np.cos(log.angle) - 0.003 * np.sin(log.angle)))
+    found = calibrate_encoders(log, free_rig())
+    assert set(found.told) == set(ANGLE)
+    for name, true in zip(ANGLE, (0.004, -0.003), strict=True):
+        parameter = found.result.parameters[name]
+        assert abs(parameter.value - true) < 4 * parameter.standard_uncertainty < 1.5e-3
+    after = identify(log, found.rig).inertia
+    assert abs(after.value - INERTIA) < 4 * after.standard_uncertainty < 2e-4 * INERTIA
+
+
+def test_a_stream_is_straightened_too():
+    stated = exact_rig(**{ANGLE[0]: 0.004, ANGLE[1]: -0.003, WHEEL[1]: 0.002})
+    straight = wheel_log(exact_rig(), SLOW, friction, TIME)
+    read = bent(straight, (0.004, 0.0), (-0.003, 0.002))
+    expected = swing_estimates(straight, exact_rig())[-1].inertia.value
+    assert swing_estimates(read, stated)[-1].inertia.value == pytest.approx(expected, rel=1e-6)
+    assert abs(swing_estimates(read, exact_rig())[-1].inertia.value / expected - 1) > 1e-3
 
 
 def test_an_uncertain_gravity_torque_is_no_nonlinearity():

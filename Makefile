@@ -3,12 +3,13 @@
 # make test-long  the tests that take minutes
 # make bench      accuracy and speed as tables
 # make bench-ensemble  many runs at once beside scalar C programs; the last line is the ratio
+# make peers      what other packages do with the same log and loop, into docs/benchmarks.md
 # make venv       only set up .venv (every target does that first)
 
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test test-long bench bench-ensemble venv format style types layers wheel unit clean
+.PHONY: demo test test-long bench bench-ensemble peers venv format style types layers wheel unit clean
 
 demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
@@ -20,7 +21,12 @@ test-long: $(STAMP)
 	@$(BIN)/python -m pytest -m long --durations=10
 
 bench: $(STAMP)
-	@set -e; for script in benchmarks/[a-z]*.py; do echo "== $$script"; $(BIN)/python "$$script"; done
+	@set -e; for script in $(filter-out benchmarks/test_%,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python "$$script"; done
+	@echo "== benchmarks/test_kernels.py"
+	@$(BIN)/python -m pytest benchmarks/test_kernels.py --benchmark-enable --benchmark-only --benchmark-columns=min,median,rounds
+
+peers: $(STAMP)
+	@$(BIN)/python benchmarks/peers
 
 bench-ensemble: $(STAMP)
 	@$(BIN)/python benchmarks/ensemble/ensemble.py

@@ -77,6 +77,8 @@ DIALECTS = {
     "slash comments": "// rig 3\nt,q1\n{rows}",
     "savetxt": "# t,q1\n{rows}",
     "title lines": "Measurement 7\nOperator: A. Person\n\nt,q1\n{rows}",
+    "padded titles": "Measurement 7,\nDate: 3.5.2025,\n\nt,q1\n{rows}",
+    "padded titles and units": "Measurement 7,\nt,q1\ns,rad\n{rows}",
     "empty lines": "\n\nt,q1\n\n{rows}\n\n",
     "windows": "t,q1\r\n{rows}",
 }

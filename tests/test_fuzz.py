@@ -9,9 +9,10 @@ import pytest
 
 from fuzz.batch import watched
 from fuzz.cases import TARGETS, content_of, failure_of
+from fuzz.corpus import FILES
 from swingid.errors import InputError
 from swingid.model.rig import Rig
-from swingid.recording.formats import read_table
+from swingid.recording.formats import isolated, read_table
 
 QUICK = {"objects": 2, "inspect": 30, "rig": 80}
 LONG = {
@@ -101,6 +102,16 @@ def test_a_bomb_is_refused(ending, head):
         content = sink.getvalue()
     with pytest.raises(InputError, match="is not a whole"):
         read_table(content, f"log{ending}")
+
+
+def test_a_reader_that_crashes_or_hangs_takes_nothing_along(monkeypatch):
+    monkeypatch.setattr(isolated, "LONGEST", 0.5)
+    for code, why in (("import os; os.abort()", "crashed"), ("while True: pass", "more than"), ("1/0", "ZeroDivision")):
+        with pytest.raises(isolated.UnreadableError, match=why):
+            isolated.read_apart("runpy", "runpy:run_path", code.encode())
+    monkeypatch.undo()
+    good = FILES["hdf5"][0]()[0]
+    assert list(read_table(good, "log.h5").columns) == ["t", "q1", "q2", "u"]
 
 
 def test_a_rig_of_absurd_numbers_is_one_sentence():

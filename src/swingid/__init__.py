@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from swingid.identify.online import online as online
     from swingid.identify.result import Result as Result
     from swingid.model.rig import Rig as Rig
+    from swingid.recording.large import LargeLog as LargeLog
     from swingid.recording.recording import Recording as Recording
     from swingid.simulate import simulate as simulate
     from swingid.study.compare import compare as compare
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Backstepping": "swingid.control.backstepping",
     "Compensator": "swingid.control.compensator",
+    "LargeLog": "swingid.recording.large",
     "Recording": "swingid.recording.recording",
     "Result": "swingid.identify.result",
     "Rig": "swingid.model.rig",
@@ -60,6 +62,7 @@ _PACKAGES = ("errors", *_VERBS)
 __all__ = [
     "Backstepping",
     "Compensator",
+    "LargeLog",
     "Recording",
     "Result",
     "Rig",

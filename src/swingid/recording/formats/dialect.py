@@ -52,7 +52,7 @@ def find_layout(body: bytes) -> Layout | None:
     decimal = "."
     if delimiter != b"," and any(_DECIMAL_COMMA.match(cell) for row in cells[1:] for cell in row):
         decimal = ","
-    first = next(k for k, row in enumerate(cells) if len(row) == width)
+    first = _below_titles(cells, next(k for k, row in enumerate(cells) if len(row) == width), width, decimal)
     if _numeric(cells[first], decimal):
         above = len(cells[first - 1]) if first else 0
         # two names or more above the first row are a header that does not fit; one is a title
@@ -65,6 +65,20 @@ def find_layout(body: bytes) -> Layout | None:
         at += 1
     rows = lines[at][1] if at < len(lines) else len(body)
     return Layout(delimiter, decimal, names, units, rows, width, width)
+
+
+def _below_titles(cells: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> int:
+    """The header below titles that a spreadsheet padded with empty cells to the width of the table; `first` else."""
+    rows = (k for k, row in enumerate(cells) if k > first and len(row) == width and _numeric(row, decimal))
+    at = next((k for k in rows if _filled(cells[k]) > 1), first + 1)
+    if at - 2 > first and _is_units(cells[at - 1]):
+        at -= 1
+    padded = all(_filled(cells[k]) < min(width, _filled(cells[at - 1])) for k in range(first, at - 1))
+    return at - 1 if padded and len(cells[at - 1]) == width else first
+
+
+def _filled(cells: Sequence[str]) -> int:
+    return sum(bool(cell.strip()) for cell in cells)
 
 
 def split_cells(line: bytes, delimiter: bytes) -> list[str]:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import json
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata
+from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart
 from swingid.recording.formats.optional import require
 from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
 from swingid.recording.formats.vectors import add_vectors
@@ -29,9 +32,24 @@ def read(content: bytes, name: str) -> Table:
 
     Raises InputError for a damaged file, one without vectors, and where h5py is missing.
     """
-    h5py = require("h5py", "h5py", name, "an HDF5 file (MATLAB v7.3 is one)")
+    if not is_installed("h5py"):
+        require("h5py", "h5py", name, "an HDF5 file (MATLAB v7.3 is one)")
+    try:
+        columns, raw = read_apart("h5py", f"{__name__}:extract", content)
+    except UnreadableError:
+        message = f"{name} is not a whole HDF5 file: damaged, or cut off while it was written; save it again."
+        raise InputError(message, code="not-a-table") from None
+    if not columns:
+        message = f"{name} holds no vectors of numbers, only scalars, texts or objects; save plain arrays."
+        raise InputError(message, code="not-a-table")
+    return Table(columns, parse_metadata(raw))
+
+
+def extract(path: str) -> tuple[Columns, str]:
+    """Columns and metadata of a file; for the process of `isolated`, for damage makes the library loop for ever."""
+    h5py: Any = importlib.import_module("h5py")
     columns: Columns = {}
-    spare = most_unpacked(content)
+    spare = most_unpacked(Path(path).stat().st_size)
 
     def collect(group: Any, prefix: str) -> None:
         for key, item in group.items():
@@ -46,17 +64,10 @@ def read(content: bytes, name: str) -> Table:
                 # MATLAB writes its arrays with the axes swapped
                 add_vectors(columns, prefix + key, array.T if "MATLAB_class" in item.attrs else array)
 
-    try:
-        with h5py.File(io.BytesIO(content), "r") as file:
-            collect(file, "")
-            raw = file.attrs.get(METADATA_KEY, "{}")
-    except Exception:  # a damaged file may fail anywhere in the other package
-        message = f"{name} is not a whole HDF5 file: damaged, or cut off while it was written; save it again."
-        raise InputError(message, code="not-a-table") from None
-    if not columns:
-        message = f"{name} holds no vectors of numbers, only scalars, texts or objects; save plain arrays."
-        raise InputError(message, code="not-a-table")
-    return Table(columns, parse_metadata(raw if isinstance(raw, str) else "{}"))
+    with h5py.File(path, "r") as file:
+        collect(file, "")
+        raw = file.attrs.get(METADATA_KEY, "{}")
+    return columns, raw if isinstance(raw, str) else "{}"
 
 
 def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:

@@ -56,7 +56,7 @@ def read(content: bytes, name: str) -> Table:
         order = {b"IM": "<", b"MI": ">"}[content[126:_HEADER]]
         for kind, data in _elements(content[_HEADER:], order):
             if kind == _COMPRESSED:
-                for inner, unpacked in _elements(_unpacked(data, most_unpacked(content)), order):
+                for inner, unpacked in _elements(_unpacked(data, most_unpacked(len(content))), order):
                     _collect(columns, "", inner, unpacked, order)
             else:
                 _collect(columns, "", kind, data, order)

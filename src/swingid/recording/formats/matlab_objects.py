@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import contextlib
-import importlib.util
-import subprocess
-import sys
-import tempfile
+import importlib
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart
 from swingid.recording.formats.optional import require
 from swingid.recording.formats.vectors import add_vectors
 
@@ -23,11 +19,6 @@ if TYPE_CHECKING:
     from swingid.recording.formats.vectors import Columns
 
 _DEPTH = 12
-LONGEST = 60
-"""Seconds that reading the objects may take."""
-
-MEMORY, TIMES = 4096, 40
-"""Address space of the reader: MB for its packages, and multiples of the file."""
 
 
 def read_objects(content: bytes, name: str) -> Columns:
@@ -36,40 +27,22 @@ def read_objects(content: bytes, name: str) -> Columns:
     Series on the same instants share one column "time"; others have one of their own, "NAME.time". Empty where there is
     no series. Raises InputError where mat-io is missing or cannot read the file, which it does in a process of its own.
     """
-    if importlib.util.find_spec("matio") is None:
+    if not is_installed("matio"):
         require("matio", "mat-io", name, "a MATLAB file with objects such as timeseries")
-    with tempfile.TemporaryDirectory() as folder:
-        path, target = Path(folder) / "log.mat", Path(folder) / "columns.npz"
-        path.write_bytes(content)
-        command = [sys.executable, "-W", "ignore", "-m", __name__, str(path), str(target), str(len(content))]
-        try:
-            done = subprocess.run(command, capture_output=True, timeout=LONGEST, check=False)
-            why = done.stderr.decode("utf-8", "replace").strip().rpartition("\n")[2].partition(":")[0]
-            if done.returncode == 0:
-                with np.load(target) as saved:
-                    return {str(key): saved[f"column{k}"] for k, key in enumerate(saved["names"])}
-        except subprocess.TimeoutExpired:
-            why = f"more than {LONGEST} s"
-        except (OSError, ValueError, KeyError):
-            why = "nothing was read"
-    message = f"{name}: its objects cannot be read ({why or 'the reader crashed'}); save plain arrays in MATLAB."
-    raise InputError(message, code="not-a-table")
+    try:
+        return read_apart("matio", f"{__name__}:extract", content)[0]
+    except UnreadableError as why:
+        message = f"{name}: its objects cannot be read ({why}); save plain arrays in MATLAB."
+        raise InputError(message, code="not-a-table") from None
 
 
-def _extract(path: str, target: str, size: int) -> None:
-    """Read the objects of a file and save their columns; in a process of its own, for damage crashes the reader."""
-    with contextlib.suppress(ImportError, ValueError, OSError):
-        import resource
-
-        most = (MEMORY << 20) + TIMES * size
-        resource.setrlimit(resource.RLIMIT_AS, (most, resource.getrlimit(resource.RLIMIT_AS)[1]))
+def extract(path: str) -> tuple[Columns, str]:
+    """Columns of the time series in a file; for the process of `isolated`, for damage crashes the package."""
     variables = importlib.import_module("matio").load_from_mat(path)
     found: list[tuple[str, NDArray[np.float64], NDArray[Any]]] = []
     for variable, value in variables.items():
         found += _series(value, str(variable), 0)
-    columns = _columns(found)
-    arrays: dict[str, Any] = {f"column{k}": values for k, values in enumerate(columns.values())}
-    np.savez(target, names=np.array(list(columns), dtype=str), **arrays)
+    return _columns(found), "{}"
 
 
 def _columns(found: list[tuple[str, NDArray[np.float64], NDArray[Any]]]) -> Columns:
@@ -137,7 +110,3 @@ def _text(value: Any) -> str:
 def _scalar(value: Any) -> float:
     parts = np.ravel(np.asarray(value, dtype=np.float64)) if value is not None else np.empty(0)
     return float(parts[0]) if parts.size else float("nan")
-
-
-if __name__ == "__main__":
-    _extract(sys.argv[1], sys.argv[2], int(sys.argv[3]))

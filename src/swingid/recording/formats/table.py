@@ -32,9 +32,9 @@ MOST_BYTES, MOST_TIMES = 32 << 20, 100
 """A file may unpack to so many bytes, and this many times its own size; more is damage, or no log."""
 
 
-def most_unpacked(content: bytes) -> int:
-    """Bytes that the numbers in a file of this content may have."""
-    return MOST_BYTES + MOST_TIMES * len(content)
+def most_unpacked(size: int) -> int:
+    """Bytes that the numbers in a file of so many bytes may have."""
+    return MOST_BYTES + MOST_TIMES * size
 
 
 @dataclass(frozen=True)

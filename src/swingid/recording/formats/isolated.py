@@ -1,0 +1,144 @@
+"""Readers of other packages that damage can crash or hang, in a process of their own, which outlives the file.
+
+The process reads requests, one JSON line each, from its standard input, and answers with one; arrays go through a file.
+It is started by the first such file and ends with this process, or where a file takes too long.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import importlib
+import importlib.util
+import json
+import os
+import selectors
+import subprocess
+import sys
+import tempfile
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swingid.errors import InputError
+
+if TYPE_CHECKING:
+    from swingid.recording.formats.vectors import Columns
+
+STARTING, LONGEST, SPEED = 60.0, 8.0, 5e6
+"""Seconds that importing a package may take; that a file may take, and bytes a second that it may take beyond."""
+
+MEMORY, TIMES = 4 << 30, 40
+"""Address space of the process: bytes for its packages, and multiples of the file."""
+
+_lock = threading.Lock()
+_worker: list[subprocess.Popen[bytes]] = []
+
+
+class UnreadableError(Exception):
+    """Why the process could not read a file, in some words."""
+
+
+def read_apart(package: str, reader: str, content: bytes) -> tuple[Columns, str]:
+    """What the function `reader` ("module:name") makes of a file: columns, and the JSON text of swingid's metadata.
+
+    The function takes a path and uses `package`. Raises UnreadableError where it fails, crashes, or takes too long.
+    """
+    with tempfile.TemporaryDirectory() as folder, _lock:
+        path, target = Path(folder) / "log", Path(folder) / "columns.npz"
+        path.write_bytes(content)
+        answer = _ask({"package": package}, STARTING)
+        if "error" not in answer:
+            request = {"reader": reader, "path": str(path), "target": str(target), "size": len(content)}
+            answer = _ask(request, LONGEST + len(content) / SPEED)
+        if "error" in answer:
+            raise UnreadableError(str(answer["error"]))
+        with np.load(target) as saved:
+            return {str(key): saved[f"column{k}"] for k, key in enumerate(saved["names"])}, str(answer["metadata"])
+
+
+def _ask(request: dict[str, object], longest: float) -> dict[str, Any]:
+    worker = _running()
+    assert worker.stdin is not None
+    assert worker.stdout is not None
+    try:
+        worker.stdin.write(json.dumps(request).encode() + b"\n")
+        worker.stdin.flush()
+        with selectors.DefaultSelector() as selector:
+            selector.register(worker.stdout, selectors.EVENT_READ)
+            if not selector.select(longest):
+                _stop()
+                return {"error": f"it takes more than {longest:.0f} s"}
+        line = worker.stdout.readline()
+        answer: dict[str, Any] = json.loads(line)
+    except (OSError, ValueError):
+        _stop()
+        return {"error": "its reader crashed"}
+    return answer
+
+
+def _running() -> subprocess.Popen[bytes]:
+    if _worker and _worker[0].poll() is None:
+        return _worker[0]
+    _stop()
+    command = [sys.executable, "-W", "ignore", "-m", __name__]
+    try:
+        _worker.append(
+            subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+        )
+    except OSError as error:
+        raise InputError(f"cannot start a process of {sys.executable}: {error.strerror}.", code="no-process") from None
+    return _worker[0]
+
+
+@atexit.register
+def _stop() -> None:
+    while _worker:
+        worker = _worker.pop()
+        worker.kill()
+        worker.wait()
+        for stream in (worker.stdin, worker.stdout):
+            with contextlib.suppress(OSError):
+                if stream is not None:
+                    stream.close()
+
+
+def is_installed(module: str) -> bool:
+    """Whether a package can be imported, without importing it."""
+    return importlib.util.find_spec(module) is not None
+
+
+def serve() -> None:
+    """Answer requests until there are no more; runs in the process of its own."""
+    answers = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # what a package prints is no answer
+    for line in sys.stdin.buffer:
+        answers.write(json.dumps(_answer(json.loads(line))).encode() + b"\n")
+
+
+def _answer(request: dict[str, Any]) -> dict[str, str]:
+    if "package" in request:
+        try:
+            importlib.import_module(request["package"])
+        except Exception as error:
+            return {"error": type(error).__name__}
+        return {}
+    with contextlib.suppress(ImportError, ValueError, OSError):
+        import resource
+
+        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY + TIMES * int(request["size"]), hard))
+    module, _, name = str(request["reader"]).partition(":")
+    try:
+        columns, metadata = getattr(importlib.import_module(module), name)(request["path"])
+        arrays: dict[str, Any] = {f"column{k}": values for k, values in enumerate(columns.values())}
+        np.savez(request["target"], names=np.array(list(columns), dtype=str), **arrays)
+    except Exception as error:  # a damaged file may fail anywhere in the other package
+        return {"error": type(error).__name__}
+    return {"metadata": metadata}
+
+
+if __name__ == "__main__":
+    serve()

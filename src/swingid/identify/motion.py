@@ -160,8 +160,8 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
 
 
 def typical_step(time: Array) -> float:
-    """Median step between the stamps, of a thousand steps where there are more."""
-    at = np.arange(0, len(time) - 1, max(1, (len(time) - 1) // 1000))
+    """Median step between the stamps, of two hundred steps where there are more."""
+    at = np.arange(0, len(time) - 1, max(1, (len(time) - 1) // 200))
     return float(np.median(time[at + 1] - time[at]))
 
 

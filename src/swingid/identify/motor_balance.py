@@ -18,7 +18,7 @@ from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
-from swingid.numerics.test_functions import curvature_overlap, project
+from swingid.numerics.test_functions import CURVATURE_POWER, project
 from swingid.recording.recording import Recording
 
 if TYPE_CHECKING:
@@ -127,7 +127,7 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     other = _Reading(a12 * angle + a22 * (turn + sign * angle), part[:, 7], part[:, 8], part[:, 9:12])
     # what white noise of the angles leaves of row (II) by itself
     power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
-    expected = power * float(curvature_overlap(np.zeros(1))[0] * np.mean(windows.half**-3.0))
+    expected = power * CURVATURE_POWER * float(np.mean(windows.half**-3.0))
     tells = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
     enough = int(np.count_nonzero(tells)) >= FEWEST_ROWS
     left, turned = stated.residual(expected), np.inf

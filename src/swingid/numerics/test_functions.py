@@ -19,6 +19,9 @@ Array = NDArray[np.float64]
 POWER = 3
 """m of φ. With m = 3 φ'' is continuous; a larger m weights the window's middle more and passes more noise."""
 
+CURVATURE_POWER = 1024 / 35
+"""∫φ''² ds: what white noise gives ∫φ'' of a window, times half-length^(−3)."""
+
 
 @njit
 def phi(s: float, order: int) -> float:

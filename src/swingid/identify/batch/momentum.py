@@ -32,7 +32,7 @@ from swingid.identify.batch.projections import (
 from swingid.identify.momentum.fits import LAG
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
-from swingid.numerics.test_functions import curvature_overlap
+from swingid.numerics.test_functions import CURVATURE_POWER, curvature_overlap
 
 Array = NDArray[np.float64]
 
@@ -92,7 +92,7 @@ def _fitted(columns: Array, scale: Scale, plan: Plan, half: float, step: float) 
     covariance *= independent / max(independent - len(UNKNOWNS), 1.0)
     sensor = _sensor_variance(influence[:, 0], values[:, 0], scale, plan, half, step)
     covariance *= np.maximum(1.0, sensor / np.maximum(covariance[:, 0, 0], 1e-300))[:, None, None]
-    power = plan.noise**2 * step * float(curvature_overlap(np.zeros(1))[0]) * matrix.shape[1] / half**3
+    power = plan.noise**2 * step * CURVATURE_POWER * matrix.shape[1] / half**3
     bias = values[:, :1] * power * (influence @ influence[:, 0, :, None])[:, :, 0]
     covariance += bias[:, :, None] * bias[:, None, :]
     return Batch(values[:, 0] - scale.carried, np.sqrt(covariance[:, 0, 0]), values, covariance)

@@ -86,9 +86,21 @@ class Signals:
         edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
         moved = replace(self, motion=motion, edges=edges, directions=directions)
         # what does not depend on the turning points is computed once
-        for name in ("stacked", "kept", "fastest", "finely", "stiffness"):
+        for name in ("stacked", "kept", "fastest", "finely", "longest_step", "stiffness"):
             moved.__dict__[name] = getattr(self, name)
         return moved
+
+    @cached_property
+    def longest_step(self) -> float:
+        """Longest interval between stamps (s)."""
+        return float(np.max(np.diff(self.nodes.stamps)))
+
+    def gaps(self, least: float) -> Array:
+        """Intervals between stamps that are longer than `least` (s): their begins and ends, (gaps, 2)."""
+        if self.longest_step <= least:
+            return np.empty((0, 2))
+        k = np.nonzero(np.diff(self.nodes.stamps) > least)[0]
+        return np.column_stack([self.nodes.stamps[k], self.nodes.stamps[k + 1]])
 
     @cached_property
     def fastest(self) -> float:

@@ -37,6 +37,7 @@ from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Re
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
 from swingid.model.rig import Rig
+from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -96,11 +97,12 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     if lost is not None:
         extra["loss_unexplained"] = lost
     notes = [segment_note, *exact_in_row_one(rig), *notes, *motor_notes]
-    off = check_zero(estimate.law, signals, scale, parameters["inertia"].standard_uncertainty or 0.0)
+    u = parameters["inertia"].standard_uncertainty or 0.0
+    off = check_zero(estimate.law, signals, scale, u)
     if not off:  # a zero that is off bends the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
     off += check_encoders(estimate.law, rig, signals, scale)
-    off += check_latency(choice, seen, parameters["inertia"].standard_uncertainty or 0.0)
+    off += check_latency(choice, seen, u)
     off += [message for message in late if message.code != "latency-told"]
     notes += [message for message in late if message.code == "latency-told"]
     warnings = [*warnings, *off, *motor_warnings]
@@ -249,7 +251,7 @@ def _per_swing(estimate: _Estimate, signals: Signals, scale: Scale, noise: Noise
     known = known_side(rows, scale) - law.value("gravity_torque") * rows.gravity - others
     values = known / rows.inertia - scale.carried
     power = (law.a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
-    sensor = np.sqrt(1024 / 35 * power * noise.step / rows.windows.half**3) / np.abs(rows.inertia)
+    sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows.inertia)
     spread = 1.4826 * np.median(np.abs(values - np.median(values))) if len(values) else 0.0
     sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
     return SwingSeries(rows.windows.centres, sides, values, np.maximum(sensor, spread))

@@ -47,10 +47,9 @@ def _clear(signals: Signals, windows: Windows) -> NDArray[np.bool_]:
     first = np.searchsorted(time, windows.centres - windows.half)
     last = np.searchsorted(time, windows.centres + windows.half)
     clear: NDArray[np.bool_] = (last - first) >= 6
-    gaps = np.diff(time)
-    for k in np.nonzero(gaps > 0.25 * windows.half.min(initial=np.inf))[0]:
-        covered = (windows.centres - windows.half < time[k + 1]) & (windows.centres + windows.half > time[k])
-        clear &= ~(covered & (gaps[k] > 0.25 * windows.half))
+    for begin, end in signals.gaps(0.25 * windows.half.min(initial=np.inf)):
+        covered = (windows.centres - windows.half < end) & (windows.centres + windows.half > begin)
+        clear &= ~(covered & (end - begin > 0.25 * windows.half))
     for begin, end in signals.motion.rests:
         clear &= (windows.centres + windows.half <= begin) | (windows.centres - windows.half >= end)
     return clear

@@ -81,6 +81,9 @@ def _offset(law: WindowFit, signals: Signals, scale: Scale, friction: tuple[str,
     assert scale.b is not None
     windows = law.rows.windows
     _, columns = columns_of(law.rows, scale, friction)
+    # what the fit has put down to declared imperfections, such as α cos q, stays with them
+    whole = columns_of(law.rows, scale, tuple(name for name in law.unknowns if name in law.rows.friction))[1]
+    declared = whole @ law.fit.values + law.fit.residuals - known_side(law.rows, scale)
     offset, spread, rows = 0.0, 0.0, law.rows
     for _ in range(ROUNDS):
         if offset:
@@ -88,7 +91,7 @@ def _offset(law: WindowFit, signals: Signals, scale: Scale, friction: tuple[str,
             terms = [(np.cos(angle), 0), (np.sin(angle), 0)]
             cosine, sine = project(signals.nodes, terms, windows.centres, windows.half).T
             rows = replace(law.rows, gravity=sine)
-        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, scale))
+        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, scale) + declared)
         offset -= float(fit.values[-1]) / scale.b
         spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / scale.b
         if abs(offset) < CERTAIN * spread:

@@ -22,8 +22,9 @@ NAMES = ("time", "angle", "wheel_angle", "voltage or torque")
 class Reader:
     """Reads the rows of a stream and counts those left out.
 
-    needed: which of time, angle, wheel angle, drive must be there. Rows with NaN or infinity in one of them, and rows
-    whose time does not increase, are left out; anything that is no row raises InputError.
+    needed: which of time, angle, wheel angle, drive must be there; the others are not looked at. Rows with NaN or
+    infinity in one of them, and rows whose time does not increase, are left out; anything that is no row, also one with
+    more numbers, raises InputError.
     """
 
     needed: tuple[bool, bool, bool, bool]
@@ -63,6 +64,8 @@ class Reader:
         """The row as four numbers, None where a needed one is not finite."""
         try:
             given: tuple[float, ...] = tuple(sample)  # type: ignore[arg-type]
+            if len(given) > len(NAMES):
+                raise ValueError
             values = [float(given[k]) if needed else 0.0 for k, needed in enumerate(self.needed)]
         except (TypeError, ValueError, IndexError):
             wanted = [name for name, needed in zip(NAMES, self.needed, strict=True) if needed]

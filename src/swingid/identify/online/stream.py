@@ -42,9 +42,10 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
     """One estimate per swing of a stream, each as soon as the swing after it has turned around.
 
     samples: rows (t, angle, wheel_angle, voltage or torque) in the units and conventions of a Recording (s, rad or m,
-    V, N m or N; wheel relative to the pendulum; a held voltage or torque acts from its row to the next), None for what
-    the rig does not have; or a Recording, or several, one after the other. Rows with NaN and rows out of order are left
-    out and counted. method: "momentum" or "energy". Keeps two swings of rows and sums of fixed size at any length.
+    V, N m or N; wheel relative to the pendulum; a held voltage or torque acts from its row to the next); or a
+    Recording, or several, one after the other. What the rig does not have is None, or left out at the end of a row;
+    anything in its place is not looked at. Rows with NaN and rows out of order are left out and counted. method:
+    "momentum" or "energy". Keeps two swings of rows and sums of fixed size at any length.
 
     Unlike `identify` it takes every swing, also those before the controller has settled, and judges nothing but the
     scatter of the swings and what rig.toml declares: for the record, identify the log.

@@ -28,7 +28,7 @@ from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.spline import spline_at, spline_slopes
-from swingid.numerics.test_functions import curvature_overlap, superpose
+from swingid.numerics.test_functions import CURVATURE_POWER, superpose
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
     gravity = 0.0 if isinstance(b, str) else b.value
     items = imperfections(rig, signals, rows, a11, gravity)
     power = ((a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2) * noise.step / half**3
-    row_noise = float(np.sqrt(2 * power * curvature_overlap(np.zeros(1))[0]))
+    row_noise = float(np.sqrt(2 * power * CURVATURE_POWER))
     influence, effects = _fit(columns, items, row_noise)
     covariance = _sensors(log, rig, rows, influence, a11, gravity)
     units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}

@@ -73,6 +73,9 @@ def test_a_cubic_with_a_kink_has_its_slope():
     values = 0.3 + 0.7 * s - 2.0 * s**2 + 0.4 * s**3 + 5.0 * s * np.abs(s)
     assert kinked_slopes(time, values, at, 0.6) == pytest.approx([0.7], abs=1e-9)
     assert np.isnan(kinked_slopes(time, values, np.array([3.0]), 0.6)).all()
+    # nor does one side alone tell a jump: its columns s² and s|s| are the same there
+    ends = np.array([time[0] - 0.1, time[0], time[0] + 0.05, time[-1] + 0.1])
+    assert np.isnan(kinked_slopes(time, values, ends, 0.6)).all()
 
 
 OMEGA, DRY = 6.0, 0.05

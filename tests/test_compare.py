@@ -129,6 +129,9 @@ def test_command_writes_page_and_json(tmp_path, capsys):
     command = ["compare", log.source.path, "--rig", "paper", *methods, "--report", str(page), "--json", str(data)]
     assert main(command) == 0
     assert "Verdict" in page.read_text(encoding="utf-8")
+    # the names of methods have a hyphen, at which a line would break
+    assert page.read_text(encoding="utf-8").count('<td class="name">momentum</td>') == 2
+    assert "td.name { white-space: nowrap; }" in page.read_text(encoding="utf-8")
     assert len(json.loads(data.read_text(encoding="utf-8"))["results"]) == 2
     assert "momentum" in capsys.readouterr().out
 

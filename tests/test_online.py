@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import runpy
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -224,7 +225,15 @@ def test_a_gap_costs_the_swings_it_touches_and_no_more():
 
 @pytest.mark.parametrize(
     "row",
-    [("a", 1.0, 2.0, None), (0.0,), None, 3.0, (0.0, None, 1.0, None), (0.0, 1.0, None, 0.0)],
+    [
+        ("a", 1.0, 2.0, None),
+        (0.0,),
+        None,
+        3.0,
+        (0.0, None, 1.0, None),
+        (0.0, 1.0, None, 0.0),
+        (0.0, 1.0, 0.0, 0.0, 9.0),
+    ],
     ids=str,
 )
 def test_what_is_no_row_is_refused_in_one_sentence(row):
@@ -232,6 +241,16 @@ def test_what_is_no_row_is_refused_in_one_sentence(row):
         next(sw.online(exact_rig(), [row]))
     assert raised.value.code == "bad-row"
     assert "row 1" in raised.value.message
+
+
+@pytest.mark.parametrize("more", [(), (None, None), (7.0, float("nan")), ("x", 1.0)], ids=str)
+def test_channels_that_the_rig_does_not_have_are_not_looked_at(more):
+    log = free_log(lambda v: 1e-3 * v, TIME)
+    rows = list(zip(log.time.tolist(), log.angle.tolist(), strict=True))
+    plain, longer = (list(sw.online(free_rig(), stream))[-1] for stream in (rows, [(*row, *more) for row in rows]))
+    assert longer.inertia == plain.inertia
+    whole = replace(log, wheel_angle=5 * log.angle, voltage=log.time)
+    assert list(sw.online(free_rig(), whole))[-1].inertia == plain.inertia
 
 
 def test_a_clock_that_starts_again_is_refused():

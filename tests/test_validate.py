@@ -106,7 +106,10 @@ def test_figure_shows_the_error_of_both_predictions(fitted, other):
     (found,) = validate(fitted, other, given(RIG)).predictions
     top, bottom = draw_validation(found).axes
     assert [line.get_label() for line in top.lines][:2] == ["measured", "free run from the start of the log"]
-    assert len(bottom.lines) == 2
+    assert [line.get_label() for line in bottom.lines] == [
+        f"free run, fit {found.free_fit:.2f} %",
+        f"one swing ahead, fit {found.swing_fit:.2f} %",
+    ]
     assert bottom.get_xlabel() == "time, s"
 
 

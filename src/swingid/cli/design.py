@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -42,24 +42,24 @@ def design(
     from swingid.cli.kernels import announce_compilation
     from swingid.cli.simulate import parse_angle
     from swingid.model.rig import Rig
+    from swingid.study.design import asked, refused
     from swingid.study.design import design as run
-    from swingid.study.design import refused
 
     plant = Rig.load(rig)
     angle = None if max_angle is None else parse_angle(max_angle, plant, "--max-angle")
-    announce_compilation("simulate")
+    options: dict[str, Any] = {
+        "duration": duration,
+        "max_angle": angle,
+        "max_speed": max_speed,
+        "inertia": inertia,
+        "gravity_torque": gravity_torque,
+        "rate": rate,
+        "settling": settling,
+    }
     try:
-        found = run(
-            plant,
-            uncertainty,
-            duration=duration,
-            max_angle=angle,
-            max_speed=max_speed,
-            inertia=inertia,
-            gravity_torque=gravity_torque,
-            rate=rate,
-            settling=settling,
-        )
+        asked(plant, uncertainty, **options)
+        announce_compilation("simulate")
+        found = run(plant, uncertainty, **options)
     except SwingidError as error:
         if json is not None and not isinstance(error, UsageError):
             write_json(refused(plant, error), json)

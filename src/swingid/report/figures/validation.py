@@ -19,7 +19,12 @@ CLOSE = 5.0
 
 
 def draw_validation(prediction: Prediction, *, linear: bool = False) -> Figure:
-    """Above: the end of the log, measured and in the free run. Below: the error of both predictions over the log."""
+    """Above: the end of the log, measured and in the free run. Below: the error of both predictions over the log.
+
+    The legend says the normalised fit of each in per cent.
+    """
+    from swingid.study.validate.text import fit_text
+
     figure, (top, bottom) = new_figure(4.2, 2)
     unit = "m" if linear else "rad"
     time, measured = prediction.time, prediction.measured
@@ -31,7 +36,10 @@ def draw_validation(prediction: Prediction, *, linear: bool = False) -> Figure:
     top.set_ylabel(f"{'position' if linear else 'angle'}, {unit}")
     top.set_title("the end of the log", loc="right", color=GREY)
     legend_above(top)
-    errors = {"free run": (prediction.free, BLUE), "one swing ahead": (prediction.swing, ORANGE)}
+    errors = {
+        f"free run, fit {fit_text(prediction.free_fit)}": (prediction.free, BLUE),
+        f"one swing ahead, fit {fit_text(prediction.swing_fit)}": (prediction.swing, ORANGE),
+    }
     finite = [values - measured for values, _ in errors.values() if np.isfinite(values).all()]
     factor, name = prefixed(np.concatenate(finite) if finite else np.zeros(1), unit)
     for label, (values, colour) in errors.items():

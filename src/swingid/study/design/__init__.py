@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from swingid.study.design.design import design
 from swingid.study.design.proposal import Design, Proposal, refused
+from swingid.study.design.wanted import asked
 
-__all__ = ["Design", "Proposal", "design", "refused"]
+__all__ = ["Design", "Proposal", "asked", "design", "refused"]

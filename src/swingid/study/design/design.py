@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from swingid.control.references import Multisine, Sine
-from swingid.errors import UnanswerableError, UsageError
+from swingid.errors import UnanswerableError
 from swingid.identify.format import percent
 from swingid.identify.result import combined
 from swingid.identify.summary import sorted_budget
@@ -15,7 +15,7 @@ from swingid.study.design.course import course_of, parts_of
 from swingid.study.design.information import predict
 from swingid.study.design.proposal import Design, Proposal
 from swingid.study.design.trial import Trial, try_on_twin
-from swingid.study.design.wanted import expected_rig, limits_of, wanted_share
+from swingid.study.design.wanted import asked
 from swingid.units import Quantity
 
 LONGEST = 60.0
@@ -67,20 +67,18 @@ def design(
     Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
     motion within the limits reaches the uncertainty.
     """
-    expected = expected_rig(rig, inertia, gravity_torque)
-    assert expected.axis.inertia is not None
-    wanted = wanted_share(uncertainty, expected.axis.inertia.value, rig)
-    limits = limits_of(rig, max_angle, max_speed)
-    for name, value in (("duration", duration), ("rate", rate)):
-        if not 0 < value < math.inf:
-            raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
-    if not 0 <= settling < math.inf:
-        raise UsageError(f"settling must be zero or positive, and is {settling}.", code="out-of-range")
-    if duration < settling + 3:
-        raise UsageError(
-            f"duration is {duration:g} s, but the controller takes {settling:g} s to settle; allow more.",
-            code="too-short",
-        )
+    question = asked(
+        rig,
+        uncertainty,
+        duration=duration,
+        max_angle=max_angle,
+        max_speed=max_speed,
+        inertia=inertia,
+        gravity_torque=gravity_torque,
+        rate=rate,
+        settling=settling,
+    )
+    expected, wanted, limits = question.expected, question.share, question.limits
     given = rig.changed({"axis.inertia": None, "axis.friction": None})
     natural = _natural(expected)
     motions = candidates(expected, limits, natural, 2 * math.pi * SWINGS / (duration - settling))

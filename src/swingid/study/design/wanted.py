@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identify.identifiability import HOPELESS
@@ -12,6 +13,45 @@ from swingid.units import Quantity, parse_quantity
 
 ANGLE = 0.8
 """Largest angle of a rotary axis where none is asked for, rad; the paper's."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A design's question, checked: the rig as expected, the wanted relative uncertainty, the limits."""
+
+    expected: Rig
+    share: float
+    limits: Limits
+
+
+def asked(
+    rig: Rig,
+    uncertainty: float | str,
+    *,
+    duration: float,
+    max_angle: float | None,
+    max_speed: float | None,
+    inertia: float | str | None,
+    gravity_torque: float | str | None,
+    rate: float,
+    settling: float,
+) -> Asked:
+    """Check everything that `design` is asked; raises as it does, but never for what the motions cannot do."""
+    expected = expected_rig(rig, inertia, gravity_torque)
+    assert expected.axis.inertia is not None
+    share = wanted_share(uncertainty, expected.axis.inertia.value, rig)
+    limits = limits_of(rig, max_angle, max_speed)
+    for name, value in (("duration", duration), ("rate", rate)):
+        if not 0 < value < math.inf:
+            raise UsageError(f"{name} must be a positive number, and is {value}.", code="out-of-range")
+    if not 0 <= settling < math.inf:
+        raise UsageError(f"settling must be zero or positive, and is {settling}.", code="out-of-range")
+    if duration < settling + 3:
+        raise UsageError(
+            f"duration is {duration:g} s, but the controller takes {settling:g} s to settle; allow more.",
+            code="too-short",
+        )
+    return Asked(expected, share, limits)
 
 
 def expected_rig(rig: Rig, inertia: float | str | None, gravity_torque: float | str | None) -> Rig:

@@ -28,8 +28,9 @@ def cells(p: Prediction, *, linear: bool, fine: bool = False) -> tuple[str, ...]
     """One line of the table."""
     unit = "m" if linear else "rad"
     errors = (number(p.swing_rms, unit, 2, fine=fine), number(p.noise, unit, 2, fine=fine))
-    return (p.log, DRIVES[p.input], _percent(p.free_fit), _percent(p.swing_fit), *errors)
+    return (p.log, DRIVES[p.input], fit_text(p.free_fit), fit_text(p.swing_fit), *errors)
 
 
-def _percent(fit: float) -> str:
+def fit_text(fit: float) -> str:
+    """A normalised fit in per cent."""
     return f"{fit:.2f} %" if math.isfinite(fit) else "ran away"

@@ -40,3 +40,9 @@ def test_noise_is_not_taken_for_it(tmp_path):
     rig = twin("viscous", nonlinearity=0, counts_per_turn=None, noise=3e-3)
     for seed in range(3):
         assert warning(identify(logged(rig, tmp_path, duration=15.0, seed=seed), given(rig))) is None
+
+
+def test_a_declared_nonlinearity_is_not_taken_for_a_wrong_zero(tmp_path):
+    # seed 1 bends both encoders so that cos q1 looked off by 13 mrad beside a fit without the nonlinearity
+    rig = twin("viscous", nonlinearity="0.1 deg")
+    assert result_of(rig, tmp_path, seed=1).status == "ok"

@@ -47,7 +47,7 @@ def repaired(log: Recording) -> list[str]:
     return [found.repair for found in log.findings if found.repair is not None and found.code != "repair-off"]
 
 
-@pytest.mark.parametrize("fault", [name for name in REPAIRS if name != "encoders"])
+@pytest.mark.parametrize("fault", [name for name in REPAIRS if name not in ("encoders", "limit")])
 def test_each_repair_is_named_and_can_be_switched_off(tmp_path, fault):
     path = faulty(tmp_path, fault)
     assert repaired(Recording.load(path, RIG)) == [fault]
@@ -63,6 +63,19 @@ def test_each_repair_is_named_and_can_be_switched_off(tmp_path, fault):
     expected = np.loadtxt(path, delimiter=",", skiprows=1)
     for column, channel in ((0, left.time), (1, left.angle), (2, left.wheel_angle)):
         assert np.array_equal(channel, expected[:, column])
+
+
+def test_a_command_beyond_the_limit_is_the_limit(tmp_path):
+    limited_rig = RIG.changed({"drive.motor.voltage_limit": 4.0})
+    path = faulty(tmp_path, "none")  # up to 5 V
+    log = Recording.load(path, limited_rig)
+    assert repaired(log) == ["limit"]
+    assert np.array_equal(log.voltage, np.clip(Recording.load(path, RIG).voltage, -4.0, 4.0))
+    left = Recording.load(path, limited_rig, repairs={"limit": False})
+    assert {found.code for found in left.findings if found.level == "warning"} == {"voltage-beyond-limit"}
+    assert np.array_equal(left.voltage, Recording.load(path, RIG).voltage)
+    measured = Recording.load(path, limited_rig.changed({"log.drive_held": False}))
+    assert measured.findings == ()
 
 
 def test_a_clean_log_is_not_touched(tmp_path):

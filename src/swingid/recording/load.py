@@ -13,6 +13,7 @@ from swingid.errors import InputError
 from swingid.recording.conventions import Conventions, gather
 from swingid.recording.formats import parquet, parquet_pieces, read_table
 from swingid.recording.header_units import with_header_units
+from swingid.recording.limiter import limited
 from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
 from swingid.recording.repair import MANY, repair
@@ -52,6 +53,8 @@ def from_table(
     logged, texts = gather(table, conventions, name)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
         logged, findings = repair(logged, conventions, texts, name, off)
+        logged, more = limited(logged, conventions, rig, held=drive_held(table, conventions), off=off)
+        findings += more
         channels = conventions.to_model(logged)
         findings += judge(channels, rig, name, still_axis=still_axis)
     metadata = table.metadata.get("metadata")

@@ -18,6 +18,7 @@ REPAIRS: dict[str, str] = {
     "clock": "stamps that scatter about a constant rate are replaced by that rate",
     "unwrap": "angles logged within one turn are made continuous",
     "spikes": "single samples that fit neither neighbour are left out",
+    "limit": "commanded voltages beyond the rig's voltage_limit are taken as the limit",
     "encoders": "the encoders' nonlinearity that the rig file states is taken off, when a method asks for the angles",
 }
 """Every repair that a log may see. Each that was made is named in the result's provenance."""

@@ -11,6 +11,7 @@ import numpy as np
 from swingid.errors import InputError, SwingidError
 from swingid.recording.conventions import Scale, gather
 from swingid.recording.large.averages import averaged, block_length
+from swingid.recording.limiter import limited
 from swingid.recording.load import unreadable_rows
 from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
@@ -118,6 +119,8 @@ def _pieces(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[Channels,
         if any(finding.code == "unwrapped" for finding in more):
             wrapped |= {name for name in ANGLES if reader.conventions.scales.get(name) is not None}
         channels = _continued(channels, last, reader.conventions, wrapped)
+        channels, more = limited(channels, reader.conventions, reader.rig, held=reader.held, off=reader.off)
+        findings += more
         last = {name: values[-1:] for name, values in channels.items()}
         yield channels, findings
 

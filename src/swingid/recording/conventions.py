@@ -258,7 +258,8 @@ def _missing(table: Table, channel: str, conventions: Conventions, name: str) ->
     near = difflib.get_close_matches(column.lower(), [n.lower() for n in names], n=3, cutoff=0.5)
     shown = [n for n in names if n.lower() in near] or names[:8]
     listed = ", ".join(repr(n[:40]) for n in shown) + (", ..." if len(shown) < len(names) else "")
-    message = f"{name} has no column {column!r} but {listed or 'none at all'}; set [log] {channel} in the rig file to the right one"
+    message = f"{name} has no column {column!r} but {listed or 'none at all'}; set [log] {channel} in the rig file to"
+    message += " the right one"
     if channel == "time":
         message += " (or [log] rate where rows are evenly spaced)"
     if channel in ("wheel_angle", "wheel_speed", "torque"):

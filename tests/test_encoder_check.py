@@ -7,7 +7,7 @@ import re
 import pytest
 
 from swingid.identify import identify
-from twin_logs import INERTIA, given, logged, twin
+from twin_logs import INERTIA, given, logged, result_of, twin
 
 UNTOLD = {"sensors.nonlinearity": None}
 

@@ -130,6 +130,9 @@ def _answer(request: dict[str, Any]) -> dict[str, str]:
 
         hard = resource.getrlimit(resource.RLIMIT_AS)[1]
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY + TIMES * int(request["size"]), hard))
+        # nobody may be there any more to end a reader that hangs
+        used, hard = sum(os.times()[:2]), resource.getrlimit(resource.RLIMIT_CPU)[1]
+        resource.setrlimit(resource.RLIMIT_CPU, (int(used + 2 * (LONGEST + int(request["size"]) / SPEED)) + 1, hard))
     module, _, name = str(request["reader"]).partition(":")
     try:
         columns, metadata = getattr(importlib.import_module(module), name)(request["path"])

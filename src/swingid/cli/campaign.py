@@ -57,7 +57,7 @@ def campaign(
 
     chosen = load_plan(plan).with_runs(runs)
     folder = Path(out or f"campaign-{chosen.name}")
-    if scheduler is None and not are_compiled(chosen):
+    if scheduler is None and not (folder / "results.parquet").is_file() and not are_compiled(chosen):
         say("compiling kernels and trying every kind of run, once per version, a minute or so")
     run_campaign(chosen, folder, workers=workers, scheduler=scheduler, progress=_progress())
     summary = summarise(chosen, folder)

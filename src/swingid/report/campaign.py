@@ -22,7 +22,7 @@ def write_campaign(summary: Summary, path: str | Path) -> Path:
     for factor in plan.tables.factors:
         cells = [cell for cell in summary.by_level if cell.factor == factor]
         headings = told_headings(cells)
-        rows = [(cell.level, cell_name(cell), figures(cell.statistics, headings)) for cell in cells]
+        rows = [(cell.level, cell_name(cell), figures(cell.statistics, headings, fine=True)) for cell in cells]
         tables.append({"factor": factor, "headings": headings, "rows": rows})
     headings = told_headings(summary.overall)
     doubts = []
@@ -39,7 +39,7 @@ def write_campaign(summary: Summary, path: str | Path) -> Path:
             summary=summary,
             points=len({int(point) for point in summary.columns["point"]}),
             headings=headings,
-            overall=[(cell_name(cell), figures(cell.statistics, headings)) for cell in summary.overall],
+            overall=[(cell_name(cell), figures(cell.statistics, headings, fine=True)) for cell in summary.overall],
             tables=tables,
             doubts=doubts,
             failed=counted(summary.failures, summary.trials) if summary.failures else "",

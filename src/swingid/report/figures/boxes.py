@@ -52,9 +52,8 @@ def draw_boxes(summary: Summary) -> Figure | None:
     if far > 10:
         right.set_xscale("symlog", linthresh=LINEAR, linscale=1.5)
         right.set_xlim(-1.5 * far, 1.5 * far)
-        powers = 10.0 ** np.arange(1, np.log10(far) + 0.1)
-        powers = powers[-1:] if len(powers) < 3 else powers[len(powers) // 2 :: max(1, len(powers) // 2)]
-        ticks = [*(-powers[::-1]), -2.0, 0.0, 2.0, *powers]
+        power = 10.0 ** np.floor(np.log10(far))
+        ticks = [-power, -2.0, 0.0, 2.0, power]
         right.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
         right.minorticks_off()
     else:

@@ -149,7 +149,10 @@ def levels_in(values: NDArray[Any]) -> dict[str, Mask]:
         return {str(level): values == level for level in dict.fromkeys(values.tolist())}
     levels = np.unique(values)
     if len(levels) <= MOST_LEVELS:
-        return {f"{level:g}": values == level for level in levels}
+        names = [f"{level:.4g}" for level in levels]
+        if len(set(names)) < len(names):
+            names = [repr(float(level)) for level in levels]
+        return {name: values == level for name, level in zip(names, levels, strict=True)}
     edges = np.quantile(levels, np.linspace(0, 1, BINS + 1))
     group = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, BINS - 1)
     return {f"{edges[k]:.3g} … {edges[k + 1]:.3g}": group == k for k in range(BINS)}

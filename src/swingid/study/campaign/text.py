@@ -42,12 +42,12 @@ def cell_name(cell: Cell) -> str:
     return cell.method if cell.quantity == "inertia" else f"{cell.method}, {cell.quantity}"
 
 
-def figures(s: Statistics, headings: Sequence[str] = HEADINGS) -> tuple[str, ...]:
-    """The figures as cells of a table, empty where unknown."""
+def figures(s: Statistics, headings: Sequence[str] = HEADINGS, *, fine: bool = False) -> tuple[str, ...]:
+    """The figures as cells of a table, empty where unknown; `fine` for pages."""
     known = s.answered > 0
     cells = {
-        "RMSE": percent(s.rmse[0]) if known else "",
-        "bias": percent(s.bias[0], sign=True) if known else "",
+        "RMSE": percent(s.rmse[0], fine=fine) if known else "",
+        "bias": percent(s.bias[0], sign=True, fine=fine) if known else "",
         "covers": share(s.coverage),
         "half-width/RMSE": f"{s.width:.2f}" if math.isfinite(s.width) else "",
         "efficiency": share(s.efficiency),
@@ -60,6 +60,8 @@ def share(value: tuple[float, float]) -> str:
     """A share in per cent with its standard error."""
     if not math.isfinite(value[0]):
         return ""
+    if 0.0 < value[0] < 5e-4:
+        return "< 0.1 %"
     digits = 1 if value[1] < 0.005 else 0
     error = f" ± {100 * value[1]:.{digits}f}" if math.isfinite(value[1]) else ""
     return f"{100 * value[0]:.{digits}f}{error} %"

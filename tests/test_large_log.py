@@ -179,6 +179,15 @@ def test_spikes_before_averaging_are_found_after_it(small_parts, parquet, tmp_pa
     assert result.inertia.interval95[0] < INERTIA < result.inertia.interval95[1]
 
 
+def test_no_repair_is_silent(small_parts, parquet, tmp_path):
+    wheel = columns_of(parquet)["q2"].copy()
+    wheel[[1000, 300_000]] = np.nan
+    result = sw.identify(LargeLog(rewritten(parquet, tmp_path, q2=wheel), GIVEN), GIVEN)
+    assert "rows-without-numbers" in {message.code for message in result.notes}
+    assert [one["repair"] for one in result.provenance["repairs"]] == ["blanks"]
+    assert len({message.code for message in result.notes}) == len(result.notes)
+
+
 def test_a_part_that_stands_apart_is_named(small_parts, parquet, tmp_path):
     columns = columns_of(parquet)
     wheel = columns["q2"].copy()

@@ -14,7 +14,7 @@ from swingid.identify.combine.joint import PAIR, Pairs, is_joint, outlying_pair,
 from swingid.identify.combine.pooling import BETWEEN, Pooled, pool
 from swingid.identify.combine.several import estimates_of
 from swingid.identify.combine.shares import Estimate, sum_of
-from swingid.identify.combine.verdicts import SINGLE, common_notes, conditioning
+from swingid.identify.combine.verdicts import SINGLE, conditioning
 from swingid.identify.format import percent
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries
 
@@ -30,6 +30,9 @@ OFTEN = 0.1
 
 JUDGED = 48
 """Groups of successive parts, at most, of which each is held against the others."""
+
+OF_A_PART = ("segment", "friction-per-log")
+"""Notes that say nothing of the whole."""
 
 DRAWN = 2000
 """Swings, at most, that the result keeps for drawing."""
@@ -79,7 +82,7 @@ def combine_parts(parts: Sequence[Part]) -> Result:
     warnings = conditioning(parameters["inertia"], budget) if joint and len(results) > 1 else []
     said, notes = _said(results, len(parts), settled=joint and len(results) > 1)
     warnings += [*said, *_apart(kept, joint=joint)]
-    notes = [_note(parts, kept, pooled), *common_notes(results), *notes, *_without(parts)]
+    notes = [_note(parts, kept, pooled), *notes, *_without(parts)]
     return Result(
         method=results[0].method,
         status="warning" if warnings else "ok",
@@ -87,7 +90,7 @@ def combine_parts(parts: Sequence[Part]) -> Result:
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=budget,
-        provenance=_provenance(parts, results[0]),
+        provenance=_provenance(parts, results),
         details=_details(kept),
         sensitivities={} if joint or not pooled else _sensitivities(results, pooled["inertia"]),
         covariance=Pairs.of(results, estimates_of(results, "per-log")).common_covariance() if joint else {},
@@ -132,19 +135,29 @@ def _entries(name: str, pooled: Pooled) -> list[BudgetEntry]:
 
 
 def _said(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
-    """Warnings of the parts, each kind once: as a warning where many parts have it, else as a note."""
-    kinds: dict[str, list[str]] = {}
-    for result in results:
-        for code in dict.fromkeys(message.code for message in result.warnings):
-            if not (settled and code in SINGLE):
-                text = next(message.message for message in result.warnings if message.code == code)
-                kinds.setdefault(code, []).append(text)
+    """What the parts say, each kind once: as a warning where many parts warn of it, else as a note."""
+    left_out = SINGLE if settled else ()
     warnings: list[Message] = []
     notes: list[Message] = []
-    for code, texts in kinds.items():
-        message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
-        (warnings if len(texts) >= OFTEN * count else notes).append(message)
+    for code, texts in _kinds([result.warnings for result in results]).items():
+        if code not in left_out:
+            message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
+            (warnings if len(texts) >= OFTEN * count else notes).append(message)
+    for code, texts in _kinds([result.notes for result in results]).items():
+        if code not in OF_A_PART:
+            alike = len(texts) == len(results) and len(set(texts)) == 1
+            text = texts[0] if alike else f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}"
+            notes.append(Message(code, text))
     return warnings, notes
+
+
+def _kinds(said: Sequence[Sequence[Message]]) -> dict[str, list[str]]:
+    """By code: the first message of each part that has one."""
+    kinds: dict[str, list[str]] = {}
+    for messages in said:
+        for code in dict.fromkeys(message.code for message in messages):
+            kinds.setdefault(code, []).append(next(m.message for m in messages if m.code == code))
+    return kinds
 
 
 def _apart(kept: Sequence[tuple[Part, Result]], *, joint: bool) -> list[Message]:
@@ -210,8 +223,8 @@ def _without(parts: Sequence[Part]) -> list[Message]:
     ]
 
 
-def _provenance(parts: Sequence[Part], first: Result) -> dict[str, object]:
-    """That of the first part, with the rows of all and a line for each."""
+def _provenance(parts: Sequence[Part], results: Sequence[Result]) -> dict[str, object]:
+    """That of the first part, with the rows and the repairs of all and a line for each."""
     lines = []
     for part in parts:
         line: dict[str, object] = {"start": part.start, "stop": part.stop, "rows": part.rows, "averaged": part.averaged}
@@ -221,7 +234,22 @@ def _provenance(parts: Sequence[Part], first: Result) -> dict[str, object]:
         else:
             line |= {"refused": part.result.code}
         lines.append(line)
-    return {**first.provenance, "rows": sum(part.rows for part in parts), "parts": lines}
+    whole: dict[str, object] = {"rows": sum(part.rows for part in parts), "repairs": _repairs(results), "parts": lines}
+    return results[0].provenance | whole
+
+
+def _repairs(results: Sequence[Result]) -> list[dict[str, object]]:
+    """Every repair once, with the number of parts in which it was made."""
+    found: dict[tuple[object, object], list[object]] = {}
+    for result in results:
+        repairs = result.provenance.get("repairs")
+        own = {(one["repair"], one["done"]): one["what"] for one in repairs} if isinstance(repairs, list) else {}
+        for key, what in own.items():
+            found.setdefault(key, []).append(what)
+    return [
+        {"repair": name, "done": done, "what": f"in {len(whats)} of {len(results)} parts, such as: {whats[0]}"}
+        for (name, done), whats in found.items()
+    ]
 
 
 def _details(kept: Sequence[tuple[Part, Result]]) -> Details | None:

@@ -112,5 +112,5 @@ def check_options(method: str, function: Callable[..., Result], options: dict[st
                 raise UsageError(f"option {name} must be {words}, and is {value!r}.", code="bad-option")
             continue
         near = difflib.get_close_matches(name, known, n=1)
-        hint = f"the nearest is {near[0]!r}." if near else f"it has {', '.join(known) or 'none'}."
+        hint = f"the nearest is {near[0]!r}." if near else f"its options: {', '.join(known) or 'none'}."
         raise UsageError(f"method {method} has no option {name!r}; {hint}", code="unknown-option")

@@ -44,7 +44,8 @@ def test_momentum_imports_only_what_it_needs(tmp_path: Path) -> None:
     loaded = imported(code, tmp_path)
     assert "swingid.identify.momentum" in loaded
     assert (
-        loaded & {"scipy.signal", "scipy.optimize", "matplotlib", "jinja2", "pint", "swingid.identify.energy"} == set()
+        loaded & {"scipy.signal", "scipy.optimize", "pandas", "matplotlib", "jinja2", "pint", "swingid.identify.energy"}
+        == set()
     )
 
 

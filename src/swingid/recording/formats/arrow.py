@@ -47,8 +47,13 @@ def _array(column: Any) -> NDArray[np.float64] | NDArray[np.object_]:
     import pyarrow as pa
 
     kind = column.type
-    if pa.types.is_integer(kind) or pa.types.is_floating(kind):
-        return np.asarray(column.to_numpy(), dtype=np.float64)
-    if pa.types.is_decimal(kind):
-        return np.asarray(column.cast(pa.float64()).to_numpy(), dtype=np.float64)
+    if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
+        return _numbers(column.cast(pa.float64(), safe=False))
     return np.array([None if cell is None else str(cell) for cell in column.to_pylist()], dtype=object)
+
+
+def _numbers(column: Any) -> NDArray[np.float64]:
+    """A column of doubles, NaN where a cell is empty; not by `to_numpy`, which imports pandas where it is installed."""
+    whole = column.fill_null(np.nan) if column.null_count else column
+    parts = [np.from_dlpack(chunk) for chunk in whole.chunks]
+    return np.concatenate(parts) if parts else np.zeros(0)

@@ -89,9 +89,14 @@ def fits() -> Iterator[str]:
         base = base or seconds
         cells = [percent(error) for error in errors]
         first = f"+ {more:.2g} s" if more > 0.1 * seconds else "–"
-        yield "| " + " | ".join([words, *cells, f"{seconds:.2g} s", first, f"{seconds / base:.2g}"]) + " |"
+        yield "| " + " | ".join([words, *cells, f"{seconds:.2g} s", first, plain(seconds / base)]) + " |"
     for line in missing:
         yield f"| {line} |" + " – |" * (len(problem.LOGS) + 3)
+
+
+def plain(value: float) -> str:
+    """Two digits, never an exponent."""
+    return f"{float(f'{value:.2g}'):g}"
 
 
 def percent(error: float) -> str:
@@ -140,7 +145,7 @@ def row(words: str, apart: np.ndarray, took: float, base: float) -> str:
     """A row of the table of loops: how far angles are apart in the first second and at all, and the time."""
     early = round(problem.RATE) + 1
     cells = [f"{np.abs(part).max():.2g} rad" for k in range(2) for part in (apart[:early, k], apart[:, k])]
-    return "| " + " | ".join([words, *cells, f"{took:.2g} s", f"{took / base:.2g}"]) + " |"
+    return "| " + " | ".join([words, *cells, f"{took:.2g} s", plain(took / base)]) + " |"
 
 
 def check() -> Iterator[str]:

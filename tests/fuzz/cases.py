@@ -12,21 +12,26 @@ from pathlib import Path
 
 import numpy as np
 
-from fuzz.corpus import FILES, csv_files, parquet_files, result_files, rig_files, rig_for, rigs
-from fuzz.mutations import mutated, mutated_rig
+from fuzz.corpus import FILES, csv_files, motions, parquet_files, result_files, rig_files, rig_for, rigs
+from fuzz.mutations import mutated, mutated_columns, mutated_rig
 from swingid.errors import SwingidError
 from swingid.recording.recording import Recording
 
 SPARE, TIMES = 96 << 20, 40
 """Memory (bytes, and multiples of the file) that reading one more file may take."""
 
-TARGETS = (*FILES, "pieces", "inspect", "rig", "result")
-"""What is fuzzed: the readers of logs by format, reading in parts, inspect, rig files, result files."""
+TARGETS = (*FILES, "pieces", "inspect", "rig", "result", "columns", "identify")
+"""What is fuzzed: the readers of logs by format, reading in parts, inspect, rig files, result files; and what comes
+after a file was read: columns with faults, repaired, and identified by some method."""
+
+METHODS = ("momentum", "momentum", "momentum", "energy", "equation-error")
 
 
 def content_of(target: str, seed: int) -> tuple[bytes, str]:
     """The mutated file of a case, and its name."""
     draw = random.Random(f"{target} {seed}")
+    if target in ("columns", "identify"):
+        return f"{target} {seed}".encode(), "columns"
     if target == "rig":
         return mutated_rig(draw.choice(rig_files()), rig_files(), draw), "rig.toml"
     if target == "result":
@@ -83,6 +88,8 @@ def _read(target: str, content: bytes, name: str, draw: random.Random) -> None:
         _read_rig(content)
     elif target == "result":
         _read_result(content)
+    elif target in ("columns", "identify"):
+        _read_columns(random.Random(content.decode()), identified=target == "identify")
     elif target == "pieces":
         _read_pieces(content, name, draw)
     elif target == "inspect":
@@ -108,6 +115,22 @@ def _read_log(content: bytes, name: str, draw: random.Random) -> None:
     log = from_table(table, rig_for(table.columns, draw), Source(name))
     assert isinstance(log, Recording)
     assert len(log) > 1
+
+
+def _read_columns(draw: random.Random, *, identified: bool) -> None:
+    """Columns in memory with faults, read; identified or inspected, too."""
+    from swingid.identify import identify
+    from swingid.model.rig import Rig
+
+    columns, texts = draw.choice(motions())
+    rig = Rig.from_text(draw.choice(texts), "rig.toml")
+    log = Recording.from_columns(mutated_columns(columns, draw), rig)
+    assert len(log) > 1
+    if identified:
+        result = identify(log, rig, draw.choice(METHODS))
+        assert result.to_json()
+        assert result.summary()
+        assert np.isfinite(result.inertia.value)
 
 
 def _read_rig(content: bytes) -> None:

@@ -54,6 +54,32 @@ def rig_for(columns: object, draw: random.Random) -> Rig:
     return draw.choice(fits if fits and draw.random() < 0.9 else rigs())
 
 
+@cache
+def motions() -> tuple[tuple[dict[str, np.ndarray], tuple[str, ...]], ...]:
+    """Columns of motions that can be identified, each with the text of rigs that fit it."""
+    from closed_form_logs import ONE_TONE, TWO_TONES, direct_log, free_log, wheel_log
+
+    time = np.arange(500) / 100.0
+    wheel = wheel_log(Rig.builtin("paper"), TWO_TONES, lambda v: 1e-3 * v, time)
+    direct = direct_log(ONE_TONE, lambda v: 1e-3 * v + 2e-3 * np.sign(v), time)
+    free = free_log(lambda v: 3e-4 * v, time)
+    given = Rig.builtin("paper").changed({"axis.inertia": None, "axis.friction": None})
+    unknown = given.changed({"axis.gravity_torque": "unknown", "sensors.nonlinearity": "0.1 deg"})
+    late = given.changed({"sensors.latency": "0 ± 1 ms", "sensors.noise": 1e-4})
+    driven = 'name = "driven"\n[axis]\ngravity_torque = {b}\n[drive]\nkind = "{kind}"\n'
+    return (
+        (
+            {"t": time, "q1": wheel.angle, "q2": wheel.wheel_angle, "u": 3 * np.cos(8.5 * time)},
+            (given.text, unknown.text, late.text),
+        ),
+        (
+            {"t": time, "q1": direct.angle, "tau": direct.torque},
+            (driven.format(b=78e-3, kind="direct"), driven.format(b='"unknown"', kind="direct")),
+        ),
+        ({"t": time, "q1": free.angle}, (driven.format(b=78e-3, kind="none"),)),
+    )
+
+
 def _text(separator: str = ",", decimal: str = ".", header: str = "t,q1,q2,u\n", newline: str = "\n") -> bytes:
     cells = ([f"{x:.6g}".replace(".", decimal) for x in row] for row in zip(*COLUMNS.values(), strict=True))
     rows = [separator.join(row) for row in cells]

@@ -9,6 +9,8 @@ import tomllib
 from copy import deepcopy
 from typing import Any
 
+import numpy as np
+
 NUMBERS = (
     *("nan", "inf", "-inf", "1e308", "-1e308", "1e-320", "0", "-0.0", "1e400", "9" * 400, "-" + "9" * 25),
     *(
@@ -221,3 +223,71 @@ def _inline(value: Any) -> str:
     if isinstance(value, str):
         return json.dumps(value)
     return repr(value)
+
+
+def mutated_columns(columns: dict[str, np.ndarray], draw: random.Random) -> dict[str, np.ndarray]:
+    """Columns of numbers after faults: extreme, missing, repeated, swapped, frozen, scaled, coarse, torn values."""
+    columns = {name: values.copy() for name, values in columns.items()}
+    for _ in range(draw.choice((1, 1, 2, 3))):
+        name = draw.choice(list(columns))
+        columns[name] = draw.choice(FAULTS)(columns[name], draw)
+    if draw.random() < 0.1:
+        a, b = draw.choice(list(columns)), draw.choice(list(columns))
+        columns[a], columns[b] = columns[b], columns[a]
+    if draw.random() < 0.15:
+        rows = slice(*sorted((draw.randrange(len(columns["t"])), draw.randrange(len(columns["t"])))))
+        columns = {name: values[rows] for name, values in columns.items()}
+    return columns
+
+
+def _some(values: np.ndarray, draw: random.Random) -> slice | list[int]:
+    first = draw.randrange(len(values))
+    few = [draw.randrange(len(values)) for _ in range(draw.choice((1, 3, 20)))]
+    return draw.choice((few, few, slice(first, None), slice(None, first), slice(first, first + 30)))
+
+
+def _put(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    values[_some(values, draw)] = draw.choice((*DOUBLES, 1e6, -1e12, 1e-300, 3.14, float("nan")))
+    return values
+
+
+def _freeze(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    values[_some(values, draw)] = values[draw.randrange(len(values))]
+    return values
+
+
+def _scale(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    factor = draw.choice((0.0, -1.0, 1e-3, 1e3, 57.3, 1e-12, 1e12, 1e150, 1e-150, 1e300))
+    with np.errstate(over="ignore"):
+        return values * factor + draw.choice((0.0, 0.0, np.pi, 1e9, -1e5))
+
+
+def _round(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    step = draw.choice((1e-4, 0.01, 0.1, 0.5, 2.0))
+    return np.round(values / step) * step
+
+
+def _noise(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    rng = np.random.default_rng(draw.randrange(2**32))
+    return values + draw.choice((1e-9, 1e-3, 0.1, 10.0)) * rng.normal(size=len(values))
+
+
+def _disorder(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    at, other = draw.randrange(len(values)), draw.randrange(len(values))
+    if draw.random() < 0.5:
+        values[[at, other]] = values[[other, at]]
+        return values
+    return np.roll(values, at) if draw.random() < 0.5 else values[::-1].copy()
+
+
+def _jump(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    values[draw.randrange(len(values)) :] += draw.choice((1e-3, 0.3, 2 * np.pi, -100.0, 1e8))
+    return values
+
+
+def _wrap(values: np.ndarray, draw: random.Random) -> np.ndarray:
+    with np.errstate(invalid="ignore"):
+        return np.mod(values, draw.choice((2 * np.pi, 360.0, 1.0, 0.1)))
+
+
+FAULTS = (_put, _put, _put, _freeze, _freeze, _scale, _round, _noise, _disorder, _jump, _wrap)

@@ -21,6 +21,7 @@ NO_STEP = 60.0  # s: no swing at all
 LONG_REST = 0.1  # of the log: a wheel that rests so long while the axis swings is an encoder that died
 TO_AND_FRO = 3  # passes between the outer quarters of the range: a body that swings, not one that spins down
 TURN = 2.0 * np.pi
+SPARSEST = 30.0  # times what the rows take one after the other: two runs in one file, or a clock that was set
 SHORTEST_STEP = 1e-7  # s
 
 #: Largest values that a rig may log: a clock that counts seconds from any epoch, angles of years of turning.
@@ -89,6 +90,11 @@ def _refuse_absurd_numbers(channels: Channels, rig: Rig, name: str) -> None:
         what = f"the {channel.replace('_', ' ')} reaches {peak:.3g}"
         raise InputError(f"{where}: {what}, which no rig does; set [log] {channel} and its unit.", code="absurd-number")
     steps = np.diff(channels["time"])
+    if steps.size and float(steps.sum()) > SPARSEST * steps.size * float(np.median(steps)):
+        longest = int(np.argmax(steps))
+        message = f"{name}: column {rig.log.time!r} jumps by {steps[longest]:.3g} s after row {longest + 1}, and the"
+        message += f" rows cover less than a {SPARSEST:.0f}th of the time"
+        raise InputError(f"{message}; give one run per file, or mend the clock.", code="absurd-time")
     if steps.size and not float(np.median(steps)) >= SHORTEST_STEP:
         message = (
             f"{name}: column {rig.log.time!r} rises by {np.median(steps):.3g} from row to row, which is no time in s"

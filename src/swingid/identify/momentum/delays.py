@@ -34,7 +34,8 @@ def late_reversals(signals: Signals, torque: Torque, inertia: float, noise: Nois
     then less of it is in the angle. So the share that counts is 1 ± 1/2 before the angle is asked.
     """
     motion = signals.motion
-    late = lateness(motion, torque, inertia)
+    with np.errstate(over="ignore", invalid="ignore"):  # an inertia of 0, as of a dead channel, delays without end
+        late = lateness(motion, torque, max(inertia, 1e-300))
     late = np.where(np.abs(late) < FARTHEST * motion.reach, late, 0.0)
     share, spread = share_seen(motion, signals.nodes.stamps, signals.angle_values, late, noise.angle)
     if spread > 0:

@@ -14,7 +14,7 @@ from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.recording.formats import isolated, read_table
 
-QUICK = {"objects": 2, "inspect": 30, "rig": 80}
+QUICK = {"objects": 5, "inspect": 30, "rig": 80, "identify": 40}
 LONG = {
     **dict.fromkeys(("csv", "parquet", "mat", "hdf5", "mcap", "json"), 12_000),
     "pieces": 10_000,
@@ -38,6 +38,7 @@ def test_a_few_hundred_damaged_files(target):
 def test_most_cases_differ(target):
     contents = {content_of(target, seed)[0] for seed in range(40)}
     assert len(contents) > 25
+    assert content_of(target, 7) == content_of(target, 7)
 
 
 @pytest.mark.long

@@ -93,7 +93,7 @@ def check_energy(
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
     inertia = parameters["inertia"]
-    per_swing = motion.half_period / float(np.median(np.diff(opinion.signals.nodes.time)))
+    per_swing = motion.half_period / float(np.median(np.diff(opinion.signals.nodes.stamps)))
     if per_swing < FEWEST_PER_SWING:
         raise UnanswerableError(
             f"the log has {per_swing:.1f} rows per swing, too few to tell speeds, on which energy stands; log at least "

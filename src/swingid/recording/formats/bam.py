@@ -24,7 +24,7 @@ def decoded(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     for row in rows:
         load, volts = row.get("load"), row.get("input_volts")
         more: dict[str, Any] = {}
-        if isinstance(load, int):
+        if isinstance(load, int) and abs(load) < 1 << 32:
             more["duty"] = (load - 65536 if load > 32767 else load) / FULL
             if isinstance(volts, int | float):
                 more["bridge_volts"] = more["duty"] * volts

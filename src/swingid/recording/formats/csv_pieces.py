@@ -45,6 +45,8 @@ class File:
         except (OSError, ValueError, InputError):
             return None
         rows = body[layout.rows :]
+        if not rows.strip():
+            return None
         per_row = len(rows) / max(rows.count(b"\n"), 1)
         above = text.count(b"\n") - rows.count(b"\n")
         return cls(path, int(size / per_row), layout, metadata, above, per_row)

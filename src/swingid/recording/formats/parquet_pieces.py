@@ -16,8 +16,9 @@ from swingid.recording.formats.table import METADATA_KEY, Table
 if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
-BUFFER = 1 << 22
-"""Bytes of a column that are read at once, so that a file of one row group needs no more memory than others."""
+BUFFER, GROUP = 1 << 22, 1 << 28
+"""Bytes of a column that are read at once where a row group has more bytes than `GROUP`, so that a file of one row group
+needs no more memory than others. Small groups are read whole, for then a damaged size of a page allocates nothing."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,11 @@ class File:
 def _opened(path: str) -> pq.ParquetFile:
     import pyarrow.parquet as pq
 
+    file = pq.ParquetFile(path, pre_buffer=False)
+    groups = file.metadata
+    if max((groups.row_group(k).total_byte_size for k in range(groups.num_row_groups)), default=0) <= GROUP:
+        return file
+    file.close()
     return pq.ParquetFile(path, buffer_size=BUFFER, pre_buffer=False)
 
 

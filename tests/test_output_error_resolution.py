@@ -45,6 +45,14 @@ def test_a_zero_beside_the_hanging_position_is_found(zero, law):
     assert ("zero-found" in {note.code for note in result.notes}) == (zero > STEP)
 
 
+def test_a_zero_does_not_stand_in_for_a_wrong_model():
+    rig = twin()
+    off = given(rig).changed({"drive.motor.torque_per_volt": 1.05 * 52.04e-4})
+    result = identify(steady_log(rig), off, "output-error", law="viscous")
+    assert "poor-fit" in {warning.code for warning in result.warnings}
+    assert "zero-found" not in {note.code for note in result.notes}
+
+
 def test_without_gravity_no_zero_is_sought():
     rig = given(twin()).changed({"axis.gravity_torque": 0.0})
     assert ZERO not in unknowns_of(rig, Scale.of(rig), "viscous", (), 7.0, 1.0, STEP).names

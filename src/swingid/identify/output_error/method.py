@@ -213,6 +213,10 @@ class _Setup:
         gap = max(4.5 * self.noise.step, 0.05 * self.motion.half_period)
         return problem_of(self.log, self.rig, self.noise, self.source, length, gap)
 
+    def is_poor(self, problem: Problem, found: Searched) -> bool:
+        """Whether a fit leaves more than the sensors explain."""
+        return max(misfit_ratios(found.fit, problem, self.rig).values()) > POOR
+
 
 def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem, Searched]:
     """A first fit, on segments of `segment` s, or of a length that suits.
@@ -227,18 +231,21 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
     while True:
         problem = setup.problem(length)
         found = search(problem, unknowns, values, setup.loss, 1 if tried else setup.starts)
+        if not tried and (unknowns.zero_bound(found.fit.values) or setup.is_poor(problem, found)):
+            # a zero of the angle beyond its grid counts where with it nothing is left to explain
+            other = search(problem, unknowns.with_free_zero(), values, setup.loss, 1)
+            found = found if setup.is_poor(problem, other) else other
         tried.append((problem, found))
         # where not even the search settles the segments are far too long
         length /= 2 if found.fit.converged else 4
-        left = max(misfit_ratios(found.fit, problem, setup.rig).values())
-        if segment is not None or not left > POOR or length * setup.log.rate < SHORTEST:
+        if segment is not None or not setup.is_poor(problem, found) or length * setup.log.rate < SHORTEST:
             break
     best = 0
     if len(tried) > 1:
         certain = [type_a(problem, found, setup.motion) for problem, found in tried]
         best = int(np.argmin(np.where(np.isfinite(certain), certain, np.inf)))
     problem, found = tried[best]
-    found = replace(found, law=law, unknowns=found.unknowns.with_zero_of(found.unknowns, found.fit.values))
+    found = replace(found, law=law)
     if best > 0 and np.isfinite(tried[best - 1][1].fit.cost):
         found = replace(found, drift=abs(float(found.fit.values[0] - tried[best - 1][1].fit.values[0])))
     return problem, found
@@ -251,7 +258,7 @@ def _final_fit(setup: _Setup, problem: Problem, rough: Searched, law: str) -> tu
         return replace(rough, fit=fit), law
     independent = _independent(problem, rough)
     choice = choose_law(problem, rough.unknowns, rough.fit, independent, setup.fastest, law)
-    unknowns = setup.unknowns(choice.law).with_zero_of(rough.unknowns, rough.fit.values)
+    unknowns = setup.unknowns(choice.law).with_zero_of(rough.unknowns)
     begin = np.array([choice.values[name] for name in unknowns.names])
     fit = solve(problem, unknowns, begin, rough.fit.states, setup.loss)
     spread = choice.spread if law == "auto" else 0.0

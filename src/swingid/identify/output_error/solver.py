@@ -35,7 +35,7 @@ STALLED = 1e-9
 LEAP = 0.4
 """Share of itself to which the inertia may fall in one step, and rise by its inverse."""
 
-MOST_STEPS, MOST_ROUGH_STEPS = 30, 8
+MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
 HARDEST = 1e10
 
 SINGULAR = 1e-12

@@ -80,6 +80,10 @@ ZERO = "angle_zero"
 """What the angle's encoder reads at angle 0: unknown within a step of its grid. It moves readings, not the motion."""
 
 
+FARTHEST_ZERO = 0.1
+"""Angle (rad) within which the zero of the angle is looked for where that within its grid does not explain the log."""
+
+
 @dataclass(frozen=True)
 class Unknown:
     """One unknown: name, unit, bounds, and the places of the vector that it moves with their weights.
@@ -125,16 +129,20 @@ class Unknowns:
         """What is known of each unknown beforehand: 1/std² about 0."""
         return np.array([item.std**-2.0 for item in self.items])
 
-    def with_zero_of(self, found: Unknowns, values: Array) -> Unknowns:
-        """The same with the angle's zero known no better than the `values` (m,) of `found` say that it lies from 0.
+    def with_free_zero(self) -> Unknowns:
+        """The same with the angle's zero anywhere within `FARTHEST_ZERO`."""
+        return self._with_zero(_zero_within(FARTHEST_ZERO)) if self.zero else self
 
-        A zero outside the grid's step is not one of its rounding.
-        """
-        if self.zero is None or found.zero is None:
-            return self
-        item = self.items[self.zero]
-        std = max(found.items[found.zero].std, abs(float(values[found.zero])))
-        return replace(self, items=tuple(replace(own, std=std) if own is item else own for own in self.items))
+    def zero_bound(self, values: Array) -> bool:
+        """Whether `values` (m,) have the angle's zero at its bound."""
+        return self.zero is not None and abs(values[self.zero]) >= self.items[self.zero].high
+
+    def with_zero_of(self, other: Unknowns) -> Unknowns:
+        """The same with the angle's zero bounded and known as in `other`."""
+        return self._with_zero(other.items[other.zero]) if self.zero and other.zero else self
+
+    def _with_zero(self, zero: Unknown) -> Unknowns:
+        return replace(self, items=tuple(zero if item.name == ZERO else item for item in self.items))
 
     def entries(self, states: int, more: Sequence[Places] = ()) -> Entries:
         """(place, column, weight) of every unknown, then of `more`; columns count from `states`."""
@@ -154,6 +162,11 @@ class Unknowns:
                 p[place] += weight * value
         p[AXIS_STICKS] = float(max(p[STATIC_P], p[STATIC_N]) > 0.0)
         return p[:SIZE]
+
+
+def _zero_within(width: float) -> Unknown:
+    """A zero of the angle that lies anywhere within ± width (rad) / 2, and beyond by noise only."""
+    return Unknown(ZERO, "rad", -width, width, (), width / np.sqrt(12))
 
 
 def friction_unknowns(law: str) -> tuple[str, ...]:
@@ -242,7 +255,7 @@ def unknowns_of(
         unit = units["coulomb" if name == "stribeck" else name]
         items.append(Unknown(name, unit, low, high, FRICTION[name]))
     if resolution > 0 and not scale.linear and scale.b != 0:
-        items.append(Unknown(ZERO, "rad", -np.inf, np.inf, (), resolution / np.sqrt(12)))
+        items.append(_zero_within(resolution))
     return Unknowns(tuple(items), _base(rig, scale, items))
 
 

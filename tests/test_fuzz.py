@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 
 from fuzz.batch import watched
@@ -80,7 +81,7 @@ def test_the_watch_sees_what_goes_wrong(monkeypatch, tmp_path):
     assert failures[3].startswith("hang")
 
 
-@pytest.mark.parametrize(("ending", "head"), [(".mat", b"MATLAB 5.0 MAT-file"), (".h5", b"")])
+@pytest.mark.parametrize(("ending", "head"), [(".mat", b"MATLAB 5.0 MAT-file"), (".h5", b""), (".parquet", b"")])
 def test_a_bomb_is_refused(ending, head):
     """A small file that says it holds many more zeros than it may."""
     if ending == ".mat":
@@ -92,6 +93,15 @@ def test_a_bomb_is_refused(ending, head):
         packed = b"".join(deflate.compress(block) for _ in range(size >> 22)) + deflate.flush()
         content = head.ljust(124) + b"\x00\x01IM" + (15).to_bytes(4, "little") + len(packed).to_bytes(4, "little")
         content += packed
+    elif ending == ".parquet":
+        import io
+
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        sink = io.BytesIO()
+        pq.write_table(pa.table({"t": np.zeros(1 << 24)}), sink, compression="zstd")
+        content = sink.getvalue()
     else:
         import io
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from swingid.recording.formats.table import Table
 
 
-MOST_ROWS = 10_000_000
+MOST_ROWS = 4_000_000
 LARGEST_FILE = 1 << 30
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import table_from_arrow
-from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +26,10 @@ def read(content: bytes, name: str) -> Table:
     import pyarrow.parquet as pq
 
     try:
-        table = pq.read_table(pa.BufferReader(content))
+        file = pq.ParquetFile(pa.BufferReader(content))
+        if 8 * file.metadata.num_rows * file.metadata.num_columns > most_unpacked(len(content)):
+            raise ValueError("more numbers than the file can hold")
+        table = file.read()
         raw = (table.schema.metadata or {}).get(METADATA_KEY.encode(), b"{}")
         return table_from_arrow(table, name, raw.decode("utf-8", "replace"))
     except (pa.ArrowException, OSError, ValueError, TypeError):

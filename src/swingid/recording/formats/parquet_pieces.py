@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import pyarrow.parquet as pq
 
 BUFFER, GROUP = 1 << 22, 1 << 28
-"""Bytes of a column that are read at once where a row group has more bytes than `GROUP`, so that a file of one row group
-needs no more memory than others. Small groups are read whole, for then a damaged size of a page allocates nothing."""
+"""Bytes of a column that are read at once where a row group has more bytes than `GROUP`, so that a file of one row
+group needs no more memory than others. Small groups are read whole: then a damaged size of a page allocates nothing."""
 
 
 @dataclass(frozen=True)

@@ -188,9 +188,12 @@ def rows(found: dict[str, list[dict[str, float]]]) -> Iterator[str]:
         seconds, megabytes = ([p[key] for p in points] for key in ("seconds", "megabytes"))
         sizes = SIZES[kind]
         memory, each = "; ".join(f"{m:.3g}" for m in megabytes), f"{megabytes[-1] / (sizes[-1] - sizes[0]):.2g}"
+        grows = f"{slope(sizes, seconds):.2f}"
         if kind in ("unknowns", "campaign"):
             memory = each = "–"
-        cells = ("; ".join(map(str, sizes)), "; ".join(f"{s:.2g}" for s in seconds), f"{slope(sizes, seconds):.2f}")
+        if kind == "campaign":
+            grows = "–"
+        cells = ("; ".join(map(str, sizes)), "; ".join(f"{s:.2g}" for s in seconds), grows)
         yield "| " + " | ".join((WORDS[kind], *cells, memory, each)) + " |"
 
 
@@ -199,7 +202,7 @@ def million(found: dict[str, list[dict[str, float]]]) -> Iterator[str]:
     each = {
         "simulated, ensemble": found["ensemble"][-1]["seconds"] / SIZES["ensemble"][-1],
         "simulated and identified, ensemble and `momentum_batch`": found["batch"][-1]["seconds"] / SIZES["batch"][-1],
-        "`campaign`, momentum, every log a file and a full result": found["campaign"][0]["seconds"] / (TRIALS - BEGIN),
+        "`campaign`, momentum, every log a file and a full result": found["campaign"][1]["seconds"] / (TRIALS - BEGIN),
     }
     place = SIZES["output-error"].index(round(RUN))
     full = each["`campaign`, momentum, every log a file and a full result"]

@@ -12,7 +12,6 @@ import importlib
 import importlib.util
 import json
 import os
-import selectors
 import subprocess
 import sys
 import tempfile
@@ -61,18 +60,20 @@ def read_apart(package: str, reader: str, content: bytes) -> tuple[Columns, str]
 
 def _ask(request: dict[str, object], longest: float) -> dict[str, Any]:
     worker = _running()
-    assert worker.stdin is not None
-    assert worker.stdout is not None
+    stdin, stdout = worker.stdin, worker.stdout
+    assert stdin is not None
+    assert stdout is not None
+    lines: list[bytes] = []
+    reading = threading.Thread(target=lambda: lines.append(stdout.readline()), daemon=True)
     try:
-        worker.stdin.write(json.dumps(request).encode() + b"\n")
-        worker.stdin.flush()
-        with selectors.DefaultSelector() as selector:
-            selector.register(worker.stdout, selectors.EVENT_READ)
-            if not selector.select(longest):
-                _stop()
-                return {"error": f"it takes more than {longest:.0f} s"}
-        line = worker.stdout.readline()
-        answer: dict[str, Any] = json.loads(line)
+        stdin.write(json.dumps(request).encode() + b"\n")
+        stdin.flush()
+        reading.start()
+        reading.join(longest)
+        if not lines:
+            _stop()
+            return {"error": f"it takes more than {longest:.0f} s"}
+        answer: dict[str, Any] = json.loads(lines[0])
     except (OSError, ValueError):
         _stop()
         return {"error": "its reader crashed"}

@@ -15,22 +15,20 @@ from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
+from swingid.identify.output_error.curve import friction_curve
 from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.output_error.resolution import grid_covariance, zero_effect
 from swingid.identify.output_error.search import Searched
 from swingid.identify.output_error.solver import influence_of, informed, inverse_of, reduce, with_zero
-from swingid.identify.output_error.unknowns import FRICTION, ZERO, Places, Unknowns, constant_places, constant_value
-from swingid.identify.result import BudgetEntry, Details, FrictionCurve, Parameter, combined
+from swingid.identify.output_error.unknowns import ZERO, Places, Unknowns, constant_places, constant_value
+from swingid.identify.result import BudgetEntry, Details, Parameter, combined
 from swingid.identify.scale import Scale
-from swingid.model.friction import static_curve
-from swingid.model.parameters import COULOMB_N, STATIC_N
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
 
 SCATTER = "scatter of the residuals and sensor noise"
-CURVE_KNOTS = 12
 LESS = 0.1
 """Weight of a channel (of half of the log) when the estimate is taken mostly from the other."""
 
@@ -305,44 +303,11 @@ def details_of(
         stop=span[1],
         turning_times=motion.turning_times,
         turning_angles=motion.turning_angles,
-        friction=_curve(estimate, float(np.max(np.abs(fit.prediction.rates[~problem.wheel]))), law),
+        friction=friction_curve(
+            estimate.searched, estimate.covariance, float(np.max(np.abs(fit.prediction.rates[~problem.wheel]))), law
+        ),
         estimates={"all readings": (float(estimate.values[0]), own)} | kinds,
         residual_times=problem.times[~problem.wheel],
         residuals=(fit.residuals * problem.sigma)[~problem.wheel],
         residual_unit="m" if scale.linear else "rad",
     )
-
-
-def _curve(estimate: Estimate, fastest: float, law: str) -> FrictionCurve:
-    """The fitted law as a curve, with type A uncertainties."""
-    unknowns = estimate.unknowns
-    p = unknowns.vector(estimate.values)
-    side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5
-    side[0] = 1e-6 * fastest
-    speeds = np.concatenate([-side[::-1], side])
-    torques = np.array([static_curve(v, p) for v in speeds])
-    slopes = np.zeros((len(speeds), len(unknowns)))
-    p_speed = _peak_speed(unknowns, estimate.values)
-    peak = np.exp(-((speeds / p_speed) ** 2)) if p_speed else np.zeros_like(speeds)
-    up = speeds > 0
-    height = p[STATIC_N] - p[COULOMB_N]
-    shapes = {
-        "coulomb": np.sign(speeds),
-        "viscous": speeds,
-        "quadratic": speeds * np.abs(speeds),
-        "cubic": speeds**3,
-        "offset": np.ones_like(speeds),
-        "stribeck": np.sign(speeds) * peak,
-        "stribeck_speed": np.sign(speeds) * height * peak * 2 * speeds**2 / (p_speed or 1.0) ** 3,
-    }
-    for side_name, here in (("positive", up), ("negative", ~up)):
-        shapes |= {f"{name}_{side_name}": np.where(here, shapes[name], 0.0) for name in ("coulomb", "viscous")}
-    for k, name in enumerate(unknowns.names):
-        if name in FRICTION:
-            slopes[:, k] = shapes[name]
-    spread = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, estimate.covariance, slopes), 0.0))
-    return FrictionCurve(speeds, torques, spread, law, torques, estimate.searched.candidates)
-
-
-def _peak_speed(unknowns: Unknowns, values: Array) -> float:
-    return float(values[unknowns.names.index("stribeck_speed")]) if "stribeck_speed" in unknowns.names else 0.0

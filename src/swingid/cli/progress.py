@@ -16,13 +16,17 @@ class Progress:
     """Called with the rows read so far and the rows of the log."""
 
     def __init__(self) -> None:
-        self.began = self.told = time.monotonic()
+        self.first: tuple[float, int] | None = None
+        self.told = time.monotonic()
 
     def __call__(self, rows: int, total: int) -> None:
-        """Say how far it is."""
+        """Say how far it is; the time left is known from the second call on, the first one may have compiled kernels."""
         now = time.monotonic()
-        share = min(rows / max(total, 1), 1.0)
-        text = f"{rows / 1e6:.1f} of {total / 1e6:.1f} million rows, {_left((now - self.began) * (1 / share - 1))} left"
+        text = f"{rows / 1e6:.1f} of {total / 1e6:.1f} million rows"
+        if self.first is None:
+            self.first = now, rows
+        elif rows > self.first[1]:
+            text += f", {_left((now - self.first[0]) / (rows - self.first[1]) * max(total - rows, 0))} left"
         if sys.stderr is not None and sys.stderr.isatty():
             with suppress(OSError):
                 sys.stderr.write(f"\r{text:<60}" + ("\n" if rows >= total else ""))

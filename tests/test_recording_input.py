@@ -434,3 +434,17 @@ def test_flipped_bytes_never_end_in_a_traceback(tmp_path, data, ending):
     path = tmp_path / f"flipped.{ending}"
     path.write_bytes(bytes(content))
     loaded_or_refused(path)
+
+
+def test_a_clock_that_jumps_far_is_refused(tmp_path):
+    """Two runs of which the clock was set between them; a pause of some times the run is a gap like any other."""
+    columns = columns_of(swing(rate=100.0, duration=10.0))
+    for pause, refused in ((60.0, False), (1e6, True)):
+        late = {name: values.copy() for name, values in columns.items()}
+        late["t"][500:] += pause
+        path = write_columns(tmp_path / "log.csv", late)
+        if refused:
+            with pytest.raises(InputError, match=r"jumps by 1e\+06 s after row 500"):
+                Recording.load(path, rig_with())
+        else:
+            assert "gaps" in {finding.code for finding in Recording.load(path, rig_with()).findings}

@@ -20,7 +20,7 @@ class Progress:
         self.told = time.monotonic()
 
     def __call__(self, rows: int, total: int) -> None:
-        """Say how far it is; the time left is known from the second call on, the first one may have compiled kernels."""
+        """Say how far it is; how long the rest takes is told from the second call on, for the first may compile."""
         now = time.monotonic()
         text = f"{rows / 1e6:.1f} of {total / 1e6:.1f} million rows"
         if self.first is None:

@@ -193,8 +193,10 @@ def _as_windows(one: Fitted) -> WindowFit:
 def _second_opinion(part: _Part, rig: Rig, scale: Scale, noise: Noise) -> tuple[list[Message], list[Message]]:
     """What test functions say of signs (raises InputError), and what row (II) says of the wheel angle.
 
-    Windows over half a swing are calm where filtered rows may be mostly noise.
+    Windows over half a swing are calm where filtered rows may be mostly noise. Without a whole swing there is none.
     """
+    if len(part.motion.turning_times) < 2:
+        return [], []
     signals = Signals.of(part.log, rig, part.motion)
     windows = law_windows(signals, part.motion.half_period / 4)
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.errors import UsageError
+from swingid.errors import UnanswerableError, UsageError
 from swingid.identify.energy.checks import CLOSE
 from swingid.identify.equation_error.answer import Estimate, answer, details
 from swingid.identify.equation_error.cutoff import SETTLING, Cutoff, choose_cutoff
@@ -85,6 +85,9 @@ def equation_error(
     require_channels(log, rig)
     noise = channel_noise(log, rig)
     part = _used_part(log, rig, noise)
+    if len(part.motion.turning_times) < 2:
+        message = "the part of the log that can be used holds no whole swing; record a longer motion to and fro."
+        raise UnanswerableError(message, code="no-turning-points")
     doubts = _second_opinion(part, rig, scale, noise)
     chosen = choose_cutoff(part.motion.speed, *part.span, noise, cutoff)
     estimate = _estimate(part, scale, chosen, friction, terms, instruments)
@@ -193,10 +196,8 @@ def _as_windows(one: Fitted) -> WindowFit:
 def _second_opinion(part: _Part, rig: Rig, scale: Scale, noise: Noise) -> tuple[list[Message], list[Message]]:
     """What test functions say of signs (raises InputError), and what row (II) says of the wheel angle.
 
-    Windows over half a swing are calm where filtered rows may be mostly noise. Without a whole swing there is none.
+    Windows over half a swing are calm where filtered rows may be mostly noise.
     """
-    if len(part.motion.turning_times) < 2:
-        return [], []
     signals = Signals.of(part.log, rig, part.motion)
     windows = law_windows(signals, part.motion.half_period / 4)
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)

@@ -33,6 +33,8 @@ class Outcome:
         assert len(lines) == 1, self.err
         assert lines[0].startswith("swingid: ")
         assert lines[0].endswith(".")
+        assert "Input should" not in lines[0]
+        assert "Value error" not in lines[0]
         return lines[0]
 
 
@@ -130,7 +132,13 @@ def test_options_of_a_method_are_named(run: Run, log: Path, tmp_path: Path) -> N
 
 @pytest.mark.parametrize(
     ("given", "named"),
-    [(["varian=printed"], "variant"), (["variant"], "NAME=VALUE"), (["work=held", "work=held"], "twice")],
+    [
+        (["log=1"], "log"),
+        (["method=energy"], "method"),
+        (["varian=printed"], "variant"),
+        (["variant"], "NAME=VALUE"),
+        (["work=held", "work=held"], "twice"),
+    ],
 )
 def test_wrong_options_are_named(run: Run, log: Path, given: list[str], named: str) -> None:
     options = [word for text in given for word in ("--option", text)]
@@ -238,7 +246,7 @@ def test_a_refusal_is_reported(run: Run, tmp_path: Path, content: str) -> None:
 
 
 @pytest.mark.parametrize("option", ["--json", "--report"])
-@pytest.mark.parametrize("place", ["missing/r.x", "folder", "file/r.x"])
+@pytest.mark.parametrize("place", ["missing/r.x", "folder", "file/r.x", "y" * 300])
 def test_unwritable_outputs_are_exit_3_and_named(run: Run, log: Path, tmp_path: Path, option: str, place: str) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("")
@@ -355,6 +363,11 @@ def test_init_never_overwrites(run: Run, tmp_path: Path) -> None:
         ([*SINE, "--k-tilde0", "1e300"], "runs away to infinity"),
         ([*SINE, "--rate", "-1000"], "rate must be a positive number"),
         ([*SINE, "--duration", "nan"], "duration must be a positive number"),
+        ([*SINE, "--duration", "25 s"], "invalid value for '--duration': "),
+        ([*SINE, "--gains", "wild"], "invalid value for '--gains': 'wild' is not one of"),
+        ([*SINE, "--voltage", "sine 3 V 1 Hz"], "give one of them"),
+        (["--voltage", "3 V"], "--voltage '3 V': it must begin with one of sine"),
+        (["--voltage", "sine -3 V 1 Hz"], "--voltage 'sine -3 V 1 Hz': amplitude must be positive"),
     ],
 )
 def test_what_no_rig_does_is_wrong_usage(run: Run, tmp_path: Path, given: list[str], said: str) -> None:
@@ -429,5 +442,6 @@ def test_announced_kernels_are_those_that_are_compiled(run: Run, log: Path) -> N
     from swingid.numerics.compiled import CACHE
 
     assert run("identify", log, "--rig", "paper").code == 0
+    assert run("calibrate", log, "--rig", "paper").code == 0
     for module, _ in KERNELS.values():
         assert any(CACHE.rglob(f"{module}.*.nbc"))

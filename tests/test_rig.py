@@ -164,10 +164,10 @@ BAD = [
     (NONE + 'source = "x"', "unknown-key", "drive.source", "kind"),
     ('source = "x"\n' + NONE, "unknown-key", "source", "axis"),
     (WHEEL + "inertai = 3", "unknown-key", "drive.wheel.inertai", "drive.wheel.inertia"),
-    ("", "missing-key", "drive", "missing"),
-    ("[drive]", "missing-key", "drive.kind", "missing"),
+    ("", "missing-key", "drive", "add the table [drive] with kind"),
+    ("[drive]", "missing-key", "drive.kind", "'direct'"),
     ('[drive]\nkind = "reaction-wheel"', "missing-key", "drive.wheel", "missing"),
-    ('[drive]\nkind = "reaction-wheel"\n[drive.wheel]', "missing-key", "drive.wheel.inertia", "missing"),
+    ('[drive]\nkind = "reaction-wheel"\n[drive.wheel]', "missing-key", "drive.wheel.inertia", "add it"),
     ('[drive]\nkind = "bike"', "wrong-value", "drive.kind", "'bike'"),
     ("drive = 3", "wrong-value", "drive", "table"),
     (DIRECT + "wheel.inertia = 1", "contradiction", "drive.wheel", "direct"),
@@ -178,8 +178,9 @@ BAD = [
     (NONE + '[axis]\ninertia = "3 ± -1 kg*m^2"', "negative-uncertainty", "axis.inertia", "-1"),
     (NONE + "[axis]\ninertia = nan", "not-finite", "axis.inertia", "nan"),
     (NONE + "[axis]\ninertia = true", "not-a-quantity", "axis.inertia", "true"),
-    (NONE + "[axis]\ninertia = 1979-05-27", "not-a-quantity", "axis.inertia", "number"),
-    (NONE + '[axis]\ngravity_torque = "unknwon"', "not-a-quantity", "axis.gravity_torque", "unknwon"),
+    (NONE + "[axis]\ninertia = 1979-05-27", "not-a-quantity", "axis.inertia", "is 1979-05-27, which is no number"),
+    (NONE + '[axis]\ngravity_torque = "unknwon"', "not-a-quantity", "axis.gravity_torque", 'or "unknown"'),
+    ('name = "two\\nlines"\n' + NONE, "wrong-value", "name", "one line"),
     (NONE + "[axis]\ngravity_torque = -1", "out-of-range", "axis.gravity_torque", "log.angle_zero"),
     (NONE + LINEAR + "gravity_torque = 1", "contradiction", "axis.gravity_torque", "axis.friction.offset"),
     (LINEAR + 'inertia = "1 kg*m^2"\n' + DIRECT, "wrong-unit", "axis.inertia", "expected in kg"),
@@ -226,15 +227,27 @@ BAD = [
     ),
     (NONE + "[log]\nangle_sign = 2", "wrong-value", "log.angle_sign", "1 or -1"),
     (NONE + "[log]\nangle_sign = true", "wrong-value", "log.angle_sign", "true"),
-    (NONE + '[log]\ndrive_held = "yes"', "wrong-value", "log.drive_held", "true or false"),
+    (NONE + '[log]\ndrive_held = "yes"', "wrong-value", "log.drive_held", "true or false, not 'yes'"),
     (NONE + '[log]\nwheel_angle = "q2"', "contradiction", "log.wheel_angle", "none"),
     (DIRECT + '[log]\nvoltage = "u"', "contradiction", "log.voltage", "direct"),
     (NONE + '[log]\ntorque = "tau"', "contradiction", "log.torque", "none"),
     (WHEEL + '[log]\ntorque = "tau"', "contradiction", "log.torque", "direct"),
     (WHEEL + "[log]\ntorque_gain = 2", "contradiction", "log.torque_gain", "direct"),
     (WHEEL + '[log]\nwheel_angle = "q2"\nwheel_speed = "w2"', "contradiction", "log.wheel_speed", "angle"),
+    (WHEEL + '[log]\nwheel_angle = "q1"', "contradiction", "log.angle", "also the column of log.wheel_angle"),
+    (WHEEL + '[log]\nangle = "q2"', "contradiction", "log.wheel_angle", "also the column of log.angle"),
+    (NONE + '[log]\ntime = "x"\nangle = "x"', "contradiction", "log.angle", "also the column of log.time"),
+    (DIRECT + '[log]\ntorque = "t"', "contradiction", "log.time", "also the column of log.torque"),
+    (NONE + '[log]\nreference = "q1"', "contradiction", "log.angle", "also the column of log.reference"),
     (WHEEL + "[log]\nwheel_scale = 0", "out-of-range", "log.wheel_scale", "positive"),
 ]
+
+
+def test_columns_that_are_not_read_are_free() -> None:
+    """A default column of another drive, or the time where rows are evenly spaced, is no channel of this rig."""
+    assert rig(NONE + '[log]\nangle = "q2"').log.angle == "q2"
+    assert rig(DIRECT + '[log]\nangle = "u"').log.angle == "u"
+    assert rig(NONE + '[log]\nangle = "t"\nrate = 100').log.angle == "t"
 
 
 @pytest.mark.parametrize(("text", "code", "key", "words"), BAD)

@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import date, time
 from functools import cache, lru_cache
 from typing import Any
 
@@ -79,7 +80,7 @@ def _read(raw: object, unit: str) -> Quantity:
     else:
         value, std, given = _number(raw, unit), None, ""
     if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
-        raise _UnusableError("not-finite", f"must be finite, not {_shown(raw)}")
+        raise _UnusableError("not-finite", f"must be finite, not {shown(raw)}")
     if std is not None and std < 0:
         raise _UnusableError(
             "negative-uncertainty", f"has the uncertainty {std:g}; give one standard uncertainty, which is not negative"
@@ -87,7 +88,7 @@ def _read(raw: object, unit: str) -> Quantity:
     factor = _factor(given, unit)
     value, std = value * factor, None if std is None else std * factor
     if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
-        raise _UnusableError("not-finite", f"must be finite in {unit or 'its unit'}, not {_shown(raw)}")
+        raise _UnusableError("not-finite", f"must be finite in {unit or 'its unit'}, not {shown(raw)}")
     return Quantity(value, std)
 
 
@@ -95,7 +96,7 @@ def _split(text: str, unit: str) -> tuple[float, float | None, str]:
     """Value, uncertainty and unit as text."""
     match = _QUANTITY.fullmatch(text.strip().replace("−", "-")) if len(text) <= _LONGEST else None
     if match is None:
-        raise _UnusableError("not-a-quantity", f"is {_shown(text)}, which is no quantity; {_advice(unit)}")
+        raise _UnusableError("not-a-quantity", f"is {shown(text)}, which is no quantity; {_advice(unit)}")
     value = float(match["value"])
     std = None if match["std"] is None else float(match["std"])
     if match["percent"]:
@@ -103,7 +104,7 @@ def _split(text: str, unit: str) -> tuple[float, float | None, str]:
         # "5 ± 1 %" of a pure number could mean 5 % ± 1 %: ask rather than guess.
         if unit == "":
             raise _UnusableError(
-                "not-a-quantity", f"is {_shown(text)}, where % may belong to both numbers; write both without %"
+                "not-a-quantity", f"is {shown(text)}, where % may belong to both numbers; write both without %"
             )
         std *= abs(value) / 100
     return value, std, match["unit"].strip()
@@ -116,14 +117,14 @@ def _from_table(raw: Mapping[Any, object], unit: str) -> tuple[float, float | No
         raise _UnusableError("not-a-quantity", f"{problem}; a quantity's table is {{value=…, std=…, unit=…}}")
     given = raw.get("unit", "")
     if not isinstance(given, str):
-        raise _UnusableError("not-a-quantity", f"has the unit {_shown(given)}, which is not text; {_advice(unit)}")
+        raise _UnusableError("not-a-quantity", f"has the unit {shown(given)}, which is not text; {_advice(unit)}")
     std = None if raw.get("std") is None else _number(raw["std"], unit)
     return _number(raw["value"], unit), std, given.strip()
 
 
 def _number(raw: object, unit: str) -> float:
     if isinstance(raw, bool) or not isinstance(raw, int | float):
-        raise _UnusableError("not-a-quantity", f"is {_shown(raw)}, which is no number; {_advice(unit)}")
+        raise _UnusableError("not-a-quantity", f"is {shown(raw)}, which is no number; {_advice(unit)}")
     try:
         return float(raw)
     except OverflowError:
@@ -183,10 +184,11 @@ def _advice(unit: str) -> str:
     return f'write a number, or text like "1.2 ± 0.1{" " + unit if unit else ""}"'
 
 
-def _shown(raw: object) -> str:
+def shown(raw: object) -> str:
+    """A value of a TOML file as a message shows it, cut short."""
     if isinstance(raw, bool):
         return str(raw).lower()
     if isinstance(raw, int):
         return "a large whole number" if abs(raw) >= 10**20 else str(raw)
-    text = repr(raw)
+    text = raw.isoformat() if isinstance(raw, date | time) else repr(raw)
     return text if len(text) <= 50 else f"{text[:47]}..."

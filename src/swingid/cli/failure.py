@@ -75,7 +75,8 @@ def _usage(error: Exception) -> str:
     context = getattr(error, "ctx", None)
     command = context.command_path if context is not None else "swingid"
     message = error.format_message() if hasattr(error, "format_message") else str(error)
-    sentence = " ".join(message.split()).rstrip(".")
+    sentence = " ".join(message.split()).rstrip(".").replace("Value error, ", "").replace("Input should be", "must be")
+    sentence = sentence.partition(", unable to parse")[0]  # pydantic's words, which newer versions of typer pass on
     return f"{sentence[:1].lower()}{sentence[1:]}; see {command} --help"
 
 

@@ -122,6 +122,8 @@ def _options(given: list[str]) -> dict[str, object]:
         name, equals, value = text.partition("=")
         if not equals or not name.isidentifier():
             raise UsageError(f"--option {text}: write NAME=VALUE, such as variant=printed", code="bad-option")
+        if name in ("log", "rig", "method"):
+            raise UsageError(f"--option {name}: no method has such an option; see --help", code="unknown-option")
         if name in options:
             raise UsageError(f"--option {name} was given twice; give it once", code="bad-option")
         try:

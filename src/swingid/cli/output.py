@@ -75,14 +75,17 @@ def write_file(path: Path, content: bytes) -> None:
 def check_target(path: Path) -> None:
     """Raise InputError now where writing `path` would fail after the work is done."""
     folder = path.parent
-    if path.is_dir():
-        raise cannot_write(path, "it is a folder, so give a file name in it")
-    if not folder.exists():
-        raise cannot_write(path, f"the folder {folder} does not exist, so make it first")
-    if not folder.is_dir():
-        raise cannot_write(path, f"{folder} is not a folder")
-    if not os.access(path if path.exists() else folder, os.W_OK):
-        raise cannot_write(path, "permission denied")
+    try:
+        if path.is_dir():
+            raise cannot_write(path, "it is a folder, so give a file name in it")
+        if not folder.exists():
+            raise cannot_write(path, f"the folder {folder} does not exist, so make it first")
+        if not folder.is_dir():
+            raise cannot_write(path, f"{folder} is not a folder")
+        if not os.access(path if path.exists() else folder, os.W_OK):
+            raise cannot_write(path, "permission denied")
+    except (OSError, ValueError) as error:  # a name too long, or with a null character
+        raise cannot_write(path, getattr(error, "strerror", None) or str(error)) from None
 
 
 def check_writable(*targets: str | None) -> None:

@@ -27,7 +27,9 @@ def reproduce(
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise cannot_write(out, error.strerror or str(error)) from None
-    check_target(out / "results.json")
+    names = [f"fig{k}.{ending}" for k in range(2, 9) for ending in ("svg", "png")]
+    for name in (*names, "results.json", "index.html"):
+        check_target(out / name)
     announce_compilation("simulate")
     reproduction = run(seed=seed, quick=quick, progress=say)
     from swingid.report.paper import drawn_figures, write_paper

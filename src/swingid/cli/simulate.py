@@ -51,7 +51,7 @@ class Gains(StrEnum):
 def simulate(
     rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
     duration: Annotated[float, typer.Option(help="Length of the run, s.")],
-    out: Annotated[str, typer.Option(metavar="FILE", help="Log to write, ending in .parquet or .csv.")],
+    out: Annotated[str, typer.Option(metavar="FILE", help="Log to write, ending in .parquet, .csv or .mat.")],
     reference: Annotated[
         str | None,
         typer.Option(metavar="MOTION", help='Motion to follow, such as "sine 0.8 rad 8.5 rad/s"; none: no command.'),
@@ -95,6 +95,8 @@ def simulate(
     own = {"delta0": delta0, "sigma0": sigma0, "lambda0": lambda0, "k_tilde0": k_tilde0, "k_tilde_max": k_tilde_max}
     given = {name: value for name, value in own.items() if value is not None}
     _check_controller(controller, law, gains, given)
+    if voltage is not None and reference is not None:
+        raise UsageError("--voltage is without control, --reference with it; give one of them", code="two-drives")
     if duration * rate > MOST_ROWS:
         raise UsageError(
             f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run",
@@ -162,10 +164,14 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.f
     if rig.drive.kind != "reaction-wheel":
         raise UsageError(f"--voltage needs a reaction wheel, and rig {rig.name!r} has none", code="no-drive")
     words, count = re.subn(r"(?<![A-Za-z])V(?![A-Za-z])", " rad", text)
+    example = "; write for example 'multisine 3 V 1 rad/s + 2 V 7 rad/s'"
     if count == 0 and not text.startswith("file "):
-        example = "multisine 3 V 1 rad/s + 2 V 7 rad/s"
-        raise UsageError(f"--voltage {text!r} has no amplitude in V; write for example {example!r}", code="bad-voltage")
-    wave = parse_reference(words)
+        raise UsageError(f"--voltage {text!r} has no amplitude in V{example}", code="bad-voltage")
+    try:
+        wave = parse_reference(words)
+    except UsageError as error:
+        problem = error.message.partition(": ")[2].partition("; write")[0].rstrip(".")
+        raise UsageError(f"--voltage {text!r}: {problem}{example}", code="bad-voltage") from None
     return np.asarray(wave(np.arange(int(duration * rate + 1e-9) + 1) / rate))
 
 

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, get_args, get_origin
+from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
+
+from swingid.units import shown
 
 
 def describe(error: ValidationError, root: type[BaseModel], what: str = "a rig file") -> tuple[str, str]:
@@ -24,11 +26,11 @@ def describe(error: ValidationError, root: type[BaseModel], what: str = "a rig f
         case "extra_forbidden":
             return "unknown-key", _unknown_key(place, root, what)
         case "missing":
-            return "missing-key", f"{dotted(place)} is missing"
+            return "missing-key", f"{dotted(place)} is missing; {_to_add(place, root)}"
         case "literal_error":
-            return "wrong-value", f"{dotted(place)} must be {context['expected']}, not {_shown(finding['input'])}"
+            return "wrong-value", f"{dotted(place)} must be {context['expected']}, not {shown(finding['input'])}"
         case "model_type" | "model_attributes_type":
-            return "wrong-value", f"{dotted(place)} must be a table, not {_shown(finding['input'])}"
+            return "wrong-value", f"{dotted(place)} must be a table, not {shown(finding['input'])}"
         case _:
             wanted = {
                 "string_type": "text",
@@ -39,7 +41,7 @@ def describe(error: ValidationError, root: type[BaseModel], what: str = "a rig f
             }.get(finding["type"])
             if wanted is None:
                 return "wrong-value", f"{dotted(place)}: {finding['msg']}"
-            return "wrong-value", f"{dotted(place)} must be {wanted}, not {_shown(finding['input'])}"
+            return "wrong-value", f"{dotted(place)} must be {wanted}, not {shown(finding['input'])}"
 
 
 def dotted(place: tuple[str, ...]) -> str:
@@ -56,6 +58,18 @@ def known_keys(table: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tup
         if inner is not None:
             keys += known_keys(inner, (*prefix, name))
     return keys
+
+
+def _to_add(place: tuple[str, ...], root: type[BaseModel]) -> str:
+    """What to do about a missing key: the values it may have, or the keys that its table needs."""
+    annotation = _model_at(root, place[:-1]).model_fields[place[-1]].annotation
+    table = _table_of(annotation)
+    if table is not None:
+        needed = [name for name, field in table.model_fields.items() if field.is_required()]
+        return f"add the table [{dotted(place)}]" + (f" with {', '.join(needed)}" if needed else "")
+    if get_origin(annotation) is Literal:
+        return f"give one of {', '.join(repr(value) for value in get_args(annotation))}"
+    return "add it"
 
 
 def _unknown_key(place: tuple[str, ...], root: type[BaseModel], what: str) -> str:
@@ -91,10 +105,3 @@ def _table_of(annotation: Any) -> type[BaseModel] | None:
         if isinstance(candidate, type) and issubclass(candidate, BaseModel):
             return candidate
     return None
-
-
-def _shown(raw: object) -> str:
-    if isinstance(raw, bool):
-        return str(raw).lower()
-    text = repr(raw)
-    return text if len(text) <= 50 else f"{text[:47]}..."

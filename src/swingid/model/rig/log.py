@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, model_validator
 
 from swingid.model.rig.fields import Column, Table, plain_number, quantity, refuse, stated
-from swingid.units import Quantity
+from swingid.units import Quantity, shown
 
 
 def _no_bool(raw: Any) -> Any:
@@ -58,7 +58,7 @@ class LogConventions(Table):
     def _held_is_true_or_false(cls, raw: Any) -> Any:
         # pydantic would also take "yes" and 1
         if isinstance(raw, dict) and not isinstance(raw.get("drive_held", True), bool):
-            refuse("wrong-value", "must be true or false", "drive_held")
+            refuse("wrong-value", f"must be true or false, not {shown(raw['drive_held'])}", "drive_held")
         return raw
 
     @model_validator(mode="after")

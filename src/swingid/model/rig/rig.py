@@ -9,9 +9,9 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, PrivateAttr, ValidationError, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from swingid.errors import InputError, UsageError
 from swingid.model.rig.errors import describe
@@ -19,7 +19,15 @@ from swingid.model.rig.fields import Column, Table, refuse, stated
 from swingid.model.rig.log import LogConventions
 from swingid.model.rig.sensors import Sensors
 from swingid.model.rig.tables import Axis, Drive
-from swingid.units import Quantity
+from swingid.units import Quantity, shown
+
+
+def _one_line(name: str) -> str:
+    """A name for terminals and reports."""
+    if any(ord(letter) < ord(" ") or letter == "\x7f" for letter in name):
+        refuse("wrong-value", f"must be one line of text without control characters, not {shown(name)}")
+    return name
+
 
 BUILTIN_RIGS = ("paper", "paper-body")
 
@@ -30,7 +38,7 @@ class Rig(Table):
     `source` is the path or "built-in paper", `text` the TOML as read (for hashes and provenance).
     """
 
-    name: Column
+    name: Annotated[Column, AfterValidator(_one_line)]
     axis: Axis = Axis()
     drive: Drive
     sensors: Sensors = Field(default_factory=Sensors)
@@ -68,7 +76,8 @@ class Rig(Table):
                 f"no rig {str(path_or_builtin)!r}: give a path ending in .toml or one of {', '.join(BUILTIN_RIGS)}"
             )
             raise UsageError(message + hint, code="unknown-rig")
-        return cls.from_text(_read(path), str(path_or_builtin), default_name=path.stem)
+        stem = "".join(letter for letter in path.stem if ord(letter) >= ord(" "))
+        return cls.from_text(_read(path), str(path_or_builtin), default_name=stem)
 
     @classmethod
     def builtin(cls, name: str) -> Rig:
@@ -153,6 +162,7 @@ class Rig(Table):
             for key in ("torque_gain", "torque_sign"):
                 if stated(self.log, key):
                     refuse("contradiction", f"belongs to drive.kind = 'direct', not {self.drive.kind!r}", f"log.{key}")
+        self._check_columns()
         self._check_counts()
         self._check_reachable()
         return self
@@ -175,6 +185,26 @@ class Rig(Table):
         for key in [k for k in LogConventions.model_fields if k.startswith(("wheel", "voltage"))] + other:
             if stated(self.log, key):
                 refuse("contradiction", f"is given, but drive.kind is {self.drive.kind!r}", f"log.{key}")
+
+    def _check_columns(self) -> None:
+        """Every channel that is read has a column of its own."""
+        log = self.log
+        read = [] if stated(log, "rate") else ["time"]
+        read.append("angle")
+        if self.drive.kind == "reaction-wheel":
+            read += ["wheel_angle" if log.wheel_speed is None else "wheel_speed", "voltage"]
+        elif self.drive.kind == "direct":
+            read.append("torque")
+        if stated(log, "reference"):
+            read.append("reference")
+        first: dict[str, str] = {}
+        # A default is the one to be changed: what the file states comes first.
+        for key in sorted(read, key=lambda key: not stated(log, key)):
+            column = getattr(log, key)
+            if column in first:
+                problem = f"is {column!r}, which is also the column of log.{first[column]}; give each its own"
+                refuse("contradiction", problem, f"log.{key}")
+            first[column] = key
 
     def _check_counts(self) -> None:
         wheel = self.sensors.wheel

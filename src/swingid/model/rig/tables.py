@@ -10,7 +10,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, PlainValidator, ValidationInfo, model_validator
 
 from swingid.model.rig.fields import Table, given, plain_number, quantity, read_quantity, refuse
-from swingid.units import Quantity
+from swingid.units import Quantity, shown
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
 Force = Annotated[Quantity, quantity("N*m", "N", least=0)]
@@ -72,6 +72,8 @@ class Friction(Table):
 def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
     if raw == "unknown":
         return "unknown"
+    if isinstance(raw, str) and raw.strip().isalpha():
+        refuse("not-a-quantity", f'is {shown(raw)}; write a number, text like "78 ± 0.4 mN*m", or "unknown"')
     found = read_quantity(raw, info, "N*m", "N")
     if found.value < 0:
         refuse(

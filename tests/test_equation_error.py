@@ -22,10 +22,14 @@ from closed_form_logs import (
 )
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identify import identify
-from swingid.identify.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, choose_cutoff, lowpass
+from swingid.identify.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff, choose_cutoff, lowpass
+from swingid.identify.equation_error.estimate import Part, estimate
 from swingid.identify.equation_error.grid import curvature, slope
+from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.fits import Noise
 from swingid.identify.motion import smooth_speed
+from swingid.identify.noise import channel_noise
+from swingid.identify.scale import Scale
 from swingid.numerics.regression import hac_covariance, parzen
 from swingid.recording.recording import Recording
 
@@ -39,6 +43,10 @@ def friction(v):
 
 def viscous(v):
     return 1e-3 * v
+
+
+def quadratic(v):
+    return 2e-3 * np.sign(v) + 2e-4 * v * np.abs(v)
 
 
 def solved(log, rig, **options):
@@ -141,11 +149,9 @@ def test_friction_laws(law, named):
         assert abs(result.parameters["quadratic"].value) < 1e-7
 
 
-def test_a_wrong_law_is_noticed_by_the_richer_one():
-    def quadratic(v):
-        return 1e-3 * v * np.abs(v)
-
-    result = solved(wheel_log(exact_rig(), TWO_TONES, quadratic, TIME), exact_rig(), friction="viscous")
+def test_a_wrong_law_is_noticed_by_a_likelier_one():
+    log = wheel_log(exact_rig(), TWO_TONES, lambda v: 1e-3 * v * np.abs(v), TIME)
+    result = solved(log, exact_rig(), friction="viscous")
     assert abs(result.inertia.value - INERTIA) < 3 * result.inertia.standard_uncertainty
 
 
@@ -167,6 +173,30 @@ def test_noise_lowers_least_squares_and_not_instruments():
     assert abs(errors.mean()) < 3 * spread / np.sqrt(4)
     stated = [e for e in solved(runs[0], rig, cutoff=20.0).budget if e.source.startswith("noise in the accel")]
     assert stated[0].standard_uncertainty / INERTIA == pytest.approx(-plain.mean(), rel=0.2)
+
+
+def test_what_noise_makes_of_the_difference_of_two_cutoffs_is_known():
+    rig, scale = exact_rig(**{"sensors.noise": 1e-3}), Scale.of(exact_rig())
+    clean = wheel_log(rig, ONE_TONE, viscous, np.arange(0, 6, 1e-3))
+    differences, predicted = [], []
+    for seed in range(40):
+        log = noisy(clean, 1e-3, seed)
+        part = Part.of(log, rig, channel_noise(log, rig))
+        signals = Signals.of(part.log, rig, part.motion)
+        judged, _ = estimate(part, signals, scale, Cutoff(8.0, ""), "viscous", instruments=True)
+        (other, *_) = judged.cutoffs.values()
+        differences.append(other.fit.a11 - judged.chosen.fit.a11)
+        predicted.append(judged.chosen.variance_of_difference(other, judged.motion))
+    # 40 values tell a spread to 11 %
+    assert np.std(differences) == pytest.approx(np.sqrt(np.mean(predicted)), rel=0.35)
+
+
+def test_laws_are_found():
+    for law, expected in ((viscous, "viscous"), (friction, "coulomb + viscous"), (quadratic, "coulomb + quadratic")):
+        log = encoded(wheel_log(exact_rig(), TWO_TONES, law, TIME))
+        result = solved(log, exact_rig())
+        assert result.provenance["options"]["friction"] == expected
+        assert abs(result.inertia.value - INERTIA) < 2 * result.inertia.standard_uncertainty
 
 
 def test_type_b_of_constants_is_the_change_they_make():
@@ -259,8 +289,6 @@ def test_differences_are_of_fourth_order(difference, order):
 
 
 def test_the_lowpass_has_zero_phase_and_half_the_amplitude_at_its_cutoff():
-    from swingid.identify.equation_error.cutoff import Cutoff
-
     time = np.arange(0, 40, 1e-3)
     middle = slice(15_000, 25_000)
     for frequency, gain in ((1.0, 1 / (1 + (1 / 10) ** 8)), (10.0, 0.5)):

@@ -4,7 +4,8 @@ Least squares is biased where the regressors are noisy: by the share of noise in
 Instruments take it away: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The lag
 is longer than the filter remembers, so noise of the sensors is in one of the two only, and it points to the past, so
 that the motion's own answer to that noise, through a controller, is not in the instruments either. Of such lags the
-one that tells most is taken. (Delayed signals as instruments: Söderström and Stoica 1983, "Instrumental Variable
+one that tells most is taken. What the direction of the motion makes, such as Coulomb friction, has no noise and is its
+own instrument. (Delayed signals as instruments: Söderström and Stoica 1983, "Instrumental Variable
 Methods for System Identification". The robotics form, Janot, Vandanjon and Gautier 2014, simulates the instruments;
 for row (I) that takes a controller or the noisy wheel angle as input, which are not known or not independent of the
 noise.)
@@ -32,6 +33,9 @@ ROBUST = 5.0
 ROUNDS = 4
 
 LAGS_TRIED = 40
+
+OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", "memory")
+"""Regressors that the direction of the motion makes: free of noise but at the reversals, so their own instruments."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +74,7 @@ def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, re
     """
     unknowns, columns = columns_of(rows, scale, terms)
     target = known_side(rows, scale)
-    instruments, usable = lagged(columns, usable, lag)
+    instruments, usable = lagged(columns, usable, lag, unknowns)
     if usable.sum() < 5 * len(unknowns):
         raise UnanswerableError(
             f"{usable.sum()} filtered rows are left, too few for {len(unknowns)} unknowns; record a longer run, "
@@ -85,23 +89,25 @@ def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, re
     return RowFit(unknowns, fit, covariance, weights, inverse)
 
 
-def lagged(columns: Array, usable: Bools, lag: int) -> tuple[Array, Bools]:
-    """The columns `lag` rows earlier, and the rows that are usable with them."""
+def lagged(columns: Array, usable: Bools, lag: int, unknowns: tuple[str, ...]) -> tuple[Array, Bools]:
+    """The columns `lag` rows earlier, but for those of the direction, and the rows that are usable with them."""
     if lag == 0:
         return columns, usable
     earlier, sound = np.zeros_like(columns), np.zeros_like(usable)
     earlier[lag:] = columns[:-lag]
+    kept = [k for k, name in enumerate(unknowns) if name in OF_DIRECTION]
+    earlier[:, kept] = columns[:, kept]
     sound[lag:] = usable[lag:] & usable[:-lag]
     return earlier, sound
 
 
 def best_lag(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, shortest: int, longest: int) -> int:
     """The lag of the instruments, in rows, that gives the inertia the least variance under white residuals."""
-    _, columns = columns_of(rows, scale, terms)
+    unknowns, columns = columns_of(rows, scale, terms)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     best, least = 0, np.inf
     for lag in range(shortest, longest + 1, max(1, (longest - shortest) // LAGS_TRIED)):
-        earlier, sound = lagged(columns, usable, lag)
+        earlier, sound = lagged(columns, usable, lag, unknowns)
         z, x = earlier[sound], columns[sound]
         if len(z) < 5 * x.shape[1]:
             break

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from swingid.identify.equation_error.cutoff import SETTLING, Cutoff, lowpass
 from swingid.identify.equation_error.grid import STENCIL, Grid, as_held, curvature, slope
-from swingid.identify.friction_laws import law_columns
+from swingid.identify.friction_laws import TERMS, stribeck_slope
 from swingid.identify.momentum.balance import Rows, Windows
 from swingid.identify.motion import Motion
 
@@ -82,22 +82,29 @@ class RowFilter:
         return result
 
 
-def friction_columns(motion: Motion, grid: Grid, terms: tuple[str, ...], stribeck_speed: float) -> dict[str, Array]:
+def friction_columns(
+    motion: Motion, grid: Grid, terms: tuple[str, ...], stribeck_speed: float = 1.0, peak: float = 0.0
+) -> dict[str, Array]:
     """The terms of friction on the grid; the direction jumps where the axis turns around, between two rows or not.
 
     "memory" is an impulse at each reversal: the old direction lives on for a moment (bristles, backlash).
+    "stribeck_speed" is the derivative of a peak of height `peak` by its speed.
     """
     edges, directions = motion.directions(float(grid.time[0]), float(grid.time[-1]))
     direction = as_held(edges, directions, grid.time)
     smooth = motion.speed.at(np.clip(grid.time, motion.speed.grid[0], motion.speed.grid[-1]))
-    of_speed = tuple(term for term in terms if term != "memory")
-    columns = dict(zip(of_speed, law_columns(of_speed, smooth, stribeck_speed).T, strict=True))
-    if "coulomb" in columns:
-        columns["coulomb"] = direction
-    if "stribeck" in columns:
-        columns["stribeck"] = direction * np.exp(-((smooth / stribeck_speed) ** 2))
-    if "memory" in terms:
-        columns["memory"] = _impulses(grid, motion)
+    columns = {}
+    for term in terms:
+        if term == "coulomb":
+            columns[term] = direction
+        elif term == "stribeck":
+            columns[term] = direction * np.exp(-((smooth / stribeck_speed) ** 2))
+        elif term == "stribeck_speed":
+            columns[term] = peak * stribeck_slope(smooth, stribeck_speed)
+        elif term == "memory":
+            columns[term] = _impulses(grid, motion)
+        else:
+            columns[term] = TERMS[term](smooth)
     return columns
 
 

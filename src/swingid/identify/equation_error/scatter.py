@@ -12,6 +12,7 @@ from swingid.identify.equation_error.cutoff import SETTLING
 from swingid.identify.equation_error.fit import RowFit
 from swingid.identify.equation_error.grid import STENCIL, curvature
 from swingid.identify.equation_error.rows import RowFilter
+from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.momentum.balance import Rows
 from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
@@ -57,11 +58,16 @@ class Fitted:
 
     def _white(self, weights: Array) -> float:
         """Variance of Σ weights · row from white noise of both angles."""
+        axis, wheel = self._per_sample(weights)
+        return float(axis @ axis + wheel @ wheel)
+
+    def _per_sample(self, weights: Array) -> tuple[Array, Array]:
+        """What the noise of each sample of the angle, and of the wheel's, makes of Σ weights · row, as deviations."""
         grid = self.row_filter.grid
         spread = self.row_filter.adjoint(weights)
         bent = curvature(spread, grid.step)
         axis = self.fit.a11 * bent + self.stiffness * np.cos(grid.angle) * spread
-        return float(axis @ axis * self.noise.angle**2 + bent @ bent * (self.scale.a12 * self.noise.wheel) ** 2)
+        return axis * self.noise.angle, bent * (self.scale.a12 * self.noise.wheel)
 
     @cached_property
     def _autocovariance(self) -> Array:
@@ -95,7 +101,7 @@ class Fitted:
         if self.lag == 0:
             found["noise in the acceleration (least squares)"] = abs(self.fit.a11) * self.attenuation
         if self.noise.resolution > 0:
-            found["place of the encoder's grid"] = self._grid_spread(motion)
+            found["place of the encoder's grid"] = rms(self.grid_effects(motion))
         return found
 
     @property
@@ -105,22 +111,48 @@ class Fitted:
         variance = self.noise.angle**2 * float(response @ response)
         return float(variance * self.fit.weights.sum() * self.fit.inverse[0, 0])
 
-    def _grid_spread(self, motion: Motion) -> float:
-        """What the place of the encoder's grid does to a11, over shifts of the grid; as `systematics.grid_spread`.
+    def grid_effects(self, motion: Motion, unknown: str = "inertia") -> Array:
+        """What the encoder's grid does to an unknown, on shifts of it by eighths of a step (`systematics.grid_spread`).
 
         The steps come again at every swing, so those in the instruments meet those in the row.
         """
         grid, speed, step = self.row_filter.grid, motion.speed, self.noise.resolution
+        k = self.fit.unknowns.index(unknown)
         smooth = speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
         shifted = smooth / step + np.arange(GRID_PLACES)[:, None] / GRID_PLACES
         errors = self.row_filter(*(curvature(x, grid.step) for x in (np.round(shifted) - shifted) * step))
-        effects = errors @ self.fit.fit.influence[0]
+        effects = errors @ self.fit.fit.influence[k]
         if self.lag > 0:
             pairs = self.fit.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
-            effects = effects + self.fit.inverse[0, 0] * pairs.sum(axis=1)
-        return float(abs(self.fit.a11) * np.sqrt(np.mean(effects**2)))
+            effects = effects + self.fit.inverse[k, 0] * pairs.sum(axis=1)
+        result: Array = abs(self.fit.a11) * effects
+        return result
 
     def total(self, motion: Motion) -> float:
         """Type A standard uncertainty of a11 but for disagreement with other fits."""
         own = np.eye(len(self.fit.unknowns))[0]
         return float(np.sqrt(self.variance(own) + sum(spread**2 for spread in self.common(motion).values())))
+
+    def contradicted(self, other: Fitted, motion: Motion) -> float:
+        """Part of the difference to another fit of the same log that the sensors do not explain, 0 where they do."""
+        variance = self.variance_of_difference(other, motion)
+        difference = other.fit.a11 - self.fit.a11
+        return float(np.sqrt(difference**2 - variance)) if abs(difference) > SEEN * np.sqrt(variance) else 0.0
+
+    def variance_of_difference(self, other: Fitted, motion: Motion) -> float:
+        """Variance of the difference of a11 to another fit of the same log, from the sensors.
+
+        Both fits are linear in the same noise, so what it makes of their difference is known, grid and all.
+        """
+        mine, theirs = (one._per_sample(one.fit.fit.influence[0]) for one in (self, other))
+        variance = sum(float((a - b) @ (a - b)) for a, b in zip(mine, theirs, strict=True))
+        if self.lag == 0:
+            variance += (self.fit.a11 * (self.attenuation - other.attenuation)) ** 2
+        if self.noise.resolution > 0:
+            variance += rms(self.grid_effects(motion) - other.grid_effects(motion)) ** 2
+        return variance
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))

@@ -8,8 +8,8 @@ import pytest
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify.batch import energy_batch, momentum_batch, plan_batch
-from swingid.identify.batch.passes import slopes, smoothing
 from swingid.identify.batch.projections import window_weights
+from swingid.identify.batch.speeds import kinked, signs, slopes, smoothing
 from swingid.model.rig import Rig
 from swingid.simulate.ensemble import simulate_ensemble
 from swingid.simulate.ensemble.lane_functions import decay, sine_cosine
@@ -54,6 +54,38 @@ def test_speeds_are_exact_for_cubics():
     assert np.allclose(speeds[20:80], (2.0 - 6.0 * t + 120.0 * t**2)[20:80], rtol=1e-11)
 
 
+def test_reversals_are_in_their_place_though_the_acceleration_jumps_there():
+    """Speed 58 rad/s^2 times the time from a reversal, 60 after it: the plain cubic is 0.07 ms off."""
+    step, width, at = 1e-3, 0.0255, 0.10037
+    t = step * np.arange(200) - at
+    angle = np.where(t < 0, 29.0, 30.0) * t**2
+    speed, (sign, late) = np.empty(200), np.empty((2, 200))
+    slopes(angle, smoothing(width, step)[1], speed)
+    found = np.interp(0.0, speed[80:120], t[80:120])
+    assert found == pytest.approx(-7e-5, abs=1e-5)
+    signs(angle, speed, kinked(width, step), sign, late)
+    inside = slice(50, 150)
+    assert np.allclose(sign[inside], np.clip(2.0 * t[inside] / step, -1.0, 1.0), atol=0.01)
+    assert np.sum(late[inside]) == pytest.approx(0.0, abs=1e-9)  # one reversal has no scatter
+
+
+@pytest.mark.parametrize(
+    "friction", [{"coulomb": 3e-3}, {"coulomb": 1e-2}, {"coulomb_positive": 2e-3, "coulomb_negative": 4e-3}]
+)
+def test_dry_friction_does_not_move_the_inertia(friction):
+    """Reversals that a smoothed speed finds late would move it by six to fourteen of its uncertainties."""
+    rig = Rig.builtin("paper").changed({f"axis.friction.{key}": value for key, value in friction.items()})
+    zeros = rig.sensors.of("angle").resolution * np.random.default_rng(2).random((32, 2))
+    runs = simulate_ensemble(
+        rig, lambda t: 0.8 * np.sin(8.5 * t), duration=15.0, seeds=range(32), encoder_zero=zeros, record="all"
+    )
+    plan = plan_batch([runs.recording(k) for k in (0, 31)], given(rig))
+    found = momentum_batch(runs.channel("angle"), runs.channel("wheel_angle"), 1000.0, given(rig), plan)
+    z = (found.inertia - 302.2e-5) / found.u
+    assert np.sqrt(np.mean(z**2)) < 2.0
+    assert np.abs(found.inertia / 302.2e-5 - 1.0).max() < 8e-5
+
+
 @pytest.fixture(scope="module")
 def many():
     """Rig, inertias, an ensemble of 64 runs and the plan from three of its logs."""
@@ -70,7 +102,7 @@ def test_momentum_of_many_logs_finds_their_inertias(many):
     rig, inertias, runs, plan = many
     found = momentum_batch(runs.channel("angle"), runs.channel("wheel_angle"), 1000.0, given(rig), plan)
     z = (found.inertia - inertias) / found.u
-    assert abs(np.mean(found.inertia / inertias - 1.0)) < 2e-6
+    assert abs(np.mean(z)) < 1.0
     assert np.abs(found.inertia / inertias - 1.0).max() < 3e-5
     assert 0.6 < np.sqrt(np.mean(z**2)) < 1.4
     one = momentum_batch(

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify.batch import passes
-from swingid.identify.batch.passes import energy_runs, smoothing
-from swingid.identify.batch.plan import UNKNOWNS, Batch, Plan, require_batch
+from swingid.identify.batch.passes import energy_runs
+from swingid.identify.batch.plan import Batch, Plan, require_batch
+from swingid.identify.batch.speeds import smoothing
 from swingid.identify.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
@@ -36,7 +37,7 @@ def energy_batch(
     *,
     threads: int | None = None,
 ) -> Batch:
-    """Inertia and friction from angles, wheel angles (rad) and voltages (V), each (n, rows), logged at `rate` (1/s).
+    """Inertias from angles, wheel angles (rad) and voltages (V), each (n, rows), logged at `rate` (1/s).
 
     The rig's motor constants are used, and the voltage is held from row to row. A log with fewer than three turning
     points has NaN. Raises InputError for a direct drive, an unknown gravity torque or a missing channel.
@@ -64,10 +65,10 @@ def energy_batch(
 
     with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
         fits = list(pool.map(part, range(0, len(angle), TOGETHER)))
-    values, covariance = np.concatenate([v for v, _ in fits]), np.concatenate([c for _, c in fits])
-    if np.isnan(values).all():
+    a11, variance = np.concatenate([v for v, _ in fits]), np.concatenate([c for _, c in fits])
+    if np.isnan(a11).all():
         raise UnanswerableError("no log holds three turning points with their passes; record longer.", code="too-short")
-    return Batch(values[:, 0] - scale.carried, np.sqrt(covariance[:, 0, 0]), values, covariance)
+    return Batch(a11 - scale.carried, np.sqrt(variance))
 
 
 def _constants(rig: Rig, scale: Scale) -> Array:
@@ -85,7 +86,7 @@ def _constants(rig: Rig, scale: Scale) -> Array:
 
 
 def _fitted(columns: Array, counts: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Values (n, 6) and covariances of `fit_nodes` for columns (n, blocks, nodes, COLUMNS)."""
+    """a11 (n,) and its variance as of `fit_nodes`, for columns (n, blocks, nodes, COLUMNS)."""
     n, blocks = columns.shape[:2]
     within = (columns - columns.mean(axis=2, keepdims=True)).reshape(n, -1, passes.COLUMNS)
     matrix, known = within[:, :, : passes.KNOWN], within[:, :, passes.KNOWN]
@@ -93,13 +94,11 @@ def _fitted(columns: Array, counts: NDArray[np.int64]) -> tuple[Array, Array]:
     size[size == 0.0] = 1.0
     scaled = matrix / size
     inverse = np.linalg.pinv(scaled.transpose(0, 2, 1) @ scaled, rcond=1e-12, hermitian=True)
-    influence = (inverse @ scaled.transpose(0, 2, 1)) / size.transpose(0, 2, 1)
-    values = (influence @ known[:, :, None])[:, :, 0]
-    residuals = known - (matrix @ values[:, :, None])[:, :, 0]
-    scores = (influence * residuals[:, None, :]).reshape(n, len(UNKNOWNS), blocks, -1).sum(axis=3)
-    covariance = scores @ scores.transpose(0, 2, 1)
-    cross = scores[:, :, 1:] @ scores[:, :, :-1].transpose(0, 2, 1)
-    covariance += 0.5 * (cross + cross.transpose(0, 2, 1))
-    covariance *= (counts / np.maximum(counts - len(UNKNOWNS), 1))[:, None, None]
-    values[counts < FEWEST_BLOCKS], covariance[counts < FEWEST_BLOCKS] = np.nan, np.nan
-    return values, covariance
+    values = inverse @ (scaled.transpose(0, 2, 1) @ known[:, :, None])
+    weights = (scaled @ inverse[:, :, :1])[:, :, 0] / size[:, :, 0]  # influence of the nodes on a11
+    scores = (weights * (known - (scaled @ values)[:, :, 0])).reshape(n, blocks, -1).sum(axis=2)
+    variance = (scores * scores).sum(axis=1) + (scores[:, 1:] * scores[:, :-1]).sum(axis=1)
+    variance *= counts / np.maximum(counts - passes.KNOWN, 1)
+    a11 = values[:, 0, 0] / size[:, 0, 0]
+    a11[counts < FEWEST_BLOCKS], variance[counts < FEWEST_BLOCKS] = np.nan, np.nan
+    return a11, variance

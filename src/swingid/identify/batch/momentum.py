@@ -15,20 +15,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
-from swingid.identify.batch.plan import UNKNOWNS, Batch, Plan, require_batch
+from swingid.identify.batch.plan import Batch, Plan, require_batch
 from swingid.identify.batch.projections import (
     COLUMNS,
     COULOMB,
     EVEN,
     GRAVITY,
     INERTIA,
+    LATE,
     OFFSET,
     QUADRATIC,
     VISCOUS,
     WHEEL,
-    project_runs,
+    njit_sums_threads,
+    project_run,
     window_weights,
 )  # fmt: skip
+from swingid.identify.batch.speeds import kinked, signs, slopes, smoothing
+from swingid.identify.energy.balance import SHARE
 from swingid.identify.momentum.fits import LAG
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
@@ -37,14 +41,19 @@ from swingid.numerics.test_functions import CURVATURE_POWER, curvature_overlap
 Array = NDArray[np.float64]
 
 PLACES = (INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN)
-BLUR = 0.01
-"""s: half the time over which the speed of the friction columns is taken."""
+"""Columns of the unknowns: a11 of the whole axis first, then the terms of friction that free it of friction."""
+
+REVERSAL = 0.5 / SHARE
+"""Half-width of the cubics that show reversals, in that of the plan: of a speed's it is half, as for a single log."""
+
+NARROWEST = 2.5
+"""Sample steps that a half-width has at least: five samples."""
 
 
 def momentum_batch(
     angle: Array, wheel_angle: Array | None, rate: float, rig: Rig, plan: Plan, *, threads: int | None = None
 ) -> Batch:
-    """Inertia and friction from angles (n, rows) (rad) and wheel angles, logged at `rate` (1/s) by one rig.
+    """Inertias from angles (n, rows) (rad) and wheel angles, logged at `rate` (1/s) by one rig.
 
     Raises InputError for a direct drive or an unknown gravity torque, which this cannot do, and UnanswerableError where
     the part used holds too few windows.
@@ -53,18 +62,20 @@ def momentum_batch(
     require_batch(rig, scale)
     rows, step = angle.shape[1], 1.0 / rate
     reach = 2 * max(2, round(0.5 * plan.half * rate))
-    first, last = round(plan.start * rate), min(rows - 1, round(plan.stop * rate))
+    width = max(plan.width, NARROWEST * step)
+    speed, kink = smoothing(width, step)[1], kinked(REVERSAL * width, step)
+    ends = len(speed) - 1  # samples at both ends without a speed
+    first, last = max(ends, round(plan.start * rate)), min(rows - 1 - ends, round(plan.stop * rate))
     windows = (last - first - 2 * reach) // (reach // 2) + 1
-    if windows < 2 * LAG or windows <= LAG / 2 * len(UNKNOWNS):
+    if windows < 2 * LAG or windows <= LAG / 2 * len(PLACES):
         raise UnanswerableError(f"only {windows} windows fit into the logs; record longer ones.", code="too-short")
     columns = np.empty((len(angle), windows, COLUMNS))
     weights = window_weights(reach, step)
     wheel = np.empty((0, rows)) if wheel_angle is None else wheel_angle
-    blur = max(1, round(BLUR * rate))
 
     def part(begin: int, end: int) -> None:
         own = wheel[begin:end] if len(wheel) else wheel
-        project_runs(angle[begin:end], own, step, blur, first, reach // 2, weights, columns[begin:end])
+        project_runs(angle[begin:end], own, step, (speed, kink), first, reach // 2, weights, columns[begin:end])
 
     workers = threads or len(os.sched_getaffinity(0))
     edges = np.linspace(0, len(angle), workers + 1).astype(int)
@@ -73,29 +84,51 @@ def momentum_batch(
     return _fitted(columns, scale, plan, reach * step, step)
 
 
+@njit_sums_threads
+def project_runs(
+    angle: Array,
+    wheel: Array,
+    step: float,
+    speeds: tuple[Array, Array],
+    first: int,
+    spacing: int,
+    weights: Array,
+    result: Array,
+) -> None:
+    """`project_run` for all logs (n, rows), into result (n, windows, COLUMNS). wheel may have no rows: no wheel.
+
+    speeds: weights of the speed and of `kinked`. first, spacing: of the windows (samples); weights: `window_weights`.
+    """
+    work = np.empty((4, angle.shape[1]))
+    still = np.zeros(angle.shape[1])
+    for k in range(len(angle)):
+        slopes(angle[k], speeds[0], work[1])
+        signs(angle[k], work[1], speeds[1], work[2], work[3])
+        project_run(angle[k], wheel[k] if len(wheel) > 0 else still, first, spacing, weights, work, result[k])
+
+
 def _fitted(columns: Array, scale: Scale, plan: Plan, half: float, step: float) -> Batch:
-    """Least squares of all logs, with the covariance of `fit_rows`: Newey and West, no less than the sensors'."""
+    """Least squares of all logs, with the variance of a11 of `fit_rows`: Newey and West, no less than the sensors'."""
     matrix = columns[:, :, PLACES]
     known = -scale.a12 * columns[:, :, WHEEL] - (scale.b or 0.0) * columns[:, :, GRAVITY]
     size = np.linalg.norm(matrix, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
     scaled = matrix / size
     inverse = np.linalg.pinv(scaled.transpose(0, 2, 1) @ scaled, rcond=1e-14, hermitian=True)
-    influence = (inverse @ scaled.transpose(0, 2, 1)) / size.transpose(0, 2, 1)
-    values = (influence @ known[:, :, None])[:, :, 0]
-    scores = influence * (known - (matrix @ values[:, :, None])[:, :, 0])[:, None, :]
-    covariance = scores @ scores.transpose(0, 2, 1)
+    values = (inverse @ (scaled.transpose(0, 2, 1) @ known[:, :, None])) / size.transpose(0, 2, 1)
+    a11, coulomb = values[:, 0, 0], values[:, PLACES.index(COULOMB), 0]
+    weights = (scaled @ inverse[:, :, :1])[:, :, 0] / size[:, :, 0]  # influence of the windows on a11
+    scores = weights * (known - (matrix @ values)[:, :, 0])
+    variance = (scores * scores).sum(axis=1)
     for k in range(1, LAG + 1):
-        cross = scores[:, :, k:] @ scores[:, :, :-k].transpose(0, 2, 1)
-        covariance += (1 - k / (LAG + 1)) * (cross + cross.transpose(0, 2, 1))
+        variance += 2.0 * (1 - k / (LAG + 1)) * (scores[:, k:] * scores[:, :-k]).sum(axis=1)
     independent = matrix.shape[1] / (LAG / 2)
-    covariance *= independent / max(independent - len(UNKNOWNS), 1.0)
-    sensor = _sensor_variance(influence[:, 0], values[:, 0], scale, plan, half, step)
-    covariance *= np.maximum(1.0, sensor / np.maximum(covariance[:, 0, 0], 1e-300))[:, None, None]
+    variance *= independent / max(independent - len(PLACES), 1.0)
+    variance = np.maximum(variance, _sensor_variance(weights, a11, scale, plan, half, step))
     power = plan.noise**2 * step * CURVATURE_POWER * matrix.shape[1] / half**3
-    bias = values[:, :1] * power * (influence @ influence[:, 0, :, None])[:, :, 0]
-    covariance += bias[:, :, None] * bias[:, None, :]
-    return Batch(values[:, 0] - scale.carried, np.sqrt(covariance[:, 0, 0]), values, covariance)
+    variance += (a11 * power * (weights * weights).sum(axis=1)) ** 2  # noise in the regressor of the inertia
+    variance += (coulomb * (weights * columns[:, :, LATE]).sum(axis=1)) ** 2
+    return Batch(a11 - scale.carried, np.sqrt(variance))
 
 
 def _sensor_variance(weights: Array, a11: Array, scale: Scale, plan: Plan, half: float, step: float) -> Array:

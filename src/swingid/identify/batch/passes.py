@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.batch.projections import njit_sums_threads
-from swingid.numerics.spline import local_cubic
+from swingid.identify.batch.speeds import slopes
 
 Array = NDArray[np.float64]
 
@@ -26,29 +26,6 @@ CORNER = 8
 
 SMALLEST_SWING = 0.05
 """Reversals that are nearer to each other than this share of the motion's range are noise."""
-
-
-def smoothing(half_width: float, step: float) -> Array:
-    """Weights (2, m) of samples 0 ... m - 1 steps away: of the angle (even) and, odd, of the speed, by local cubics."""
-    reach = int(np.floor(half_width / step * (1.0 - 1e-9)))
-    time: Array = step * np.arange(-reach, reach + 1, dtype=np.float64)
-    rows = []
-    for k in range(2 * reach + 1):
-        unit = np.zeros(2 * reach + 1)
-        unit[k] = 1.0
-        rows.append(local_cubic(time, unit, np.zeros(1), half_width)[0, :2])
-    return np.ascontiguousarray(np.array(rows)[reach:].T)
-
-
-@njit_sums_threads
-def slopes(values: Array, weights: Array, result: Array) -> None:
-    """Speeds at all samples of `values` (rows,) into result (rows,), 0 where the window reaches over an end."""
-    rows, reach = len(values), len(weights) - 1
-    result[:] = 0.0
-    for i in range(1, reach + 1):
-        weight = weights[i]
-        for j in range(reach, rows - reach):
-            result[j] += weight * (values[j + i] - values[j - i])
 
 
 @njit_sums_threads

@@ -20,8 +20,6 @@ from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
 
-UNKNOWNS = ("inertia", "coulomb", "viscous", "quadratic", "offset", "viscous_even")
-
 
 @dataclass(frozen=True)
 class Plan:
@@ -44,17 +42,15 @@ class Plan:
 
 @dataclass(frozen=True)
 class Batch:
-    """Estimates of n logs: inertia J1 (n,) (kg m^2) with its standard uncertainty of type A `u` (n,), and friction.
+    """Estimates of n logs: inertia J1 (n,) (kg m^2) with its standard uncertainty of type A `u` (n,).
 
-    values (n, 6), covariance (n, 6, 6) of `UNKNOWNS`, where "inertia" is a11 of the whole axis. The terms of friction
-    are there to free the inertia of them: reversals are seen through a smoothed speed, which moves Coulomb friction by
-    more than its scatter. Who wants friction takes `identify`.
+    Terms of friction are fitted with it to free it of them, and are not told: on a periodic motion they are nearly
+    one another's sums, and what an encoder's zero, its steps and a smoothed speed do to each is not in their scatter.
+    Who wants friction takes `identify`.
     """
 
     inertia: Array
     u: Array
-    values: Array
-    covariance: Array
 
 
 def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -229,6 +230,17 @@ def test_help_and_version_are_exit_0(run: Run) -> None:
         assert (done.code, done.err) == (0, "")
         assert done.out.startswith("Usage: swingid")
     assert run("--version").out.startswith("swingid ")
+
+
+def test_the_page_of_commands_begins_with_all_of_them() -> None:
+    from swingid.cli.app import app
+
+    page = (Path(__file__).parents[1] / "docs" / "cli.md").read_text(encoding="utf-8")
+    named = re.findall(r"^    swingid (\w+)", page.partition("\n## ")[0], re.M)
+    there = [command.callback.__name__ for command in app.registered_commands if command.callback]
+    assert sorted(named) == sorted(there)
+    for name in there:
+        assert f"\n## {name}\n" in page
 
 
 @pytest.mark.parametrize("content", ["t,q1,q2,u\n", "t,q1,q2,u\n" + "0.1,0,0,0\n" * 4])

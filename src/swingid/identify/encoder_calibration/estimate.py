@@ -30,7 +30,7 @@ STRETCHES = (0.5, 2.0**-0.5, 2.0**0.5)
 
 @dataclass(frozen=True)
 class Estimate:
-    """Values of the parts (rad, s) by key, their whole type A covariance, the common unknowns (a11 of the whole axis).
+    """Values of the parts (rad, s) by key and what makes them uncertain.
 
     drift (parts,): uncertainty from windows of other lengths; grid, scatter (parts,): standard uncertainties. errors:
     standard deviation of a row of each log.
@@ -41,9 +41,6 @@ class Estimate:
     scatter: Array
     grid: Array
     drift: Array
-    covariance: Array
-    common: Array
-    common_uncertainty: Array
     errors: Array
 
     @property
@@ -55,7 +52,10 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Solved:
-    """The joint fit about the parts `values` (by key), with the rig that states them and the signals straightened."""
+    """The joint fit about the parts `values` (by key, nuisances 0), with the rig that states them.
+
+    signals: of the readings straightened by them.
+    """
 
     fit: JointFit
     values: dict[str, float]
@@ -74,10 +74,11 @@ def solve(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) -> So
         signals = [log.signals(bent) for log in logs]
         fit = fit_jointly([log.rows(s, bent, a11, b) for log, s in zip(logs, signals, strict=True)], asked, values)
         a11, b = _known(fit, rig)
-        step = fit.parts / fit.uncertainties
-        if np.max(np.abs(step)) < SETTLED:
+        # a nuisance is not taken off the readings: it is found whole each time
+        step = np.where([part.nuisance for part in asked], 0.0, fit.parts)
+        if np.max(np.abs(step / fit.uncertainties)) < SETTLED:
             break
-        values = {part.key: values[part.key] + float(d) for part, d in zip(asked, fit.parts, strict=True)}
+        values = {part.key: values[part.key] + float(d) for part, d in zip(asked, step, strict=True)}
     return Solved(fit, values, bent, signals, a11, b)
 
 
@@ -91,16 +92,13 @@ def estimate(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) ->
         if all(len(one.target) > 2 * len(one.own) + 8 for one in rows):
             others.append(fit_jointly(rows, asked, found.values))
     k = len(fit.common)
-    whole = fit.covariance + fit.grid
+    nuisances = {part.key: float(v) for part, v in zip(asked, fit.parts, strict=True) if part.nuisance}
     return Estimate(
         asked=tuple(asked),
-        values=found.values,
+        values=found.values | nuisances,
         scatter=np.sqrt(np.diag(fit.covariance)[k:]),
-        grid=np.sqrt(np.maximum(np.diag(fit.grid)[k:], 0.0)),
+        grid=np.sqrt(fit.grid[k:]),
         drift=_drift(fit, others),
-        covariance=whole[k:, k:],
-        common=fit.common,
-        common_uncertainty=np.sqrt(np.diag(whole)[:k]),
         errors=fit.errors,
     )
 

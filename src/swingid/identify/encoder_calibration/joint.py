@@ -12,11 +12,18 @@ from numpy.typing import NDArray
 from swingid.identify.encoder_calibration.logs import LogRows
 from swingid.identify.encoder_calibration.parts import Part
 from swingid.identify.momentum.fits import LAG
-from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.regression import fit_linear, hac_covariance
 
 Array = NDArray[np.float64]
 
 ROUNDS = 3
+
+REACH = 2 * LAG
+"""Neighbouring rows over which their scatter counts as correlated, under Parzen weights.
+
+Most of it is the encoder's steps, twice differentiated: neighbouring rows then err against each other. Bartlett weights
+of the same band would take a fifth too much for what remains of that in the sum (`hac_covariance`).
+"""
 
 
 @dataclass(frozen=True)
@@ -24,8 +31,8 @@ class JointFit:
     """What the logs say together.
 
     parts: change of each part against the linearisation (rad, s), in the order of `asked`. covariance: type A, of the
-    common unknowns (inertia first) and then the parts. grid: the same for the place of the encoder's grid, beyond what
-    the scatter of the rows holds of it. errors: standard deviation of a row of each log.
+    common unknowns (inertia first) and then the parts. grid: variances of the same by the place of the encoder's grid,
+    beyond what the scatter of the rows holds of it. errors: standard deviation of a row of each log.
     """
 
     asked: tuple[Part, ...]
@@ -39,7 +46,7 @@ class JointFit:
     def uncertainties(self) -> Array:
         """Standard uncertainties of the parts."""
         k = len(self.common)
-        result: Array = np.sqrt(np.diag(self.covariance + self.grid)[k : k + len(self.parts)])
+        result: Array = np.sqrt((np.diag(self.covariance) + self.grid)[k:])
         return result
 
 
@@ -73,12 +80,10 @@ def fit_jointly(logs: Sequence[LogRows], asked: Sequence[Part], current: Mapping
             errors = errors * np.array([_error(part) for part in residuals])
     seen = common + len(asked)
     from_prior = solved.influence[:seen, : len(prior)]
-    scatter, grid = from_prior @ from_prior.T, np.zeros((seen, seen))
+    scatter, grid = from_prior @ from_prior.T, np.zeros(seen)
     for k, log in enumerate(logs):
-        # a log of few rows knows as much as its rows without the unknowns that are its own
         weights = solved.influence[:seen, edges[k] : edges[k + 1]]
-        alone = LinearFit(np.zeros(common + len(log.own)), residuals[k], weights, 1.0)
-        scatter += alone.covariance(LAG)
+        scatter += _scatter(weights * residuals[k], common + len(log.own))
         grid += _grid(log, weights / errors[k])
     scale = np.append(np.ones(common), [part.prior for part in asked])
     return JointFit(
@@ -86,7 +91,7 @@ def fit_jointly(logs: Sequence[LogRows], asked: Sequence[Part], current: Mapping
         common=solved.values[:common],
         parts=solved.values[common:seen] * scale[common:],
         covariance=scatter * np.outer(scale, scale),
-        grid=grid * np.outer(scale, scale),
+        grid=np.maximum(grid, 0.0) * scale**2,
         errors=errors,
     )
 
@@ -113,19 +118,25 @@ def _error(residuals: Array) -> float:
     return max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), 1e-300)
 
 
+def _scatter(scores: Array, unknowns: int) -> Array:
+    """Covariance of the sums of the scores (p, rows) of one log.
+
+    A log of few rows knows as much as its rows without the unknowns that are its own; half of the rows are independent.
+    """
+    count = scores.shape[1] / (LAG / 2)
+    whole = hac_covariance(scores, REACH, 0, scores.shape[1])
+    result: Array = whole * count / max(count - unknowns, 1.0)
+    return result
+
+
 def _grid(log: LogRows, influence: Array) -> Array:
-    """Covariance by the place of the encoder's grid, beyond the part that looks like scatter of the rows.
+    """Variances (p,) by the place of the encoder's grid, less the part that looks like scatter of the rows.
 
     Alike at every swing, it does not average out. Each place of the grid moves the unknowns by the sum of what it does
-    to the rows; what an estimate from the scatter of such rows would say of that is taken off.
+    to the rows; what an estimate from the scatter of such rows would say of that is taken off. Below 0 by chance.
     """
-    size = len(influence)
-    whole = np.zeros((size, size))
+    found = np.zeros(len(influence))
     for errors in log.grid:
-        moved = influence @ errors
-        whole += np.outer(moved, moved) - LinearFit(np.zeros(0), errors, influence, 1.0).covariance(LAG)
-    whole /= max(len(log.grid), 1)
-    scale = np.sqrt(np.maximum(np.abs(np.diag(whole)), 1e-300))
-    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-    result: Array = (vectors * np.maximum(values, 0.0)) @ vectors.T * np.outer(scale, scale)
+        found += (influence @ errors) ** 2 - np.diag(_scatter(influence * errors, 0))
+    result: Array = found / max(len(log.grid), 1)
     return result

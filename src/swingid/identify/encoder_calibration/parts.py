@@ -80,6 +80,14 @@ def uncalibrated(rig: Rig) -> Rig:
     return rig.changed(dict.fromkeys(stated)) if stated else rig
 
 
+def latencies_exact(rig: Rig) -> Rig:
+    """The rig with its latencies taken for exact."""
+    changes: dict[str, object] = {f"{ANGLE}.latency": rig.sensors.latency.value}
+    if rig.sensors.wheel is not None and "latency" in rig.sensors.wheel.model_fields_set:
+        changes[f"{WHEEL}.latency"] = rig.sensors.wheel.latency.value
+    return rig.changed(changes)
+
+
 def _stated(rig: Rig, key: str) -> bool:
     table = rig.sensors.wheel if key.startswith(WHEEL) else rig.sensors
     return table is not None and getattr(table, key.rpartition(".")[2]) is not None

@@ -93,7 +93,9 @@ def _chosen(plain: Solution, full: Solution, unknowns: tuple[str, ...]) -> Solut
     if MEMORY not in unknowns or full.covariance is None:
         return plain
     k = unknowns.index(MEMORY)
-    return full if abs(full.values[k]) > DETECTED * np.sqrt(full.covariance[k, k]) else plain
+    variance = float(full.covariance[k, k])
+    # rounding alone, as exact data leave it, sees nothing, and its variance may come out below 0
+    return full if variance > 0 and abs(full.values[k]) > DETECTED * np.sqrt(variance) else plain
 
 
 def _stacked(blocks: list[Block]) -> tuple[Array, Array]:

@@ -123,6 +123,18 @@ def test_doubts_come_before_everything_but_the_answer(pages: dict[str, str]) -> 
     assert "its uncertainty is unknown" in text[: text.index("near resonance")]
 
 
+@pytest.mark.parametrize(
+    ("logs", "title"),
+    [(["a/one.csv", "two.csv"], "one.csv, two.csv, momentum method"), (["x.csv"] * 4, "4 logs, momentum method")],
+)
+def test_the_title_names_all_logs(logs: list[str], title: str) -> None:
+    result = factories.clean_result()
+    origin = {key: value for key, value in result.provenance.items() if key != "log"}
+    assert f"<title>{title} – swingid</title>" in render(
+        replace(result, provenance=origin | {"logs": logs}), None, None
+    )
+
+
 @pytest.mark.parametrize("name", ["refused", "unreadable"])
 def test_a_refusal_says_only_why(pages: dict[str, str], name: str) -> None:
     page = Page(pages[name])

@@ -25,6 +25,9 @@ STATUS = {
     "refused": "no number",
 }
 
+MOST_NAMES = 3
+"""Logs that a title names; of more it gives the number."""
+
 TITLES = {
     "log": "Measured channels over time",
     "turning_points": "Angle with its turning points",
@@ -119,8 +122,12 @@ def _is_linear(result: Result, rig: Rig | None) -> bool:
 
 def _title(result: Result, log: Recording | None) -> str:
     path = (log.source.path if log else None) or result.provenance.get("log")
-    name = Path(str(path)).name if path else "a log made in memory"
-    return f"{name}, {result.method} method"
+    several = result.provenance.get("logs")
+    paths = several if isinstance(several, list) else [path] if path else []
+    names = [Path(str(one)).name for one in paths]
+    if len(names) > MOST_NAMES:
+        names = [f"{len(names)} logs"]
+    return f"{', '.join(names) or 'a log made in memory'}, {result.method} method"
 
 
 def _answer(result: Result, *, linear: bool) -> dict[str, str]:

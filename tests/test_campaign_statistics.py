@@ -6,8 +6,10 @@ import json
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
+from swingid.errors import InputError
 from swingid.report.campaign import write_campaign
 from swingid.study.campaign.plan import plan_from_text
 from swingid.study.campaign.statistics import Answers, statistics_of
@@ -143,6 +145,33 @@ def test_effects_are_those_that_were_put_in(tmp_path) -> None:
     assert page.count('aria-label="What each factor does') == 2
     assert "20 % at 1.2" in page
     assert json.loads(summary.to_json())["effects"][0]["factor"] == "torque"
+
+
+def test_coverage_at_each_level_is_drawn_where_it_is() -> None:
+    """Errors within a ninth of the interval at one level and nine times it at the other: 100 and about 8 % covered."""
+    from swingid.report.figures.coverage import draw_coverage_by
+
+    plan = plan_from_text(PLAN.replace('design = "one-at-a-time"\n', ""))
+    table = table_of(plan, lambda _, labels, chance: 0.02 * chance * (labels["torque"] == 1.2))
+    summary = summary_of(plan, table)
+    (axes,) = draw_coverage_by(summary, "torque").axes
+    drawn = [line.lines[0].get_xdata() for line in axes.containers]
+    wrong = 100 * summary.at("torque", "1.2", "energy").coverage[0]
+    assert drawn[1] == pytest.approx([100.0, wrong])
+    assert 0 < wrong < 25
+    assert max(bar.vertices[:, 0].max() for bar in axes.collections[0].get_paths()) <= 100.0
+    assert draw_coverage_by(summary, "noise") is None
+
+
+def test_results_of_another_version_are_not_taken_for_this_ones(tmp_path) -> None:
+    plan = plan_from_text(PLAN)
+    store = Store(plan, tmp_path / "one")
+    pq.write_table(table_of(plan, effect).drop_columns(["wanted"]), tmp_path / "one" / "results.parquet")
+    with pytest.raises(InputError, match="has no column wanted: another version of swingid wrote it"):
+        store.table()
+    (tmp_path / "one" / "results.parquet").write_bytes(b"PAR1")
+    with pytest.raises(InputError, match="cannot be read; remove it and start again"):
+        store.table()
 
 
 def test_a_page_of_nothing_but_refusals(tmp_path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,8 +23,11 @@ def write_campaign(summary: Summary, path: str | Path) -> Path:
     for factor in plan.tables.factors:
         cells = [cell for cell in summary.by_level if cell.factor == factor]
         headings = told_headings(cells)
-        rows = [(cell.level, cell_name(cell), figures(cell.statistics, headings, fine=True)) for cell in cells]
-        tables.append({"factor": factor, "headings": headings, "rows": rows})
+        levels = [
+            (level, [(cell_name(cell), figures(cell.statistics, headings, fine=True)) for cell in of_level])
+            for level, of_level in groupby(cells, key=lambda cell: cell.level)
+        ]
+        tables.append({"factor": factor, "headings": headings, "levels": levels})
     headings = told_headings(summary.overall)
     doubts = []
     for cell in summary.overall:
@@ -65,14 +69,15 @@ def _pictures(summary: Summary) -> list[tuple[str, str, str]]:
 
 def _drawn(summary: Summary) -> list[tuple[str, Figure | None, str]]:
     from swingid.report.figures.boxes import draw_boxes
-    from swingid.report.figures.coverage import draw_coverage
+    from swingid.report.figures.coverage import draw_coverage, draw_coverage_by
     from swingid.report.figures.levels import draw_levels
     from swingid.report.figures.maps import draw_map
     from swingid.report.figures.tornado import draw_tornado
 
     plan = summary.plan.tables
     drawn: list[tuple[str, Figure | None, str]] = [
-        (f"Loop over {a} and {b}", draw_map(summary, (a, b)), MAPS) for a, b in plan.report.maps
+        (f"Loop over {a} and {b}", draw_map(summary, (a, b)), "" if k else MAPS)
+        for k, (a, b) in enumerate(plan.report.maps)
     ]
     drawn += [
         ("Errors by method", draw_boxes(summary), BOXES),
@@ -81,7 +86,10 @@ def _drawn(summary: Summary) -> list[tuple[str, Figure | None, str]]:
     if plan.design == "one-at-a-time" or len(plan.factors) > 2:
         drawn += [(f"What each factor does to {m}", draw_tornado(summary, m), TORNADO) for m in plan.base.methods]
     if plan.design != "one-at-a-time":
-        drawn += [(f"Error by {name}", draw_levels(summary, name), LEVELS) for name in plan.factors]
+        for name in plan.factors:
+            drawn.append((f"Error by {name}", draw_levels(summary, name), LEVELS))
+            if len(plan.factors) <= 2:
+                drawn.append((f"Coverage by {name}", draw_coverage_by(summary, name), ""))
     return drawn
 
 

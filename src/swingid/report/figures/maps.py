@@ -20,7 +20,7 @@ Values = np.ndarray[Any, np.dtype[np.float64]]
 
 PANELS = (
     ("tracking", 1e3, "tracking error, RMS, mrad"),
-    ("settling", 1.0, "gain k̃ within 1 % after, s"),
+    ("settling", 1.0, "gain k̃ settled within 1 % after, s"),
     ("chatter", 1.0, "change of the voltage per sample, RMS, V"),
     ("error", 100.0, "size of the inertia's error, %"),
 )

@@ -115,7 +115,7 @@ class Store:
         """Write all rows, sorted by trial, to one file, whose bytes follow from the plan alone; returns its path."""
         import pyarrow as pa
 
-        whole = pa.concat_tables([self._read(block) for block in range(self.plan.blocks)]).combine_chunks()
+        whole = pa.concat_tables([self._block(block) for block in range(self.plan.blocks)]).combine_chunks()
         target = self.folder / RESULTS
         self._write(target, whole)
         for leftover in self.folder.rglob(".*.part"):
@@ -123,28 +123,25 @@ class Store:
         return target
 
     def table(self) -> pa.Table:
-        """The sorted results. Raises InputError where the campaign is not finished."""
-        import pyarrow.parquet as pq
-
+        """The sorted results. Raises InputError where the campaign is not finished, or another version's."""
         path = self.folder / RESULTS
         if not path.is_file():
             raise InputError(f"{path} does not exist; run the campaign to its end", code="missing-file")
-        return pq.read_table(path)
+        found = _read(path, "remove it and start again, it is put together from the parts")
+        missing = [name for name in self._schema().names if name not in found.column_names]
+        if missing:
+            raise InputError(
+                f"{path} has no column {missing[0]}: another version of swingid wrote it; use that, or give another "
+                "folder with --out",
+                code="other-version",
+            )
+        return found
 
     def _part(self, block: int) -> Path:
         return self.parts / f"part-{block:06d}.parquet"
 
-    def _read(self, block: int) -> pa.Table:
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
-        path = self._part(block)
-        try:
-            return pq.ParquetFile(io.BytesIO(path.read_bytes())).read()
-        except (OSError, pa.ArrowException):
-            raise InputError(
-                f"{path} cannot be read; remove it and start again, its trials are done anew", code="bad-part"
-            ) from None
+    def _block(self, block: int) -> pa.Table:
+        return _read(self._part(block), "remove it and start again, its trials are done anew")
 
     def _table(self, rows: Sequence[Row]) -> pa.Table:
         import pyarrow as pa
@@ -169,6 +166,17 @@ class Store:
         buffer = io.BytesIO()
         pq.write_table(table, buffer, compression="zstd", row_group_size=1 << 16)
         write_whole(target, buffer.getvalue())
+
+
+def _read(path: Path, remedy: str) -> pa.Table:
+    """The rows of a Parquet file of ours."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        return pq.ParquetFile(io.BytesIO(path.read_bytes())).read()
+    except (OSError, pa.ArrowException):
+        raise InputError(f"{path} cannot be read; {remedy}", code="bad-part") from None
 
 
 def read_manifest(path: Path) -> dict[str, Any]:

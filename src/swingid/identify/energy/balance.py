@@ -44,8 +44,9 @@ class Course:
     """Speeds and known powers of a log at its Gauss nodes, arrays (n−1, points).
 
     axis: q1' smoothed. power: what the drive puts in (W), motor losses taken off. turn: q2' as the samples show it,
-    whose integral over an interval is the measured turn; wheel_speed: q2' smoothed. voltage: as held; active: 1 where
-    the motor is outside its dead zone. Direct drive: turn is q1', voltage the torque, wheel None. Free decay: power 0.
+    whose integral over an interval is the measured turn (or smoothed, see `of`); wheel_speed: q2' smoothed. voltage:
+    as held; active: 1 where the motor is outside its dead zone. Direct drive: turn is q1', voltage the torque, wheel
+    None. Free decay: power 0.
     """
 
     nodes: GaussNodes
@@ -66,8 +67,13 @@ class Course:
         return np.stack([self.power, size, square, size * square, size * v])
 
     @classmethod
-    def of(cls, log: Recording, rig: Rig, motion: Motion, noise: Noise, chain: Chain = SMOOTHED) -> Course:
-        """The course of the part of a log that `motion` describes; angles at their stamps (latency taken off)."""
+    def of(
+        cls, log: Recording, rig: Rig, motion: Motion, noise: Noise, chain: Chain = SMOOTHED, *, measured: bool = True
+    ) -> Course:
+        """The course of the part of a log that `motion` describes; angles at their stamps (latency taken off).
+
+        measured: whether work is taken over the turn as measured, not as smoothed (see `jitter`).
+        """
         samples_per_swing = motion.half_period * log.rate if len(motion.turning_times) > 1 else len(log)
         nodes = GaussNodes(log.time, 2 if samples_per_swing > 200 else 3)
         if chain.observers:
@@ -85,7 +91,7 @@ class Course:
         else:
             drive = between_rows(nodes, command, held=log.drive_held)
         if rig.drive.kind == "direct":
-            turn = speed if chain.observers else nodes.spline(log.angle, derivative=1)
+            turn = speed if chain.observers or not measured else nodes.spline(log.angle, derivative=1)
             return cls(nodes, axis, None, speed, turn, nothing, drive, nothing, drive * turn)
         assert log.wheel_angle is not None
         assert rig.drive.motor is not None
@@ -94,7 +100,7 @@ class Course:
         else:
             wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
         wheel_speed = wheel.at_nodes(nodes)
-        turn = wheel_speed if chain.observers else nodes.spline(log.wheel_angle, derivative=1)
+        turn = wheel_speed if chain.observers or not measured else nodes.spline(log.wheel_angle, derivative=1)
         motor = rig.drive.motor
         torque = motor_torque(motor, drive, wheel_speed)
         active = (torque != 0.0).astype(np.float64)

@@ -20,6 +20,7 @@ from swingid.identify.energy.balance import Course, States, states_at
 from swingid.identify.energy.chain import Chain
 from swingid.identify.energy.checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
 from swingid.identify.energy.fit import BASIS, fit_nodes, sensor_variance
+from swingid.identify.energy.jitter import find_jitter
 from swingid.identify.energy.needs import require_motor, without_latency
 from swingid.identify.energy.passes import Passes, mirrored_passes
 from swingid.identify.energy.printed import (
@@ -88,14 +89,15 @@ def energy(
     scale = Scale.of(rig)
     require_channels(log, rig)
     require_motor(log, rig, scale, "energy")
-    noise = channel_noise(log, rig)
+    jitter = find_jitter(log, channel_noise(log, rig))
+    noise = jitter.noise
     part = _used_part(without_latency(log, rig), rig, noise, keep_all=nodes is not None)
     opinion = second_opinion(log.segment(*part.span), rig, part.motion, scale, noise)
-    estimate, course = _estimate(part, rig, scale, noise, how)
+    estimate, course = _estimate(part, rig, scale, noise, how, jittery=jitter.spread > 0)
     plain, plain_course = estimate, course
     doubts: list[Message] = []
     if how.chain.observers:  # whose noise would pass for asymmetry
-        plain, plain_course = _estimate(part, rig, scale, noise, replace(how, chain=Chain()))
+        plain, plain_course = _estimate(part, rig, scale, noise, replace(how, chain=Chain()), jittery=jitter.spread > 0)
         estimate, doubts = judged_chain(estimate, plain, how.chain, scale)
     estimate = _judged(estimate, opinion, scale)
     symmetry = _symmetry(plain, part, rig, scale, plain_course)
@@ -103,6 +105,10 @@ def energy(
         estimate = replace(estimate, common=estimate.common | symmetry.entry())
     budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, part.motion)
+    if jitter.spread > 0 and not how.chain.observers:
+        other, _ = _estimate(part, rig, scale, noise, how, jittery=False)
+        said = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
+        (doubts if said.code == "jitter-matters" else notes).append(said)
     warnings, notes = [*doubts, *warnings], [part.note, *estimate.notes, *notes]
     if parameters["inertia"].standard_uncertainty is None:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
@@ -148,8 +154,10 @@ class _How:
         return options
 
 
-def _estimate(part: _Part, rig: Rig, scale: Scale, noise: Noise, how: _How) -> tuple[EnergyEstimate, Course]:
-    course = Course.of(part.log, rig, part.motion, noise, how.chain)
+def _estimate(
+    part: _Part, rig: Rig, scale: Scale, noise: Noise, how: _How, *, jittery: bool
+) -> tuple[EnergyEstimate, Course]:
+    course = Course.of(part.log, rig, part.motion, noise, how.chain, measured=not jittery)
     if how.variant == "printed":
         return _printed(part, rig, scale, course, how.nodes, how.work), course
     return _better(part, rig, scale, course), course

@@ -389,6 +389,24 @@ def test_what_no_rig_does_is_wrong_usage(run: Run, tmp_path: Path, given: list[s
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_rig_that_nothing_moves_is_named(run: Run, tmp_path: Path) -> None:
+    def refusal(drive: str, *given: str) -> tuple[int, str]:
+        path, out = tmp_path / "rig.toml", tmp_path / "x.csv"
+        path.write_text(f'name = "still"\n[axis]\ninertia = 3e-3\n[drive]\nkind = {drive}\n')
+        done = run("simulate", "--rig", path, "--duration", "1", "--out", out, *given)
+        assert not out.exists()
+        return done.code, done.sentence()
+
+    wheel = '"reaction-wheel"\nwheel.inertia = 1e-4'
+    for given in (SINE, ["--voltage", "sine 3 V 1 Hz"]):
+        code, sentence = refusal(wheel, *given)
+        assert code == 3
+        assert "drive.motor.torque_per_volt" in sentence
+    code, sentence = refusal('"none"', "--initial-angle", "0.5")
+    assert code == 2
+    assert "no gravity torque" in sentence
+
+
 def test_simulate_is_repeatable_and_seeded(run: Run, tmp_path: Path) -> None:
     def text(name: str, seed: int) -> str:
         path = tmp_path / name

@@ -106,6 +106,7 @@ def simulate(
     check_target(Path(out))
     from swingid.model.rig import Rig
     from swingid.simulate import simulate as run
+    from swingid.units import Quantity
 
     plant = Rig.load(rig)
     angle = parse_angle(initial_angle, plant)
@@ -117,6 +118,9 @@ def simulate(
         raise UsageError("controllers and gains need a motion to follow; give --reference", code="no-reference")
     elif angle == 0.0 and voltage is None:
         raise UsageError("nothing would move; give --reference, --voltage or --initial-angle", code="no-motion")
+    elif voltage is None and plant.axis.gravity_torque == Quantity(0.0) and plant.axis.friction.offset is None:
+        message = f"nothing would move: rig {plant.name!r} has no gravity torque; give --reference or --voltage"
+        raise UsageError(message, code="no-motion")
     drive = None if voltage is None else _commands(voltage, plant, duration, rate)
     _check_size(motion, drive, duration)
     announce_compilation("simulate")
@@ -159,10 +163,12 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.f
 
     import numpy as np
 
+    from swingid.control.motor import require_torque
     from swingid.control.references import parse_reference
 
     if rig.drive.kind != "reaction-wheel":
         raise UsageError(f"--voltage needs a reaction wheel, and rig {rig.name!r} has none", code="no-drive")
+    require_torque(rig)
     words, count = re.subn(r"(?<![A-Za-z])V(?![A-Za-z])", " rad", text)
     example = "; write for example 'multisine 3 V 1 rad/s + 2 V 7 rad/s'"
     if count == 0 and not text.startswith("file "):

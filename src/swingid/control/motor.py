@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, TypedDict
 
+from swingid.errors import InputError
+
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
 
@@ -18,11 +20,15 @@ class MotorVoltages(TypedDict):
 
 
 def motor_voltages(rig: Rig) -> MotorVoltages:
-    """The voltages of a rig's motor; without a wheel nothing is compensated, and only the limit is told."""
+    """The voltages of a rig's motor; without a wheel nothing is compensated, and only the limit is told.
+
+    Raises InputError for a wheel whose motor gives no torque per volt.
+    """
     motor = rig.drive.motor
     limit = None if motor is None else motor.voltage_limit
     if motor is None or rig.drive.kind != "reaction-wheel":
         return MotorVoltages(coulomb_voltage=0.0, dead_zone_voltage=(0.0, 0.0), back_emf_ratio=0.0, voltage_limit=limit)
+    require_torque(rig)
     c1, eta = motor.torque_per_volt.value, motor.efficiency.value
     d2, d1 = motor.dead_zone
     return MotorVoltages(
@@ -31,3 +37,11 @@ def motor_voltages(rig: Rig) -> MotorVoltages:
         back_emf_ratio=motor.back_emf.value / c1,
         voltage_limit=limit,
     )
+
+
+def require_torque(rig: Rig) -> None:
+    """Raise InputError for a rig whose voltage moves nothing: a reaction wheel without torque per volt."""
+    motor = rig.drive.motor
+    if rig.drive.kind == "reaction-wheel" and (motor is None or motor.torque_per_volt.value == 0.0):
+        message = f"rig {rig.name!r} gives no drive.motor.torque_per_volt, without which no voltage moves it; add it"
+        raise InputError(message, code="no-torque")

@@ -29,7 +29,7 @@ class Sampled:
         self.times, self.values = (np.array(channel, dtype=float) for channel in (times, values))
         self.name = name
         if self.times.ndim != 1 or self.times.shape != self.values.shape or self.times.size < FEWEST:
-            raise _refused(name, f"times and values must be two rows of equal length, {FEWEST} or more")
+            raise _refused(name, f"give as many times as values, {FEWEST} or more")
         if not (np.all(np.isfinite(self.times)) and np.all(np.isfinite(self.values))):
             raise _refused(name, "times and values must be finite numbers")
         if not np.all(np.diff(self.times) > 0.0):

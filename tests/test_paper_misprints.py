@@ -10,11 +10,12 @@ import pytest
 
 from closed_form_logs import ONE_TONE, exact_rig
 from swingid.control.compensator import Compensator
+from swingid.errors import InputError
 from swingid.identify import identify
 from swingid.model.dynamics import accelerations
 from swingid.model.motor import ideal_torque, motor_torque
 from swingid.model.parameters import A11, A12, A22, C1, C2, D1, D2, ETA, F2, F3, GEAR, VISCOUS_P, B, rig_vector
-from swingid.model.printed import alphas
+from swingid.model.printed import alphas, state_space
 from swingid.simulate import simulate_run
 from swingid.study.reproduce import published
 from test_energy import LAWS, SMOOTH_MOTOR, TIME, motor_log
@@ -151,12 +152,32 @@ def test_sigma_is_below_k_tilde_while_k_tilde_is_below_1_over_sigma0():
     assert not below[-1]
 
 
-def test_e1_of_4_2_with_the_sign_of_14_would_drive_the_pendulum_away():
-    """(21) with e1 = y_m − x1 closes the loop with the wrong sign: e1'' grows with e1."""
-    n1, n2 = 10.0, 10.0
-    right = np.array([[-n1, 1.0], [-1.0, -n2]])  # e1' = e2 − n1 e1, e2' = −e1 − n2 e2
-    assert (np.linalg.eigvals(right).real < 0).all()
-    # the same law fed with the opposite e1: e2 = x2 + n1 e1 − y_m' and u2 as printed, in x = x1 − y_m and its rate
-    # x'' = −(e1 + n1 x' + n2 e2) with e1 = −x, e2 = x' − n1 x
-    wrong = np.array([[0.0, 1.0], [1.0 + n1 * n2, -(n1 + n2)]])
-    assert np.linalg.eigvals(wrong).real.max() > 0
+@pytest.mark.parametrize(("sign", "bound"), [(1.0, (0.0, 1e-3)), (-1.0, (0.2, np.inf))])
+def test_e1_of_4_2_with_the_sign_of_14_would_drive_the_pendulum_away(sign: float, bound: tuple[float, float]):
+    """(10) under (21) with the true constants, from an error of 20 mrad: e1 = x1 − y_m, and y_m − x1 as (14) has it."""
+    alpha = alphas(SMOOTH)
+    n1, n2, h = 10.0, 10.0, 1e-3
+
+    def slope(t: float, x: np.ndarray) -> np.ndarray:
+        reference, rate, bend = (0.8 * 8.5**k * np.sin(8.5 * t + k * np.pi / 2) for k in range(3))
+        e1 = sign * (x[0] - reference)
+        e1_rate = x[1] - rate
+        e2 = e1_rate + n1 * e1
+        wanted = e1 - alpha[3] * x[1] - alpha[2] * np.sin(x[0]) + alpha[7] * x[3] + n1 * e1_rate - bend + n2 * e2
+        return state_space(x, wanted / alpha[4], alpha)
+
+    x = np.array([0.02, 0.8 * 8.5, 0.0, 0.0])
+    for step in range(1000):
+        t = step * h
+        k1 = slope(t, x)
+        k2 = slope(t + h / 2, x + h / 2 * k1)
+        k3 = slope(t + h / 2, x + h / 2 * k2)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + slope(t + h, x + h * k3))
+    assert bound[0] <= abs(x[0] - 0.8 * np.sin(8.5)) <= bound[1]
+
+
+def test_c2_is_a_torque_per_speed():
+    """c2 q2' of (8) is a torque; N m rad/s V^-2, as printed, would make it none."""
+    assert PAPER.changed({"drive.motor.back_emf": "3.697e-6 N m s/rad"}).drive.motor.back_emf.value == 3.697e-6
+    with pytest.raises(InputError, match="back_emf"):
+        PAPER.changed({"drive.motor.back_emf": "3.697e-6 N m rad/s/V**2"})

@@ -60,7 +60,7 @@ EXPERIMENT = {
     4: ("Wheel angular velocity q2' with (dashed) and without (solid) body", f"{WHOLE} The twin's true velocity."),
     5: ("Control signal u0 with (dashed) and without (solid) body", f"{WHOLE} Dotted: the limit of ± 10 V."),
     6: (
-        "Tuning parameter k̃ complete with filter Wf(p)",
+        "Tuning parameter k̃ complete with filter W_f(p)",
         "With (dashed) and without (solid) body; grey: from 15 to 22 s, where the intervals lie.",
     ),
 }
@@ -73,7 +73,8 @@ SIMULATION = {
     ),
     8: (
         "Identification error J1 − Ĵ1",
-        "Backstepping with the paper's gains; band: ± 5 %. The paper does not print the motion, and leaves an error "
-        "out of its proof (consistent law); its 5 % after 8 s is nearly met by the printed law at 2 rad/s (thick).",
+        "Backstepping with the paper's gains; band: ± 5 %, dotted: the paper's 8 s; below, ten times as large. The "
+        "paper does not print the motion, and leaves an error out of its proof (consistent law); its 5 % after 8 s is "
+        "nearly met by the printed law at 2 rad/s (thick).",
     ),
 }

@@ -65,7 +65,7 @@ def draw_fig6(runs: Runs) -> Figure:
         end = float(log.adaptive_gain[-1])
         axes.annotate(f"{end:.1f}", (log.time[-1], end), (-3, 5), textcoords="offset points", ha="right", color=INK)
     axes.axvspan(15.0, 22.0, color=PALE, lw=0, zorder=0)
-    axes.set(xlabel="time, s", ylabel="tuning parameter k̃", xlim=(0, 25), ylim=(0, None))
+    axes.set(xlabel="time, s", ylabel="tuning parameter k̃", xlim=(0, 25), ylim=(0, 15))
     legend_above(axes)
     return figure
 

@@ -28,4 +28,6 @@ def as_markdown(table: Table) -> str:
 
 
 def _escaped(cell: str) -> str:
+    if cell.startswith("`"):  # code, in which nothing is escaped
+        return cell
     return cell.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from swingid.identify.plot import GREY, INK, PALE
+from swingid.identify.plot import GREY, INK, PALE, VERMILION
 from swingid.report.style import envelope, legend_above, new_figure
 
 if TYPE_CHECKING:
@@ -50,18 +50,24 @@ def draw_fig7(log: Recording) -> Figure:
             ha="right" if before else "left",
             va="top",
         )
+    # the caption's numbers on the lines too, for those who cannot tell the colours
+    for axes, words, instant, values in (
+        (whole, "(2)", 3.0, 0.005 * log.adaptive_gain),
+        (close, "(1)", 9.15, MAGNIFIED * error),
+    ):
+        place = (instant, float(values[log.time.searchsorted(instant)]))
+        axes.annotate(words, place, (-8, 4), textcoords="offset points", color=INK, ha="center")
     close.set(xlim=CLOSE, xlabel="time, s", ylabel=f"rad, e times {MAGNIFIED}")
     legend_above(whole, 4)
     return figure
 
 
 def draw_fig8(simulation: Simulation) -> Figure:
-    """J1 − J1^ of all runs, in 10^-5 kg m^2, with the band of 5 %."""
-    figure, (axes,) = new_figure(3.2)
-    band = 0.05e5 * simulation.truth
-    axes.axhspan(-band, band, color=PALE, lw=0, zorder=0)
-    axes.axvline(8.0, color=GREY, lw=0.9, ls=":")
-    colours = {2.0: "#D55E00", 8.5: BLUE}
+    """J1 − J1^ of all runs, in 10^-5 kg m^2, with the band of 5 %: as a whole, and near zero."""
+    from swingid.study.reproduce.published import BACKSTEPPING
+
+    figure, (whole, close) = new_figure(4.8, 2, share_time=True)
+    colours = {2.0: VERMILION, 8.5: BLUE}
     for curve in simulation.curves:
         printed = curve.law == "printed"
         bold = printed and curve.frequency == 2.0
@@ -71,12 +77,15 @@ def draw_fig8(simulation: Simulation) -> Figure:
             "color": colours[curve.frequency],
         }
         label = f"{curve.law} law, {curve.frequency:g} rad/s"
-        axes.plot(curve.time[::20], 1e5 * (simulation.truth - curve.inertia[::20]), label=label, **style)
-    axes.set(
-        xlim=(0, 12),
-        xlabel="time, s",
-        ylabel="J1 − Ĵ1, 10⁻⁵ kg m²",
-        ylim=(-2.2e5 * simulation.truth, 1.1e5 * simulation.truth),
-    )
-    legend_above(axes, 2)
+        for axes in (whole, close):
+            axes.plot(curve.time[::20], 1e5 * (simulation.truth - curve.inertia[::20]), label=label, **style)
+    error, after = BACKSTEPPING
+    band = 1e3 * error * simulation.truth
+    for axes, least, most in ((whole, -2.2, 1.1), (close, -0.22, 0.11)):
+        axes.axhspan(-band, band, color=PALE, lw=0, zorder=0)
+        axes.axvline(after, color=GREY, lw=0.9, ls=":")
+        limits = (least * 1e5 * simulation.truth, most * 1e5 * simulation.truth)
+        axes.set(xlim=(0, 12), ylabel="J1 − Ĵ1, 10⁻⁵ kg m²", ylim=limits)
+    close.set(xlabel="time, s")
+    legend_above(whole, 2)
     return figure

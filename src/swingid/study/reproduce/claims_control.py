@@ -10,6 +10,8 @@ import numpy as np
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
+from swingid.identify.scale import Scale
+from swingid.model.rig import Rig
 from swingid.simulate.twin import Run
 from swingid.study.design.course import course_of
 from swingid.study.reproduce import published
@@ -40,11 +42,14 @@ STRONG = {"viscous": 9.152e-3}
 ESTIMATES = 2.0
 """The tracking error estimates that of J1 where their ratio stays the same within this factor."""
 
-STARTS = (0.0, 6.0, 12.0, 14.0)
+STARTS = (0.0, 6.0, 12.0, 14.0, 20.0)
 """Values of k tilde at the start; from 0 it ends at 13.3."""
 
 PERIODS = 2.0
 """Fast: within so many periods of the motion, the first of which a two-step interval needs anyway."""
+
+NEAR = 1.05
+"""A control is small where its RMS is at most so many times what the motion itself needs."""
 
 GAINS = {"delta0": "δ0", "lambda0": "λ0", "sigma0": "σ0", "filter_time": "T of W_f"}
 """What a user of (17)-(19) chooses beside k tilde (0), by the name it has here."""
@@ -106,15 +111,18 @@ def fast_convergence(seed: int) -> Claim:
         log = read_back(run, rig_of("plain"))
         ends, values = each_interval(log)
         settled = _number(controller(run), "settled")
-        first = settled_within(ends, 100 * (values / log.truth - 1), BAR)
+        errors = 100 * (values / log.truth - 1)
+        first = settled_within(ends, errors, BAR)
         ready.append(max(settled, math.inf if first is None else first))
-        measured.append((f"k̃(0) = {start:g}: k̃ grows for the last time at", settled, "s"))
-        measured.append((f"k̃(0) = {start:g}: (6) within {BAR:g} % for good from", first, "s"))
+        name = f"k̃(0) = {start:g}"
+        measured.append((f"{name}: k̃ grows for the last time at", settled, "s"))
+        measured.append((f"{name}: (6) within {BAR:g} % for good from", first, "s"))
+        measured.append((f"{name}: of {len(errors)} intervals beyond it", float(np.sum(abs(errors) > BAR)), ""))
     soon = PERIODS * 2.0 * math.pi / motion("plain").frequency
     return Claim(
         "proposed method has a fast-time convergence by selecting the right initial values of tuning parameters",
-        "The experiment with k̃(0) = 0 as in the paper, with half and nearly all of the k̃ that it ends with, and a "
-        "little more.",
+        "The experiment with k̃(0) = 0 as in the paper, with half and nearly all of the k̃ that it ends with, a "
+        "little more, and half as much again.",
         tuple(measured),
         f"with the best start k̃ grows no more, and (6) is within {BAR:g} % for good, after {PERIODS:g} periods of the "
         f"motion ({soon:.2f} s); in part: sooner than from k̃(0) = 0",
@@ -138,7 +146,8 @@ def two_parameters(seed: int) -> Claim:
             bounded &= _number(answers, "error_peak") < 2.0 * changed.delta0
             worst = max(worst, abs(error_by("printed", log)))
             measured.append((f"{words} {letter}: tracking error, RMS, changes by", 100 * share, "%"))
-    measured.append(("numbers to choose: δ0, λ0, σ0, T of W_f, k̃(0)", float(len(GAINS) + 1), ""))
+    letters = ", ".join(GAINS.values())
+    measured.append((f"numbers to choose ({letters}, k̃(0))", float(len(GAINS) + 1), ""))
     measured.append(("paper's method, worst of all these runs", worst, "±%"))
     return Claim(
         "can be easily configured with only two controller parameters",
@@ -161,17 +170,15 @@ def small_amplitude(seed: int) -> Claim:
     log = run.recording
     late = log.time > SPANS["plain"][0]
     followed = Sine(float(np.ptp(log.angle[late]) / 2), reference.frequency)
-    ideal = course_of(twin, followed, duration=25.0, rate=1000.0).voltage
-    assert ideal is not None
-    needed = float(np.sqrt(np.mean(ideal[15_000:22_000] ** 2)))
+    needed = needed_voltage(twin, followed)
     rms = {"ours": _number(ours, "voltage_rms"), "theirs": _number(theirs, "voltage_rms")}
     peak = {"ours": _number(ours, "voltage_peak"), "theirs": _number(theirs, "voltage_peak")}
     limit = 10.0
-    small = rms["ours"] < rms["theirs"] and peak["ours"] < peak["theirs"] and rms["ours"] <= needed
+    small = rms["ours"] < rms["theirs"] and peak["ours"] < peak["theirs"] and rms["ours"] <= NEAR * needed
     return Claim(
         "has a stable and small amplitude of the control signal",
-        "Voltage from 15 to 22 s in the experiment, by this controller, by backstepping, and as rows (I) and (II) ask "
-        "for the motion that was made.",
+        "Voltage from 15 to 22 s in the experiment, by this controller, by backstepping, and as the equations of "
+        "motion ask for a sine of the amplitude that was made, the wheel standing still on average.",
         (
             ("this controller, RMS", rms["ours"], "V"),
             ("this controller, peak", peak["ours"], "V"),
@@ -180,9 +187,31 @@ def small_amplitude(seed: int) -> Claim:
             ("needed by the motion, RMS", needed, "V"),
         ),
         "stable: the voltage never reaches its limit of 10 V; small: RMS and peak are below those of backstepping, and "
-        "RMS is not above what the motion needs. In part: one of the two",
+        f"RMS is at most {NEAR:g} times what the motion needs. In part: one of the two",
         judged(peak["ours"] < limit and small, peak["ours"] < limit or small),
     )
+
+
+def needed_voltage(twin: Rig, reference: Sine) -> float:
+    """RMS (V) of what rows (I) and (II) ask for the motion, where the wheel's speed is zero on average.
+
+    `course_of` begins without momentum, as from rest, which may leave the wheel turning on average. Here the motion is
+    begun at an instant at which one that does not has no momentum.
+    """
+    rate = 1000.0
+    duration = 20 * 2.0 * math.pi / reference.frequency
+    course = course_of(twin, reference, duration, rate)
+    assert course.wheel_speed is not None
+    assert twin.axis.inertia is not None
+    scale = Scale.of(twin)
+    momentum = scale.a12 * course.wheel_speed + (twin.axis.inertia.value + scale.carried) * course.speed
+    momentum -= np.mean(momentum)
+    place = int(np.nonzero(np.diff(np.sign(momentum)))[0][0])
+    start = (place + momentum[place] / (momentum[place] - momentum[place + 1])) / rate
+    phase = reference.phase + reference.frequency * start
+    voltage = course_of(twin, replace(reference, phase=phase), duration, rate).voltage
+    assert voltage is not None
+    return float(np.sqrt(np.mean(voltage**2)))
 
 
 def more_accurate(seed: int) -> Claim:

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError
+from swingid.identify.energy.balance import Course
 from swingid.identify.energy.passes import mirrored_passes
-from swingid.identify.energy.printed import DEPTHS, Nodes, chosen_nodes
+from swingid.identify.energy.printed import (
+    DEPTHS,
+    Nodes,
+    chosen_nodes,
+    given_nodes,
+    printed_fit,
+    states_of_pairs,
+    trapezoid_work,
+)
 from swingid.identify.motion import find_motion
 from swingid.identify.noise import channel_noise
 from swingid.identify.result import Result
 from swingid.identify.run import identify
+from swingid.identify.scale import Scale
 from swingid.study.reproduce.runs import Log
 
 Array = NDArray[np.float64]
@@ -72,6 +82,27 @@ def inertia_by(way: str, log: Log, **options: object) -> float:
 def error_by(way: str, log: Log, **options: object) -> float:
     """Error of J1^ in per cent of the twin's inertia, NaN where the way refuses."""
     return 100.0 * (inertia_by(way, log, **options) / log.truth - 1.0)
+
+
+def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> tuple[float, float]:
+    """(J1^ (kg m^2), f1^ N (N m s)) by (6) and (7) letter by letter, mean over all nodes; NaN where (6) is singular.
+
+    As printed, both passes have the potential energies of the first one's nodes, Pi_11 = Pi_22 and Pi_12 = Pi_21; the
+    method "energy" gives each pass those of its own. They differ where the nodes' angles do. work: "held" or
+    "trapezoid".
+    """
+    recording, rig, scale = log.recording, log.rig, Scale.of(log.rig)
+    noise = channel_noise(recording, rig)
+    course = Course.of(recording, rig, find_motion(recording.time, recording.angle, noise.angle), noise)
+    instants = given_nodes(nodes, recording)
+    states = states_of_pairs(course, instants, linear=False)
+    if work == "trapezoid":
+        states = replace(states, work=trapezoid_work(recording, rig, course, instants))
+    try:
+        fit, _ = printed_fit(replace(states, height=states.height[:, [0, 1, 1, 0]]), rig, scale, course.axis)
+    except UnanswerableError:
+        return math.nan, math.nan
+    return float(fit.values[0]) - scale.carried, float(fit.values[1])
 
 
 def intervals(log: Log) -> list[Nodes]:

@@ -12,7 +12,8 @@ from swingid.identify.combine.difference import difference
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
 from swingid.simulate.twin import Run
-from swingid.study.reproduce.estimates import WAYS, Answer, each_interval, result_by
+from swingid.study.reproduce import published
+from swingid.study.reproduce.estimates import WAYS, Answer, each_interval, error_by, result_by
 from swingid.study.reproduce.published import J_E
 from swingid.study.reproduce.runs import HIDDEN, SPANS, Log, experiment_run, read_back, rig_of, with_friction
 
@@ -22,6 +23,12 @@ FRICTIONS = {"viscous": {}, "hidden": HIDDEN}
 VISCOUS = ("viscous", "viscous_positive", "viscous_negative")
 
 CASES = ("plain", "body", "balanced")
+
+GROWING = np.concatenate([np.arange(0.5, 8.5, 0.5), [10.0, 12.0, 15.0, 18.0, 22.0]])
+"""Lengths (s) of the logs from t = 0 on that show how soon a way knows J1."""
+
+CONVERGED = published.SIMULATION_ERROR
+"""Per cent."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +45,11 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     twins = {case: with_friction(rig_of(case), FRICTIONS[friction]) for case in CASES}
     runs = {case: experiment_run(case, twins[case], seed) for case in CASES}
     logs = {case: read_back(runs[case], twins[case], span=SPANS[case]) for case in CASES}
+    whole = read_back(runs["plain"], twins["plain"])
     rows: list[Answer] = []
     for way in WAYS:
         progress(f"experiment, {friction} friction: {WAYS[way].words}")
-        rows.append(_row(way, logs))
+        rows.append(_row(way, logs, whole))
     answers: dict[str, object] = {
         "friction": friction,
         "rows": rows,
@@ -51,14 +59,21 @@ def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Exp
     return Experiment(runs, logs, answers)
 
 
-def _row(way: str, logs: dict[str, Log]) -> Answer:
+def _row(way: str, logs: dict[str, Log], whole: Log) -> Answer:
     results = {case: result_by(way, log) for case, log in logs.items()}
     row: Answer = {"way": way, "words": WAYS[way].words}
     for case, result in results.items():
         row[case] = _cell(result, logs[case])
     for case in ("body", "balanced"):
         row[f"j_e_{case}"] = _body(results["plain"], results[case])
+    row["converged"] = converged(way, whole)
     return row
+
+
+def converged(way: str, log: Log) -> float | None:
+    """Length (s) of a log from the run's start from which on J1^ stays within `CONVERGED`; None where it does not."""
+    errors = [error_by(way, Log(log.recording.segment(0.0, length), log.rig, log.truth)) for length in GROWING.tolist()]
+    return settled_within(GROWING, np.array(errors), CONVERGED)
 
 
 def _cell(result: Result | str, log: Log) -> Answer:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swingid.model.rig import Rig
-from swingid.study.reproduce.estimates import Answer, inertia_by, reference_nodes
+from swingid.study.reproduce.estimates import Answer, by_letter, each_interval, inertia_by, reference_nodes
 from swingid.study.reproduce.published import J_E
 from swingid.study.reproduce.runs import Log, experiment_log, motion, rig_of, with_friction
 
@@ -24,11 +24,12 @@ MOTOR = {
     "back_emf": "c2",
     "viscous": "f2",
     "coulomb": "f3",
+    "dead_zone": "d1, d2",
     "rotor_inertia": "Jr",
 }
 """Motor constants by their key, with the paper's letter."""
 
-DRAWS = 4
+DRAWS = 8
 """Seeds, where the phase of the encoders' nonlinearity or the place of their grids matters; their root mean square."""
 
 COMPARED, PAPER_ONLY = ("printed", "nls", "momentum"), ("printed",)
@@ -40,7 +41,8 @@ class Imperfection:
 
     stated: constants of the rig file times a factor, as the lab believes them; friction, sensors: what the twin has
     and the lab does not know; options: of the paper's method; mirror: whether nodes stand about the reference's turning
-    points; draws: how often it is drawn. size: how large it is, with its unit, where half of it does half as much.
+    points; letter: whether (6) is taken letter by letter there (`by_letter`); draws: how often it is drawn. size: how
+    large it is, with its unit, where half of it does half as much.
     """
 
     words: str
@@ -50,6 +52,7 @@ class Imperfection:
     sensors: Mapping[str, object] = field(default_factory=dict)
     options: Mapping[str, object] = field(default_factory=dict)
     mirror: bool = False
+    letter: bool = False
     draws: int = 1
     size: tuple[float, str] | None = None
 
@@ -59,6 +62,7 @@ def imperfections() -> list[Imperfection]:
     rows = [Imperfection("nothing", "none")]
     for key, letter in MOTOR.items():
         rows += _stated(letter, f"drive.motor.{key}", 5)
+    rows += _stated("gear i⁻¹", "drive.motor.gear_ratio", 1)
     rows += _stated("wheel J2", "drive.wheel.inertia", 1) + _stated("b", "axis.gravity_torque", 1)
     for size in ("0.1 deg", "0.8 deg"):
         words = f"encoders nonlinear by {size.replace(' deg', '°')} once per turn"
@@ -90,7 +94,17 @@ def imperfections() -> list[Imperfection]:
     rows += [
         Imperfection("mirror about the reference's turning points", "processing", mirror=True),
         Imperfection(
-            "the same with 8 times the viscous friction", "processing", {}, {"viscous": 9.152e-3}, mirror=True
+            "the same, (6) letter by letter (one potential energy for both passes)",
+            "processing",
+            mirror=True,
+            letter=True,
+        ),
+        Imperfection(
+            "mirror about the reference's, 8 times the viscous friction",
+            "processing",
+            {},
+            {"viscous": 9.152e-3},
+            mirror=True,
         ),
         Imperfection(
             "speeds by the observers (23)",
@@ -135,7 +149,16 @@ def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int],
     for way, errors in found.items():
         j1, j_e = np.array(errors).T
         row[way] = {"j1": _one(j1), "j_e": _one(j_e)}
+    if imperfection.draws > 1 and imperfection.group == "sensors":
+        row["single"] = _single(imperfection, seed, logs)
     return row
+
+
+def _single(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> float:
+    """Error (per cent) of J1^ by (6) from one interval alone: root mean square over all intervals of all draws."""
+    drawn = [_log("plain", imperfection, seed + draw, logs) for draw in range(imperfection.draws)]
+    errors = np.concatenate([100 * (each_interval(log)[1] / log.truth - 1) for log in drawn])
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _one(errors: np.ndarray) -> float | None:
@@ -164,7 +187,10 @@ def changed_by(rig: Rig, factors: Mapping[str, float]) -> Rig:
         place: object = rig
         for name in key.split("."):
             place = getattr(place, name)
-        changes[key] = factor * float(getattr(place, "value", math.nan))
+        if isinstance(place, tuple):
+            changes[key] = [factor * value for value in place]
+        else:
+            changes[key] = factor * float(getattr(place, "value", math.nan))
     return rig.changed(changes)
 
 
@@ -174,6 +200,9 @@ def _errors(way: str, pair: list[Log], imperfection: Imperfection) -> tuple[floa
     for case, log in zip(("plain", "body"), pair, strict=True):
         options: dict[str, object] = dict(imperfection.options) if way == "printed" else {}
         if imperfection.mirror:
-            options["nodes"] = reference_nodes(motion(case), log)
+            options["nodes"] = nodes = reference_nodes(motion(case), log)
+            if imperfection.letter:
+                values.append(by_letter(log, nodes)[0])
+                continue
         values.append(inertia_by(way, log, **options))
     return 100 * (values[0] / pair[0].truth - 1), 100 * ((values[1] - values[0]) / J_E - 1)

@@ -13,7 +13,7 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.references import Sine
 from swingid.recording.recording import Recording
 from swingid.study.reproduce import published
-from swingid.study.reproduce.estimates import WAYS, Answer, each_interval, result_by
+from swingid.study.reproduce.estimates import WAYS, Answer, by_letter, each_interval, result_by
 from swingid.study.reproduce.experiment import settled_within
 from swingid.study.reproduce.runs import Log, ideal_rig, read_back, run_of, simulation_run
 
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 
 FREQUENCIES = (2.0, 8.5)
 """Of the program motion of Fig. 8, which the paper does not print, rad/s."""
+
+
+WORKS = {"held": "work of the held voltage", "trapezoid": "work by the trapezoid on samples"}
 
 
 @dataclass(frozen=True)
@@ -48,22 +51,12 @@ def simulation(progress: Callable[[str], None]) -> Simulation:
     progress("ideal simulation of Fig. 7, 10 kHz")
     run = simulation_run()
     log = read_back(run, ideal_rig())
-    rows = [
-        _row("(6) at the paper's times, work of the held voltage", "printed", log, nodes=published.TIMES),
-        _row(
-            "(6) at the paper's times, work by the trapezoid on samples",
-            "printed",
-            log,
-            nodes=published.TIMES,
-            work="trapezoid",
-        ),
-    ]
+    rows = [_at_the_times(log, work, letter) for letter in (True, False) for work in WORKS]
     for way in ("printed", "better", "momentum", "nls-viscous"):
         progress(f"ideal simulation of Fig. 7: {WAYS[way].words}")
         rows.append(_row(WAYS[way].words + ", all intervals" * (way == "printed"), way, log))
     progress("backstepping of Fig. 8, 10 kHz")
     curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
-    gain = log.recording.adaptive_gain
     assert run.recording.adaptive_gain is not None
     gain = run.recording.adaptive_gain
     answers: dict[str, object] = {
@@ -89,6 +82,19 @@ def _row(words: str, way: str, log: Log, **options: object) -> Answer:
         "error": 100 * (result.inertia.value / log.truth - 1),
         "f1": result.parameters["viscous"].value / motor.gear_ratio.value,
     }
+
+
+def _at_the_times(log: Log, work: str, letter: bool) -> Answer:
+    """(6) and (7) from the paper's four times: letter by letter, or each pass with its own potential energies."""
+    words = "letter by letter" if letter else "potential energy of each pass's own nodes"
+    words = f"(6) at the paper's times, {words}; {WORKS[work]}"
+    if not letter:
+        return _row(words, "printed", log, nodes=published.TIMES, work=work)
+    inertia, viscous = by_letter(log, published.TIMES, work)
+    motor = log.rig.drive.motor
+    assert motor is not None
+    f1 = viscous / motor.gear_ratio.value
+    return {"words": words, "inertia": inertia, "error": 100 * (inertia / log.truth - 1), "f1": f1}
 
 
 def _single(log: Log) -> Answer:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
 import shutil
+import stat
 import subprocess
 import sys
 from collections.abc import Callable
@@ -207,6 +209,30 @@ def test_a_place_that_cannot_be_written_is_an_input_error(tmp_path: Path) -> Non
     with pytest.raises(InputError, match="cannot write"):
         write_report(*CASES["unreadable"](), tmp_path / "folder")
     assert [p.name for p in tmp_path.iterdir()] == ["folder"]
+
+
+def test_a_report_replaces_neither_a_device_nor_a_link(tmp_path: Path) -> None:
+    """A pipe stands for every file that is none."""
+    pipe, link, kept = tmp_path / "pipe", tmp_path / "link.html", tmp_path / "kept.html"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_report(*CASES["unreadable"](), pipe)
+    assert os.read(reader, 15).lower() == b"<!doctype html>"
+    os.close(reader)
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    link.symlink_to(kept)
+    write_report(*CASES["unreadable"](), link)
+    assert link.is_symlink()
+    assert kept.is_file()
+    with pytest.raises(InputError, match="cannot write"):
+        write_report(*CASES["unreadable"](), "")
+
+
+def test_a_name_that_is_no_text_is_reported_too(tmp_path: Path) -> None:
+    result = factories.clean_result()
+    name = os.fsdecode(b"bad\xff.csv")
+    write_report(replace(result, provenance=result.provenance | {"log": name}), None, None, tmp_path / "r.html")
+    assert "bad\\udcff.csv" in (tmp_path / "r.html").read_text(encoding="utf-8")
 
 
 def test_the_users_matplotlib_is_left_alone() -> None:

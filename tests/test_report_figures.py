@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import replace
 
 import numpy as np
@@ -206,3 +207,14 @@ def test_thousands_of_residuals_become_bands() -> None:
     assert len(to_svg(figure, "r", "t")) < 60_000
     low, high = figure.axes[0].collections[0].get_datalim(figure.axes[0].transData).intervaly
     assert (low, high) == pytest.approx((noise.min(), noise.max()))
+
+
+def test_names_of_logs_are_drawn_as_they_are() -> None:
+    """Neither a name that is no text nor one that looks like mathematics stops a picture, in anyone's style."""
+    clean = factories.clean_result()
+    names = [os.fsdecode(b"runs/bad\xff.csv"), r"a$\frac$.csv"]
+    runs = tuple(replace(clean, provenance=clean.provenance | {"log": name}) for name in names)
+    axes = plot_result(replace(clean, per_log=runs))
+    assert isinstance(axes.figure, Figure)
+    axes.figure.draw_without_rendering()
+    assert [label.get_text() for label in axes.get_xticklabels()] == [r"bad\udcff.csv", r"a$\frac$.csv"]

@@ -69,7 +69,7 @@ def _draw_answer(ax: Axes, inertia: Parameter, scale: float) -> None:
 
 def _draw_logs(ax: Axes, result: Result, scale: float) -> None:
     """One point per log: thin bars hold everything (95 %), thick ones what the data alone say (type A)."""
-    names = [PurePath(str(one.provenance.get("log") or f"log {k + 1}")).name for k, one in enumerate(result.per_log)]
+    names = [file_label(str(one.provenance.get("log") or f"log {k + 1}")) for k, one in enumerate(result.per_log)]
     first = next(k for k, one in enumerate(result.per_log) if "inertia" in one.parameters)
     for k, one in enumerate(result.per_log):
         if "inertia" not in one.parameters:
@@ -81,7 +81,7 @@ def _draw_logs(ax: Axes, result: Result, scale: float) -> None:
         for u, width, label in bars:
             reach, named = COVERAGE_FACTOR * u * scale, label if k == first else None
             ax.errorbar(k, value, yerr=reach, fmt="o", ms=5, color=BLUE, elinewidth=width, label=named)
-    ax.set_xticks(range(len(names)), names)
+    ax.set_xticks(range(len(names)), names, parse_math=False)
     ax.set_xlim(-0.5, len(names) - 0.5)
     if len(names) > 4:
         ax.tick_params(axis="x", labelrotation=30)
@@ -120,3 +120,8 @@ def _add_deviation(ax: Axes, answer: float) -> None:
     if answer:
         right = ax.secondary_yaxis("right", functions=(to_percent, from_percent))
         right.set_ylabel("from the answer, %")
+
+
+def file_label(path: str) -> str:
+    """The name of a file as matplotlib can draw it, also one that is no text."""
+    return PurePath(path).name.encode("utf-8", "backslashreplace").decode()

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION
+from swingid.identify.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, file_label
 from swingid.identify.result import COVERAGE_FACTOR
 from swingid.report.style import legend_above, new_figure
 
@@ -56,7 +55,7 @@ def draw_forest(comparison: Comparison) -> Figure | None:
     if len(logs) > 1:
         for k, log in enumerate(logs):
             colour, marker = LOOKS[k % len(LOOKS)]
-            ax.plot([], [], marker, ms=5, mew=0, color=colour, label=Path(log).name)
+            ax.plot([], [], marker, ms=5, mew=0, color=colour, label=file_label(log))
         legend_above(ax)
     return figure
 

@@ -80,6 +80,24 @@ def test_nonlinear_encoders_go_in_lanes_too():
         assert difference(ensemble.recording(k), simulate(rig, fast, duration=2.0, seed=k)) <= EQUAL
 
 
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"sensors.latency": "0.2 ± 0.3 ms"},
+        {"sensors.latency": "-0.7 ms", "sensors.noise": 1e-4},
+        {"sensors.jitter": "0.1 ms"},
+        {"sensors.wheel.latency": "2.5 ms", "sensors.wheel.counts_per_turn": 4096},
+    ],
+)
+def test_encoders_that_are_read_late_or_early_give_what_simulate_gives(changes):
+    """Not in lanes; a rig on time beside it is."""
+    late, punctual = Rig.builtin("paper").changed(changes), Rig.builtin("paper")
+    ensemble = simulate_ensemble([late, punctual, late], [fast, slow, slow], duration=1.0, seeds=[3, 4, 5])
+    assert ensemble.alone.tolist() == [True, False, True]
+    for k, (rig, reference) in enumerate(((late, fast), (punctual, slow), (late, slow))):
+        assert difference(ensemble.recording(k), simulate(rig, reference, duration=1.0, seed=3 + k)) <= EQUAL
+
+
 def test_a_peak_narrower_than_a_step_is_followed_through_reversals():
     """Ideal encoders, which hide nothing: the single run's own error is 3e-8 of the wheel's 400 rad."""
     friction = {f"axis.friction.{key}": value for key, value in LAWS["stribeck"].items()}

@@ -59,3 +59,6 @@ njit_sums: Callable[[Function], Function] = partial(
     numba.njit, cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"}
 )
 """For kernels whose sums may be reordered, so that the compiler can use vector instructions."""
+
+njit_nogil: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy", nogil=True)
+"""For kernels that take long enough to run in threads beside each other."""

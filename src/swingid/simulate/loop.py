@@ -10,7 +10,7 @@ from swingid.control.law import compensator_step
 from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2
 from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
 from swingid.model.sensors import encoder_reading
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_nogil
 from swingid.numerics.inlined import njit_inlined_with_arrays
 
 # Kinds of controller.
@@ -56,7 +56,7 @@ def before_start(
     counts[PROBES] = i
 
 
-@njit
+@njit_nogil
 def closed_loop(
     times: NDArray[np.float64],
     inputs: NDArray[np.float64],

@@ -21,6 +21,7 @@ from closed_form_logs import (
     wheel_log,
 )
 from swingid.identify import identify
+from swingid.identify.momentum.fits import with_excess
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 from swingid.simulate import simulate
@@ -233,3 +234,51 @@ def test_a_declared_latency_is_taken_off_a_held_torque(tmp_path, rate):
 
 def test_nothing_declared_nothing_of_type_b(log):
     assert type_b(identify(log, Rig.builtin("paper"))) == {}
+
+
+# scatter and sensors
+
+
+def test_scatter_counts_where_it_is_more_than_the_sensors_explain():
+    assert with_excess(2.0, 2.6, 1.3, 60) == 2.0  # less than Newey and West's sum sees of the noise alone
+    assert with_excess(2.0, 2.6, 2.6e4, 60) == pytest.approx(2.6e4, rel=0.15)  # a misfit: the scatter
+    assert with_excess(2.0, 2.6, 2.6e4, 6_000_000) == pytest.approx(2.6e4, rel=1e-3)
+    few, many = with_excess(2.0, 2.6, 3.6, 60), with_excess(2.0, 2.6, 3.6, 60_000)
+    assert few == pytest.approx(2.0 + 1 / (1 + 3.6**2 * (4 / 3) * 5 / 60))  # it may be by chance
+    assert many == pytest.approx(3.0, rel=0.01)
+    assert with_excess(0.0, 0.0, 0.0, 60) == 0.0
+    both = with_excess(np.array([2.0, 2.0]), np.array([2.6, 2.6]), np.array([1.3, 3.6]), 60)
+    np.testing.assert_allclose(both, [2.0, few])
+
+
+def test_white_noise_is_told_as_the_sum_over_windows_that_it_is():
+    """The standard uncertainty is that of 40 draws of the noise, within the 11 % that 40 draws tell."""
+    rig = exact_rig()
+    exact = wheel_log(rig, ONE_TONE, friction, np.arange(8001) / 1000)
+    rng = np.random.default_rng(5)
+    values, claimed = [], []
+    for _ in range(40):
+        noisy = replace(
+            exact,
+            angle=exact.angle + 1e-3 * rng.standard_normal(len(exact)),
+            wheel_angle=exact.wheel_angle + 1e-3 * rng.standard_normal(len(exact)),
+        )
+        found = identify(noisy, rig).inertia
+        values.append(found.value)
+        claimed.append(found.standard_uncertainty)
+    assert np.median(claimed) == pytest.approx(np.std(values, ddof=1), rel=0.3)
+
+
+def test_the_place_of_a_grid_counts_where_white_noise_does_not():
+    """Many steps in a swing: the grid's errors are as good as white, and nothing is counted twice. Few: more."""
+
+    def entry(step):
+        log = wheel_log(exact_rig(), ONE_TONE, friction, np.arange(8001) / 1000)
+        log = replace(log, angle=step * np.round(log.angle / step), wheel_angle=log.wheel_angle)
+        budget = {
+            e.source: e.standard_uncertainty for e in identify(log, exact_rig()).budget if e.parameter == "inertia"
+        }
+        return budget.get("place of the encoder's grid", 0.0) / budget["scatter of the windows and sensor noise"]
+
+    assert entry(1e-4) < 1.0
+    assert entry(5e-2) > 1.0

@@ -15,6 +15,7 @@ from swingid.numerics.regression import fit_linear
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.numerics.test_functions import (
     curvature_overlap,
+    overlaps,
     project,
     project_hats,
     project_impulses,
@@ -330,6 +331,24 @@ def test_overlap_with_gravity(distance):
     covariance = rows @ rows.T
     expected = curvature_overlap((centres - centres[:, None]) / half) * h / half**3
     assert covariance == pytest.approx(expected, rel=1e-3)
+
+
+@given(seeds, st.floats(-3, 3))
+@CASES
+def test_overlaps_sum_pairs_of_windows(seed, gravity):
+    """Σ Σ w w ∫g g over all pairs, and with Bartlett's weights, which end after 4 neighbours."""
+    rng = np.random.default_rng(seed)
+    half, count = 0.3, 40
+    centres, weights = 1.0 + half / 2 * np.arange(count), rng.standard_normal(count)
+    distance = (centres[:, None] - centres) / half
+    taper = np.clip(1 - np.abs(np.arange(count)[:, None] - np.arange(count)) / 5, 0, None)
+    true, tapered = overlaps(weights, centres, np.full(count, half), 8, 4, gravity)
+    for got, weight in ((true, np.ones_like(taper)), (tapered, taper)):
+        for value, own in zip(got, (gravity, 0.0), strict=True):
+            expected = (
+                weights @ (weight * np.where(np.abs(distance) < 2, curvature_overlap(distance, own), 0)) @ weights
+            )
+            assert value == pytest.approx(expected, rel=1e-6, abs=1e-6)
 
 
 @given(seeds)

@@ -193,37 +193,60 @@ def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
 
     gravity: b cos q1 L²/a11, what noise of the angle does through ∫φ b sin q1 beside a11 ∫φ'' q1.
     """
-    grid, (curved, crossed, plain) = _overlap_table()
-    values = curved + gravity * (2 * crossed + gravity * plain)
-    result: Array = np.interp(np.abs(distance), grid, values)
+    curved, crossed, plain = overlap_terms(distance)
+    result: Array = curved + gravity * (2 * crossed + gravity * plain)
     return result
 
 
-def overlaps(weights: Array, centres: Array, half: Array, lags: int, gravity: float) -> tuple[float, float]:
-    """What white noise of power 1 gives Σ weights ∫g noise: (Σ Σ w w ∫g g) with this `gravity`, and without.
+def overlap_terms(distance: Array) -> tuple[Array, Array, Array]:
+    """∫φ''(s) φ''(s − d) ds, ∫φ''(s) φ(s − d) ds and ∫φ(s) φ(s − d) ds, for d half-lengths (any shape)."""
+    grid, table = _overlap_table()
+    curved, crossed, plain = (np.interp(np.abs(distance), grid, values) for values in table)
+    return curved, crossed, plain
 
-    Windows up to lags − 1 apart count as overlapping; weights hold what scales g, as half^(−3/2).
+
+def overlaps(
+    weights: Array, centres: Array, half: Array, lags: int, reach: int, gravity: float
+) -> tuple[tuple[float, float], tuple[float, float]]:
+    """What white noise of power 1 gives Σ weights ∫g noise: Σ Σ w w ∫g g with this `gravity` and without.
+
+    Then the same as Bartlett's weights, which end after `reach` neighbours, sum it. Windows up to lags − 1 apart count
+    as overlapping; weights hold what scales g, as half^(−3/2).
     """
     grid, (curved, crossed, plain) = _overlap_table()
-    one, two, three = _overlaps(weights, centres, half, lags, grid[1], curved, crossed, plain)
-    return one + gravity * (2 * two + gravity * three), one
+    sums = _overlaps(weights, centres, half, lags, reach, grid[1], curved, crossed, plain)
+    true, tapered = [(one + gravity * (2 * two + gravity * three), one) for one, two, three in sums.tolist()]
+    return true, tapered
 
 
 @njit
 def _overlaps(
-    weights: Array, centres: Array, half: Array, lags: int, step: float, curved: Array, crossed: Array, plain: Array
-) -> tuple[float, float, float]:
-    one = two = three = 0.0
+    weights: Array,
+    centres: Array,
+    half: Array,
+    lags: int,
+    reach: int,
+    step: float,
+    curved: Array,
+    crossed: Array,
+    plain: Array,
+) -> Array:
+    result = np.zeros((2, 3))
     for lag in range(min(lags, len(weights))):
+        one = two = three = 0.0
         for i in range(len(weights) - lag):
             place = abs(centres[i + lag] - centres[i]) / (half[i + lag] * step)
             k = min(int(place), len(curved) - 2)
             share = min(place - k, 1.0)
-            pair = weights[i] * weights[i + lag] * (2.0 if lag else 1.0)
+            pair = weights[i] * weights[i + lag]
             one += pair * (curved[k] + share * (curved[k + 1] - curved[k]))
             two += pair * (crossed[k] + share * (crossed[k + 1] - crossed[k]))
             three += pair * (plain[k] + share * (plain[k + 1] - plain[k]))
-    return one, two, three
+        both = 2.0 if lag else 1.0
+        sums = np.array([both * one, both * two, both * three])
+        result[0] += sums
+        result[1] += max(0.0, 1.0 - lag / (reach + 1.0)) * sums
+    return result
 
 
 @cache

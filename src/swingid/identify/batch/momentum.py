@@ -33,10 +33,10 @@ from swingid.identify.batch.projections import (
 )  # fmt: skip
 from swingid.identify.batch.speeds import kinked, signs, slopes, smoothing
 from swingid.identify.energy.balance import SHARE
-from swingid.identify.momentum.fits import LAG
+from swingid.identify.momentum.fits import LAG, with_excess
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
-from swingid.numerics.test_functions import CURVATURE_POWER, curvature_overlap
+from swingid.numerics.test_functions import CURVATURE_POWER, overlap_terms
 
 Array = NDArray[np.float64]
 
@@ -81,7 +81,8 @@ def momentum_batch(
     edges = np.linspace(0, len(angle), workers + 1).astype(int)
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(part, edges[:-1], edges[1:]))
-    return _fitted(columns, scale, plan, reach * step, step)
+    stiffness = np.cos(angle[:, first : last + 1 : reach // 4 or 1]).mean(axis=1)
+    return _fitted(columns, stiffness, scale, plan, reach * step, step)
 
 
 @njit_sums_threads
@@ -107,8 +108,8 @@ def project_runs(
         project_run(angle[k], wheel[k] if len(wheel) > 0 else still, first, spacing, weights, work, result[k])
 
 
-def _fitted(columns: Array, scale: Scale, plan: Plan, half: float, step: float) -> Batch:
-    """Least squares of all logs, with the variance of a11 of `fit_rows`: Newey and West, no less than the sensors'."""
+def _fitted(columns: Array, stiffness: Array, scale: Scale, plan: Plan, half: float, step: float) -> Batch:
+    """Least squares of all logs, with the variance of a11 of `covariance_of`: sensor noise and excess scatter."""
     matrix = columns[:, :, PLACES]
     known = -scale.a12 * columns[:, :, WHEEL] - (scale.b or 0.0) * columns[:, :, GRAVITY]
     size = np.linalg.norm(matrix, axis=1, keepdims=True)
@@ -124,20 +125,28 @@ def _fitted(columns: Array, scale: Scale, plan: Plan, half: float, step: float) 
         variance += 2.0 * (1 - k / (LAG + 1)) * (scores[:, k:] * scores[:, :-k]).sum(axis=1)
     independent = matrix.shape[1] / (LAG / 2)
     variance *= independent / max(independent - len(PLACES), 1.0)
-    variance = np.maximum(variance, _sensor_variance(weights, a11, scale, plan, half, step))
+    gravity = (scale.b or 0.0) * stiffness * half**2 / a11
+    sensor, seen = _sensor_variance(weights, a11, gravity, scale, plan, half, step)
+    variance = with_excess(sensor, seen, variance, matrix.shape[1] - len(PLACES))
     power = plan.noise**2 * step * CURVATURE_POWER * matrix.shape[1] / half**3
     variance += (a11 * power * (weights * weights).sum(axis=1)) ** 2  # noise in the regressor of the inertia
     variance += (coulomb * (weights * columns[:, :, LATE]).sum(axis=1)) ** 2
     return Batch(a11 - scale.carried, np.sqrt(variance))
 
 
-def _sensor_variance(weights: Array, a11: Array, scale: Scale, plan: Plan, half: float, step: float) -> Array:
-    """Variance of a11 (n,) from white noise of both angles, through phi''; weights (n, windows): influence of a11."""
-    variance = np.zeros(len(weights))
-    for lag in range(4):
-        overlap = float(curvature_overlap(np.array([0.5 * lag]))[0])
-        pairs = (weights[:, lag:] * weights[:, : weights.shape[1] - lag]).sum(axis=1)
-        variance += (1.0 if lag == 0 else 2.0) * overlap * pairs
-    power = (a11 * plan.noise) ** 2 + (scale.a12 * plan.wheel_noise) ** 2
-    result: Array = np.maximum(variance, 0.0) / half**3 * power * step
-    return result
+def _sensor_variance(
+    weights: Array, a11: Array, gravity: Array, scale: Scale, plan: Plan, half: float, step: float
+) -> tuple[Array, Array]:
+    """Variance of a11 (n,) from white noise of both angles, and what Newey and West's sum sees of it.
+
+    weights (n, windows): influence of the windows on a11; gravity (n,): as in `curvature_overlap`.
+    """
+    powers = [(a11 * plan.noise) ** 2, (scale.a12 * plan.wheel_noise) ** 2]
+    true, seen = np.zeros(len(weights)), np.zeros(len(weights))
+    for lag, curved, crossed, plain in zip(range(4), *overlap_terms(np.arange(0.0, 2.0, 0.5)), strict=True):
+        pairs = (weights[:, lag:] * weights[:, : weights.shape[1] - lag]).sum(axis=1) * (2.0 if lag else 1.0)
+        both = pairs * (powers[0] * (curved + gravity * (2 * crossed + gravity * plain)) + powers[1] * curved)
+        true += both
+        seen += (1 - lag / (LAG + 1)) * both
+    unit = step / half**3
+    return np.maximum(true, 0.0) * unit, np.maximum(seen, 0.0) * unit

@@ -8,7 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from swingid.identify.momentum.choice import Choice
 from swingid.identify.momentum.fits import WindowFit
+from swingid.identify.momentum.systematics import variance_of_difference
+from swingid.identify.noise import Noise
+from swingid.identify.scale import Scale
 
 SEEN = 3.0
 """Standard deviations of a difference beyond which it counts."""
@@ -21,17 +25,22 @@ JUDGE = 0.1
 """A kind of windows whose own uncertainty is more than this share of the inertia contradicts nothing."""
 
 
-def drift_with_length(chosen: WindowFit, tried: dict[float, WindowFit]) -> float:
+def drift_with_length(choice: Choice, scale: Scale, noise: Noise) -> float:
     """Uncertainty of a11 from its drift with the length of the windows: from half to four times the chosen one.
 
-    All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978).
+    All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978),
+    or what white noise of the samples gives it, whichever is more.
     """
-    near = [
-        fit
-        for half, fit in tried.items()
-        if 0.49 < half / chosen.half < 4.2 and fit is not chosen and fit.total < COMPARABLE * chosen.total
-    ]
-    return max((_unexplained(chosen, fit, abs(fit.u**2 - chosen.u**2)) for fit in near), default=0.0)
+    chosen, signals = choice.law, choice.signals
+    worst = 0.0
+    for half, fit in choice.tried.items():
+        if fit is chosen or not 0.49 < half / chosen.half < 4.2 or fit.total > COMPARABLE * chosen.total:
+            continue
+        variance = abs(fit.u**2 - chosen.u**2)
+        if _unexplained(chosen, fit, variance) > 0:
+            variance = max(variance, variance_of_difference(signals, chosen, fit, scale, noise))
+            worst = max(worst, _unexplained(chosen, fit, variance))
+    return worst
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:

@@ -12,14 +12,15 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.identify.momentum.balance import Signals
-from swingid.identify.momentum.fits import LAG, Effect, WindowFit, columns_of, known_side
+from swingid.identify.momentum.fits import LAG, Effect, WindowFit, columns_of, covariance_of, known_side
 from swingid.identify.momentum.imperfections import Imperfection, imperfections
+from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.numerics.regression import LinearFit, fit_linear
 
 
-def with_declared(fit: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> WindowFit:
+def with_declared(fit: WindowFit, rig: Rig, signals: Signals, scale: Scale, noise: Noise) -> WindowFit:
     """The fit with encoder nonlinearities and latencies calibrated and the effect of every declared imperfection."""
     b = fit.value("gravity_torque") if scale.b is None else scale.b
     items = imperfections(rig, signals, fit.rows, fit.a11, b)
@@ -27,7 +28,7 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> W
         return fit
     own = [item for item in items if item.calibrates]
     if own:
-        fit, effects = _calibrated(fit, own, scale)
+        fit, effects = _calibrated(fit, own, scale, noise)
     else:
         effects = []
     passed = [
@@ -38,7 +39,9 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> W
     return replace(fit, declared=(*effects, *passed))
 
 
-def _calibrated(fit: WindowFit, items: list[Imperfection], scale: Scale) -> tuple[WindowFit, list[Effect]]:
+def _calibrated(
+    fit: WindowFit, items: list[Imperfection], scale: Scale, noise: Noise
+) -> tuple[WindowFit, list[Effect]]:
     """Fit with one more unknown per imperfection, in units of its standard deviation, with a standard normal prior."""
     friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
     _, columns = columns_of(fit.rows, scale, friction)
@@ -48,18 +51,16 @@ def _calibrated(fit: WindowFit, items: list[Imperfection], scale: Scale) -> tupl
     residuals = fit.fit.residuals
     for _ in range(2):
         # rows share data, so each of them tells less than its residual says
-        noise = np.sqrt(LAG / 2 * np.mean(residuals**2))
-        prior = np.hstack([np.zeros((len(items), unknowns)), noise * np.eye(len(items))])
+        error = np.sqrt(LAG / 2 * np.mean(residuals**2))
+        prior = np.hstack([np.zeros((len(items), unknowns)), error * np.eye(len(items))])
         solved = fit_linear(
             np.vstack([np.hstack([columns, amplitudes]), prior]), np.append(target, np.zeros(len(items)))
         )
         residuals = solved.residuals[:rows]
     data = LinearFit(solved.values[:unknowns], residuals, solved.influence[:unknowns, :rows], fit.fit.condition)
-    scatter = data.covariance(LAG)
-    # what the plain fit's covariance holds beyond its own scatter (sensor noise, attenuation) stays
-    covariance = scatter + (fit.covariance - fit.fit.covariance(LAG))
+    covariance = covariance_of(data, fit.rows, fit.unknowns, scale, noise)
     effects = [
-        Effect(item.source, item.std, solved.influence[:unknowns, rows + k] * noise, item.direct, item.shared_id)
+        Effect(item.source, item.std, solved.influence[:unknowns, rows + k] * error, item.direct, item.shared_id)
         for k, item in enumerate(items)
     ]
     return replace(fit, fit=data, covariance=covariance), effects

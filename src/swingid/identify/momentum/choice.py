@@ -76,7 +76,7 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
         tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque))
-        tried = {half: with_declared(fit, rig, corrected, scale) for half, fit in tried.items()}
+        tried = {half: with_declared(fit, rig, corrected, scale, noise) for half, fit in tried.items()}
         least = min(fit.total for fit in tried.values())
         law = max((fit for fit in tried.values() if fit.total <= FLAT * least), key=lambda fit: fit.half)
         calm = friction_windows(corrected, tried)
@@ -105,7 +105,7 @@ def _with_memory(
         return tried, impulse
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
-    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, noise, "memory")))
+    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, scale, noise, "memory")))
     # the correction of the turning points is as uncertain as it is large, for friction at rest is extrapolated from
     # faster motion, where a short peak doesn't show: a prior of the impulse, which the rows then tell more about
     told = impulse**2 / max(impulse**2 + spread**2, 1e-300)

@@ -15,6 +15,7 @@ from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.calibration import with_declared
 from swingid.identify.momentum.fits import LAG, WindowFit, residuals_beside
 from swingid.identify.momentum.imperfections import axis_bends, wheel_bends
+from swingid.identify.noise import Noise
 from swingid.identify.result import Message
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
@@ -38,7 +39,7 @@ LEAST = 1e-4
 """Share of a11 below which that is none in any case: without noise, anything small left looks like something."""
 
 
-def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> list[Message]:
+def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale, noise: Noise) -> list[Message]:
     """A warning where an undeclared once-per-turn nonlinearity of the encoders shows and the inertia suffers by it.
 
     Not where gravity is sought as well, whose column is nearly that of a nonlinearity.
@@ -47,7 +48,8 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale) -> 
         return []
     if not _may_show(law, signals, scale):
         return []
-    bent = with_declared(replace(law, declared=()), rig.changed({"sensors.nonlinearity": WIDE}), signals, scale)
+    declared = rig.changed({"sensors.nonlinearity": WIDE})
+    bent = with_declared(replace(law, declared=()), declared, signals, scale, noise)
     before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))
     if not _shows(law, before, after):
         return []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,12 +101,35 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
     if len(rows.windows) < 2 * LAG or len(rows.windows) / (LAG / 2) <= len(unknowns):
         return None
     fit = fit_linear(columns, known_side(rows, scale))
-    covariance = fit.covariance(LAG)
-    sensor = _sensor_variance(rows, unknowns, fit, scale, noise)
-    covariance = covariance * max(1.0, sensor / covariance[0, 0] if covariance[0, 0] > 0 else 1.0)
-    bias = _attenuation(rows.windows, fit, noise)
-    covariance = covariance + np.outer(bias, bias)
+    covariance = covariance_of(fit, rows, unknowns, scale, noise)
     return WindowFit(rows, unknowns, fit, covariance, _middle(rows.windows.half))
+
+
+def covariance_of(fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise) -> Array:
+    """Type A covariance of the unknowns: sensor noise, what the rows scatter beyond it, and the bias of attenuation."""
+    covariance = fit.covariance(LAG)
+    sensor, seen = _sensor_variance(rows, unknowns, fit, scale, noise)
+    scatter = float(covariance[0, 0])
+    if scatter > 0:
+        covariance = covariance * (with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns)) / scatter)
+    bias = _attenuation(rows.windows, fit, noise)
+    result: Array = covariance + np.outer(bias, bias)
+    return result
+
+
+def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
+    """Variance of a11 by sensor noise and by what the rows scatter beyond it; of one fit or of many (arrays).
+
+    sensor: variance by sensor noise. seen: what Newey and West's sum makes of that noise alone, which is more, for its
+    weights let through some of the fast noise of φ''. scatter: that sum for the rows. spare: rows less unknowns.
+
+    The sum of a few dozen rows is itself uncertain by tens of per cent: an excess counts by how sure it is, as
+    e²/(e² + s²) of it, with s the standard deviation of the sum (for Bartlett's weights s² is 4/3 (LAG + 1) / rows of
+    the sum's square).
+    """
+    excess = np.maximum(scatter - seen, 0.0)
+    spread = scatter**2 * (4 / 3) * (LAG + 1) / spare
+    return sensor + excess**3 / np.maximum(excess**2 + spread, 1e-300)
 
 
 def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:
@@ -122,16 +146,21 @@ def _middle(values: Array) -> float:
     return float(np.sort(values)[len(values) // 2])
 
 
-def _sensor_variance(rows: Rows, unknowns: tuple[str, ...], fit: LinearFit, scale: Scale, noise: Noise) -> float:
-    """Variance of a11 from white noise of both angles: through φ'', and of the axis through the gravity as well."""
+def _sensor_variance(
+    rows: Rows, unknowns: tuple[str, ...], fit: LinearFit, scale: Scale, noise: Noise
+) -> tuple[float, float]:
+    """Variance of a11 from white noise of both angles, and what Newey and West's sum sees of it.
+
+    The noise comes through φ'', and that of the axis through the gravity as well.
+    """
     windows = rows.windows
     weights = fit.influence[0] / windows.half**1.5
     a11 = float(fit.values[0])
     b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
     gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * _middle(windows.half) ** 2 / a11
-    axis, wheel = overlaps(weights, windows.centres, windows.half, 2 * LAG, gravity)
-    power = (a11 * noise.angle) ** 2 * max(axis, 0.0) + (scale.a12 * noise.wheel) ** 2 * max(wheel, 0.0)
-    return float(power * noise.step)
+    powers = np.array([(a11 * noise.angle) ** 2, (scale.a12 * noise.wheel) ** 2]) * noise.step
+    true, tapered = overlaps(weights, windows.centres, windows.half, 2 * LAG, LAG, gravity)
+    return float(np.maximum(true, 0.0) @ powers), float(np.maximum(tapered, 0.0) @ powers)
 
 
 def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:

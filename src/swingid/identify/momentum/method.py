@@ -47,7 +47,7 @@ Array = NDArray[np.float64]
 class _Estimate:
     """All fits of one log: the chosen law windows, those of other lengths, the other kinds, the friction.
 
-    common: errors that are alike at every swing and so do not show in the scatter, by source.
+    common: errors that the scatter of the rows does not show, by source.
     """
 
     law: WindowFit
@@ -101,7 +101,7 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     off = check_zero(estimate.law, signals, scale, u)
     if not off:  # a zero that is off bends the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
-    off += check_encoders(estimate.law, rig, signals, scale)
+    off += check_encoders(estimate.law, rig, signals, scale, noise)
     off += check_latency(choice, seen, u)
     off += [message for message in late if message.code != "latency-told"]
     notes += [message for message in late if message.code == "latency-told"]
@@ -137,14 +137,15 @@ def _estimate(choice: Choice, rig: Rig, scale: Scale, noise: Noise) -> _Estimate
     turning_rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
     even = fit_rows(turning_rows, scale, noise, ("offset",))
     if even is not None:
-        even = with_declared(even, rig, signals, scale)
-        even = _with(even, _asymmetry(even, law), grid_spread(signals, even, noise, "inertia"))
+        even = with_declared(even, rig, signals, scale, noise)
+        even = _with(even, _asymmetry(even, law), grid_spread(signals, even, scale, noise, "inertia"))
     if swing is not None:
-        swing = with_declared(swing, rig, signals, scale)
-        swing = _with(swing, grid_spread(signals, swing, noise, "inertia"))
+        swing = with_declared(swing, rig, signals, scale, noise)
+        swing = _with(swing, grid_spread(signals, swing, scale, noise, "inertia"))
     common = {
-        "place of the encoder's grid": grid_spread(signals, law, noise, "inertia"),
+        "place of the encoder's grid": grid_spread(signals, law, scale, noise, "inertia"),
         "timing of the turning points": timing_spread(law, choice.impulse),
+        "drift with the length of the windows": drift_with_length(choice, scale, noise),
     }
     return _Estimate(law, tried, swing, even, choice.friction, common, turning_rows)
 
@@ -201,9 +202,6 @@ def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
     for source, spread in estimate.common.items():
         if spread > 0:
             entries.append(BudgetEntry(source, "A", "inertia", spread))
-    drift = drift_with_length(law, estimate.tried)
-    if drift > 0:
-        entries.append(BudgetEntry("drift with the length of the windows", "A", "inertia", drift))
     for name, other in (("swing", estimate.swing), ("even", estimate.even)):
         gap = disagreement(law, other)
         if gap > 0:

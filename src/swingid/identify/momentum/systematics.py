@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.noise import Noise
+from swingid.identify.scale import Scale
 from swingid.numerics.test_functions import superpose
+
+Array = NDArray[np.float64]
 
 
 def timing_spread(fit: WindowFit, impulse: float) -> float:
@@ -20,15 +24,37 @@ def timing_spread(fit: WindowFit, impulse: float) -> float:
     return abs(float(fit.fit.influence[0] @ fit.rows.friction["memory"])) * impulse
 
 
-def grid_spread(signals: Signals, fit: WindowFit, noise: Noise, unknown: str) -> float:
-    """What the place of the encoder's grid does to an unknown: its standard deviation over shifts of the grid.
+def angle_weights(signals: Signals, fit: WindowFit, scale: Scale, unknown: str) -> tuple[Array, Array]:
+    """What an error of the angle, and of the wheel's, does to an unknown: per radian and second, at the nodes.
+
+    Through φ'', and that of the axis through the gravity b sin q1 as well.
+    """
+    windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
+    instants = signals.nodes.flat[0]
+    curvature = superpose(instants, windows.centres, windows.half, row, 2)
+    axis = curvature * fit.a11
+    b = fit.value("gravity_torque") if scale.b is None else scale.b
+    if b and not signals.linear:
+        axis += b * np.cos(signals.angle.ravel()) * superpose(instants, windows.centres, windows.half, row, 0)
+    return axis, curvature * scale.a12
+
+
+def grid_spread(signals: Signals, fit: WindowFit, scale: Scale, noise: Noise, unknown: str) -> float:
+    """What the place of the encoder's grid does to an unknown beyond what counts as white noise: a standard deviation.
 
     A coarse encoder errs alike at every turning point, so its error does not average out over the swings as white
     noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step.
     """
     if noise.resolution == 0.0:
         return 0.0
-    windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
-    weights = superpose(signals.nodes.flat[0], windows.centres, windows.half, row, 2) * fit.a11
+    weights = angle_weights(signals, fit, scale, unknown)[0]
     effects = signals.grid_errors(noise.resolution) @ weights
-    return float(np.sqrt(np.mean(effects**2)))
+    white = noise.resolution**2 / 12 * noise.step * float(signals.nodes.flat[1] @ weights**2)
+    return float(np.sqrt(max(float(np.mean(effects**2)) - white, 0.0)))
+
+
+def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit, scale: Scale, noise: Noise) -> float:
+    """Variance of the difference of two fits' a11 by white noise of the same samples."""
+    pairs = zip(*(angle_weights(signals, fit, scale, "inertia") for fit in (one, other)), strict=True)
+    axis, wheel = [float(signals.nodes.flat[1] @ (mine - theirs) ** 2) for mine, theirs in pairs]
+    return noise.step * (noise.angle**2 * axis + noise.wheel**2 * wheel)

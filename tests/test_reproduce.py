@@ -389,8 +389,10 @@ def another_draw(row: dict[str, Any], key: str) -> float:
     """How far another draw of the encoders' grains may move the entry `key` of a row of results.json."""
     if key == "nls" and isinstance(row[key], dict):  # where its constants are wrong the fit stops on flat ground
         return max(0.05, 0.1 * max(abs(value or 0.0) for value in row[key].values()))
-    if key == "converged":  # on a grid of lengths, where single ones may stand close to the bound
-        return 2.0
+    if key == "converged":  # on a grid of lengths, where one error close to the bound moves it far
+        return 10.0
+    if key == "value" and row["unit"] == "±%":  # a scatter, or the worst of some
+        return 0.05 + 0.5 * float(row["value"] or 0.0)
     in_percent = key in ("printed", "momentum", "error", "single") or (key == "value" and row["unit"] == "%")
     spread = 3.0 * float(row.get("u") or 0.0)
     if key == "error":

@@ -123,6 +123,7 @@ def simulate_run(
     For tests and plots: identification is given `Run.recording`, never `Run.truth`. Errors as `simulate`.
     """
     rows = row_count(duration, rate)
+    _check_start(initial_angle, initial_speed, seed)
     made = draws.draw(rig, rows, seed, constants_too=draw, encoder_zero=encoder_zero)
     wanted = np.arange(rows) / rate if truth_times is None else np.asarray(truth_times, dtype=np.float64)
     reads = np.arange(rows) / rate + made.delays
@@ -175,6 +176,14 @@ def _instants(reads: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[
         return wanted, np.tile(np.arange(len(wanted)), 3)  # on time, as most rigs are: nothing to sort
     instants, places = np.unique(np.concatenate([reads[0], reads[1], wanted]), return_inverse=True)
     return instants, places
+
+
+def _check_start(initial_angle: float, initial_speed: float, seed: int) -> None:
+    for name, value in (("initial_angle", initial_angle), ("initial_speed", initial_speed)):
+        if not math.isfinite(value):
+            raise UsageError(f"{name} must be a finite number, and is {value}", code="bad-start")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise UsageError(f"seed must be a whole number that is not negative, and is {seed}", code="bad-seed")
 
 
 def row_count(duration: float, rate: float) -> int:

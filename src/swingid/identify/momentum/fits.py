@@ -124,11 +124,11 @@ def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
     weights let through some of the fast noise of φ''. scatter: that sum for the rows. spare: rows less unknowns.
 
     The sum of a few dozen rows is itself uncertain by tens of per cent: an excess counts by how sure it is, as
-    e²/(e² + s²) of it, with s the standard deviation of the sum (for Bartlett's weights s² is 4/3 (LAG + 1) / rows of
-    the sum's square).
+    e²/(e² + s²) of it, with s the standard deviation of the sum for sensor noise alone (for Bartlett's weights s² is
+    4/3 (LAG + 1) / rows of the square).
     """
     excess = np.maximum(scatter - seen, 0.0)
-    spread = scatter**2 * (4 / 3) * (LAG + 1) / spare
+    spread = seen**2 * (4 / 3) * (LAG + 1) / spare
     return sensor + excess**3 / np.maximum(excess**2 + spread, 1e-300)
 
 

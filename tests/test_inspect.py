@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 
 import numpy as np
 import pytest
@@ -133,6 +134,17 @@ def test_zero_beside_hanging_is_found(clean, look) -> None:
     values = found.check("zero").values
     assert abs(values["zero"] - 0.02) < 3 * values["uncertainty"] < 3e-3
     assert found.check("zero").level == "repair"
+
+
+def test_drive_and_gravity_of_different_scale_contradict_each_other(clean, look) -> None:
+    wheel = GIVEN.drive.wheel.inertia.value
+    rotor = GIVEN.drive.a12 - wheel
+    heavy = GIVEN.changed({"drive.wheel.inertia": 1.1 * wheel})
+    check = look(clean, heavy).check("gravity-torque-disagrees")
+    seen = float(re.search(r"gravity torque of \(([0-9.]+) ±", check.evidence)[1])
+    # row (I) is homogeneous: with a12 too large all of it comes out too large
+    assert seen == pytest.approx(0.078 * (1.1 * wheel + rotor) / (wheel + rotor), rel=0.005)
+    assert "drive.wheel.inertia" in check.remedy
 
 
 def test_one_frequency_does_not_tell_an_encoder_error_of_small_swings_from_scale(tmp_path) -> None:

@@ -180,6 +180,7 @@ def test_real_logs_against_their_rigs(data_dir, log, rig, status) -> None:
 
     found = inspect_log(data_dir / log, Rig.load(ROOT / "examples" / "rigs" / f"{rig}.toml"))
     assert found.verdict.status == status, found.summary()
+    assert (found.check("gravity-torque-disagrees") is not None) == (rig == "dfki_pendulum")
 
 
 def test_real_logs_without_a_rig(data_dir) -> None:

@@ -83,6 +83,7 @@ def _draw_motion(axes: Axes, found: Inspection, log: Recording) -> None:
         for begin, end in inside.rests:
             axes.axvspan(begin, end, color=VERMILION, alpha=0.15, lw=0, zorder=0)
         title += "; grey: left out" if swings.start > log.time[0] or swings.stop < log.time[-1] else ""
+        title += "; red: at rest" if len(inside.rests) else ""
     _grey_unused(axes, log, swings)
     axes.set_title(title, pad=3)
     axes.set_ylabel("m" if found.linear else "rad")

@@ -12,6 +12,7 @@ from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.checks import check_motor, check_sign
 from swingid.identify.momentum.choice import choose
 from swingid.identify.momentum.fits import WindowFit
+from swingid.identify.momentum.gravity import check_gravity
 from swingid.identify.motor_balance import motor_balance
 from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale, require_channels
@@ -40,6 +41,9 @@ HARMLESS = 5e-3
 
 CLEAR = 5e-3
 """Uncertainty (rad) of the angle's zero beside encoder errors up to which the two are told apart."""
+
+BENDS_GRAVITY = ("zero", "latency", "angle-encoder", "wheel-encoder")
+"""Checks whose faults also look like a gravity torque other than the stated one."""
 
 MODEL = 0.05
 """Share of the typical row that the balance may leave; more, and log and rig do not belong together."""
@@ -93,6 +97,8 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
         if f"{which} 1 cosine" in small:
             found.append(_encoder(small, which, word, table, rig))
+    if not any(check.level == "repair" and check.code in BENDS_GRAVITY for check in found):
+        found += _gravity(balance, rig)
     return found
 
 
@@ -113,7 +119,7 @@ def _model(balance: Balance) -> Iterator[Check]:
     left = balance.left
     text = f"inertia, gravity, drive and friction leave {percent(left)} of the inertia's term"
     if left < MODEL:
-        yield Check("balance", "balance", "ok", f"{text}: log and rig belong together.", "", {"left": left})
+        yield Check("balance", "balance", "ok", f"{text}: it closes.", "", {"left": left})
         return
     text += ": a term is missing, or a column is not what [log] says."
     remedy = "check the columns, their units, and whether anything else touches the body"
@@ -138,6 +144,14 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
         return Check("zero", "zero of the angle", "note", f"{text}.", "", values)
     remedy = f"take {number(zero.value, 'rad', 3)} off the angle"
     return Check("zero", "zero of the angle", "repair", f"{text}.", remedy, values)
+
+
+def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
+    """Whether drive and gravity are of one scale, where the motion tells; see `momentum.gravity`."""
+    for message in check_gravity(balance.law, balance.fits, balance.signals, rig, balance.scale, balance.noise):
+        drive = "log.torque_gain" if balance.scale.drive == "direct" else "drive.wheel.inertia"
+        remedy = f"correct axis.gravity_torque or {drive}, or state the one you doubt with its uncertainty"
+        yield Check(message.code, "scale", "repair", f"{message.message.rpartition('; ')[0]}.", remedy)
 
 
 def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:

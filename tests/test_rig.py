@@ -230,6 +230,12 @@ BAD = [
     (NONE + '[log]\ndrive_held = "yes"', "wrong-value", "log.drive_held", "true or false, not 'yes'"),
     (NONE + '[log]\nwheel_angle = "q2"', "contradiction", "log.wheel_angle", "none"),
     (DIRECT + '[log]\nvoltage = "u"', "contradiction", "log.voltage", "direct"),
+    (
+        NONE + '[log]\nvoltage = "u"\ntorque = "f"\nwheel_scale = 2',
+        "contradiction",
+        "log.wheel_scale",
+        "voltage, torque",
+    ),
     (NONE + '[log]\ntorque = "tau"', "contradiction", "log.torque", "none"),
     (WHEEL + '[log]\ntorque = "tau"', "contradiction", "log.torque", "direct"),
     (WHEEL + "[log]\ntorque_gain = 2", "contradiction", "log.torque_gain", "direct"),

@@ -182,9 +182,11 @@ class Rig(Table):
         if self.sensors.wheel is not None:
             refuse("contradiction", f"is given, but drive.kind is {self.drive.kind!r}", "sensors.wheel")
         other = ["torque"] if self.drive.kind == "none" else []
-        for key in [k for k in LogConventions.model_fields if k.startswith(("wheel", "voltage"))] + other:
-            if stated(self.log, key):
-                refuse("contradiction", f"is given, but drive.kind is {self.drive.kind!r}", f"log.{key}")
+        of_a_wheel = [key for key in LogConventions.model_fields if key.startswith(("wheel", "voltage"))] + other
+        surplus = [key for key in of_a_wheel if stated(self.log, key)]
+        if surplus:
+            beside = f", as are {', '.join(surplus[1:])}" if surplus[1:] else ""
+            refuse("contradiction", f"is given{beside}, but drive.kind is {self.drive.kind!r}", f"log.{surplus[0]}")
 
     def _check_columns(self) -> None:
         """Every channel that is read has a column of its own."""

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from swingid.identify.batch import energy_batch, momentum_batch, plan_batch
 from swingid.simulate.ensemble import simulate_ensemble
 
 DURATION, RATE = 25.0, 1000.0
@@ -47,6 +48,19 @@ def test_ensemble_of_64(benchmark, law: str) -> None:
     runs = benchmark(lambda: simulate_ensemble(rig, MOTION, duration=DURATION, rate=RATE, values=values, threads=1))
     assert len(runs) == 64
     assert not runs.alone.any()
+
+
+@pytest.mark.parametrize("method", ["momentum", "energy"])
+def test_batch_of_64(benchmark, method: str) -> None:
+    told, inertias = PAPER.changed({"axis.inertia": None, "axis.friction": None}), 302.2e-5 * np.linspace(0.7, 1.5, 64)
+    runs = simulate_ensemble(PAPER, MOTION, duration=DURATION, rate=RATE, values={"axis.inertia": inertias})
+    plan = plan_batch([runs.recording(k) for k in (0, 32, 63)], told)
+    angle, wheel, voltage = (runs.channel(name) for name in ("angle", "wheel_angle", "command"))
+    if method == "momentum":
+        found = benchmark(lambda: momentum_batch(angle, wheel, RATE, told, plan, threads=1))
+    else:
+        found = benchmark(lambda: energy_batch(angle, wheel, voltage, RATE, told, plan, threads=1))
+    assert found.inertia == pytest.approx(inertias, rel=2e-3)
 
 
 @pytest.mark.parametrize("method", ["momentum", "energy", "equation-error", "output-error", "backstepping"])

@@ -80,12 +80,15 @@ class _Reading:
         unexplained = max(float(np.mean(left**2)) - 2 * expected, 0.0)
         return float(np.sqrt(unexplained / self._power))
 
-    def refitted(self, tells: NDArray[np.bool_]) -> float:
-        """What is left with c1, f2 and f3 free, of the windows that tell; noise included."""
+    def refitted(self, tells: NDArray[np.bool_], expected: float) -> float:
+        """What is left with c1, f2 and f3 free, of the windows that tell; noise included.
+
+        At least what noise may leave (`expected` as above): few windows that noise alone moves tell no reading apart.
+        """
         missing, free = (self.inertial - self.driven)[tells], self.free[tells]
         free = free / np.maximum(np.sqrt(np.mean(free**2, axis=0)), 1e-300)
         left = missing - free @ np.linalg.lstsq(free, missing, rcond=1e-10)[0]
-        return float(np.sqrt(np.mean(left**2) / self._power))
+        return float(np.sqrt(max(float(np.mean(left**2)), 2 * expected) / self._power))
 
     @property
     def _power(self) -> float:
@@ -140,8 +143,8 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
         otherwise=other.residual(expected),
         turned=turned,
         is_relative=is_relative,
-        refitted=stated.refitted(tells) if enough else None,
-        refitted_otherwise=other.refitted(tells) if enough else None,
+        refitted=stated.refitted(tells, expected) if enough else None,
+        refitted_otherwise=other.refitted(tells, expected) if enough else None,
         rests=float(np.mean(np.abs(wheel_speed) < slow)),
     )
 

@@ -32,8 +32,13 @@ def main() -> None:
         "axis.friction.viscous": 1.144e-3 * np.random.default_rng(1).uniform(0.5, 1.5, RUNS),
     }
 
+    # where the grid of the counts lies is drawn: the place of a single one is no sample
+    zeros = rig.sensors.of("angle").resolution * np.random.default_rng(2).random((RUNS, 2))
+
     def ensemble(record: str = "measured") -> Ensemble:
-        return simulate_ensemble(rig, reference, duration=DURATION, rate=RATE, values=values, record=record)
+        return simulate_ensemble(
+            rig, reference, duration=DURATION, rate=RATE, values=values, encoder_zero=zeros, record=record
+        )
 
     whole = ensemble("all")
     plan = plan_batch([whole.recording(k) for k in (0, RUNS // 3, 2 * RUNS // 3, RUNS - 1)], rig)

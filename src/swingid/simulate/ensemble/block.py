@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.simulate.ensemble.control_lanes import control
-from swingid.simulate.ensemble.events import TERMS, redo
+from swingid.simulate.ensemble.events import redo
 from swingid.simulate.ensemble.lane_functions import njit_lane, njit_threads, sine_cosine
 from swingid.simulate.ensemble.lanes import (
     A12,
@@ -54,6 +54,7 @@ from swingid.simulate.ensemble.lanes import (
     U,
     Y,
 )  # fmt: skip
+from swingid.simulate.ensemble.polynomial import TERMS
 from swingid.simulate.ensemble.series import coefficients, moved, slope, turned
 
 Array = NDArray[np.float64]

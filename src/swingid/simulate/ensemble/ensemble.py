@@ -163,9 +163,14 @@ def _simulated(runs: list[Run], duration: float, rate: float, record: Record, th
     def made_alone(k: int) -> None:
         log[:, k], state[k] = _alone(runs[k], duration, rate, len(log))
 
-    with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
-        list(pool.map(made, blocks))
-        list(pool.map(made_alone, left))
+    workers = threads or len(os.sched_getaffinity(0))
+    if workers > 1:
+        with ThreadPoolExecutor(workers) as pool:
+            list(pool.map(made, blocks))
+            list(pool.map(made_alone, left))
+    else:  # in the caller's thread, whose time it is
+        list(map(made, blocks))
+        list(map(made_alone, left))
     alone = np.zeros(len(runs), np.bool_)
     alone[left] = True
     return Ensemble(time, log, state, alone, tuple(runs), duration, rate)

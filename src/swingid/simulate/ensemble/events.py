@@ -43,20 +43,15 @@ from swingid.model.parameters import (
 from swingid.model.sticking import mode_at_rest, side
 from swingid.simulate.ensemble.lane_functions import decay, njit_lane, njit_threads, sine_cosine
 from swingid.simulate.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
+from swingid.simulate.ensemble.polynomial import INVERSES, MOST_TRIALS, TERMS, grade, last_terms, passed, root, value
 from swingid.simulate.ensemble.series import Axis, Mobility
 
 Array = NDArray[np.float64]
 
-TERMS = 9
-"""Terms of the series here: more than in the lanes, since Stribeck's peak is passed within a step. A constant, so that
-the compiler unrolls its loops."""
-
-INVERSES = tuple(1.0 / max(k, 1) for k in range(TERMS + 2))
-
 LAST = 1e-13
 """rad per step: what the last term of a series may be, so that the next is well below it."""
 
-MOST_STEPS, MOST_TRIALS = 30, 60
+MOST_STEPS = 30
 BEYOND = 1e-11
 """Of a step: how far behind an edge of the dead zone the motion goes on, so that it is on the other side for sure."""
 
@@ -126,60 +121,6 @@ def expand(a: Array, axis: Axis, wheel: tuple[float, float], mobility: Mobility)
         r2 = load2 - drag * a[WHEEL_SPEED, k]
         a[SPEED, k + 1] = (m11 * r1 - m12 * r2) * INVERSES[k + 1]
         a[WHEEL_SPEED, k + 1] = (m22 * r2 - m12 * r1) * INVERSES[k + 1]
-
-
-@njit_lane
-def last_terms(v: Array) -> float:
-    """How large the last terms of a series are; two, because one may be small by chance."""
-    return float(abs(v[TERMS]) + 0.1 * abs(v[TERMS - 1]))
-
-
-@njit_lane
-def value(v: Array, x: float) -> float:
-    """Speed (rad per step) at the fraction x of a step."""
-    total = float(v[TERMS])
-    for k in range(TERMS - 1, -1, -1):
-        total = total * x + v[k]
-    return total
-
-
-@njit_lane
-def grade(v: Array, x: float) -> float:
-    """Derivative of `value` (rad per step^2)."""
-    total = float(TERMS * v[TERMS])
-    for k in range(TERMS - 1, 0, -1):
-        total = total * x + k * v[k]
-    return total
-
-
-@njit_lane
-def passed(v: Array, x: float) -> float:
-    """Angle (rad) passed at the fraction x of a step: the integral of `value`."""
-    total = float(v[TERMS]) * INVERSES[TERMS + 1]
-    for k in range(TERMS - 1, -1, -1):
-        total = total * x + v[k] * INVERSES[k + 1]
-    return total * x
-
-
-@njit_lane
-def root(v: Array, end: float, level: float) -> float:
-    """Fraction of a step at which the speed passes `level`, which lies between its values at the start and `end`."""
-    low, high, at_low = 0.0, 1.0, v[0] - level
-    x = float(at_low / (v[0] - end))
-    for _ in range(MOST_TRIALS):
-        there = value(v, x) - level
-        if there * at_low > 0.0:
-            low = x
-        else:
-            high = x
-        slope = grade(v, x)
-        following = x - there / slope if slope != 0.0 else 0.5 * (low + high)
-        if not low < following < high:
-            following = 0.5 * (low + high)
-        if abs(following - x) < 1e-14:
-            return following
-        x = following
-    return x
 
 
 @njit_lane

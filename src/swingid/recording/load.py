@@ -16,8 +16,9 @@ from swingid.recording.header_units import with_header_units
 from swingid.recording.limiter import limited
 from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
-from swingid.recording.repair import MANY, repair
+from swingid.recording.repair import repair
 from swingid.recording.repairs import notes_of, switched_off
+from swingid.recording.row_order import MANY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -1,10 +1,11 @@
 """What a log says of itself, without a rig: columns, clock, steps, limits, and which column is likely which channel."""
 
+from swingid.recording.inspect.candidates import Role
 from swingid.recording.inspect.check import Check, Level
 from swingid.recording.inspect.clock import Clock, rate_of, read_clock
 from swingid.recording.inspect.columns import Column, describe
 from swingid.recording.inspect.log_table import log_table
-from swingid.recording.inspect.roles import Role, Roles, guess_roles
+from swingid.recording.inspect.roles import Roles, guess_roles
 
 __all__ = [
     "Check",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.recording.inspect.check import Check, Level
-from swingid.recording.inspect.roles import SECONDS
+from swingid.recording.inspect.clocks_and_speeds import SECONDS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

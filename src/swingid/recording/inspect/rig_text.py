@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.recording.inspect.channel_guesses import TURN
 from swingid.recording.inspect.grid import is_decimal
-from swingid.recording.inspect.roles import TURN
 from swingid.recording.inspect.trial import counts_of
 
 if TYPE_CHECKING:
+    from swingid.recording.inspect.candidates import Role
     from swingid.recording.inspect.columns import Column
-    from swingid.recording.inspect.roles import Role, Roles
+    from swingid.recording.inspect.roles import Roles
 
 WHEEL_ONLY = ("[drive.wheel]", "[drive.motor]")
 LINEAR = """[axis]

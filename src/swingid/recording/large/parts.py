@@ -15,7 +15,8 @@ from swingid.recording.limiter import limited
 from swingid.recording.load import unreadable_rows
 from swingid.recording.plausibility import judge
 from swingid.recording.recording import Finding, Recording, Source
-from swingid.recording.repair import MANY, made_continuous, on_even_clock, rows_in_order, without_spikes
+from swingid.recording.repair import made_continuous, on_even_clock, without_spikes
+from swingid.recording.row_order import MANY, rows_in_order
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

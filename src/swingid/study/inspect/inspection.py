@@ -19,7 +19,7 @@ from swingid.recording.formats.table import Table
 from swingid.recording.header_units import with_header_units
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
 from swingid.recording.inspect.clock import Clock, check_clock
-from swingid.recording.inspect.roles import SECONDS
+from swingid.recording.inspect.clocks_and_speeds import SECONDS
 from swingid.recording.inspect.trial import trial_rig
 from swingid.recording.large import digest, first_rows, is_large, rows_in
 from swingid.recording.load import read_bytes

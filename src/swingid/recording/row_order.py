@@ -1,0 +1,145 @@
+"""The first part of `repair.repair`: rows with numbers, one for each time, in order of time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.clock import rounded_clock
+from swingid.recording.recording import Finding
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from swingid.recording.conventions import Channels, Conventions
+
+MANY = 0.01  # of all rows: what is a slip below, and a log that may not be what it seems above
+OPTIONAL = ("reference", "adaptive_gain")  # for pictures only: a gap in them costs no row
+
+
+def rows_in_order(
+    logged: Channels, conventions: Conventions, texts: Mapping[str, str], name: str, off: frozenset[str] = frozenset()
+) -> tuple[Channels, list[Finding]]:
+    """Rows with numbers, one for each time, in order of time; arguments and errors as those of `repair.repair`."""
+    columns = conventions.columns
+    findings: list[Finding] = []
+    channels = _drop_rows_without_numbers(logged, columns, texts, name, findings)
+    _refuse(findings, "blanks", off, name)
+    channels = _sort(channels, columns, name, findings)
+    _refuse(findings, "sort", off, name)
+    if conventions.rate is None and "clock" not in off:
+        channels = _round_off(channels, columns, findings)
+    channels = _drop_repeated(channels, columns, name, findings)
+    _refuse(findings, "repeats", off, name)
+    return channels, findings
+
+
+def _drop_rows_without_numbers(
+    channels: Channels,
+    columns: Mapping[str, str],
+    texts: Mapping[str, str],
+    name: str,
+    findings: list[Finding],
+) -> Channels:
+    needed = [channel for channel in channels if channel not in OPTIONAL]
+    good = np.isfinite(channels[needed[0]])
+    for channel in needed[1:]:
+        good &= np.isfinite(channels[channel])
+    if good.all():
+        return channels
+    rows = len(good)
+    faults = {channel: rows - int(np.isfinite(channels[channel]).sum()) for channel in needed}
+    worst = max(faults, key=lambda channel: faults[channel])
+    first = int(np.argmin(np.isfinite(channels[worst])))
+    sample = f", such as {texts[worst]!r}" if worst in texts else ""
+    where = f"column {columns[worst]!r} in {faults[worst]} of {rows} rows (the first is row {first + 1}{sample})"
+    if faults[worst] > rows / 2:
+        raise InputError(f"{name} has no number in {where}; give [log] {worst} a column of numbers.", code="no-numbers")
+    dropped = rows - int(good.sum())
+    level = _level(dropped, rows)
+    findings.append(Finding("rows-without-numbers", f"{dropped} rows left out: no number in {where}.", level, "blanks"))
+    return take(channels, good)
+
+
+def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
+    """Rows in order of time. A few rows may stand in the wrong place; then sorting makes the motion smoother.
+
+    Where many do, or the sorted motion is rougher (two runs in one file, a clock that was reset), the order
+    of the rows means something else than a late row, and no guess is made.
+    """
+    time = channels["time"]
+    steps_back = np.flatnonzero(np.diff(time) < 0)
+    if steps_back.size == 0:
+        return channels
+    rows = len(time)
+    where = f"{name}: column {columns['time']!r} runs backwards after {steps_back.size} of {rows} rows"
+    where += f" (the first is row {steps_back[0] + 1})"
+    order = np.argsort(time, kind="stable")
+    angle = channels["angle"]
+    smoother = np.abs(np.diff(angle[order])).sum() <= np.abs(np.diff(angle)).sum()
+    if steps_back.size > max(3, MANY * rows) or not smoother:
+        message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time."
+        raise InputError(message, code="unsorted")
+    findings.append(Finding("unsorted", f"{where}; the rows were sorted by time.", "warning", "sort"))
+    return take(channels, order)
+
+
+def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
+    """One row per stamp: exact copies of a row go, and of few that contradict each other the first stays."""
+    time = channels["time"]
+    repeated = np.concatenate(([False], np.diff(time) == 0))
+    if not repeated.any():
+        return channels
+    copy = repeated.copy()
+    for values in channels.values():
+        copy[1:] &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    conflicting = repeated & ~copy
+    rows, conflicts = len(time), int(conflicting.sum())
+    column = columns["time"]
+    if conflicts > max(3, MANY * rows):
+        message = f"{name}: {conflicts} of {rows} rows have the time of the row before in column {column!r}"
+        message += " but other values; log the time with more digits, or set [log] rate."
+        raise InputError(message, code="repeated-times")
+    if copy.any():
+        message = f"{int(copy.sum())} of {rows} rows left out: exact copies of the row before."
+        findings.append(Finding("repeated-rows", message, "note", "repeats"))
+    if conflicts:
+        first = int(np.argmax(conflicting)) + 1
+        message = f"{conflicts} of {rows} rows left out: their time is that of the row before, their values differ"
+        findings.append(Finding("repeated-times", f"{message} (the first is row {first}).", "warning", "repeats"))
+    return take(channels, ~repeated)
+
+
+def _refuse(findings: list[Finding], repair: str, off: frozenset[str], name: str) -> None:
+    """Raise InputError where a log cannot be used without a repair that is switched off."""
+    if repair in off and (made := [finding for finding in findings if finding.repair == repair]):
+        message = f"{name} cannot be used without the repair {repair!r}, which is switched off, for with it"
+        raise InputError(f"{message} {made[0].message.removeprefix(name + ': ')}", code=made[0].code)
+
+
+def _round_off(channels: Channels, columns: Mapping[str, str], findings: list[Finding]) -> Channels:
+    """Stamps of too few digits, of which several rows share one, as the constant rate behind them."""
+    time = channels["time"]
+    repeated = np.count_nonzero(np.diff(time) == 0)
+    clock = rounded_clock(time) if repeated > max(3, MANY * len(time)) else None
+    if clock is None:
+        return channels
+    message = (
+        f"{repeated} of {len(time)} rows share the stamp of the row before in column {columns['time']!r}, which has too"
+    )
+    message += f" few digits; the rows were taken as {1 / clock.step:.6g} a second, as which no row is missing."
+    findings.append(Finding("clock-fitted", message, "note", "clock"))
+    return {**channels, "time": clock.time}
+
+
+def _level(count: int, rows: int) -> Literal["note", "warning"]:
+    return "warning" if count > MANY * rows else "note"
+
+
+def take(channels: Channels, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Channels:
+    """These rows of all channels."""
+    return {channel: values[rows] for channel, values in channels.items()}

@@ -14,9 +14,18 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identify import identify
 from swingid.identify.backstepping.adaptation import Gains, adapted
 from swingid.identify.backstepping.curve import Curve, remaining, scatter_of_mean, settled_part
-from swingid.identify.backstepping.signals import Channels, Signals, inertia_of, signals_of, viscous_of
+from swingid.identify.backstepping.signals import (
+    Channels,
+    Signals,
+    Widths,
+    inertia_of,
+    resting,
+    signals_of,
+    viscous_of,
+)
 from swingid.model.parameters import rig_vector
 from swingid.model.printed import alphas
+from swingid.model.rig import Rig
 from swingid.simulate import simulate, simulate_run
 from twin_logs import INERTIA, PAPER, error, given, logged, twin
 
@@ -171,6 +180,48 @@ def test_other_friction_stays_within_1_per_cent_and_its_interval(law: str) -> No
     result = of(simulate(rig, Sine(0.8, 8.5), duration=25.0, seed=1), rig)
     assert abs(error(result)) < 5e-3
     assert abs(result.inertia.value - INERTIA) < 2 * result.inertia.standard_uncertainty
+
+
+BODY = Rig.builtin("paper-body")
+"""At 6 rad/s it is near its resonance, and the wheel rests half of the time."""
+
+
+def near_resonance(folder, seed: int, rig: Rig = BODY, frequency: float = 6.0):
+    place = tuple(np.random.default_rng(seed).uniform(-0.5, 0.5, 2) * 2 * np.pi / 16384)
+    return of(logged(rig, folder, Sine(0.8, frequency), seed=seed, encoder_zero=place), rig)
+
+
+def test_near_resonance_friction_holds_the_wheel(tmp_path) -> None:
+    result = near_resonance(tmp_path, 1)
+    truth = BODY.axis.inertia.value
+    assert abs(result.inertia.value / truth - 1) < 2e-3  # f3 at its full size would be 2.6 % off
+    low, high = result.inertia.interval95
+    assert low < truth < high
+    assert {warning.code for warning in result.warnings} == {"near-resonance"}
+
+
+def test_a_wheel_at_rest_is_told_from_one_that_turns_around() -> None:
+    time = np.arange(0, 4, 1e-3)
+    middles = (time[1:] + time[:-1]) / 2
+    held = (np.abs(middles - 1) < 0.1) | (np.abs(middles - 3) < 0.1)
+    speed = np.where(held, 0.0, np.sign(np.sin(np.pi * middles)) * 20 * np.abs(np.sin(np.pi * middles)))
+    found = resting(time, np.repeat(speed[:, None], 3, axis=1), Widths(0.02, 0.01, 0.1))[:, 1]
+    # half of the half-width more at either end; the reversal at 2 s is none
+    assert found.sum() == pytest.approx(420, abs=12)
+    assert not found[np.abs(middles - 2) < 0.3].any()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("rig", "frequency"), [(BODY, 6.0), (PAPER, 6.0), (PAPER, 8.5)], ids=["body, 6 rad/s", "6 rad/s", "8.5 rad/s"]
+)
+def test_coverage_with_encoders_near_resonance_and_beyond(rig: Rig, frequency: float, tmp_path) -> None:
+    truth = rig.axis.inertia.value
+    inside = 0
+    for seed in range(40):
+        low, high = near_resonance(tmp_path, seed, rig, frequency).inertia.interval95
+        inside += low < truth < high
+    assert inside >= 34  # 95 % less three binomial standard deviations
 
 
 @pytest.mark.parametrize("drive", ["direct", "none"])

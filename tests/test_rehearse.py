@@ -12,6 +12,7 @@ from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.model.rig import Rig
 from swingid.study.rehearse import Expectation, rehearse
+from swingid.study.rehearse.trial import encoder_places
 
 PAPER = Rig.builtin("paper")
 
@@ -87,3 +88,12 @@ def test_command_prints_a_table_and_writes_json(tmp_path, capsys):
 def test_a_rehearsal_without_motion_is_wrong_usage(capsys):
     assert main(["rehearse", "--rig", "paper", "--duration", "6"]) == 2
     assert "--reference or --initial-angle" in capsys.readouterr().err
+
+
+def test_encoders_lie_anywhere_within_half_a_step_of_zero():
+    steps = np.array([PAPER.sensors.of(channel).resolution for channel in ("angle", "wheel")])
+    places = np.array([encoder_places(PAPER, seed) for seed in range(2000)]) / steps
+    assert np.all((places >= -0.5) & (places < 0.5))
+    # a uniform draw: mean 0, standard deviation 1/√12
+    assert np.abs(places.mean(axis=0)).max() < 4 / np.sqrt(12 * 2000)
+    assert places.std(axis=0) == pytest.approx(1 / np.sqrt(12), rel=0.05)

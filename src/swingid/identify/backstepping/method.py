@@ -78,6 +78,11 @@ def backstepping(
     others = {f"{_other(law)} law": _run(channels, rig, motion, replace(gains, law=_other(law)))}
     if widths is None:
         others["smoothed velocities"] = _run(channels_of(used, widths_of(used, motion, noise)), rig, motion, gains)
+    else:
+        others["half the smoothing"] = _run(channels_of(used, widths.halved(noise.step)), rig, motion, gains)
+
+    if scale.drive == "reaction-wheel":
+        others["reversals of the wheel within a row"] = _run(channels, rig, motion, gains, sooner=True)
 
     def again(changed_log: Recording, changed_rig: Rig) -> Estimates:
         seen = channels if changed_log is used else channels_of(changed_log, widths)
@@ -131,8 +136,8 @@ def _used_part(log: Recording, rig: Rig, noise: float) -> tuple[Recording, Motio
     return log.segment(start, stop), whole.within(start, stop), note
 
 
-def _run(channels: Channels, rig: Rig, motion: Motion, gains: Gains) -> Run:
-    alpha2, alpha3 = adapted(signals_of(channels, rig), gains)
+def _run(channels: Channels, rig: Rig, motion: Motion, gains: Gains, *, sooner: bool = False) -> Run:
+    alpha2, alpha3 = adapted(signals_of(channels, rig, sooner=sooner), gains)
     inertia = Curve(channels.time, inertia_of(alpha2, rig), motion.turning_times)
     viscous = Curve(channels.time, viscous_of(alpha2, alpha3, rig), motion.turning_times)
     return Run(inertia, viscous, settled_part(inertia))

@@ -105,11 +105,11 @@ def drawn_log(
 
 
 def encoder_places(rig: Rig, seed: int) -> tuple[float, float]:
-    """What the encoders of axis and wheel read at angle 0, within one step (rad).
+    """What the encoders of axis and wheel read at angle 0, within half a step of 0 (rad).
 
     Where the grid of an encoder lies is chance, and decides what its rounding does to a motion that repeats.
     """
-    place = np.random.default_rng([seed, 1]).random(2)
+    place = np.random.default_rng([seed, 1]).random(2) - 0.5
     steps = (rig.sensors.of("angle").resolution, rig.sensors.of("wheel").resolution)
     return float(place[0] * steps[0]), float(place[1] * steps[1])
 

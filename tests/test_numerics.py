@@ -11,7 +11,7 @@ from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.regression import fit_linear
+from swingid.numerics.regression import fit_linear, gram
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.numerics.test_functions import (
     curvature_overlap,
@@ -414,6 +414,41 @@ def test_a_column_of_zeros_and_a_repeated_one():
     assert zeroed.condition == np.inf
     twice = fit_linear(np.column_stack([x, x]), y)
     assert twice.values == pytest.approx(np.full(2, x @ y / (x @ x) / 2), rel=1e-9)
+
+
+@given(seeds, st.sampled_from(["any", "close", "zero", "parallel"]))
+@CASES
+def test_least_squares_is_that_of_the_svd(seed, kind):
+    """Also where columns are all but parallel, zero or parallel, and whatever their units."""
+    rng = np.random.default_rng(seed)
+    rows, unknowns = int(rng.integers(8, 200)), int(rng.integers(3, 8))
+    columns = rng.standard_normal((rows, unknowns))
+    if kind == "close":
+        columns[:, 1] = columns[:, 0] + 1e-5 * columns[:, 1]
+    if kind == "zero":
+        columns[:, 1] = 0.0
+    if kind == "parallel":
+        columns[:, 1] = 3 * columns[:, 0]
+    units = 10.0 ** rng.integers(-6, 6, unknowns)
+    target = rng.standard_normal(rows)
+    fit = fit_linear(columns * units, target)
+    length = np.linalg.norm(columns, axis=0)
+    length[length == 0] = 1.0
+    expected = np.linalg.pinv(columns / length, rcond=1e-9)
+    size = np.abs(expected).max()
+    assert fit.influence * (units * length)[:, None] == pytest.approx(expected, abs=1e-7 * size)
+    assert fit.values * units * length == pytest.approx(expected @ target, abs=1e-7 * size * np.sqrt(rows))
+    assert fit.residuals == pytest.approx(target - (columns / length) @ (expected @ target), abs=1e-9)
+    if kind in ("any", "close"):
+        assert fit.condition == pytest.approx(np.linalg.cond(columns / length), rel=1e-6)
+
+
+@given(seeds)
+@CASES
+def test_gram(seed):
+    rng = np.random.default_rng(seed)
+    rows = rng.standard_normal((int(rng.integers(1, 12)), int(rng.integers(1, 50))))
+    assert gram(rows) == pytest.approx(rows @ rows.T, abs=1e-12)
 
 
 def test_newey_west_knows_correlated_residuals():

@@ -55,8 +55,14 @@ def law_columns(terms: tuple[str, ...], speeds: Array, stribeck_speed: float) ->
     """Values of the terms at `speeds`, shape (speeds, terms)."""
     terms_at = {name: term(speeds) for name, term in TERMS.items() if name in terms}
     if "stribeck" in terms:
-        terms_at["stribeck"] = np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2))
+        terms_at["stribeck"] = stribeck_peak(speeds, stribeck_speed)
     return np.column_stack([terms_at[term] for term in terms])
+
+
+def stribeck_peak(speeds: Array, stribeck_speed: float) -> Array:
+    """Stribeck's peak sgn v exp(−(v/vs)²) at `speeds`."""
+    result: Array = np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2))
+    return result
 
 
 def stribeck_slope(speeds: Array, stribeck_speed: float) -> Array:

@@ -81,20 +81,129 @@ class LinearFit:
         return result
 
 
+@njit_sums
+def gram(rows: Array) -> Array:
+    """X Xᵀ of rows X (p, n), for p of some dozens: quicker than BLAS where that would wake other processors.
+
+    Four products at a time, so that each row is read once for them.
+    """
+    count, length = rows.shape
+    result = np.empty((count, count))
+    for a in range(count):
+        one = rows[a]
+        for c in range(0, a + 1, 4):
+            last = count - 1
+            r0, r1, r2, r3 = rows[c], rows[min(c + 1, last)], rows[min(c + 2, last)], rows[min(c + 3, last)]
+            t0 = t1 = t2 = t3 = 0.0
+            for i in range(length):
+                x = one[i]
+                t0 += x * r0[i]
+                t1 += x * r1[i]
+                t2 += x * r2[i]
+                t3 += x * r3[i]
+            for k, total in enumerate((t0, t1, t2, t3)):
+                if c + k <= a:
+                    result[a, c + k] = result[c + k, a] = total
+    return result
+
+
+@njit
+def _orthonormal(rows: Array) -> tuple[Array, Array]:
+    """Q (p, n) and R (p, p) with Xᵀ = Qᵀ R for rows X (p, n), by Gram and Schmidt twice; Q's rows are orthonormal.
+
+    A row that the ones before it explain to rounding becomes 0.
+    """
+    count, length = rows.shape
+    q, r = rows.copy(), np.zeros((count, count))
+    for k in range(count):
+        before = np.sqrt((q[k] * q[k]).sum())
+        for _ in range(2):
+            for j in range(k):
+                share = (q[j] * q[k]).sum()
+                r[j, k] += share
+                for i in range(length):
+                    q[k, i] -= share * q[j, i]
+        left = np.sqrt((q[k] * q[k]).sum())
+        if left > 1e-15 * before:
+            r[k, k] = left
+            q[k] /= left
+        else:
+            q[k] = 0.0
+    return q, r
+
+
+@njit
+def _singular(r: Array) -> tuple[Array, Array, Array]:
+    """U S (p, p), V (p, p) and the singular values S of R = (U S) Vᵀ, not sorted (one-sided Jacobi, Hestenes 1958)."""
+    count = len(r)
+    u, v = r.copy(), np.eye(count)
+    for _ in range(30):
+        turned = 0.0
+        for a in range(count - 1):
+            for c in range(a + 1, count):
+                alpha = beta = gamma = 0.0
+                for i in range(count):
+                    alpha += u[i, a] * u[i, a]
+                    beta += u[i, c] * u[i, c]
+                    gamma += u[i, a] * u[i, c]
+                limit = np.sqrt(alpha * beta)
+                if limit == 0.0 or abs(gamma) <= 1e-15 * limit:
+                    continue
+                turned = max(turned, abs(gamma) / limit)
+                zeta = (beta - alpha) / (2.0 * gamma)
+                tangent = (1.0 if zeta >= 0 else -1.0) / (abs(zeta) + np.sqrt(1.0 + zeta * zeta))
+                cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                sine = cosine * tangent
+                for m in (u, v):
+                    for i in range(count):
+                        one, two = m[i, a], m[i, c]
+                        m[i, a], m[i, c] = cosine * one - sine * two, sine * one + cosine * two
+        if turned < 1e-14:
+            break
+    return u, v, np.sqrt((u * u).sum(axis=0))
+
+
+@njit_sums
+def _fitted(columns: Array, target: Array, smallest: float) -> tuple[Array, Array, Array, float]:
+    """Values, residuals, influence and condition of `fit_linear`."""
+    length, count = columns.shape
+    rows, scale = np.empty((count, length)), np.empty(count)
+    for k in range(count):
+        rows[k] = columns[:, k]
+        power = (rows[k] * rows[k]).sum()
+        scale[k] = np.sqrt(power) if power > 0.0 else 1.0
+        rows[k] /= scale[k]
+    q, r = _orthonormal(rows)
+    u, v, s = _singular(r)
+    largest = s.max()
+    back = np.zeros((count, count))  # V S⁻¹ Uᵀ, of the directions that are seen
+    for j in range(count):
+        if s[j] > smallest * largest:
+            for a in range(count):
+                for c in range(count):
+                    back[a, c] += v[a, j] * u[c, j] / (s[j] * s[j])
+    influence, values, residuals = np.zeros((count, length)), np.zeros(count), target.copy()
+    for a in range(count):
+        for c in range(count):
+            share = back[a, c] / scale[a]
+            for i in range(length):
+                influence[a, i] += share * q[c, i]
+        values[a] = (influence[a] * target).sum()
+    for a in range(count):
+        share = values[a] * scale[a]
+        for i in range(length):
+            residuals[i] -= share * rows[a, i]
+    least = s.min()
+    return values, residuals, influence, largest / least if least > 0.0 else np.inf
+
+
 def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> LinearFit:
     """Least squares by SVD of the column-scaled matrix; directions below `smallest` of the largest are dropped.
 
-    columns (n, p), target (n,). A column of zeros gets the value 0.
+    columns (n, p), target (n,), p of some tens at most. A column of zeros gets the value 0. The SVD is that of R of
+    the matrix = Q R.
     """
-    scale = np.linalg.norm(columns, axis=0)
-    scale[scale == 0] = 1.0
-    u, s, vt = np.linalg.svd(columns / scale, full_matrices=False)
-    seen = s > smallest * s[0]
-    inverse = np.where(seen, 1 / np.where(seen, s, 1.0), 0.0)
-    influence = ((vt.T * inverse) @ u.T) / scale[:, None]
-    values = influence @ target
-    condition = float(s[0] / s[-1]) if s[-1] > 0 else float("inf")
-    return LinearFit(values, target - columns @ values, influence, condition)
+    return LinearFit(*_fitted(np.asarray(columns), np.asarray(target), smallest))
 
 
 def parzen(reach: int) -> Array:

@@ -25,13 +25,13 @@ from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
 
-BLOCK = 1 / 16
+BLOCK = 1 / 8
 """Length of the blocks of rows, of the time in which the quickest turn of the motion passes."""
 
 FEWEST_BLOCKS = 4
 """Blocks that half a window holds, at least."""
 
-FINE = 1 / 3
+FINE = 1 / 6
 """Length of the blocks on which the friction near rest is seen, of those of the signals."""
 
 

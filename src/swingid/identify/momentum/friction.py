@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.friction_laws import law_columns, stribeck_slope
+from swingid.identify.friction_laws import TERMS, law_columns, stribeck_slope
 from swingid.identify.momentum.balance import Rows, Signals
 from swingid.identify.momentum.fits import LAG, columns_of, known_side
 from swingid.identify.momentum.friction_rows import FrictionRows, speed_knots
@@ -73,7 +73,7 @@ def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: tuple[float
     acceleration = float(np.median(np.abs(signals.motion.speed.acceleration(signals.motion.turning_times))))
     choice = LawChoice(friction, body, target, slowest=float(np.sqrt(acceleration * noise)))
     law = _fitted(friction, body, target, choice, memory[1])
-    return replace(law, curve=_curve(friction, body, target, law, choice))
+    return replace(law, curve=_curve(friction, law, choice, len(target)))
 
 
 def first_torque(signals: Signals, rows: Rows, scale: Scale) -> Callable[[Array], Array]:
@@ -82,13 +82,18 @@ def first_torque(signals: Signals, rows: Rows, scale: Scale) -> Callable[[Array]
     Quick, for first corrections.
     """
     _, body = columns_of(rows, scale, ())
-    choice = LawChoice(FrictionRows.of(signals, rows), body, known_side(rows, scale), odd_only=True)
+    choice = LawChoice(FrictionRows.of(signals, rows, hats=False), body, known_side(rows, scale), odd_only=True)
+
+    mean = dict.fromkeys(TERMS, 0.0)
+    for name, weight in choice.weights.items():
+        trial = choice.trials[name]
+        for term, value in zip(trial.terms, trial.values, strict=True):
+            mean[term] += weight * float(value)
+    terms, values = tuple(mean), np.array(list(mean.values()))
 
     def torque(speeds: Array) -> Array:
-        mean = np.zeros(len(speeds))
-        for name, weight in choice.weights.items():
-            mean += weight * choice.trials[name].torque(speeds)
-        return mean
+        result: Array = law_columns(terms, speeds, np.nan) @ values
+        return result
 
     return torque
 
@@ -124,7 +129,7 @@ def _fitted(friction: FrictionRows, body: Array, target: Array, choice: LawChoic
     )
 
 
-def _curve(friction: FrictionRows, body: Array, target: Array, law: FrictionLaw, choice: LawChoice) -> FrictionCurve:
+def _curve(friction: FrictionRows, law: FrictionLaw, choice: LawChoice, rows: int) -> FrictionCurve:
     """The law plus what the rows show beyond it, as a sum of hat functions on a coarse grid of speeds.
 
     Hats alone are ill-conditioned where the motion passes quickly. The deviations at the nodes have a normal prior
@@ -132,16 +137,12 @@ def _curve(friction: FrictionRows, body: Array, target: Array, law: FrictionLaw,
     say nothing, and leaves it where they do. Type A uncertainties, with those of the choice of the law.
     """
     coarse = speed_knots(friction.knots[-1], CURVE_KNOTS)
-    fitted = np.column_stack([friction.columns @ friction.law(law.terms, law.stribeck_speed), body])
-    basis, _ = np.linalg.qr(fitted)
     # what the law and the inertia can take up is not the curve's to explain
-    left = target - basis @ (basis.T @ target)
-    columns = friction.columns @ _deviations(friction, coarse)
-    columns = columns - basis @ (basis.T @ columns)
-    noise = LAG / 2 * float(left @ left) / len(left)
-    eigen, vectors = np.linalg.eigh(columns.T @ columns)
+    left, products, shared = choice.beside(friction.law(law.terms, law.stribeck_speed), _deviations(friction, coarse))
+    noise = LAG / 2 * left / rows
+    eigen, vectors = np.linalg.eigh(products)
     eigen = np.maximum(eigen, 0.0)
-    projected = vectors.T @ (columns.T @ left)
+    projected = vectors.T @ shared
     width = _likeliest_width(eigen, projected, noise)
     shrunk = width / (noise + width * eigen) if noise > 0 else np.zeros_like(eigen)
     moving = coarse != 0.0

@@ -6,14 +6,16 @@ wrong there. Only the continuous rest needs the speed, and a basis of hat functi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.friction_laws import law_columns, stribeck_slope
+from swingid.identify.friction_laws import stribeck_peak, stribeck_slope
 from swingid.identify.momentum.balance import Rows, Signals, Windows
+from swingid.numerics.compiled import njit
 from swingid.numerics.test_functions import project_hats, project_stacked
 
 Array = NDArray[np.float64]
@@ -38,22 +40,22 @@ class FrictionRows:
     columns: Array
 
     @classmethod
-    def of(cls, signals: Signals, rows: Rows) -> FrictionRows:
-        """Friction columns of rows of "law" windows, of one length."""
-        knots = speed_knots(signals.fastest, KNOTS)
-        key = ("friction columns", float(rows.windows.half[0]))
-        if key not in signals.kept:
-            signals.kept[key] = _of_speed(signals, rows.windows, knots)
-        exact = [rows.friction[name] for name in EXACT[:-1]]
-        return cls(rows, signals.fastest, knots, np.column_stack([*exact, signals.kept[key]]))
+    def of(cls, signals: Signals, rows: Rows, *, hats: bool = True) -> FrictionRows:
+        """Friction columns of rows of "law" windows, of one length. hats: False for laws without a peak at rest."""
+        knots = speed_knots(signals.fastest, KNOTS) if hats else np.empty(0)
+        columns = [rows.friction[name] for name in EXACT[:-1]]
+        columns.append(_kept(signals, "cubic", rows.windows, lambda: _cubic(signals, rows.windows)))
+        if hats:
+            columns.append(_kept(signals, "hats", rows.windows, lambda: _hats(signals, rows.windows, knots)))
+        return cls(rows, signals.fastest, knots, np.column_stack(columns))
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
         """Weights on `columns` that give the columns of a law's terms, shape (columns, terms)."""
         weights = _own_columns(terms, len(EXACT) + len(self.knots))
         if "stribeck" in terms:
             weights = weights.copy()
-            peak = law_columns(("stribeck",), self.knots, stribeck_speed)[:, 0]
-            weights[:, terms.index("stribeck")] = self.function(self._smooth(peak), 1.0, -1.0)
+            peak = self._smooth(stribeck_peak(self.knots, stribeck_speed))
+            weights[:, terms.index("stribeck")] = self.function(peak, 1.0, -1.0)
         return weights
 
     def stribeck_slope(self, stribeck_speed: float) -> Array:
@@ -62,10 +64,8 @@ class FrictionRows:
 
     def _smooth(self, values: Array) -> Array:
         """Values whose interpolation by straight lines is right on the mean: f − h² f''/12, but next to rest."""
-        before, after = np.diff(self.knots)[:-1], np.diff(self.knots)[1:]
-        slopes = np.diff(values) / np.diff(self.knots)
         result = values.copy()
-        result[1:-1] -= before * after * 2 * np.diff(slopes) / (before + after) / 12
+        result[1:-1] -= _bends(self.knots, values)
         middle = len(values) // 2
         result[middle - 1 : middle + 2] = values[middle - 1 : middle + 2]
         return result
@@ -91,11 +91,32 @@ def _own_columns(terms: tuple[str, ...], count: int) -> Array:
     return weights
 
 
-def _of_speed(signals: Signals, windows: Windows, knots: Array) -> Array:
-    """Columns that the speed alone makes: the cubic term, then the hats."""
+def _kept(signals: Signals, name: str, windows: Windows, columns: Callable[[], Array]) -> Array:
+    """Columns that the speed alone makes, computed once for all windows of one length."""
+    key = (name, float(windows.half[0]))
+    if key not in signals.kept:
+        signals.kept[key] = columns()
+    return signals.kept[key]
+
+
+def _cubic(signals: Signals, windows: Windows) -> Array:
     power = (signals.speed * signals.speed * signals.speed).reshape(1, -1)
-    cubic = project_stacked(signals.nodes, power, np.zeros(1, dtype=np.int64), windows.centres, windows.half)
-    return np.column_stack([cubic, project_hats(*signals.finely, knots, windows.centres, windows.half)])
+    return project_stacked(signals.nodes, power, np.zeros(1, dtype=np.int64), windows.centres, windows.half)
+
+
+def _hats(signals: Signals, windows: Windows, knots: Array) -> Array:
+    return project_hats(*signals.finely, knots, windows.centres, windows.half)
+
+
+@njit
+def _bends(knots: Array, values: Array) -> Array:
+    """h² f''/12 at the inner knots, from the values at their neighbours."""
+    result = np.empty(len(knots) - 2)
+    for k in range(len(result)):
+        before, after = knots[k + 1] - knots[k], knots[k + 2] - knots[k + 1]
+        change = (values[k + 2] - values[k + 1]) / after - (values[k + 1] - values[k]) / before
+        result[k] = before * after * change / (before + after) / 6
+    return result
 
 
 def speed_knots(fastest: float, count: int) -> Array:

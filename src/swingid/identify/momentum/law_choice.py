@@ -12,7 +12,7 @@ from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, la
 from swingid.identify.momentum.fits import LAG
 from swingid.identify.momentum.friction_rows import FrictionRows
 from swingid.numerics.compiled import njit
-from swingid.numerics.regression import symmetric_inverse
+from swingid.numerics.regression import gram, symmetric_inverse
 
 Array = NDArray[np.float64]
 
@@ -46,9 +46,8 @@ class LawChoice:
     def __init__(
         self, friction: FrictionRows, body: Array, target: Array, slowest: float = np.inf, *, odd_only: bool = False
     ) -> None:
-        everything = np.column_stack([body, friction.columns, target])
         self.friction, self.body = friction, body.shape[1]
-        self.gram = everything.T @ everything
+        self.gram = gram(np.vstack([body.T, friction.columns.T, target]))
         self.independent = len(target) / (LAG / 2)
         self.trials: dict[str, Trial] = {}
         peaks = [odd for odd, terms in LAWS.items() if "stribeck" in terms]
@@ -80,6 +79,25 @@ class LawChoice:
         likely = {name: float(np.exp(-score / 2)) for name, score in self.scores.items()}
         total = sum(likely.values())
         return {name: value / total for name, value in likely.items()}
+
+    def beside(self, weights: Array, more: Array) -> tuple[float, Array, Array]:
+        """What a law with these weights on the friction columns leaves, and what columns of `more` weights could of it.
+
+        Returns the sum of squares that is left, and the products of the columns, free of law and body, with each other
+        and with what is left.
+        """
+        body = np.eye(self.body, self.body + len(weights))
+        law = np.vstack([np.hstack([np.zeros((weights.shape[1], self.body)), weights.T]), body])
+        others = np.hstack([np.zeros((more.shape[1], self.body)), more.T])
+        inner, right, power = self.gram[:-1, :-1], self.gram[:-1, -1], float(self.gram[-1, -1])
+        fitted = law @ inner
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(fitted @ law.T), 1e-300))
+        scaled = (fitted @ law.T) * np.outer(scale, scale) + 1e-13 * np.eye(len(scale))
+        mixed = fitted @ others.T
+        taken = np.linalg.solve(scaled, scale[:, None] * np.column_stack([mixed, law @ right])) * scale[:, None]
+        left = max(power - float(taken[:, -1] @ (law @ right)), 1e-15 * power, 1e-300)
+        shared: Array = others @ right - mixed.T @ taken[:, -1]
+        return left, others @ inner @ others.T - mixed.T @ taken[:, :-1], shared
 
     def _attempt(self, name: str) -> None:
         terms = law_terms(name)
@@ -164,9 +182,20 @@ def _solved(gram: Array, body: int, weights: Array) -> tuple[Array, Array, float
 
 def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> bool:
     """Whether no coefficient, in either direction, is negative beyond its standard uncertainty."""
-    rows = _sides(terms)
-    spread = np.sqrt(np.maximum(((rows @ covariance) * rows).sum(axis=1), 0.0))
-    return bool((rows @ values > -spread).all())
+    return bool(_none_below(_sides(terms), values, covariance))
+
+
+@njit
+def _none_below(rows: Array, values: Array, covariance: Array) -> bool:
+    """Whether no row of `rows` @ values lies below minus its standard uncertainty."""
+    for row in rows:
+        variance = 0.0
+        for k in range(len(row)):
+            for j in range(len(row)):
+                variance += row[k] * covariance[k, j] * row[j]
+        if (row * values).sum() <= -np.sqrt(max(variance, 0.0)):
+            return False
+    return True
 
 
 @cache

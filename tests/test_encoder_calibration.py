@@ -205,6 +205,16 @@ def test_what_is_stated_is_passed_on_and_not_found_again(three, calibrated):
     assert entry.standard_uncertainty == pytest.approx(abs(entry.sensitivity) * stated.std, rel=1e-9)
 
 
+def test_a_large_nonlinearity_without_values_is_warned_of(three):
+    logs, rig = three[0], three[2].changed({"sensors.nonlinearity": "0.5 deg"})
+    (warning,) = straightened(logs[0], rig).findings[len(logs[0].findings) :]
+    assert (warning.code, warning.level) == ("large-nonlinearity", "warning")
+    assert "calibrate --encoders" in warning.message
+    assert straightened(straightened(logs[0], rig), rig).findings.count(warning) == 1
+    for known in ({"sensors.nonlinearity": "0.2 deg"}, {"sensors.nonlinearity_sine": 0.001}):
+        assert warning not in straightened(logs[0], rig.changed(known)).findings
+
+
 def test_the_rig_file_keeps_its_comments_and_what_was_declared(three):
     logs = three[0][1:2]
     text = given(twin("viscous", nonlinearity="0.1 deg")).text + "\n# the end\n"

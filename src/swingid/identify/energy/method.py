@@ -210,10 +210,12 @@ def _better(part: _Part, rig: Rig, scale: Scale, course: Course) -> EnergyEstima
 
 def _symmetry(estimate: EnergyEstimate, part: _Part, rig: Rig, scale: Scale, course: Course) -> Symmetry | None:
     """What the asymmetry of the passes can do; None where too few swings show the friction."""
-    mirrored = mirrored_passes(part.motion, LEVELS, part.log.time, part.longest_gap)
-    if len(mirrored.turning) < FEWEST_BLOCKS:
-        return None
-    states = states_at(course, mirrored.instants, linear=scale.linear)
+    states = estimate.states
+    if estimate.variant != "better":  # whose states are at the same places
+        mirrored = mirrored_passes(part.motion, LEVELS, part.log.time, part.longest_gap)
+        if len(mirrored.turning) < FEWEST_BLOCKS:
+            return None
+        states = states_at(course, mirrored.instants, linear=scale.linear)
     return asymmetry_bound(estimate.fit, estimate.states, course, friction_profile(course, states, rig, scale))
 
 

@@ -1,8 +1,8 @@
 """All methods side by side: right and wrong models, coverage of intervals, real logs; as a table.
 
-    python benchmarks/methods.py [right wrong coverage real] [--runs N]
+    python benchmarks/methods.py [right wrong coverage doubt real] [--runs N]
 
-"coverage" takes N runs (default 1000) on all cores, some minutes.
+"coverage" takes N runs (default 1000) on all cores, some minutes; "doubt", what each method finds hard, 40 of each.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from swingid.identify import METHODS
 from swingid.simulate.ensemble import simulate_ensemble
 from swingid.study.compare import compare
 from swingid.study.rehearse import Expectation
+from swingid.study.rehearse.trial import encoder_places, through_file
 
 PAPER = sw.Rig.load("paper")
 MOTION = sw.parse_reference("sine 0.8 rad 8.5 rad/s")
@@ -42,7 +43,7 @@ def row(*cells: str) -> None:
     print("| " + " | ".join(cells) + " |", flush=True)
 
 
-def twin(friction: Mapping[str, float], **sensors: object) -> sw.Rig:
+def twin(friction: Mapping[str, object], **sensors: object) -> sw.Rig:
     law = {"axis.friction": None} | {f"axis.friction.{key}": value for key, value in friction.items()}
     return PAPER.changed({**law, **{f"sensors.{key}": value for key, value in sensors.items()}})
 
@@ -84,7 +85,7 @@ def rows_right(_: int) -> None:
         rig = twin(friction)
         right = {
             "output-error": {"law": law},
-            "equation-error": {"friction": law if law == "viscous" else "coulomb + viscous"},
+            "equation-error": {"friction": law},
         }
         row(
             "right law given" if law == "viscous" else "given where the method can",
@@ -174,6 +175,66 @@ def rows_coverage(runs: int) -> None:
             )
 
 
+HIDDEN: dict[str, dict[str, object]] = {
+    "viscous": VISCOUS,
+    "Coulomb": {"viscous": 5e-4, "coulomb": 3e-3},
+    "Stribeck": STRIBECK,
+    "quadratic": {"viscous": 2e-4, "quadratic": 3e-4},
+    "by direction": {"viscous_positive": 1.716e-3, "viscous_negative": 0.572e-3},
+    "LuGre": {
+        "viscous": 5e-4,
+        "coulomb": 3e-3,
+        "lugre": {"bristle_stiffness": 3.0, "bristle_damping": 1e-3},
+    },
+    "sticks at reversals": {"viscous": 5e-4, "coulomb": 15e-3, "static": 20e-3},
+}
+BODY = sw.Rig.load("paper-body")
+DOUBTS: dict[tuple[str, str], tuple[sw.Rig, float]] = {
+    **{("equation-error", f"{name} friction, hidden"): (twin(law), 8.5) for name, law in HIDDEN.items()},
+    **{
+        ("energy", f"rows read {spread:g} ms early or late"): (twin(VISCOUS, jitter=1e-3 * spread), 8.5)
+        for spread in (0, 0.01, 0.1, 0.3, 1)
+    },
+    **{("backstepping", f"{speed} rad/s"): (PAPER, speed) for speed in (5.5, 6.0, 6.5, 8.5)},
+    ("backstepping", "6 rad/s with the body, near resonance"): (BODY, 6.0),
+}
+DOUBT_RUNS = 40
+
+
+def doubtful(seed: int, key: tuple[str, str]) -> tuple[float, float, str]:
+    """Relative error and half-width of the interval of one log, and its warnings or refusal."""
+    rig, speed = DOUBTS[key]
+    told, truth = told_of(rig, **{"sensors.jitter": 0.0}), rig.axis.inertia.value
+    motion = sw.parse_reference(f"sine 0.8 rad {speed} rad/s")
+    place = encoder_places(rig, seed)
+    run = sw.simulate(rig, motion, sw.Compensator.paper(rig), duration=25.0, seed=seed, encoder_zero=place)
+    try:
+        result = sw.identify(through_file(run, told), told, key[0])
+    except sw.errors.SwingidError as error:
+        return float("nan"), float("nan"), error.code
+    low, high = result.inertia.interval95
+    codes = ", ".join(dict.fromkeys(w.code for w in result.warnings))
+    return result.inertia.value / truth - 1, (high - low) / 2 / truth, codes
+
+
+def rows_doubt(_: int) -> None:
+    row("method", "what it finds hard", "bias", "RMSE", "median half-width", "covers", "warns")
+    row(*["---"] * 7)
+    with ProcessPoolExecutor(os.cpu_count()) as pool:
+        for key in DOUBTS:
+            errors, halves, codes = zip(*pool.map(partial(doubtful, key=key), range(DOUBT_RUNS)), strict=True)
+            e = Expectation(key[0], np.array(errors), np.array(halves), {}, {})
+            share, error = e.coverage
+            row(
+                *key,
+                f"{100 * e.bias:+.4f} %",
+                f"{100 * e.rmse:.4f} %",
+                f"{100 * e.half_width:.4f} %",
+                f"{100 * share:.0f} ± {100 * error:.0f} %",
+                ", ".join(f"{code} {count}" for code, count in Counter(c for c in codes if c).items()),
+            )
+
+
 def rows_real(_: int) -> None:
     data = Path(os.environ.get("SWINGID_DATA", PROJECT.parent / "shared" / "data"))
     if not data.exists():
@@ -198,7 +259,13 @@ def rows_real(_: int) -> None:
         row(name, published, *(cells[method] for method in METHODS))
 
 
-ROWS = {"right": rows_right, "wrong": rows_wrong, "coverage": rows_coverage, "real": rows_real}
+ROWS = {
+    "right": rows_right,
+    "wrong": rows_wrong,
+    "coverage": rows_coverage,
+    "doubt": rows_doubt,
+    "real": rows_real,
+}
 
 
 def main(arguments: Iterable[str] | None = None) -> None:

@@ -26,6 +26,7 @@ from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identify import identify
 from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
 from swingid.simulate import simulate
 
 TIME = np.arange(15_001) / 1000
@@ -376,3 +377,21 @@ def test_findings_of_the_recording_reach_the_result(twin_log):
     assert result.status == "warning"
     assert "spikes" in codes(result.warnings)
     assert "dropouts" in codes(result.notes)
+
+
+def test_what_is_no_log_or_no_rig_is_told():
+    rig = Rig.builtin("paper")
+    with pytest.raises(UsageError, match=r"'run.csv' is no log yet; load it with"):
+        identify("run.csv", rig)
+    with pytest.raises(UsageError, match=r"'paper' is no Rig; load one with"):
+        identify([], "paper")
+
+
+def test_a_refusal_names_the_file(tmp_path):
+    rig, time = Rig.builtin("paper"), np.arange(3000) / 1000
+    still = Recording(time, 1e-4 * np.sin(time), wheel_angle=2e-5 * time, voltage=0 * time)
+    path = still.save(tmp_path / "still.csv", rig)
+    with pytest.raises(UnanswerableError, match=r"still.csv: the angle moves by"):
+        identify(Recording.load(path, rig), rig)
+    with pytest.raises(UnanswerableError, match=r"^the angle moves by"):
+        identify(still, rig)

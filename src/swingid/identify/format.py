@@ -163,3 +163,10 @@ def _assemble(digits: str, exponent: int, unit: str, fine: bool, *, bracket: boo
     text = f"{digits} {pretty_unit(unit)}".strip()
     # a line may break before the power of ten only
     return text.replace(" ", "\u00a0").replace("\u00a0×", " ×") if fine else text
+
+
+def left(share: float) -> str:
+    """What a balance leaves, as a share of what it balances, in words fit for a sentence."""
+    if share > 10:
+        return "many times itself"
+    return "less than 0.1 %" if share < 1e-3 else percent(share)

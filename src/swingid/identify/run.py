@@ -6,8 +6,9 @@ import difflib
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 
-from swingid.errors import SwingidError, UsageError
+from swingid.errors import SwingidError, UnanswerableError, UsageError
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
@@ -59,14 +60,21 @@ def identify(
     Raises
     ------
     UsageError
-        Unknown method or option; a LargeLog for a method that does not read in parts.
+        Unknown method or option; a LargeLog for a method that does not read in parts; no log or no rig.
     UnanswerableError
         The log cannot answer: no motion, too short, not identifiable, no scale.
     """
     function = method_function(method)
+    if not isinstance(rig, Rig):
+        raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")
+    if isinstance(log, str | Path):
+        raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
     if isinstance(log, Recording | LargeLog):
         check_options(method, function, options)
-        return _of_one(log, rig, method, function, options)
+        try:
+            return _of_one(log, rig, method, function, options)
+        except UnanswerableError as error:
+            raise _named(error, log.path if isinstance(log, LargeLog) else log.source.path) from error
     from swingid.identify.combine.several import FRICTION, identify_several
 
     known = inspect.signature(function).parameters
@@ -76,6 +84,13 @@ def identify(
     if "alone" in known and len(log) > 1:
         options.setdefault("alone", False)
     return identify_several(log, lambda one: _of_one(one, rig, method, function, options), friction=friction)
+
+
+def _named(error: UnanswerableError, path: str | None) -> UnanswerableError:
+    """The same with the file in front, where its sentence does not name it."""
+    if path is None or path in error.message:
+        return error
+    return UnanswerableError(f"{path}: {error.message}", code=error.code)
 
 
 def _of_one(log: Log, rig: Rig, method: str, function: Callable[..., Result], options: Mapping[str, object]) -> Result:

@@ -45,14 +45,23 @@ def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
 
 
 def write_whole(target: Path, content: bytes) -> None:
-    """Write a file that appears whole or not at all; InputError that names it and the reason."""
-    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
+    """Write a file that appears whole or not at all (a device as it is, a link where it leads).
+
+    Raises InputError that names the file and the reason.
+    """
+    partial = None
     try:
+        place = Path(os.path.realpath(target))
+        if place.exists() and not place.is_file():
+            place.write_bytes(content)
+            return
+        partial = place.with_name(f".{place.name[:200]}.{os.getpid()}.part")
         partial.write_bytes(content)
-        partial.replace(target)
+        partial.replace(place)
     except OSError as error:
-        with suppress(OSError):
-            partial.unlink(missing_ok=True)
+        if partial is not None:
+            with suppress(OSError):
+                partial.unlink(missing_ok=True)
         raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
 
 

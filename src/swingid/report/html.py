@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swingid.errors import InputError
 from swingid.identify.format import interval
 from swingid.identify.result import Result
 from swingid.identify.summary import log_row, relative, segment_text, value_text, why_unknown
@@ -53,16 +51,8 @@ def write_report(result: Result, log: Recording | None, rig: Rig | None, path: s
 
 
 def write_page(page: str, target: Path) -> Path:
-    """Write a page whole or not at all (a device is written as it is); InputError where that fails."""
-    content = page.encode("utf-8", "backslashreplace")  # names of files may hold what is no text
-    place = Path(os.path.realpath(target))
-    if place.is_file() or not place.exists():
-        write_whole(place, content)
-        return target
-    try:
-        place.write_bytes(content)
-    except OSError as error:
-        raise InputError(f"cannot write {target}: {error.strerror}", code="cannot-write") from None
+    """Write a page whole or not at all, see `write_whole`; returns the target."""
+    write_whole(target, page.encode("utf-8", "backslashreplace"))  # names of files may hold what is no text
     return target
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
+from swingid.identify.format import left
 from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.momentum.balance import Signals, rows_of
 from swingid.identify.momentum.checks import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
@@ -72,8 +73,8 @@ def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise
     balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
     if balance is not None and balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
         raise InputError(
-            f"{where}: voltage has the wrong sign (the motor's balance leaves {balance.as_stated:.1%}, with the sign "
-            f"turned {balance.turned:.1%}); set voltage_sign = -1 under [log], or +1 if it is -1 already.",
+            f"{where}: voltage has the wrong sign (the motor's balance leaves {left(balance.as_stated)}, with the "
+            f"sign turned {left(balance.turned)}); set voltage_sign = -1 under [log], or +1 if it is -1 already.",
             code="wrong-sign",
         )
     others = () if shorter is None else (shorter,)
@@ -158,8 +159,8 @@ def _for_energy(message: Message, balance: MotorBalance | None) -> Message:
     if message.code != "motor-balance" or balance is None:
         return message
     text = (
-        f"the motor's balance leaves {balance.as_stated:.1%}: the motor constants do not fit this log, or the wheel "
-        "angle is not what [log] says; this inertia stands on them and is wrong by several times as much, so use "
+        f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or the "
+        "wheel angle is not what [log] says; this inertia stands on them and is wrong by several times as much, so use "
         "the momentum method or calibrate the motor."
     )
     return Message("motor-balance", text)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.format import number
+from swingid.identify.format import left, number
 from swingid.identify.friction_laws import friction_units
 from swingid.identify.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
 from swingid.identify.momentum.balance import Signals
@@ -205,8 +205,8 @@ def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Me
         return [], [Message("wheel-angle-reading", text)]
     if balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
         text = (
-            f"voltage seems to have the wrong sign (the motor's balance leaves {balance.as_stated:.1%}, with the sign "
-            f"turned {balance.turned:.1%}); momentum does not use it, but set voltage_sign under [log]."
+            f"voltage seems to have the wrong sign (the motor's balance leaves {left(balance.as_stated)}, with the "
+            f"sign turned {left(balance.turned)}); momentum does not use it, but set voltage_sign under [log]."
         )
         return [Message("voltage-sign", text)], []
     stated, other = ("relative", "absolute") if balance.is_relative else ("absolute", "relative")
@@ -218,8 +218,8 @@ def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Me
         return [Message("wheel-angle-reading", text)], []
     if balance.as_stated > BAD_MOTOR:
         text = (
-            f"the motor's balance leaves {balance.as_stated:.1%}: the motor constants do not fit this log, or the "
-            "wheel angle is not what [log] says; momentum does not use the motor, but check both."
+            f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or "
+            "the wheel angle is not what [log] says; momentum does not use the motor, but check both."
         )
         return [Message("motor-balance", text)], []
     rest = f"; the wheel rests {balance.rests:.0%} of the time, and tells nothing then" if balance.rests > 0.05 else ""
@@ -242,11 +242,12 @@ def _reading(balance: MotorBalance) -> str | None:
 
 def _residuals(balance: MotorBalance) -> str:
     told = (
-        f"the motor's balance leaves {balance.as_stated:.1%} with it and {balance.otherwise:.1%} with the other reading"
+        f"the motor's balance leaves {left(balance.as_stated)} with it and {left(balance.otherwise)} with the "
+        "other reading"
     )
     if balance.refitted is None or balance.refitted_otherwise is None:
         return told
     return (
-        f"{told}, {balance.refitted:.2%} and {balance.refitted_otherwise:.2%} with the motor's strength and friction "
-        "left free"
+        f"{told}, {left(balance.refitted)} and {left(balance.refitted_otherwise)} with the motor's strength and "
+        "friction left free"
     )

@@ -146,7 +146,7 @@ def test_text_in_a_few_rows_is_dropped_and_told(tmp_path):
     assert np.array_equal(loaded.angle, np.delete(LOG.angle, [100, 101]))
     (finding, gaps) = loaded.findings
     assert (finding.code, finding.level, gaps.code) == ("rows-without-numbers", "note", "gaps")
-    assert finding.message.startswith("2 rows left out: no number in column 'q1' in 2 of 500 rows")
+    assert finding.message.startswith("2 of 500 rows left out: no number in column 'q1' in 2 of 500 rows")
     assert "row 101, such as 'error'" in finding.message
 
 

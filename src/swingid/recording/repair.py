@@ -183,6 +183,6 @@ def _note_gaps(time: NDArray[np.float64], column: str, findings: list[Finding]) 
     usual = float(np.median(steps))
     gaps = int(np.count_nonzero(steps > 1.5 * usual))
     if gaps:
-        message = f"{gaps} steps of column {column!r} are longer than 1.5 times the usual {usual:.6g} s"
+        message = f"{gaps} of {steps.size} steps of column {column!r} are longer than 1.5 times the usual {usual:.6g} s"
         message += f" (the longest {steps.max():.6g} s); the stamps were used as they are."
         findings.append(Finding("gaps", message, "note"))

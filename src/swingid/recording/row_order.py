@@ -61,7 +61,9 @@ def _drop_rows_without_numbers(
         raise InputError(f"{name} has no number in {where}; give [log] {worst} a column of numbers.", code="no-numbers")
     dropped = rows - int(good.sum())
     level = _level(dropped, rows)
-    findings.append(Finding("rows-without-numbers", f"{dropped} rows left out: no number in {where}.", level, "blanks"))
+    findings.append(
+        Finding("rows-without-numbers", f"{dropped} of {rows} rows left out: no number in {where}.", level, "blanks")
+    )
     return take(channels, good)
 
 

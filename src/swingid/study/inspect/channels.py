@@ -82,7 +82,7 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
     values_of: dict[str, object] = {"low": column.low, "high": column.high, "step": step}
     text = f"column {column.name!r} from {column.low:.4g} to {column.high:.4g}{_in(column.unit or '')}"
     if column.missing:
-        text += f", {column.missing} cells without a number"
+        text += f", no number in {column.missing} of {len(column.values)} rows"
     level: Level = "ok"
     remedy = ""
     if channel.role in ("angle", "wheel_angle", "wheel_speed"):

@@ -145,7 +145,10 @@ class BlockNodes(GaussNodes):
 
     def spline(self, values: Array, derivative: int = 0) -> Array:
         """The natural cubic spline through `values` at all stamps, or its first derivative, projected on the blocks."""
-        slopes = spline_slopes(self.stamps, values)
+        return self.cubics(values, spline_slopes(self.stamps, values), derivative)
+
+    def cubics(self, values: Array, slopes: Array, derivative: int = 0) -> Array:
+        """The cubics with these `values` and `slopes` at all stamps, or their first derivative, on the blocks."""
         return _splined(self.stamps, self.rows, values, slopes, derivative, self.fractions)
 
     def hold(self, values: Array, ahead: float = 0.0) -> Array:

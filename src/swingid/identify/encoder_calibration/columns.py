@@ -32,9 +32,8 @@ def encoder_columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: f
     windows = rows.windows
     if not signals.linear:
         result["zero"] = b * project(signals.nodes, [(np.cos(signals.angle), 0)], windows.centres, windows.half)[:, 0]
-    if signals.wheel_values is not None:
-        rate = signals.nodes.spline(signals.wheel_values, derivative=1)
-        late = project(signals.nodes, [(rate, 2)], windows.centres, windows.half)[:, 0]
+    if signals.wheel_rate is not None:
+        late = project(signals.nodes, [(signals.wheel_rate, 2)], windows.centres, windows.half)[:, 0]
         result[f"{WHEEL}.latency"] = scale.a12 * late
     elif signals.torque is not None:
         late = project(signals.nodes, [(signals.torque, 1)], windows.centres, windows.half)[:, 0]

@@ -61,6 +61,7 @@ class Signals:
     speed: Array
     wheel: Array | None
     wheel_values: Array | None
+    wheel_slopes: Array | None
     torque: Array | None
     edges: Array
     directions: Array
@@ -73,7 +74,8 @@ class Signals:
     def stacked(self) -> tuple[Array, NDArray[np.int64]]:
         """Columns of the balance for `project_stacked` and the derivatives of φ that they meet."""
         columns = [(self.angle, 2), (self.sine, 0), (-self.angle, 1)]
-        columns += [(self.speed * np.abs(self.speed), 0), (np.abs(self.speed), 0)]
+        size = np.abs(self.speed)
+        columns += [(self.speed * size, 0), (self.speed * size * size, 0), (size, 0)]
         if self.wheel is not None:
             columns.append((self.wheel, 2))
         elif self.torque is not None:
@@ -101,6 +103,13 @@ class Signals:
             return np.empty((0, 2))
         k = np.nonzero(np.diff(self.nodes.stamps) > least)[0]
         return np.column_stack([self.nodes.stamps[k], self.nodes.stamps[k + 1]])
+
+    @cached_property
+    def wheel_rate(self) -> Array | None:
+        """Speed of the wheel as its angle shows it, at the nodes."""
+        if self.wheel_values is None or self.wheel_slopes is None:
+            return None
+        return self.nodes.cubics(self.wheel_values, self.wheel_slopes, derivative=1)
 
     @cached_property
     def fastest(self) -> float:
@@ -148,9 +157,11 @@ class Signals:
         nodes = BlockNodes.of(log.time, longest)
         late = rig.sensors.of("angle").latency.value
         angle = nodes.spline(log.angle)
-        wheel_values = None
+        wheel = wheel_values = wheel_slopes = None
         if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
             wheel_values = moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value - late)
+            wheel_slopes = spline_slopes(log.time, wheel_values)
+            wheel = nodes.cubics(wheel_values, wheel_slopes)
         torque = None
         if rig.drive.kind == "direct" and log.torque is not None:
             # on the angle's clock: a torque that acts at t is met by the angle in the row stamped t − late
@@ -163,8 +174,9 @@ class Signals:
             angle_values=log.angle,
             sine=np.sin(angle) if rig.axis.kind == "rotary" else np.zeros_like(angle),
             speed=motion.speed.at_nodes(nodes),
-            wheel=None if wheel_values is None else nodes.spline(wheel_values),
+            wheel=wheel,
             wheel_values=wheel_values,
+            wheel_slopes=wheel_slopes,
             torque=torque,
             edges=edges,
             directions=directions,
@@ -187,7 +199,7 @@ class Rows:
     """One equation per window: the integrals of every term, each of shape (windows,).
 
     inertia ∫φ'' q1 (= ∫φ q1''), gravity ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction terms coulomb ∫φ sgn v,
-    viscous ∫φ v, quadratic ∫φ v|v|, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction.
+    viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction.
     stiffness: mean of cos q1, by which noise of the angle enters the gravity.
     """
 
@@ -220,8 +232,9 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
     friction = {
         "viscous": integrals[:, 2],
         "quadratic": integrals[:, 3],
+        "cubic": integrals[:, 4],
         "offset": windows.half * (32 / 35),
-        "viscous_even": integrals[:, 4],
+        "viscous_even": integrals[:, 5],
         **_at_reversals(signals, windows),
     }
     has_wheel, has_torque = signals.wheel is not None, signals.torque is not None

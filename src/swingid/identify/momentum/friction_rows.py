@@ -6,7 +6,6 @@ wrong there. Only the continuous rest needs the speed, and a basis of hat functi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from swingid.identify.friction_laws import stribeck_peak, stribeck_slope
 from swingid.identify.momentum.balance import Rows, Signals, Windows
 from swingid.numerics.compiled import njit
-from swingid.numerics.test_functions import project_hats, project_stacked
+from swingid.numerics.test_functions import project_hats
 
 Array = NDArray[np.float64]
 
@@ -43,10 +42,9 @@ class FrictionRows:
     def of(cls, signals: Signals, rows: Rows, *, hats: bool = True) -> FrictionRows:
         """Friction columns of rows of "law" windows, of one length. hats: False for laws without a peak at rest."""
         knots = speed_knots(signals.fastest, KNOTS) if hats else np.empty(0)
-        columns = [rows.friction[name] for name in EXACT[:-1]]
-        columns.append(_kept(signals, "cubic", rows.windows, lambda: _cubic(signals, rows.windows)))
+        columns = [rows.friction[name] for name in EXACT]
         if hats:
-            columns.append(_kept(signals, "hats", rows.windows, lambda: _hats(signals, rows.windows, knots)))
+            columns.append(_hats(signals, rows.windows, knots))
         return cls(rows, signals.fastest, knots, np.column_stack(columns))
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
@@ -91,21 +89,12 @@ def _own_columns(terms: tuple[str, ...], count: int) -> Array:
     return weights
 
 
-def _kept(signals: Signals, name: str, windows: Windows, columns: Callable[[], Array]) -> Array:
-    """Columns that the speed alone makes, computed once for all windows of one length."""
-    key = (name, float(windows.half[0]))
-    if key not in signals.kept:
-        signals.kept[key] = columns()
-    return signals.kept[key]
-
-
-def _cubic(signals: Signals, windows: Windows) -> Array:
-    power = (signals.speed * signals.speed * signals.speed).reshape(1, -1)
-    return project_stacked(signals.nodes, power, np.zeros(1, dtype=np.int64), windows.centres, windows.half)
-
-
 def _hats(signals: Signals, windows: Windows, knots: Array) -> Array:
-    return project_hats(*signals.finely, knots, windows.centres, windows.half)
+    """∫φ Λ of the hat functions, computed once for all windows of one length."""
+    key = ("hats", float(windows.half[0]))
+    if key not in signals.kept:
+        signals.kept[key] = project_hats(*signals.finely, knots, windows.centres, windows.half)
+    return signals.kept[key]
 
 
 @njit

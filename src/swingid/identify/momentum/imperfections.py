@@ -128,7 +128,7 @@ def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]
 def late_channel(signals: Signals, rows: Rows, a12: float) -> Array:
     """Effect on the rows, per s, of a wheel read later than the angle, or of an angle later than the torque acts."""
     columns = [(signals.torque, 1)] if signals.torque is not None else []
-    if signals.wheel_values is not None:
-        columns = [(-a12 * signals.nodes.spline(signals.wheel_values, derivative=1), 2)]
+    if signals.wheel_rate is not None:
+        columns = [(-a12 * signals.wheel_rate, 2)]
     effect: Array = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)[:, 0]
     return effect

@@ -115,9 +115,8 @@ def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, t
     def integrals(*pairs: tuple[Array, int]) -> Array:
         return project(nodes, list(pairs), windows.centres, windows.half)
 
-    if signals.wheel is not None and signals.wheel_values is not None:
-        rate = nodes.spline(signals.wheel_values, derivative=1)
-        yield _Column("latency", PRIOR_LATENCY, -scale.a12 * integrals((rate, 2))[:, 0])
+    if signals.wheel is not None and signals.wheel_rate is not None:
+        yield _Column("latency", PRIOR_LATENCY, -scale.a12 * integrals((signals.wheel_rate, 2))[:, 0])
         for k in (1, 2):
             for name, function in (("cosine", np.cos), ("sine", np.sin)):
                 wave = function(k * signals.wheel / turn)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,11 @@ from numpy.typing import NDArray
 from swingid.identify.equation_error.cutoff import SETTLING, Cutoff
 from swingid.identify.equation_error.fit import best_lag, fit_rows
 from swingid.identify.equation_error.grid import Grid, even_grid
-from swingid.identify.equation_error.judges import Judged, remembered
+from swingid.identify.equation_error.judges import Judged, remembered, spread_of
 from swingid.identify.equation_error.laws import Law, Laws, LawTable
 from swingid.identify.equation_error.rows import RowFilter, filtered_rows, friction_columns
 from swingid.identify.equation_error.scatter import Fitted
+from swingid.identify.momentum.agreement import SEEN
 from swingid.identify.momentum.balance import Rows, Signals
 from swingid.identify.momentum.delays import impulse_of, late_reversals
 from swingid.identify.momentum.friction_rows import EXACT
@@ -114,12 +116,20 @@ def _law(
         rows = filtered_rows(row_filter, friction_columns(motion, part.grid, EXACT), linear=scale.linear)
         reach = part.reach(row_filter.row_step, len(rows.windows))
         first = fit_rows(rows, scale, ("coulomb", "viscous"), row_filter.usable, reach, 0)
-        laws = table.choose(rows, first.weights, scale)
+        laws = table.choose(rows, first.weights, scale).where(
+            partial(_peaked, replace(part, motion=motion), scale, row_filter)
+        )
         law = laws.best if given is None else table.fitted(given, rows, first.weights, scale)
         before, late = late, late_reversals(signals, law.torque, abs(first.a11), part.noise)
         if np.max(np.abs(late - before)) <= SETTLED * np.max(np.abs(late)):
             break
     return law, laws, late
+
+
+def _peaked(part: Part, scale: Scale, row_filter: RowFilter, law: Law) -> bool:
+    """Whether Stribeck's peak is more than what noise and the encoder's grid, which comes again, make of one."""
+    fit = _fit(part, scale, row_filter, law, (), instruments=False)
+    return abs(fit.fit.value("stribeck")) > SEEN * spread_of(fit, "stribeck", part.motion)
 
 
 def _fit(

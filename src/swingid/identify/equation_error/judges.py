@@ -55,16 +55,22 @@ class Judged:
         return [BudgetEntry(source, "A", "inertia", spread) for source, spread in found.items() if spread > 0]
 
 
+def spread_of(fit: Fitted, unknown: str, motion: Motion) -> float:
+    """Standard uncertainty of an unknown from the scatter, the sensors' noise and the place of the encoder's grid."""
+    own = np.eye(len(fit.fit.unknowns))[fit.fit.unknowns.index(unknown)]
+    spread = float(np.sqrt(fit.variance(own)))
+    if fit.noise.resolution > 0:
+        spread = float(np.hypot(spread, rms(fit.grid_effects(motion, unknown))))
+    return spread
+
+
 def remembered(fit: Fitted, motion: Motion, impulse: float) -> tuple[bool, float]:
     """Whether a fit with a memory of friction sees one, and how uncertain the impulse at each reversal is without it.
 
     impulse: what the correction of the turning points may leave, a prior which the rows then tell more about
     (`momentum/choice.py`).
     """
-    own = np.eye(len(fit.fit.unknowns))[fit.fit.unknowns.index("memory")]
-    spread = float(np.sqrt(fit.variance(own)))
-    if fit.noise.resolution > 0:
-        spread = float(np.hypot(spread, rms(fit.grid_effects(motion, "memory"))))
+    spread = spread_of(fit, "memory", motion)
     found = abs(fit.fit.value("memory"))
     told = impulse**2 / max(impulse**2 + spread**2, 1e-300)
     return found > DETECTED * spread, float(np.hypot(told * found, np.sqrt(told) * spread))

@@ -7,6 +7,7 @@ Hoeting, Madigan, Raftery and Volinsky 1999).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,12 +60,25 @@ class Law:
 class Laws:
     """The laws that these rows allow, by how likely each is; the likeliest first."""
 
-    likely: tuple[tuple[Law, float], ...]
+    tried: tuple[tuple[Law, float], ...]
 
     @property
     def best(self) -> Law:
         """The likeliest law."""
-        return self.likely[0][0]
+        return self.tried[0][0]
+
+    @property
+    def likely(self) -> tuple[tuple[Law, float], ...]:
+        """The laws worth a look, with their probabilities."""
+        total = sum(weight for _, weight in self.tried)
+        return tuple((law, weight / total) for law, weight in self.tried if weight > POSSIBLE * total)
+
+    def where(self, sound: Callable[[Law], bool]) -> Laws:
+        """The laws that are sound, of those worth a look and those without Stribeck's peak."""
+        worth = {law.name for law, _ in self.likely}
+        plain = [(law, weight) for law, weight in self.tried if "stribeck" not in law.terms]
+        kept = [(law, weight) for law, weight in self.tried if law.name in worth and law.peak and sound(law)]
+        return Laws(tuple(sorted([*kept, *plain], key=lambda item: -item[1])))
 
 
 class LawTable:
@@ -90,8 +104,7 @@ class LawTable:
         friction, body, target = self._columns(rows, weights, scale)
         choice = LawChoice(friction, body, target, slowest=self.slowest)
         ranked = sorted(choice.weights.items(), key=lambda item: -item[1])
-        likely = [(law_of(name, choice.trials[name]), weight) for name, weight in ranked if weight > POSSIBLE]
-        return Laws(tuple(likely))
+        return Laws(tuple((law_of(name, choice.trials[name]), weight) for name, weight in ranked))
 
     def fitted(self, name: str, rows: Rows, weights: Array, scale: Scale) -> Law:
         """The law of this name with the coefficients, and the Stribeck speed, that fit the rows best."""

@@ -45,7 +45,8 @@ class Fitted:
         """Type A variance of a combination of the unknowns: of white noise of both angles, and what is beyond it.
 
         The scatter of the rows, looked at over a finite time, also holds power of the differentiated noise from
-        frequencies beside the motion's; what noise puts there is known and taken off, and counts as it is.
+        frequencies beside the motion's; what noise puts there is known and taken off, and counts as it is. So is what
+        chance puts there, one standard deviation of such a scatter: the rest is never negative, and would widen by it.
         """
         weights = own @ self.fit.fit.influence
         seen = float(own @ self.fit.covariance @ own)
@@ -54,7 +55,9 @@ class Fitted:
             (1.0 if k == 0 else 2.0) * kernel * noise * float(weights[k:] @ weights[: len(weights) - k])
             for k, (kernel, noise) in enumerate(lags)
         )
-        return float(self._white(weights) + max(seen - smeared, 0.0))
+        # a Parzen kernel takes as many independent stretches from n rows as `hac_covariance` says
+        chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.fit.weights)))
+        return float(self._white(weights) + max(seen - smeared - chance, 0.0))
 
     def _white(self, weights: Array) -> float:
         """Variance of Σ weights · row from white noise of both angles."""

@@ -281,3 +281,19 @@ def test_the_place_of_a_grid_counts_where_white_noise_does_not():
 
     assert entry(1e-4) < 1.0
     assert entry(5e-2) > 1.0
+
+
+@pytest.mark.parametrize("samples", [400, 401.3])
+def test_errors_of_an_encoder_that_come_again_are_known(samples):
+    """So many rows in a period: where it is a whole number, each period meets the same places of the grid."""
+    step = 2 * np.pi / 16384
+    exact = wheel_log(exact_rig(), ONE_TONE, friction, np.arange(10_000) * 2 * np.pi / 8.5 / samples)
+    rng = np.random.default_rng(3)
+    errors, claimed = [], []
+    for shift in step * (rng.random(24) - 0.5):
+        found = identify(
+            replace(exact, angle=step * np.round((exact.angle + shift) / step) - shift), exact_rig()
+        ).inertia
+        errors.append(found.value - INERTIA)
+        claimed.append(found.standard_uncertainty)
+    assert 0.7 < np.median(claimed) / np.sqrt(np.mean(np.square(errors))) < 2.5

@@ -177,8 +177,12 @@ def narrowest(time: Array, angle: Array, noise: float) -> float:
 
 
 def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing: float) -> Speed:
-    """Speed by local cubics of half-width `width` (s) on a grid of `spacing` places per half-width."""
+    """Speed by local cubics of half-width `width` (s) on a grid of `spacing` places per half-width.
+
+    Widths below those of five samples are widened to them.
+    """
     step = typical_step(time)
+    width = max(width, WIDTHS[0] * step)
     grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
     fitted = local_cubic(time, angle, grid, width)
     reached = np.isfinite(fitted[:, 0])

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.motion import Motion
+from swingid.identify.motion import Motion, speed_on_grid
 from swingid.model.rig import Rig
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
@@ -136,9 +136,11 @@ class Signals:
         """Errors of the angle on grids of this step shifted by eighths of it, times the nodes' weights: (8, nodes)."""
         key = ("grid errors", resolution)
         if key not in self.kept:
-            stamps = self.nodes.stamps
-            middles = self.motion.speed.angle_at((stamps[1:] + stamps[:-1]) / 2)
-            self.kept[key] = self.nodes.rounded(middles / resolution) * (self.nodes.flat[1] * resolution)
+            # at the instants of the rows: where their rate is near a multiple of the motion's, errors come again;
+            # and smoothed less than for a speed, which would move the angle by steps of its own
+            stamps, width = self.nodes.stamps, self.motion.speed.half_width / 2
+            rows = speed_on_grid(stamps, self.angle_values, 0.0, width, 1.5).angle_at(stamps[:-1])
+            self.kept[key] = self.nodes.rounded(rows / resolution) * (self.nodes.flat[1] * resolution)
         return self.kept[key]
 
     def suited(self, half: float) -> Signals:

@@ -12,6 +12,7 @@ from closed_form_logs import (
     INERTIA,
     ONE_TONE,
     TWO_TONES,
+    Sines,
     direct_log,
     direct_rig,
     encoded,
@@ -297,3 +298,14 @@ def test_errors_of_an_encoder_that_come_again_are_known(samples):
         errors.append(found.value - INERTIA)
         claimed.append(found.standard_uncertainty)
     assert 0.7 < np.median(claimed) / np.sqrt(np.mean(np.square(errors))) < 2.5
+
+
+def test_half_a_step_of_an_encoder_is_left_open_in_its_zero():
+    """A slow swing leans on gravity, and so on where the body hangs."""
+    step = 2 * np.pi / 4096
+    exact = wheel_log(exact_rig(), Sines((0.8, 5.5, 0.0), (0.2, 11.0, 1.0)), friction, np.arange(10_000) / 1000)
+    scores = []
+    for shift in step * (np.arange(16) / 16 - 0.5):
+        found = identify(replace(exact, angle=step * np.round((exact.angle + shift) / step)), exact_rig()).inertia
+        scores.append((found.value - INERTIA) / found.standard_uncertainty)
+    assert 0.4 < np.sqrt(np.mean(np.square(scores))) < 1.1

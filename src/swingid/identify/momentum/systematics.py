@@ -13,6 +13,9 @@ from swingid.numerics.test_functions import superpose
 
 Array = NDArray[np.float64]
 
+SHIFTS = (np.arange(8) / 8 + 0.5) % 1 - 0.5
+"""Of the grid in `Signals.grid_errors`, in steps."""
+
 
 def timing_spread(fit: WindowFit, impulse: float) -> float:
     """What an impulse of unknown sign at every reversal does to a11, where none is fitted.
@@ -42,13 +45,15 @@ def angle_weights(signals: Signals, fit: WindowFit, scale: Scale, unknown: str) 
 def grid_spread(signals: Signals, fit: WindowFit, scale: Scale, noise: Noise, unknown: str) -> float:
     """What the place of the encoder's grid does to an unknown beyond what counts as white noise: a standard deviation.
 
-    A coarse encoder errs alike at every turning point, so its error does not average out over the swings as white
-    noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step.
+    An encoder errs alike wherever the same angle comes again, so its error does not average out over the swings as
+    white noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step, and with it the
+    zero of the angle, which an encoder cannot tell any better.
     """
     if noise.resolution == 0.0:
         return 0.0
     weights = angle_weights(signals, fit, scale, unknown)[0]
-    effects = signals.grid_errors(noise.resolution) @ weights
+    shifts = noise.resolution * SHIFTS * float(signals.nodes.flat[1] @ weights)
+    effects = signals.grid_errors(noise.resolution) @ weights + shifts
     white = noise.resolution**2 / 12 * noise.step * float(signals.nodes.flat[1] @ weights**2)
     return float(np.sqrt(max(float(np.mean(effects**2)) - white, 0.0)))
 

@@ -127,9 +127,10 @@ def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
     e²/(e² + s²) of it, with s the standard deviation of the sum for sensor noise alone (for Bartlett's weights s² is
     4/3 (LAG + 1) / rows of the square).
     """
-    excess = np.maximum(scatter - seen, 0.0)
-    spread = seen**2 * (4 / 3) * (LAG + 1) / spare
-    return sensor + excess**3 / np.maximum(excess**2 + spread, 1e-300)
+    # as shares of the scatter, whose squares neither overflow nor vanish
+    noise = np.minimum(seen / np.maximum(scatter, 1e-300), 1.0)
+    excess = 1.0 - noise
+    return sensor + scatter * excess**3 / (excess**2 + noise**2 * (4 / 3) * (LAG + 1) / spare)
 
 
 def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:

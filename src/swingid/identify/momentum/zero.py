@@ -23,6 +23,9 @@ CERTAIN = 5.0
 MATTERS = 2.0
 """Standard uncertainties of the inertia that setting the zero right must move it by, to be worth a warning."""
 
+LEAST = 1e-4
+"""Share of a11 below which that is none in any case: without noise, anything small left looks like something."""
+
 ROUNDS = 3
 
 AS_GOOD = 1.2
@@ -41,7 +44,7 @@ class _Offset:
     def matters(self, a11: float, uncertainty: float) -> bool:
         """Whether the offset is certain, and moves a11 by more than its interval."""
         sure = CERTAIN * self.spread < abs(self.value) < np.pi / 2
-        return bool(sure and abs(self.a11 - a11) > MATTERS * uncertainty)
+        return bool(sure and abs(self.a11 - a11) > max(MATTERS * uncertainty, LEAST * abs(a11)))
 
 
 def check_zero(law: WindowFit, signals: Signals, scale: Scale, uncertainty: float) -> list[Message]:

@@ -219,7 +219,8 @@ def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Me
     if balance.as_stated > BAD_MOTOR:
         text = (
             f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or "
-            "the wheel angle is not what [log] says; momentum does not use the motor, but check both."
+            "the wheel angle is not what wheel_angle_unit and wheel_angle_is under [log] say; momentum does not use "
+            "the motor, but check both."
         )
         return [Message("motor-balance", text)], []
     rest = f"; the wheel rests {balance.rests:.0%} of the time, and tells nothing then" if balance.rests > 0.05 else ""

@@ -168,7 +168,6 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.f
 
     if rig.drive.kind != "reaction-wheel":
         raise UsageError(f"--voltage needs a reaction wheel, and rig {rig.name!r} has none", code="no-drive")
-    require_torque(rig)
     words, count = re.subn(r"(?<![A-Za-z])V(?![A-Za-z])", " rad", text)
     example = "; write for example 'multisine 3 V 1 rad/s + 2 V 7 rad/s'"
     if count == 0 and not text.startswith("file "):
@@ -178,6 +177,7 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.f
     except UsageError as error:
         problem = error.message.partition(": ")[2].partition("; write")[0].rstrip(".")
         raise UsageError(f"--voltage {text!r}: {problem}{example}", code="bad-voltage") from None
+    require_torque(rig)
     return np.asarray(wave(np.arange(int(duration * rate + 1e-9) + 1) / rate))
 
 

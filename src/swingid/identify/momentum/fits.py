@@ -108,7 +108,9 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
 def covariance_of(fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise) -> Array:
     """Type A covariance of the unknowns: sensor noise, what the rows scatter beyond it, and the bias of attenuation."""
     covariance = fit.covariance(LAG)
-    sensor, seen = _sensor_variance(rows, unknowns, fit, scale, noise)
+    a11 = float(fit.values[0])
+    b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
+    sensor, seen = sensor_variance(rows, fit.influence[0], a11, b, scale, noise)
     scatter = float(covariance[0, 0])
     if scatter > 0:
         covariance = covariance * (with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns)) / scatter)
@@ -147,19 +149,18 @@ def _middle(values: Array) -> float:
     return float(np.sort(values)[len(values) // 2])
 
 
-def _sensor_variance(
-    rows: Rows, unknowns: tuple[str, ...], fit: LinearFit, scale: Scale, noise: Noise
+def sensor_variance(
+    rows: Rows, influence: Array, a11: float, b: float, scale: Scale, noise: Noise
 ) -> tuple[float, float]:
-    """Variance of a11 from white noise of both angles, and what Newey and West's sum sees of it.
+    """Variance of an unknown from white noise of both angles, and what Newey and West's sum sees of it.
 
-    The noise comes through φ'', and that of the axis through the gravity as well.
+    influence (windows,): of the rows on the unknown. The noise comes through φ'', and that of the axis through the
+    gravity b as well.
     """
     windows = rows.windows
-    weights = fit.influence[0] / windows.half**1.5
-    a11 = float(fit.values[0])
-    b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
     gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * _middle(windows.half) ** 2 / a11
     powers = np.array([(a11 * noise.angle) ** 2, (scale.a12 * noise.wheel) ** 2]) * noise.step
+    weights = influence / windows.half**1.5
     true, tapered = overlaps(weights, windows.centres, windows.half, 2 * LAG, LAG, gravity)
     return float(np.maximum(true, 0.0) @ powers), float(np.maximum(tapered, 0.0) @ powers)
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from swingid.identify.format import percent, plus_minus
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.choice import Choice, choose
-from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, known_side, residuals_beside
+from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, known_side, residuals_beside, sensor_variance
 from swingid.identify.momentum.imperfections import Imperfection, imperfections, late_channel
 from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
@@ -85,13 +85,13 @@ def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message]]:
     rig, scale = seen.rig, seen.scale
     if not _spread(rig):
         return choice, []
-    moved, found = 0.0, latency_of(choice.law, choice.signals, rig, scale)
+    moved, found = 0.0, latency_of(choice.law, choice.signals, rig, scale, seen.noise)
     for _ in range(STEPS):
         if _second_order(choice.signals, found.value) < SMALL * choice.law.total / abs(choice.law.a11):
             break
         moved += found.value
         choice = seen.moved(moved)
-        found = latency_of(choice.law, choice.signals, rig, scale)
+        found = latency_of(choice.law, choice.signals, rig, scale, seen.noise)
     messages = []
     if moved:
         text = (
@@ -121,11 +121,11 @@ def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Messag
     allowed = _allowed(rig)
     best, moved = choice, 0.0
     for _ in range(STEPS):
-        moved += latency_of(best.law, best.signals, allowed, scale).value
+        moved += latency_of(best.law, best.signals, allowed, scale, seen.noise).value
         best = seen.moved(moved)
-    law, found = best.law, latency_of(best.law, best.signals, allowed, scale)
+    law, found = best.law, latency_of(best.law, best.signals, allowed, scale, seen.noise)
     moved += found.value
-    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals, allowed, scale)))
+    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals, allowed, seen)))
     if abs(moved) < CERTAIN * u:
         return []
     # what a latency leaves of the balance widens the interval as well, and would then hide it
@@ -139,8 +139,11 @@ def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Messag
     return [Message("late-channel", text)]
 
 
-def latency_of(law: WindowFit, signals: Signals, rig: Rig, scale: Scale) -> Latency:
-    """The latency within what `rig` declares, found beside inertia, friction and the declared nonlinearities."""
+def latency_of(law: WindowFit, signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Latency:
+    """The latency within what `rig` declares, found beside inertia, friction and the declared nonlinearities.
+
+    Its uncertainty is what the rows scatter, and no less than what noise of the sensors makes of it.
+    """
     b = law.value("gravity_torque") if scale.b is None else scale.b
     items = [item for item in imperfections(rig, signals, law.rows, law.a11, b) if item.calibrates]
     _, columns = columns_of(law.rows, scale, _friction(law))
@@ -157,8 +160,9 @@ def latency_of(law: WindowFit, signals: Signals, rig: Rig, scale: Scale) -> Late
         weights[0, k] = _counts(item, rig) * item.std
     influence = weights @ solved.influence
     data = LinearFit(solved.values, residuals, influence[:, :rows], 1.0).covariance(LAG)
-    from_prior = influence[:, rows:] * error
-    return Latency(float(weights[0] @ solved.values), float(np.sqrt(data[0, 0] + np.sum(from_prior**2))))
+    sensor, _ = sensor_variance(law.rows, influence[0, :rows], law.a11, b, scale, noise)
+    from_prior = float(np.sum((influence[:, rows:] * error) ** 2))
+    return Latency(float(weights[0] @ solved.values), float(np.sqrt(max(data[0, 0], sensor) + from_prior)))
 
 
 def _counts(item: Imperfection, rig: Rig) -> float:
@@ -168,9 +172,9 @@ def _counts(item: Imperfection, rig: Rig) -> float:
     return {"angle latency": 1.0}.get(item.source, 0.0)
 
 
-def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig, scale: Scale) -> float:
+def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig, seen: Seen) -> float:
     """How far windows of other lengths, which tell the latency about as well, lie from each other."""
-    found = [latency_of(fit, signals, rig, scale) for fit in fits if len(fit.rows.windows) >= FEWEST]
+    found = [latency_of(fit, signals, rig, seen.scale, seen.noise) for fit in fits if len(fit.rows.windows) >= FEWEST]
     least = min((one.u for one in found), default=0.0)
     values = [one.value for one in found if one.u < SHARP * least]
     return float(np.std(values)) if len(values) > 1 else 0.0

@@ -28,6 +28,9 @@ MATTERS = 2.0
 """Standard uncertainties of a11, of scatter and what is declared, that the difference must move it by, to be worth a
 warning. Disagreement of windows is left out: it is what a wrong scale makes."""
 
+LEAST = 1e-4
+"""Share of a11 below which the difference is none in any case."""
+
 AS_GOOD = 2.0
 """A length of windows tells as much where its uncertainty is at most this factor larger."""
 
@@ -40,7 +43,7 @@ def check_gravity(
     scale: Scale,
     noise: Noise,
     *,
-    least: float = 0.0,
+    least: float = LEAST,
 ) -> list[Message]:
     """A warning where the balance contradicts `axis.gravity_torque` by so much that the inertia suffers.
 

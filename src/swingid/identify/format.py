@@ -169,4 +169,4 @@ def left(share: float) -> str:
     """What a balance leaves, as a share of what it balances, in words fit for a sentence."""
     if share > 10:
         return "many times itself"
-    return "less than 0.1 %" if share < 1e-3 else percent(share)
+    return "less than 0.001 %" if share < 1e-5 else percent(share)

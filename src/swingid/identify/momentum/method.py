@@ -42,6 +42,9 @@ from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
 
+NEGLIGIBLE = 1e-3
+"""Share of the scatter's uncertainty below which another of type A is left out of the budget."""
+
 
 @dataclass(frozen=True)
 class _Estimate:
@@ -200,7 +203,7 @@ def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
     law = estimate.law
     entries = [_scatter("inertia", law.u)]
     for source, spread in estimate.common.items():
-        if spread > 0:
+        if spread > NEGLIGIBLE * law.u:
             entries.append(BudgetEntry(source, "A", "inertia", spread))
     for name, other in (("swing", estimate.swing), ("even", estimate.even)):
         gap = disagreement(law, other)

@@ -24,6 +24,7 @@ WIDTHS = (3.5, 1.4)
 FEWEST_ROWS = 20
 
 DIFFERENCES = 10_000
+"""Rows of seven samples, all over a signal, on which its noise is looked at: they tell it to 1 %."""
 
 SMALLEST_SWING = 0.02
 """A swing below this share of the largest one is noise or rest, not a swing."""
@@ -198,14 +199,19 @@ def _slope_noise(noise: float, step: float, width: float) -> float:
 def sample_noise(values: Array) -> float:
     """Standard deviation of white noise in a smooth sampled signal, from its sixth differences (robust).
 
-    From some ten thousand of them, all over the signal: they tell it to 1 %.
+    From about `DIFFERENCES` of them, all over the signal.
     """
     if len(values) < 20:
         return 0.0
     every = max(1, (len(values) - 6) // DIFFERENCES)
-    rows = [values[k : len(values) - 6 + k : every] for k in range(7)]
-    sixth = rows[0] - 6 * (rows[1] + rows[5]) + 15 * (rows[2] + rows[4]) - 20 * rows[3] + rows[6]
+    sixth = sixth_differences([values[k : len(values) - 6 + k : every] for k in range(7)])
     return float(np.median(np.abs(sixth)) / (0.6745 * np.sqrt(924)))
+
+
+def sixth_differences(seven: list[Array]) -> Array:
+    """Sixth differences of seven successive samples each; white noise makes √924 times its own of them."""
+    result: Array = seven[0] - 6 * (seven[1] + seven[5]) + 15 * (seven[2] + seven[4]) - 20 * seven[3] + seven[6]
+    return result
 
 
 def grid_step(values: Array) -> float:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.identify.motion import DIFFERENCES, sixth_differences
 from swingid.identify.noise import EVEN, Noise
 from swingid.identify.result import Message, Parameter
 from swingid.recording.recording import Recording
@@ -21,9 +22,6 @@ Array = NDArray[np.float64]
 
 CLASSES = 8
 """Classes of speed in which the noise is looked at."""
-
-ROWS = 10_000
-"""Rows, all over the log, that are looked at; more tell no more that matters."""
 
 STEPS_PER_ROW = 2.0
 """Steps of an encoder's grid per row below which the noise of rounding depends on the speed as well."""
@@ -58,12 +56,13 @@ def find_jitter(log: Recording, noise: Noise) -> Jitter:
 
     Looked for where seven rows follow each other evenly: uneven stamps were recorded as they are.
     """
-    even = _even_stretches(np.diff(log.time))
+    steps = np.diff(log.time)
+    step = float(np.median(steps))
+    even = _even_stretches(steps, step)
     if np.count_nonzero(even) < 50 * CLASSES:
         return Jitter(0.0, noise)
-    step = float(np.median(np.diff(log.time)))
     rows = np.nonzero(even)[0]
-    rows = rows[:: max(1, len(rows) // ROWS)]
+    rows = rows[:: max(1, len(rows) // DIFFERENCES)]
     angle = _of_channel(log.angle, rows, step, noise.angle, noise.resolution)
     wheel = (0.0, noise.wheel)
     if log.wheel_angle is not None:
@@ -72,9 +71,8 @@ def find_jitter(log: Recording, noise: Noise) -> Jitter:
     return Jitter(wheel[0] or angle[0], replace(noise, angle=angle[1], wheel=wheel[1]))
 
 
-def _even_stretches(steps: Array) -> NDArray[np.bool_]:
+def _even_stretches(steps: Array, step: float) -> NDArray[np.bool_]:
     """Whether the six steps from each row on are the typical one."""
-    step = np.median(steps)
     odd = np.concatenate([[0], np.cumsum(np.abs(steps - step) > EVEN * step)])
     result: NDArray[np.bool_] = odd[6:] == odd[:-6]
     return result
@@ -88,8 +86,7 @@ def _of_channel(
     speed = (seven[6] - seven[0]) / (6 * step)
     if np.sqrt(np.mean(speed**2)) * step < STEPS_PER_ROW * resolution:
         return 0.0, level
-    sixth = seven[0] - 6 * (seven[1] + seven[5]) + 15 * (seven[2] + seven[4]) - 20 * seven[3] + seven[6]
-    size = np.abs(sixth) / np.sqrt(924)
+    size = np.abs(sixth_differences(seven)) / np.sqrt(924)
     order = np.array_split(np.argsort(np.abs(speed)), CLASSES)
     power = np.array([(np.median(size[part]) / 0.6745) ** 2 for part in order])
     square = np.array([np.mean(speed[part] ** 2) for part in order])

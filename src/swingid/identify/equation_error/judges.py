@@ -9,13 +9,11 @@ from numpy.typing import NDArray
 
 from swingid.identify.equation_error.laws import Law
 from swingid.identify.equation_error.scatter import Fitted, rms
+from swingid.identify.momentum.choice import DETECTED, impulse_left
 from swingid.identify.motion import Motion
 from swingid.identify.result import BudgetEntry
 
 Array = NDArray[np.float64]
-
-DETECTED = 4.0
-"""Standard uncertainties beyond which a memory of friction counts as seen."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +65,8 @@ def spread_of(fit: Fitted, unknown: str, motion: Motion) -> float:
 def remembered(fit: Fitted, motion: Motion, impulse: float) -> tuple[bool, float]:
     """Whether a fit with a memory of friction sees one, and how uncertain the impulse at each reversal is without it.
 
-    impulse: what the correction of the turning points may leave, a prior which the rows then tell more about
-    (`momentum/choice.py`).
+    impulse: what the correction of the turning points may leave.
     """
     spread = spread_of(fit, "memory", motion)
     found = abs(fit.fit.value("memory"))
-    told = impulse**2 / max(impulse**2 + spread**2, 1e-300)
-    return found > DETECTED * spread, float(np.hypot(told * found, np.sqrt(told) * spread))
+    return found > DETECTED * spread, impulse_left(impulse, found, spread)

@@ -18,7 +18,7 @@ from swingid.identify.friction_laws import STRIBECK_SHARES, law_columns, law_ter
 from swingid.identify.momentum.balance import Rows
 from swingid.identify.momentum.fits import columns_of, known_side
 from swingid.identify.momentum.friction_rows import EXACT, KNOTS, FrictionRows, speed_knots
-from swingid.identify.momentum.law_choice import LawChoice, Trial
+from swingid.identify.momentum.law_choice import LawChoice, Trial, slowest_peak
 from swingid.identify.motion import Motion
 from swingid.identify.scale import Scale
 
@@ -93,9 +93,7 @@ class LawTable:
         self.row_filter = row_filter
         self.fastest = float(np.quantile(np.abs(smooth), 0.999))
         self.knots = speed_knots(self.fastest, KNOTS)
-        # a peak that passes while the angle moves less than its noise cannot be told from an error of the angle
-        acceleration = float(np.median(np.abs(speed.acceleration(motion.turning_times))))
-        self.slowest = float(np.sqrt(acceleration * noise))
+        self.slowest = slowest_peak(motion, noise)
         columns = [np.interp(smooth, self.knots, unit) for unit in np.eye(len(self.knots))]
         self.hats = np.column_stack([row_filter(column)[0] for column in columns])
 

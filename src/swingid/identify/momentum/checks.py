@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 CLEARLY = 0.5
 """A reading of the wheel fits clearly better when its residual is smaller by this factor."""
 
+LEAST = 1e-4
+"""Share of a11 below which a doubt is none: without noise, anything small looks like something."""
+
 BAD_MOTOR = 0.1
 """Relative residual of row (II) above which the motor constants, or the wheel angle, are doubtful."""
 

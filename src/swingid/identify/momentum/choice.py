@@ -106,11 +106,17 @@ def _with_memory(
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, scale, noise, "memory")))
-    # the correction of the turning points is as uncertain as it is large, for friction at rest is extrapolated from
-    # faster motion, where a short peak doesn't show: a prior of the impulse, which the rows then tell more about
-    told = impulse**2 / max(impulse**2 + spread**2, 1e-300)
-    impulse = float(np.hypot(told * found, np.sqrt(told) * spread))
-    return (remembered if found > DETECTED * spread else tried), impulse
+    return (remembered if found > DETECTED * spread else tried), impulse_left(impulse, found, spread)
+
+
+def impulse_left(prior: float, found: float, spread: float) -> float:
+    """How uncertain the impulse at each reversal is (N m s or N s) where the rows find `found` ± `spread`.
+
+    The correction of the turning points is as uncertain as it is large (`prior`), for friction at rest is extrapolated
+    from faster motion, where a short peak doesn't show: a prior of the impulse, which the rows then tell more about.
+    """
+    told = prior**2 / max(prior**2 + spread**2, 1e-300)
+    return float(np.hypot(told * found, np.sqrt(told) * spread))
 
 
 def _fits(rows: dict[float, Rows], scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:

@@ -13,6 +13,7 @@ import numpy as np
 from swingid.identify.format import plus_minus
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.calibration import with_declared
+from swingid.identify.momentum.checks import LEAST
 from swingid.identify.momentum.fits import LAG, WindowFit, residuals_beside
 from swingid.identify.momentum.imperfections import axis_bends, wheel_bends
 from swingid.identify.noise import Noise
@@ -34,9 +35,6 @@ AMPLITUDES = 4
 
 MATTERS = 2.0
 """Standard uncertainties of a11 by which it must move, or become less certain, to be worth a warning."""
-
-LEAST = 1e-4
-"""Share of a11 below which that is none in any case: without noise, anything small left looks like something."""
 
 
 def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale, noise: Noise) -> list[Message]:

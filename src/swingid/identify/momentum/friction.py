@@ -16,7 +16,7 @@ from swingid.identify.friction_laws import TERMS, law_columns, stribeck_slope
 from swingid.identify.momentum.balance import Rows, Signals
 from swingid.identify.momentum.fits import LAG, columns_of, known_side
 from swingid.identify.momentum.friction_rows import FrictionRows, speed_knots
-from swingid.identify.momentum.law_choice import LawChoice
+from swingid.identify.momentum.law_choice import LawChoice, slowest_peak
 from swingid.identify.result import FrictionCurve
 from swingid.identify.scale import Scale
 from swingid.numerics.regression import fit_linear
@@ -69,9 +69,7 @@ def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: tuple[float
     friction = FrictionRows.of(signals, rows)
     target = known_side(rows, scale) - rows.friction["memory"] * memory[0]
     _, body = columns_of(rows, scale, ())
-    # a peak that passes while the angle moves less than its noise cannot be told from an error of the angle
-    acceleration = float(np.median(np.abs(signals.motion.speed.acceleration(signals.motion.turning_times))))
-    choice = LawChoice(friction, body, target, slowest=float(np.sqrt(acceleration * noise)))
+    choice = LawChoice(friction, body, target, slowest=slowest_peak(signals.motion, noise))
     law = _fitted(friction, body, target, choice, memory[1])
     return replace(law, curve=_curve(friction, law, choice, len(target)))
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from swingid.identify.format import number, percent, plus_minus
 from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.checks import LEAST
 from swingid.identify.momentum.fits import WindowFit, fit_rows
 from swingid.identify.momentum.imperfections import imperfections
 from swingid.identify.noise import Noise
@@ -27,9 +28,6 @@ CERTAIN = 4.0
 MATTERS = 2.0
 """Standard uncertainties of a11, of scatter and what is declared, that the difference must move it by, to be worth a
 warning. Disagreement of windows is left out: it is what a wrong scale makes."""
-
-LEAST = 1e-4
-"""Share of a11 below which the difference is none in any case."""
 
 AS_GOOD = 2.0
 """A length of windows tells as much where its uncertainty is at most this factor larger."""

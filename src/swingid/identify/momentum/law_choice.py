@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_columns, law_terms
 from swingid.identify.momentum.fits import LAG
 from swingid.identify.momentum.friction_rows import FrictionRows
+from swingid.identify.motion import Motion
 from swingid.numerics.compiled import njit
 from swingid.numerics.regression import gram, symmetric_inverse
 
@@ -145,6 +146,15 @@ class LawChoice:
         power = float(self.gram[-1, -1])
         # less than the rounding of the power cannot be told
         return max(power - explained, 1e-15 * power, 1e-300), values, inverse
+
+
+def slowest_peak(motion: Motion, noise: float) -> float:
+    """Stribeck speed below which no peak is told; noise: standard deviation of one sample of the angle.
+
+    A peak that passes while the angle moves less than its noise cannot be told from an error of the angle.
+    """
+    acceleration = float(np.median(np.abs(motion.speed.acceleration(motion.turning_times))))
+    return float(np.sqrt(acceleration * noise))
 
 
 @njit

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swingid.identify.format import number, percent, plus_minus
 from swingid.identify.momentum.balance import Signals
+from swingid.identify.momentum.checks import LEAST
 from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, known_side
 from swingid.identify.result import Message
 from swingid.identify.scale import Scale
@@ -22,9 +23,6 @@ CERTAIN = 5.0
 
 MATTERS = 2.0
 """Standard uncertainties of the inertia that setting the zero right must move it by, to be worth a warning."""
-
-LEAST = 1e-4
-"""Share of a11 below which that is none in any case: without noise, anything small left looks like something."""
 
 ROUNDS = 3
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.identify.friction_laws import TERMS, stribeck_peak, stribeck_slope
 from swingid.identify.output_error.search import Searched
 from swingid.identify.output_error.unknowns import FRICTION, Unknowns
 from swingid.identify.result import FrictionCurve
@@ -27,18 +28,11 @@ def friction_curve(searched: Searched, covariance: Array, fastest: float, law: s
     torques = np.array([static_curve(v, p) for v in speeds])
     slopes = np.zeros((len(speeds), len(unknowns)))
     p_speed = _peak_speed(unknowns, values)
-    peak = np.exp(-((speeds / p_speed) ** 2)) if p_speed else np.zeros_like(speeds)
     up = speeds > 0
-    height = p[STATIC_N] - p[COULOMB_N]
-    shapes = {
-        "coulomb": np.sign(speeds),
-        "viscous": speeds,
-        "quadratic": speeds * np.abs(speeds),
-        "cubic": speeds**3,
-        "offset": np.ones_like(speeds),
-        "stribeck": np.sign(speeds) * peak,
-        "stribeck_speed": np.sign(speeds) * height * peak * 2 * speeds**2 / (p_speed or 1.0) ** 3,
-    }
+    shapes = {name: term(speeds) for name, term in TERMS.items()}
+    if p_speed:
+        shapes["stribeck"] = stribeck_peak(speeds, p_speed)
+        shapes["stribeck_speed"] = (p[STATIC_N] - p[COULOMB_N]) * stribeck_slope(speeds, p_speed)
     for side_name, here in (("positive", up), ("negative", ~up)):
         shapes |= {f"{name}_{side_name}": np.where(here, shapes[name], 0.0) for name in ("coulomb", "viscous")}
     for k, name in enumerate(unknowns.names):

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from swingid.errors import UnanswerableError
+from swingid.identify import identify
 from swingid.identify.momentum.checks import CLEARLY
 from swingid.identify.motor_balance import FEWEST_ROWS, _Reading
+from swingid.recording.recording import Recording
+from twin_logs import GIVEN, logged, twin
 
 NOISE, EVERY = 0.01, np.ones(FEWEST_ROWS, bool)
 
@@ -32,3 +39,41 @@ def test_noise_alone_speaks_for_no_reading() -> None:
 
 def test_a_missing_term_beyond_the_noise_speaks_against_a_reading() -> None:
     assert np.mean(ratios(20 * NOISE) < CLEARLY) > 0.99
+
+
+@pytest.fixture(scope="module")
+def sampled(tmp_path_factory):
+    """A loop of 1 kHz of which every twentieth row was logged: the voltage does not hold from row to row."""
+    log = logged(twin("Stribeck"), tmp_path_factory.mktemp("sampled"), duration=15.0)
+    every = slice(None, None, 20)
+    rows = log.time[every], log.angle[every], log.wheel_angle[every], log.voltage[every]
+    return Recording(**dict(zip(("time", "angle", "wheel_angle", "voltage"), rows, strict=True)))
+
+
+def codes(messages) -> set[str]:
+    return {message.code for message in messages}
+
+
+def test_a_voltage_that_was_not_held_is_told_from_a_motor_that_does_not_fit(sampled) -> None:
+    result = identify(sampled, GIVEN, method="equation-error")
+    # the voltage is not used, so it makes no number doubtful
+    assert result.status == "ok"
+    assert "drive-held" in codes(result.notes)
+    assert "drive-held" in codes(identify(sampled, GIVEN, method="backstepping").warnings)
+    measured = identify(replace(sampled, drive_held=False), GIVEN, method="backstepping")
+    assert "drive-held" not in codes((*measured.warnings, *measured.notes))
+
+
+def test_a_measured_voltage_is_not_simulated_as_held(sampled) -> None:
+    with pytest.raises(UnanswerableError, match="drive_held = false") as refused:
+        identify(sampled, GIVEN, method="output-error", law="stribeck")
+    assert refused.value.code == "poor-fit"
+    # half a row is 8 % of the motion; what the voltage did between the logged rows is left
+    fit = identify(replace(sampled, drive_held=False), GIVEN, method="output-error", law="stribeck")
+    assert fit.details.extra["angle_left"] < 0.05
+
+
+def test_a_held_voltage_read_as_measured_is_seen(tmp_path) -> None:
+    log = logged(twin(), tmp_path, duration=10.0, rate=200.0)
+    assert "drive-held" in codes(identify(replace(log, drive_held=False), GIVEN, method="backstepping").warnings)
+    assert "drive-held" not in codes(identify(log, GIVEN, method="backstepping").warnings)

@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.identify.format import left
 from swingid.identify.motion import Speed, smooth_speed
+from swingid.identify.result import Message
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.quadrature import GaussNodes
@@ -41,11 +43,18 @@ SWINGS = 16
 GOOD = 0.05
 """Relative residual below which nobody asks whether the voltage is turned."""
 
+FINE = 0.005
+"""Relative residual below which nobody asks whether the voltage was held."""
+
+HELD = 0.4
+"""Share of the residual that the voltage read the other way between the rows may leave to be believed. One that is a
+row late leaves half when it is read as measured."""
+
 
 @dataclass(frozen=True)
 class MotorBalance:
     """Relative residuals of row (II): wheel angle as stated, wheel angle read the other way, voltage turned
-    (infinite where it was not asked).
+    (infinite where it was not asked), and voltage between the rows read the other way (likewise): held is as stated.
 
     refitted, refitted_otherwise: the first two with the motor's strength c1 and friction f2, f3 left free, so that
     constants that are off do not speak for either reading; None where too few windows tell. rests: share of the time in
@@ -59,6 +68,20 @@ class MotorBalance:
     refitted: float | None = None
     refitted_otherwise: float | None = None
     rests: float = 0.0
+    held: bool = True
+    held_otherwise: float = np.inf
+
+    def hold_doubt(self, *, harm: str) -> list[Message]:
+        """One message where the voltage between the rows is not what drive_held says; harm: what that does."""
+        if self.held_otherwise > HELD * self.as_stated:
+            return []
+        held, measured = "held from each row to the next", "measured at each row"
+        stated, other = (held, measured) if self.held else (measured, held)
+        text = (
+            f"the voltage is not {stated}: the motor's balance leaves {left(self.as_stated)} so, and "
+            f"{left(self.held_otherwise)} with it {other}; set drive_held = {str(not self.held).lower()} under [log]"
+        )
+        return [Message("drive-held", f"{text}; {harm}.")]
 
 
 @dataclass(frozen=True)
@@ -116,7 +139,7 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
     # the dead zone bends, so the torque is taken row by row, held in between, and only then gathered into blocks
     middles = (stamps[1:] + stamps[:-1]) / 2
-    wheel_speed, voltage = speed.at(middles), _voltage(log, rig, middles)
+    wheel_speed, voltage = speed.at(middles), _voltage(log, rig, middles, held=log.drive_held)
     is_relative = rig.log.wheel_angle_is == "relative"
     sign = -1.0 if is_relative else 1.0
     other_speed = wheel_speed + sign * signals.motion.speed.at(middles)
@@ -133,15 +156,19 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     expected = power * CURVATURE_POWER * float(np.mean(windows.half**-3.0))
     tells = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
     enough = int(np.count_nonzero(tells)) >= FEWEST_ROWS
-    left, turned = stated.residual(expected), np.inf
-    if left > GOOD:
-        driven = _terms(motor, -voltage, wheel_speed, slow)[0]
+
+    def under(voltage: Array) -> float:
+        driven = _terms(motor, voltage, wheel_speed, slow)[0]
         against = project(nodes, [(nodes.held(driven[None])[0], 0)], windows.centres, windows.half)[:, 0]
-        turned = replace(stated, driven=against).residual(expected)
+        return replace(stated, driven=against).residual(expected)
+
+    as_stated = stated.residual(expected)
     return MotorBalance(
-        as_stated=left,
+        as_stated=as_stated,
         otherwise=other.residual(expected),
-        turned=turned,
+        turned=under(-voltage) if as_stated > GOOD else np.inf,
+        held=log.drive_held,
+        held_otherwise=under(_voltage(log, rig, middles, held=not log.drive_held)) if as_stated > FINE else np.inf,
         is_relative=is_relative,
         refitted=stated.refitted(tells, expected) if enough else None,
         refitted_otherwise=other.refitted(tells, expected) if enough else None,
@@ -149,14 +176,14 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     )
 
 
-def _voltage(log: Recording, rig: Rig, middles: Array) -> Array:
+def _voltage(log: Recording, rig: Rig, middles: Array, *, held: bool) -> Array:
     """The voltage between the rows, on the clock of the angle: an angle that is read late meets a later voltage."""
     assert log.voltage is not None
     late, count = rig.sensors.of("angle").latency.value, len(middles)
-    if log.drive_held:
+    if held:
         moved = log.voltage[:, None] if late == 0.0 else GaussNodes(log.time, 2).hold(log.voltage, late)
-        held: Array = moved[:count].mean(axis=1)
-        return held
+        means: Array = moved[:count].mean(axis=1)
+        return means
     return spline_at(log.time, log.voltage, spline_slopes(log.time, log.voltage), middles + late, 0)
 
 

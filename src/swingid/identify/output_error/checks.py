@@ -57,6 +57,11 @@ def check_fit(
     require_seen(seen)
     _require_told_apart(estimate)
     spread = _scatter_of_inertia(budget)
+    poor = _poor_fit(estimate, problem, rig, scale)
+    held = _held_doubt(opinion, problem)
+    if spread > HOPELESS * inertia.value and poor:
+        cause = (held or poor)[0].message.rpartition("; ")[0]
+        raise UnanswerableError(_hopeless_fit(cause, spread / inertia.value, problem), code="poor-fit")
     if spread > HOPELESS * inertia.value:
         values = dict(zip(unknowns.names, estimate.values, strict=True))
         raise UnanswerableError(
@@ -64,7 +69,7 @@ def check_fit(
             f"{seen.scaled_to(spread).combination(values)}; {advice(seen)}, or leave fewer constants free.",
             code="not-identifiable",
         )
-    warnings = [*_poor_fit(estimate, problem, rig, scale), *_search_doubts(estimate)]
+    warnings = [*poor, *_search_doubts(estimate)]
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     if opinion.windows is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
@@ -80,11 +85,29 @@ def check_fit(
     warnings += opinion.scale
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += motor_notes
+    warnings, notes = (held + warnings, notes) if problem.input == "voltage" else (warnings, notes + held)
     # a motor that does not fit shows in the residuals, or the motor is not used
     warnings += [message for message in motor_warnings if message.code != "motor-balance"]
     if problem.input == "voltage":
         notes.append(_leaning_on_motor(rig, sensitivities, inertia))
     return warnings, notes
+
+
+def _held_doubt(opinion: SecondOpinion, problem: Problem) -> list[Message]:
+    """What row (II) says against the voltage as drive_held has it between the rows."""
+    if opinion.balance is None:
+        return []
+    used = problem.input == "voltage"
+    return opinion.balance.hold_doubt(harm="this inertia stands on it" if used else "it is not used here")
+
+
+def _hopeless_fit(cause: str, share: float, problem: Problem) -> str:
+    """One sentence for a fit so poor that it tells nothing of the inertia, which is no fault of the motion."""
+    spread = percent(share) if share < 1 else "more than its value"
+    advice = "take the momentum method, or mend the rig file"
+    if problem.input == "voltage":
+        advice = 'take input="wheel", which needs no motor, or the momentum method, or mend the rig file'
+    return f"{cause}, and the inertia is uncertain by {spread}; {advice}."
 
 
 def _require_told_apart(estimate: Estimate) -> None:

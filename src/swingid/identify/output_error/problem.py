@@ -204,6 +204,10 @@ class _Drives:
         assert values is not None
         if source == "torque" and not log.drive_held:
             return cls(log.time, None, (None, None, (log.time, values, spline_slopes(log.time, values))))
+        if not log.drive_held:
+            # what was measured stands for the time about it, half a row each way
+            times, values = _without_gaps(log.time, values)
+            return cls(np.append(times[0], (times[1:] + times[:-1]) / 2), values, (None, None, None))
         return cls(*_without_gaps(log.time, values), (None, None, None))
 
     def at(self, knots: Array, bounds: Ints) -> tuple[Array, Array]:

@@ -57,7 +57,7 @@ def warm_up(target: str) -> None:
                 table = read_table(content, f"log{ending}")
                 with warnings.catch_warnings(), contextlib.suppress(SwingidError):
                     warnings.simplefilter("ignore")
-                    _read("inspect" if target == "inspect" else "csv", content, f"log{ending}", draw)
+                    read_case("inspect" if target == "inspect" else "csv", content, f"log{ending}", draw)
                     assert table.columns
     for seed in range(20):
         failure_of(target, -seed - 1)
@@ -71,7 +71,7 @@ def failure_of(target: str, seed: int) -> str | None:
         before = _memory()
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            _read(target, content, name, draw)
+            read_case(target, content, name, draw)
     except SwingidError as error:
         if error.exit_code not in (3, 4) or not error.message.strip() or "Traceback" in error.message:
             return f"an error that is none of the documented: {error!r}"
@@ -83,7 +83,7 @@ def failure_of(target: str, seed: int) -> str | None:
     return None
 
 
-def _read(target: str, content: bytes, name: str, draw: random.Random) -> None:
+def read_case(target: str, content: bytes, name: str, draw: random.Random) -> None:
     if target == "rig":
         _read_rig(content)
     elif target == "result":

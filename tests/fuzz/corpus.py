@@ -80,10 +80,23 @@ def motions() -> tuple[tuple[dict[str, np.ndarray], tuple[str, ...]], ...]:
     )
 
 
-def _text(separator: str = ",", decimal: str = ".", header: str = "t,q1,q2,u\n", newline: str = "\n") -> bytes:
-    cells = ([f"{x:.6g}".replace(".", decimal) for x in row] for row in zip(*COLUMNS.values(), strict=True))
+def _text(
+    separator: str = ",", decimal: str = ".", header: str = "t,q1,q2,u\n", newline: str = "\n", clock: str = "{:.6g}"
+) -> bytes:
+    forms = (clock, *["{:.6g}"] * 3)
+    cells = (
+        [form.format(x).replace(".", decimal) for form, x in zip(forms, row, strict=True)]
+        for row in zip(*COLUMNS.values(), strict=True)
+    )
     rows = [separator.join(row) for row in cells]
     return (header.replace(",", separator) + newline.join(rows) + newline).encode()
+
+
+def _labview() -> bytes:
+    """A measurement file of LabVIEW."""
+    head = "LabVIEW Measurement\nSeparator\tTab\nDecimal_Separator\t.\nX_Columns\tOne\n***End_of_Header***\n\n"
+    segment = "Channels\t3\nY_Unit_Label\trad\trad\tV\nX0\t0\nDelta_X\t0.02\n***End_of_Header***\n"
+    return (head + segment).encode() + _text("\t", ".", "X_Value,q1,q2,u,Comment\n")
 
 
 @cache
@@ -104,6 +117,9 @@ def csv_files() -> tuple[bytes, ...]:
         plain.decode().encode("utf-16"),
         _text(header="t,q1 [°],q2,u\n").decode().encode("latin-1"),
         plain.replace(b"0.1", b"nan").replace(b"0.4", b""),
+        _text(";", ",", "t,q1,q2,u\n", "\r\n", clock="14:02:{:06.3f}"),
+        _text(header="t,q1,q2,u\n", clock="2024-03-05T23:59:{:09.6f}Z"),
+        _labview(),
     )
 
 

@@ -44,7 +44,7 @@ def _text_for(log: str) -> str:
     """The rig file with the [log] that the columns of a log speak for; InputError for one that has no angle."""
     from swingid.errors import InputError
     from swingid.recording.formats import read_table
-    from swingid.recording.inspect import describe, guess_roles, log_table, rate_of
+    from swingid.recording.inspect import describe, guess_roles, log_table
     from swingid.recording.inspect.rig_text import rig_text
     from swingid.recording.large import first_rows, is_large
     from swingid.recording.load import read_bytes
@@ -55,5 +55,5 @@ def _text_for(log: str) -> str:
     if "angle" not in roles.found:
         names = ", ".join(repr(name[:40]) for name in list(columns)[:8])
         raise InputError(f"{log}: none of its columns ({names}) looks like the angle of a swing", code="no-angle")
-    table = log_table(roles, rate_of(roles, columns))
+    table = log_table(roles)
     return rig_text(TEMPLATE.read_text(encoding="utf-8"), roles, columns, table, "my-rig", Path(log).name)

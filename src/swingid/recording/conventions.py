@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 
 TURN = 2.0 * np.pi
 
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+"""Seconds per unit of the time."""
+
 #: Column names of a file written without a rig, which are also the defaults of [log].
 DEFAULT_COLUMNS = {
     "time": "t",
@@ -37,6 +40,7 @@ DEFAULT_COLUMNS = {
 
 #: Keys of [log] that change numbers, with their defaults.
 DEFAULT_KEYS: dict[str, object] = {
+    "time_unit": "s",
     "angle_unit": "rad",
     "angle_zero": "down",
     "angle_sign": 1,
@@ -113,6 +117,7 @@ class Conventions:
         unit, turn = _unit(rig, log.angle_unit, "angle")
         angle = Scale(log.angle_sign * unit, zero, turn)
         scales = {"angle": angle, "reference": Scale(angle.factor, zero, turn)}
+        scales["time"] = Scale(SECONDS[log.time_unit])
         scales["voltage"] = Scale(float(log.voltage_sign))
         scales["torque"] = Scale(log.torque_gain.value * log.torque_sign)
         if kind == "reaction-wheel":
@@ -123,9 +128,9 @@ class Conventions:
         stated = frozenset(log.model_fields_set)
         absolute = log.wheel_angle_is == "absolute"
         prefixes = {
-            "reaction-wheel": ("angle_", "wheel_", "voltage_"),
-            "direct": ("angle_", "torque_"),
-            "none": ("angle_",),
+            "reaction-wheel": ("time_", "angle_", "wheel_", "voltage_"),
+            "direct": ("time_", "angle_", "torque_"),
+            "none": ("time_", "angle_"),
         }
         keys = {key: getattr(log, key) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
         if "torque_gain" in keys:
@@ -148,9 +153,12 @@ class Conventions:
     def to_model(self, logged: Mapping[str, NDArray[np.float64]]) -> Channels:
         """Channels in the model's units and signs; an angle counted from the top comes back near 0.
 
-        `logged` holds "time" and, in logged units, any of the channels; angles must be continuous.
+        `logged` holds "time" in s and, in logged units, any of the channels; angles must be continuous.
         """
-        model = {name: self.scales.get(name, Scale()).to_model(values) for name, values in logged.items()}
+        model = {
+            name: values if name == "time" else self.scales.get(name, Scale()).to_model(values)
+            for name, values in logged.items()
+        }
         if self.scales["angle"].offset:
             turns = TURN * np.round(np.median(model["angle"]) / TURN)
             for name in ("angle", "reference"):
@@ -198,7 +206,7 @@ class Conventions:
 
 
 def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels, dict[str, str]]:
-    """The rig's channels out of a file's table, in logged units, and the first text among the numbers.
+    """The rig's channels out of a file's table, in logged units (the time in s), and the first text among the numbers.
 
     Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and
     the key of [log] that sets it), for columns of unequal length, and for a column without numbers.
@@ -230,6 +238,8 @@ def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels,
             raise InputError(f"{message}; a log needs one value of each per row.", code="unequal-length")
     if conventions.rate is not None:
         logged = {"time": np.arange(rows) / conventions.rate, **logged}
+    else:
+        logged["time"] = conventions.scales.get("time", Scale()).to_model(logged["time"])
     return logged, texts
 
 

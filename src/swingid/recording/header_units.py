@@ -8,39 +8,16 @@ from typing import TYPE_CHECKING
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions, Scale
 from swingid.recording.recording import Finding
+from swingid.recording.unit_names import canonical
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.recording.formats.table import Table
 
-ANGLES = {
-    "rad": "rad",
-    "deg": "deg",
-    "°": "deg",
-    "degrees": "deg",
-    "turn": "turns",
-    "turns": "turns",
-    "rev": "turns",
-    "counts": "counts",
-    "count": "counts",
-    "m": "m",
-    "mm": "mm",
-}
-SPEEDS = {
-    "rad/s": "rad/s",
-    "deg/s": "deg/s",
-    "°/s": "deg/s",
-    "rpm": "rpm",
-    "1/min": "rpm",
-    "rev/s": "turns/s",
-    "turns/s": "turns/s",
-    "counts/s": "counts/s",
-}
-FACTORS = {
-    "time": {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "ns": 1e-9},
-    "voltage": {"V": 1.0, "mV": 1e-3},
-    "torque": {"Nm": 1.0, "N m": 1.0, "N*m": 1.0, "N·m": 1.0, "mNm": 1e-3, "N": 1.0},
-}
+TIMES = frozenset({"s", "ms", "us", "ns"})
+ANGLES = frozenset({"rad", "deg", "turns", "counts", "m", "mm"})
+SPEEDS = frozenset({"rad/s", "deg/s", "turns/s", "rpm", "counts/s"})
+FACTORS = {"voltage": {"V": 1.0, "mV": 1e-3}, "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0}}
 
 
 def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, list[Finding]]:
@@ -54,15 +31,15 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
     changes: dict[str, object] = {}
     findings = []
     for channel, key, known in (
+        ("time", "time_unit", TIMES),
         ("angle", "angle_unit", ANGLES),
         ("wheel_angle", "wheel_angle_unit", ANGLES),
         ("wheel_speed", "wheel_speed_unit", SPEEDS),
     ):
-        if channel != "angle" and channel not in conventions.channels:
-            continue
+        read = conventions.rate is None if channel == "time" else channel in conventions.channels
         column, unit = _unit_of(table, conventions, channel)
-        stated = known.get(unit)
-        if stated is None:
+        stated = canonical(unit)
+        if not read or stated not in known:
             continue
         used = str(getattr(rig.log, key))
         if stated != used and key in conventions.stated:
@@ -74,8 +51,8 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
         conventions = Conventions.of(rig.changed(changes))
     for channel, factors in FACTORS.items():
         column, unit = _unit_of(table, conventions, channel)
-        factor = factors.get(unit, 1.0)
-        if factor != 1.0 and (channel == "time" or channel in conventions.channels):
+        factor = factors.get(canonical(unit), 1.0)
+        if factor != 1.0 and channel in conventions.channels:
             old = conventions.scales.get(channel, Scale())
             scaled = replace(old, factor=old.factor * factor)
             conventions = replace(conventions, scales=conventions.scales | {channel: scaled})

@@ -11,6 +11,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions, gather
+from swingid.recording.epoch import from_first_row
 from swingid.recording.formats import parquet, parquet_pieces, read_table
 from swingid.recording.header_units import with_header_units
 from swingid.recording.limiter import limited
@@ -50,6 +51,7 @@ def from_table(
     name = source.path or "the table"
     off = switched_off(repairs)
     conventions, known = read_header(table, rig, name, off)
+    conventions, epoch = from_first_row(table, conventions)
     unreadable = unreadable_rows(table, name, off)
     logged, texts = gather(table, conventions, name)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
@@ -63,7 +65,7 @@ def from_table(
         **channels,
         drive_held=drive_held(table, conventions),
         metadata=metadata if isinstance(metadata, dict) else {},
-        findings=(*known, *unreadable, *findings),
+        findings=(*known, *epoch, *unreadable, *findings),
         source=source,
         averaged=1,
     )

@@ -32,6 +32,7 @@ class LogConventions(Table):
     """
 
     time: Column = "t"
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
     rate: Annotated[float, plain_number("Hz", above=0)] | None = None
     angle: Column = "q1"
     angle_unit: Literal["rad", "deg", "turns", "counts", "m", "mm"] = "rad"
@@ -65,6 +66,8 @@ class LogConventions(Table):
     def _one_source_each(self) -> Self:
         if stated(self, "rate") and stated(self, "time"):
             refuse("contradiction", "is given beside time; keep the column, or the rate of evenly spaced rows", "rate")
+        if stated(self, "rate") and stated(self, "time_unit"):
+            refuse("contradiction", "is given beside rate, which reads no column of the time; keep one", "time_unit")
         if stated(self, "wheel_speed") and stated(self, "wheel_angle"):
             refuse("contradiction", "is given beside wheel_angle; keep the angle", "wheel_speed")
         return self

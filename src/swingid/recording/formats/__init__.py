@@ -6,14 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
-from swingid.recording.formats import csv, hdf5, json_rows, matlab, mcap, parquet
+from swingid.recording.formats import csv, hdf5, json_rows, labview, matlab, mcap, parquet
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     from swingid.recording.formats.table import Table
 
-READERS: tuple[ModuleType, ...] = (parquet, matlab, hdf5, mcap, json_rows, csv)
+READERS: tuple[ModuleType, ...] = (parquet, matlab, hdf5, mcap, labview, json_rows, csv)
 WRITERS: tuple[ModuleType, ...] = (parquet, csv, matlab, hdf5, mcap, json_rows)
 
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.recording.formats.numerals import plain_cells
+from swingid.recording.formats.stamps import over_midnight
 from swingid.recording.formats.table import Table
 
 if TYPE_CHECKING:
@@ -15,22 +17,30 @@ if TYPE_CHECKING:
 
 
 def table_from_arrow(
-    table: Any, name: str, raw_metadata: str, unreadable_rows: int = 0, units: tuple[str, ...] = ()
+    table: Any,
+    name: str,
+    raw_metadata: str,
+    unreadable_rows: int = 0,
+    units: tuple[str, ...] = (),
+    decimal: str = ".",
 ) -> Table:
     """Named columns of a pyarrow.Table; names lose the blanks around them.
 
     name: the file's, for messages. raw_metadata: JSON text that swingid wrote. unreadable_rows: left out by the reader.
-    units: of the columns in their order, from a line below the header.
+    units: of the columns in their order, from a line below the header. decimal: sign of the numbers in cells of text.
     Raises InputError when two columns have one name, or the file has columns and no row.
     """
+    import pyarrow as pa
+
     names = [str(column).strip() for column in table.column_names]
     for column in names:
         if names.count(column) > 1:
             raise InputError(f"{name} has two columns named {column!r}; rename one of them.", code="double-column")
     if names and table.num_rows == 0:
         raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
-    columns = {column: _array(table.column(k)) for k, column in enumerate(names)}
+    columns = {column: _array(table.column(k), decimal) for k, column in enumerate(names)}
     stated = {column: unit for column, unit in zip(names, units, strict=False) if unit}
+    stated |= {column: "s" for k, column in enumerate(names) if pa.types.is_temporal(table.column(k).type)}
     return Table(columns, parse_metadata(raw_metadata), unreadable_rows, stated)
 
 
@@ -43,13 +53,30 @@ def parse_metadata(raw: str) -> dict[str, object]:
     return parsed if isinstance(parsed, dict) else {}
 
 
-def _array(column: Any) -> NDArray[np.float64] | NDArray[np.object_]:
+def _array(column: Any, decimal: str) -> NDArray[np.float64] | NDArray[np.object_]:
     import pyarrow as pa
 
     kind = column.type
+    if pa.types.is_temporal(kind):
+        return _seconds(column)
     if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
         return _numbers(column.cast(pa.float64(), safe=False))
-    return np.array([None if cell is None else str(cell) for cell in column.to_pylist()], dtype=object)
+    cells = [None if cell is None else str(cell) for cell in column.to_pylist()]
+    return np.array(plain_cells(cells, decimal), dtype=object)
+
+
+def _seconds(column: Any) -> NDArray[np.float64]:
+    """Seconds since 1970 of stamps with a date, since midnight of times of day, of durations; NaN where empty."""
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_date(kind):
+        column = column.cast(pa.timestamp("s"))
+        kind = column.type
+    whole = column.cast(pa.int32() if pa.types.is_time32(kind) else pa.int64())
+    per_second = {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
+    seconds: NDArray[np.float64] = _numbers(whole.cast(pa.float64(), safe=False)) / per_second
+    return over_midnight(seconds) if pa.types.is_time(kind) else seconds
 
 
 def _numbers(column: Any) -> NDArray[np.float64]:

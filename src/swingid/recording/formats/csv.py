@@ -36,6 +36,12 @@ _OTHER_KINDS = {
     b"PK\x03\x04": "an Excel workbook or a zip archive",
     b"\xd0\xcf\x11\xe0": "an old Excel or Word file",
     b"\x1f\x8b": "a gzip archive",
+    b"TDSm": "a LabVIEW TDMS file",
+    b"MDF ": "an MDF measurement file",
+    b"#ROSBAG": "a bag of ROS 1",
+    b"SQLite format 3": "an SQLite data base (a bag of ROS 2)",
+    b"\x93NUMPY": "an array of NumPy",
+    b"ARROW1": "an Arrow (Feather) file",
     b"<": "HTML or XML",
 }
 _COMMENTS = (b"#", b"%", b"//")
@@ -96,7 +102,7 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
     except pa.ArrowException:
         message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
-    return table_from_arrow(table, name, raw_metadata, ragged.count, layout.units)
+    return table_from_arrow(table, name, raw_metadata, ragged.count, layout.units, layout.decimal)
 
 
 def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
@@ -131,7 +137,8 @@ def as_text(content: bytes, name: str) -> bytes:
     start = content[:64].lstrip()
     for magic, kind in _OTHER_KINDS.items():
         if start.startswith(magic):
-            raise InputError(f"{name} is not a table but {kind}; export the log as CSV or Parquet.", code="not-a-table")
+            instead = "convert it to MCAP" if "bag" in kind else "export the log as CSV or Parquet"
+            raise InputError(f"{name} is not a table but {kind}; {instead}.", code="not-a-table")
     try:
         if content.startswith((b"\xff\xfe", b"\xfe\xff")):
             return content.decode("utf-16").encode()

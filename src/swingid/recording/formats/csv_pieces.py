@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.recording.formats import labview
 from swingid.recording.formats.arrow import parse_metadata
 from swingid.recording.formats.csv import as_text, column_names, layout_of, read_rows, split_comments
 from swingid.recording.formats.dialect import Layout
@@ -37,7 +38,7 @@ class File:
                 head = stream.read(HEAD)
             size = Path(path).stat().st_size
             whole = head[: head.rindex(b"\n") + 1]
-            if whole.startswith((b"\xff\xfe", b"\xfe\xff")):
+            if whole.startswith((b"\xff\xfe", b"\xfe\xff", labview.MAGIC)):
                 return None
             text = as_text(whole, path)
             metadata, body = split_comments(text)

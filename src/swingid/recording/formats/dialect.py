@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import csv
-import re
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+from swingid.recording.formats.numerals import has_decimal_comma, is_grouped
+from swingid.recording.formats.stamps import is_stamp
 
 DELIMITERS = (b"\t", b";", b",", b"|")
 
@@ -19,7 +21,6 @@ UNITS = frozenset(
 )
 """What may stand in a line of units, in lower case and without brackets."""
 
-_DECIMAL_COMMA = re.compile(r"^\s*[+-]?\d*,\d+([eE][+-]?\d+)?\s*$")
 _SAMPLE = 60
 """Lines looked at."""
 
@@ -49,11 +50,9 @@ def find_layout(body: bytes) -> Layout | None:
     delimiter = _delimiter([line for line, _ in lines])
     cells = [split_cells(line, delimiter) for line, _ in lines]
     width = Counter(len(row) for row in cells[1:] or cells).most_common(1)[0][0]
-    decimal = "."
-    if delimiter != b"," and any(_DECIMAL_COMMA.match(cell) for row in cells[1:] for cell in row):
-        decimal = ","
+    decimal = _decimal(cells) if delimiter != b"," else "."
     first = _below_titles(cells, next(k for k, row in enumerate(cells) if len(row) == width), width, decimal)
-    if _numeric(cells[first], decimal):
+    if _is_row(cells, first, decimal):
         above = len(cells[first - 1]) if first else 0
         # two names or more above the first row are a header that does not fit; one is a title
         return Layout(delimiter, decimal, (), (), lines[first][1], width, above if above > 1 else width)
@@ -75,6 +74,24 @@ def _below_titles(cells: Sequence[Sequence[str]], first: int, width: int, decima
         at -= 1
     padded = all(_filled(cells[k]) < min(width, _filled(cells[at - 1])) for k in range(first, at - 1))
     return at - 1 if padded and len(cells[at - 1]) == width else first
+
+
+def _decimal(cells: Sequence[Sequence[str]]) -> str:
+    """The decimal sign; a comma that only parts thousands beside decimal points is none."""
+    every = [cell for row in cells[1:] for cell in row]
+    commas = [cell for cell in every if has_decimal_comma(cell)]
+    points = any("." in cell and is_number(cell, ".") and not is_grouped(cell, ",") for cell in every)
+    return "," if commas and not (points and all(is_grouped(cell, ".") for cell in commas)) else "."
+
+
+def _is_row(cells: Sequence[Sequence[str]], at: int, decimal: str) -> bool:
+    """Whether a line is a row and no header: numbers only, or numbers where the next line has some, and text beside."""
+    if _numeric(cells[at], decimal):
+        return True
+    if at + 1 == len(cells) or len(cells[at]) != len(cells[at + 1]):
+        return False
+    here, below = ([is_value(cell, decimal) for cell in cells[k]] for k in (at, at + 1))
+    return here == below and any(here)
 
 
 def _filled(cells: Sequence[str]) -> int:
@@ -125,8 +142,13 @@ def _delimiter(lines: Sequence[bytes]) -> bytes:
 
 
 def _numeric(cells: Sequence[str], decimal: str) -> bool:
-    """Whether a line holds numbers and blanks only, one number at least."""
-    return any(map(str.strip, cells)) and all(not cell.strip() or is_number(cell, decimal) for cell in cells)
+    """Whether a line holds numbers, times and blanks only, one of them at least."""
+    return any(map(str.strip, cells)) and all(not cell.strip() or is_value(cell, decimal) for cell in cells)
+
+
+def is_value(cell: str, decimal: str) -> bool:
+    """Whether the text of a cell is a number, also with a mark between thousands, or a time."""
+    return is_number(cell, decimal) or is_grouped(cell, decimal) or is_stamp(cell)
 
 
 def is_number(cell: str, decimal: str) -> bool:

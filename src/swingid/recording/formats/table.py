@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.recording.formats.stamps import is_stamp, seconds_of
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -59,13 +61,27 @@ class Table:
 
     def unit(self, column: str) -> str:
         """The unit that the header states for a column, in its row of units or its name; "" where it states none."""
-        return self.units.get(column, "") or split_unit(column)[1]
+        return self.units.get(column, "") or split_unit(column)[1] or ("s" if self._has_stamps(column) else "")
+
+    def _has_stamps(self, column: str) -> bool:
+        """Whether the cells are times of day or dates, which `numbers` gives in s."""
+        cells = self.columns[column]
+        if cells.dtype != object:
+            return False
+        return is_stamp(str(next((cell for cell in cells if cell), "")))
 
     def numbers(self, name: str) -> tuple[NDArray[np.float64], str | None]:
-        """Column `name` as float64, NaN where a cell is no number; and the first text among the numbers."""
+        """Column `name` as float64, NaN where a cell is no number; and the first text among the numbers.
+
+        Times of day and dates are in s, see `stamps`.
+        """
         column = self.columns[name]
         if column.dtype != object:
             return column.astype(np.float64, copy=False), None
+        if self._has_stamps(name):
+            stamps = seconds_of([None if cell is None else str(cell) for cell in column])
+            if stamps is not None:
+                return stamps, None
         values = np.full(len(column), np.nan)
         first_text: str | None = None
         for row, cell in enumerate(column):

@@ -2,7 +2,7 @@
 
 from swingid.recording.inspect.candidates import Role
 from swingid.recording.inspect.check import Check, Level
-from swingid.recording.inspect.clock import Clock, rate_of, read_clock
+from swingid.recording.inspect.clock import Clock, read_clock
 from swingid.recording.inspect.columns import Column, describe
 from swingid.recording.inspect.log_table import log_table
 from swingid.recording.inspect.roles import Roles, guess_roles
@@ -17,6 +17,5 @@ __all__ = [
     "describe",
     "guess_roles",
     "log_table",
-    "rate_of",
     "read_clock",
 ]

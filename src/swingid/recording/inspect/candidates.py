@@ -26,8 +26,7 @@ ALIKE = 0.98
 class Role:
     """A column in a role: "time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque" or "reference".
 
-    unit: stated or guessed, "" where unknown; why: what the guess rests on; sure: whether the name says so too;
-    header: whether the file states the unit where the reader takes it from.
+    unit: stated or guessed, "" where unknown; why: what the guess rests on; sure: whether the name says so too.
     """
 
     role: str
@@ -35,7 +34,6 @@ class Role:
     unit: str
     why: str
     sure: bool
-    header: bool = False
 
 
 @dataclass(frozen=True, eq=False)

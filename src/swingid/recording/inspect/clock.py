@@ -8,15 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.recording.inspect.check import Check, Level
-from swingid.recording.inspect.clocks_and_speeds import SECONDS
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
     from swingid.recording.inspect.columns import Column
-    from swingid.recording.inspect.roles import Roles
 
     Floats = NDArray[np.float64]
 
@@ -85,14 +81,6 @@ def read_clock(stamps: Floats, columns: list[Column]) -> Clock:
         copies=int(np.count_nonzero(copies)),
         backwards=int(np.count_nonzero(steps < 0)),
     )
-
-
-def rate_of(roles: Roles, columns: Mapping[str, Column]) -> float:
-    """Rows per second by the guessed clock, NaN where there is none."""
-    time = roles.found.get("time")
-    if time is None:
-        return float("nan")
-    return read_clock(columns[time.column].values * SECONDS[time.unit], []).rate
 
 
 def check_clock(clock: Clock, name: str) -> list[Check]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.recording.conventions import SECONDS
 from swingid.recording.inspect.candidates import Candidate, Role
 from swingid.recording.inspect.likeness import correlation, has_size, slope, smooth, thin
 from swingid.recording.inspect.names import ROLE_UNITS, SPEED_UNITS
@@ -21,7 +22,6 @@ DERIVATIVE = 0.8
 RISING = 0.98
 """Share of rows after which a clock rises."""
 
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 SLOWEST, FASTEST = 4.0, 50_000.0
 """Rows per second that rigs log."""
 
@@ -53,8 +53,7 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
         fits = [name for name, factor in SECONDS.items() if SLOWEST <= 1 / (usual * factor) <= FASTEST]
         unit = fits[0] if fits else "s"
         why += f", {1 / (usual * SECONDS[unit]):.4g} rows per second if in {unit}"
-    header = bool(candidate.column.unit)
-    found["time"] = Role("time", candidate.name, unit or "s", why, candidate.scores["time"] >= 2, header)
+    found["time"] = Role("time", candidate.name, unit or "s", why, candidate.scores["time"] >= 2)
     return candidate
 
 

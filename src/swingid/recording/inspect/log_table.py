@@ -11,20 +11,16 @@ if TYPE_CHECKING:
 WIDTH = 38
 
 
-def log_table(roles: Roles, rate: float) -> str:
-    """TOML text of [log] with a comment per line; rate: rows per second, used where the log has no clock in seconds.
-
-    Units that the header states are left out of the table where the reader takes them from there.
-    """
+def log_table(roles: Roles) -> str:
+    """TOML text of [log] with a comment per line."""
     lines = [_line("[log]", "guessed from the file: confirm each line")]
     time = roles.found.get("time")
     if time is None:
-        lines.append(_line(f"rate = {rate:.6g}", "rows per second: no column rises, so this number is yours to set"))
-    elif time.unit != "s" and not time.header:
-        text = f"column {time.column!r} seems to be in {time.unit}; rows are taken as evenly spaced"
-        lines.append(_line(f"rate = {rate:.10g}", text))
+        lines.append(_line("# rate = 1000", "rows per second: no column rises as a clock does, so state it"))
     else:
         lines.append(_line(f"time = {json.dumps(time.column, ensure_ascii=False)}", time.why))
+        if time.unit != "s":
+            lines.append(_line(f'time_unit = "{time.unit}"', "of the clock"))
     angle = roles.found.get("angle")
     if angle is not None:
         lines.append(_line(f"angle = {json.dumps(angle.column, ensure_ascii=False)}", angle.why))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from swingid.recording.unit_names import UNITS, canonical
+
 WORDS: dict[str, tuple[str, ...]] = {
     "time": ("t", "time", "times", "timestamp", "stamp", "zeit", "clock", "elapsed", "sec", "secs", "seconds", "tid"),
     "angle": (
@@ -30,32 +32,6 @@ SPEED = {
 }
 OTHER = {"acc", "acceleration", "ddq", "error", "err", "temp", "temperature", "kp", "kd", "enable", "enabled", "id"}
 
-SPELLINGS: dict[str, tuple[str, ...]] = {
-    "s": ("s", "sec", "secs", "seconds"),
-    "ms": ("ms",),
-    "us": ("us", "µs"),
-    "ns": ("ns",),
-    "rad": ("rad", "radian", "radians"),
-    "deg": ("deg", "degree", "degrees", "°", "grad"),
-    "turns": ("turn", "turns", "rev", "revs", "umdr"),
-    "counts": ("count", "counts", "ticks", "cnt", "cnts", "inc"),
-    "m": ("m",),
-    "mm": ("mm",),
-    "V": ("v", "volt", "volts"),
-    "mV": ("mv",),
-    "N m": ("nm", "n m", "n*m", "n·m"),
-    "mN m": ("mnm",),
-    "N": ("n",),
-    "rad/s": ("rad/s", "rads"),
-    "deg/s": ("deg/s",),
-    "rpm": ("rpm",),
-    "turns/s": ("turns/s",),
-    "m/s": ("m/s",),
-    "A": ("a",),
-    "mA": ("ma",),
-    "Hz": ("hz",),
-}
-UNITS = {spelling: unit for unit, spellings in SPELLINGS.items() for spelling in spellings}
 ROLE_UNITS: dict[str, frozenset[str]] = {
     "time": frozenset({"s", "ms", "us", "ns"}),
     "angle": frozenset({"rad", "deg", "turns", "counts", "m", "mm"}),
@@ -64,7 +40,7 @@ ROLE_UNITS: dict[str, frozenset[str]] = {
     "torque": frozenset({"N m", "mN m", "N"}),
     "current": frozenset({"A", "mA"}),
 }
-SPEED_UNITS = frozenset({"rad/s", "deg/s", "rpm", "turns/s", "m/s"})
+SPEED_UNITS = frozenset({"rad/s", "deg/s", "rpm", "turns/s", "counts/s", "m/s"})
 GREEK = {"θ": "theta", "φ": "phi", "α": "alpha", "ω": "omega", "τ": "tau"}
 
 
@@ -80,7 +56,7 @@ def words_of(name: str) -> list[str]:
 def unit_of(name: str, stated: str) -> str:
     """The unit that a column states, in the header or as a word at the end of its name; "" where there is none."""
     if stated:
-        return UNITS.get(stated.lower(), stated)
+        return canonical(stated)
     compact = re.sub(r"[\[(].*?[\])]", "", name.lower())
     if re.search(r"((rad|deg)[_/ ]?(p|per)?[_/ ]?s|m[_/ ](per[_ ])?s|mps)(_|$)", compact):
         return next(u for u in ("rad/s", "deg/s", "m/s") if u.split("/")[0] in compact)

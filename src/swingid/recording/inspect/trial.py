@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 def trial_rig(roles: Roles, columns: Mapping[str, Column], table: str) -> Rig | None:
-    """The rig of a guessed [log] table, its constants placeholders; None where no angle was found.
+    """The rig of a guessed [log] table, its constants placeholders; None without an angle or a clock.
 
     Counts are read by the next power of two above their range.
     """
-    if "angle" not in roles.found or "rate = nan" in table:
+    if not {"time", "angle"} <= roles.found.keys():
         return None
     kind = "linear" if roles.linear else "rotary"
     parts = [f'name = "guess"\n[axis]\nkind = "{kind}"\n', f'[drive]\nkind = "{roles.drive}"\n']

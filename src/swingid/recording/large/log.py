@@ -13,11 +13,12 @@ import numpy as np
 
 from swingid.errors import InputError, SwingidError, UnanswerableError
 from swingid.recording.conventions import Conventions, gather
+from swingid.recording.epoch import from_first_row
 from swingid.recording.formats import csv_pieces, parquet_pieces
 from swingid.recording.formats.table import Table
 from swingid.recording.large.parts import Reader, parts, within
 from swingid.recording.load import drive_held, from_table, read_header
-from swingid.recording.recording import Recording, Source
+from swingid.recording.recording import Finding, Recording, Source
 from swingid.recording.repairs import switched_off
 
 if TYPE_CHECKING:
@@ -28,6 +29,9 @@ LARGE = 1_000_000
 
 PIECE = 250_000
 """Rows that are read at once."""
+
+FIRST = 1000
+"""Rows that tell whether the clock counts from an epoch."""
 
 UNUSED = ("reference", "adaptive_gain")
 """Channels that only pictures show."""
@@ -130,6 +134,8 @@ class LargeLog:
         off = switched_off(self.repairs)
         conventions, findings = read_header(header, self.rig, self.path, off)
         gather(header, conventions, self.path)  # raises for a column that is missing
+        conventions, epoch = self._from_first_row(header, conventions)
+        findings += epoch
         held = drive_held(header, conventions)
         reader = Reader(conventions, self.rig, self.path, held, off, tuple(findings), self.span)
         yield from parts(self._open.pieces(PIECE, _columns(header, conventions)), reader)
@@ -144,6 +150,7 @@ class LargeLog:
         header = self._open.header()
         conventions, _ = read_header(header, self.rig, self.path, switched_off(self.repairs))
         gather(header, conventions, self.path)
+        conventions, _ = self._from_first_row(header, conventions)
         before, rows, found = 0, 0, []
         for table in self._open.pieces(PIECE, list(header.columns)):
             inside = within(table, conventions, before, self.span)
@@ -161,7 +168,13 @@ class LargeLog:
         columns = {name: np.concatenate([piece[name] for piece in found]) for name in found[0]}
         table = Table(columns, header.metadata, 0, header.units)
         source = Source(self.path, self.sha256())
-        return from_table(table, self.rig, source, repairs=self.repairs).segment(*self.span)
+        log = from_table(table, self.rig, source, repairs=self.repairs)
+        return log if conventions.scales["time"].offset else log.segment(*self.span)  # else from the part's first row
+
+    def _from_first_row(self, header: Table, conventions: Conventions) -> tuple[Conventions, list[Finding]]:
+        """See `epoch.from_first_row`, of the first rows of the file."""
+        first = next(self._open.pieces(FIRST, _columns(header, conventions)), None)
+        return (conventions, []) if first is None else from_first_row(first, conventions)
 
     def sha256(self) -> str:
         """SHA-256 of the file; InputError where it cannot be read."""

@@ -13,17 +13,17 @@ import numpy as np
 from swingid.errors import SwingidError
 from swingid.identify.noise import channel_noise
 from swingid.model.rig import Rig
-from swingid.recording.conventions import Conventions
+from swingid.recording.conventions import SECONDS, Conventions
 from swingid.recording.formats import read_table
 from swingid.recording.formats.table import Table
 from swingid.recording.header_units import with_header_units
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
 from swingid.recording.inspect.clock import Clock, check_clock
-from swingid.recording.inspect.clocks_and_speeds import SECONDS
 from swingid.recording.inspect.trial import trial_rig
 from swingid.recording.large import digest, first_rows, is_large, rows_in
 from swingid.recording.load import read_bytes
 from swingid.recording.recording import Recording, Source
+from swingid.recording.unit_names import canonical
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
 from swingid.study.inspect.motion import Swings, read_motion
@@ -119,11 +119,13 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
     roles = guess_roles(columns)
     by_name = {column.name: column for column in columns}
     clock, checks = _clock(table, rig, roles, by_name)
-    text = log_table(roles, clock.rate if clock is not None else float("nan"))
+    text = log_table(roles)
     reader = rig if rig is not None else trial_rig(roles, by_name, text)
     tried: dict[str, object] = {}
     log = None
-    if reader is None:
+    if reader is None and "angle" in roles.found:
+        pass  # without a clock; that is said
+    elif reader is None:
         remedy = "name the column of the angle in a rig file"
         checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
     else:
@@ -173,8 +175,8 @@ def _clock(
     rate, name, factor = None, roles.column("time"), 1.0
     if rig is not None:
         rate, name = rig.log.rate, table.find(rig.log.time)
-        stated = table.unit(name) if name is not None else ""
-        factor = SECONDS.get(stated, 1.0)
+        stated = canonical(table.unit(name)) if name is not None else ""
+        factor = SECONDS.get(stated, SECONDS[rig.log.time_unit])
     elif name is not None:
         factor = SECONDS[roles.found["time"].unit]
     rows = max((len(column.values) for column in columns.values()), default=0)
@@ -183,8 +185,10 @@ def _clock(
     elif name is not None and name in columns and columns[name].kind in ("numbers", "whole numbers"):
         stamps = columns[name].values * factor
     else:
-        text = "no column rises as a clock does."
-        return None, [Check("no-time", "rate", "repair", text, "set [log] rate, rows per second", {"rows": rows})]
+        if rig is not None:
+            return None, []  # reading the log says which column is missing
+        text = "no column rises as a clock does"
+        return None, [Check("no-time", "rate", "fault", text, "state [log] rate, rows per second", {"rows": rows})]
     own = [column for column in columns.values() if len(column.values) == len(stamps)]
     clock = read_clock(stamps, own)
     return clock, check_clock(clock, f"column {name!r}" if rate is None else name)

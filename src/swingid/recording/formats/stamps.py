@@ -1,0 +1,92 @@
+"""Times of day and dates as loggers and spreadsheets write them, as seconds."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import date
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+DAY = 86400.0
+EPOCH = date(1970, 1, 1).toordinal()
+
+_CLOCK = r"(?:(?P<hour>\d{1,2}):)?(?P<minute>\d{1,2}):(?P<second>\d{1,2}(?:[.,]\d*)?)(?:\s*(?P<half>[AaPp])\.?[Mm]\.?)?"
+_ZONE = r"\s*(?:[Zz]|UTC|(?P<sign>[+-])(?P<zone_hour>\d\d):?(?P<zone_minute>\d\d))?"
+_DATE = r"(?P<one>\d{1,4})[-./](?P<two>\d{1,2})[-./](?P<three>\d{1,4})"
+_STAMP = re.compile(rf"\s*(?:{_DATE}(?:\s*[T ]\s*|\s+))?{_CLOCK}{_ZONE}\s*")
+
+LOST = 0.01
+"""Share of the cells that may be no stamp in a column of stamps."""
+
+
+def is_stamp(cell: str) -> bool:
+    """Whether a cell is a time of day, or a date with one."""
+    return ":" in cell and _STAMP.fullmatch(cell) is not None
+
+
+def seconds_of(cells: Sequence[str | None]) -> NDArray[np.float64] | None:
+    """Seconds of a column of stamps: since 1970 with a date, else since midnight; None for any other column.
+
+    NaN where a cell is no stamp. A time of day goes on over midnight. Where day and month may be either, as in
+    03/05/2024, the month comes first; within a day that makes no difference.
+    """
+    first = next((cell for cell in cells if cell), "")
+    if not is_stamp(first):
+        return None
+    day_first = any(_day_first(cell) for cell in cells if cell)
+    found = np.array([_seconds(cell, day_first) if cell else np.nan for cell in cells])
+    if np.count_nonzero(np.isnan(found)) > LOST * len(found):
+        return None
+    return over_midnight(found)
+
+
+def over_midnight(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Seconds since midnight as seconds that go on; other times as they are."""
+    good = np.isfinite(seconds)
+    if not good.any() or seconds[good].max() > DAY:
+        return seconds
+    nights = np.zeros(len(seconds))
+    nights[good] = np.cumsum(np.diff(seconds[good], prepend=seconds[good][0]) < -DAY / 2)
+    return seconds + DAY * nights
+
+
+def _day_first(cell: str) -> bool:
+    """Whether the first part of a date can be no month: a day, as it is wherever dots part them."""
+    part = re.match(r"\s*(\d{1,2})([-./])\d", cell)
+    return part is not None and (int(part[1]) > 12 or part[2] == ".")
+
+
+def _seconds(cell: str, day_first: bool) -> float:
+    part = _STAMP.fullmatch(cell)
+    if part is None:
+        return float("nan")
+    hour, half = int(part["hour"] or 0), part["half"]
+    if half is not None:
+        hour = hour % 12 + (12 if half in "Pp" else 0)
+    seconds = 3600.0 * hour + 60.0 * int(part["minute"]) + float(part["second"].replace(",", "."))
+    if part["sign"]:
+        zone = 3600 * int(part["zone_hour"]) + 60 * int(part["zone_minute"])
+        seconds -= zone if part["sign"] == "+" else -zone
+    if part["one"] is None:
+        return seconds
+    return seconds + DAY * _days(part["one"], part["two"], part["three"], day_first)
+
+
+@lru_cache(maxsize=64)
+def _days(one: str, two: str, three: str, day_first: bool) -> float:
+    """Days since 1970 of a date; NaN for none."""
+    if len(one) == 4:
+        year, month, day = one, two, three
+    else:
+        day, month, year = (one, two, three) if day_first else (two, one, three)
+    whole = int(year) + (2000 if len(year) <= 2 else 0)
+    try:
+        return float(date(whole, int(month), int(day)).toordinal() - EPOCH)
+    except ValueError:
+        return float("nan")

@@ -1,0 +1,199 @@
+"""Text as spreadsheets, LabVIEW and ROS write it: what is read is what was measured."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from recording_cases import rig_with, swing
+from swingid.errors import InputError
+from swingid.recording import Recording
+from swingid.recording.formats import read_table
+from swingid.recording.formats.numerals import plain_cells
+from swingid.recording.formats.stamps import is_stamp, seconds_of
+from swingid.recording.inspect import describe, guess_roles
+
+LOG = swing(rate=100.0)
+START = datetime(2024, 3, 5, 23, 59, 58, 500_000)  # two days in one log
+
+
+def german(x, digits=6):
+    return f"{x:,.{digits}f}".translate(str.maketrans(",.", ".,"))
+
+
+def rows_of(time, angle=LOG.angle, wheel=LOG.wheel_angle, voltage=LOG.voltage, mark=","):
+    cells = (
+        [t, *(x if isinstance(x, str) else f"{x:.9g}" for x in row)]
+        for t, *row in zip(time, angle, wheel, voltage, strict=True)
+    )
+    return "\n".join(mark.join(row) for row in cells) + "\n"
+
+
+def read(text, name="log.csv", **log):
+    """The log in a text by a rig of these columns, and its path-less findings."""
+    from swingid.recording.load import from_table
+    from swingid.recording.recording import Source
+
+    return from_table(
+        read_table(text if isinstance(text, bytes) else text.encode(), name), rig_with(**log), Source(name)
+    )
+
+
+def stamped(form):
+    return [form(START + timedelta(seconds=float(t))) for t in LOG.time]
+
+
+@pytest.mark.parametrize(
+    "form",
+    [
+        lambda at: at.isoformat(),
+        lambda at: at.isoformat() + "Z",
+        lambda at: at.isoformat(sep=" ", timespec="milliseconds") + "+01:00",
+        lambda at: at.strftime("%H:%M:%S.%f"),
+        lambda at: at.strftime("%d.%m.%Y %H:%M:%S.%f")[:-3],
+        lambda at: at.strftime("%m/%d/%Y %I:%M:%S.%f %p"),
+        lambda at: at.strftime("%M:%S.%f")[:-5] if at.microsecond % 100_000 == 0 else at.strftime("%M:%S.%f"),
+    ],
+)
+def test_times_of_day_and_dates_are_seconds_also_over_midnight(form):
+    cells = stamped(form)
+    if cells[0].startswith("59:"):  # minutes and seconds only, as Excel saves them: no hour tells where they go on
+        cells = [cell.replace("00:", "60:", 1) for cell in cells]
+    log = read("t,q1,q2,u\n" + rows_of(cells))
+    np.testing.assert_allclose(np.diff(log.time), np.diff(LOG.time), atol=1e-6)
+    np.testing.assert_allclose(log.angle, LOG.angle, atol=1e-8)
+
+
+def test_a_german_spreadsheet():
+    head = "Zeit;Winkel;Schwungrad;Spannung;;\r\n[ms];[°];[°];[V];;\r\n"
+    rows = (
+        f"{german(1e3 * t, 0)};{german(np.degrees(q))};{german(np.degrees(w))};{german(u)};;\r\n"
+        for t, q, w, u in zip(LOG.time, LOG.angle, LOG.wheel_angle, LOG.voltage, strict=True)
+    )
+    log = read(
+        b"\xef\xbb\xbf" + (head + "".join(rows)).encode(),
+        time="Zeit",
+        angle="Winkel",
+        wheel_angle="Schwungrad",
+        voltage="Spannung",
+    )
+    np.testing.assert_allclose(log.time, LOG.time, atol=1e-12)
+    np.testing.assert_allclose(log.angle, LOG.angle, atol=1e-8)
+    np.testing.assert_allclose(log.wheel_angle, LOG.wheel_angle, atol=1e-8)
+
+
+def test_marks_between_thousands_in_quotes():
+    cells = [f'"{1e3 * t:,.1f}"' if t >= 1 else f"{1e3 * t:.1f}" for t in LOG.time]
+    log = read("t [ms],q1,q2,u\n" + rows_of(cells))
+    np.testing.assert_allclose(log.time, LOG.time, atol=1e-12)
+
+
+def test_a_word_among_decimal_commas_costs_its_row_only():
+    lines = [f"{german(t)};{german(q)};{german(w)};{german(u)}" for t, q, w, u in zip(*columns(), strict=True)]
+    lines[7] = lines[7].rpartition(";")[0] + ";#NV"
+    log = read("t;q1;q2;u\n" + "\n".join(lines) + "\n")
+    assert len(log) == len(LOG) - 1
+    assert [finding.code for finding in log.findings] == ["rows-without-numbers", "gaps"]
+
+
+def columns():
+    return LOG.time, LOG.angle, LOG.wheel_angle, LOG.voltage
+
+
+@pytest.mark.parametrize(
+    ("cells", "decimal", "numbers"),
+    [
+        (["999", "1,000", "1,234.5"], ".", [999, 1000, 1234.5]),
+        (["999", "1.000", "1.234,5", "-12.345.678"], ",", [999, 1000, 1234.5, -12345678]),
+        (["0.500", "1.000"], ",", [0.5, 1.0]),  # nobody writes thousands with a 0 in front
+        (["0,5", "1,25"], ".", [0.5, 1.25]),
+        (["1,5e3"], ",", [1500]),
+    ],
+)
+def test_numerals(cells, decimal, numbers):
+    assert [float(cell) for cell in plain_cells(cells, decimal)] == numbers
+
+
+@given(st.text(max_size=30), st.sampled_from(".,"))
+def test_any_text_is_a_cell(text, decimal):
+    (cell,) = plain_cells([text], decimal)
+    assert len(cell) <= len(text)
+    if is_stamp(text):
+        assert seconds_of([text]) is not None or ":" in text
+
+
+@given(st.datetimes(datetime(1980, 1, 1), datetime(2050, 1, 1)))
+def test_a_stamp_is_its_seconds_since_1970(at):
+    (seconds,) = seconds_of([at.isoformat(sep=" ", timespec="microseconds")])
+    assert abs(seconds - (at - datetime(1970, 1, 1)).total_seconds()) < 1e-6
+
+
+def labview(x="One", decimal=".", segments=1):
+    head = f"LabVIEW Measurement\t\nSeparator\tTab\nDecimal_Separator\t{decimal}\nX_Columns\t{x}\n"
+    text = head + "***End_of_Header***\t\n\t\n"
+    number = german if decimal == "," else lambda value: f"{value:.6f}"
+    for rows in np.array_split(np.arange(len(LOG)), segments):
+        text += "Channels\t2\t\t\nY_Unit_Label\tdeg\tV\t\nX_Dimension\tTime\tTime\t\n"
+        text += f"X0\t{number(0.0)}\t\nDelta_X\t{number(0.01)}\t\n***End_of_Header***\t\t\n"
+        names = {"One": "X_Value\tq1\tu", "No": "X_Value\tq1\tu", "Multi": "X_Value\tq1\tX_Value\tu"}
+        text += names[x] + "\tComment\n"
+        for k in rows:
+            t, q, u = number(LOG.time[k]), number(np.degrees(LOG.angle[k])), number(LOG.voltage[k])
+            text += {"One": f"{t}\t{q}\t{u}\n", "No": f"\t{q}\t{u}\n", "Multi": f"{t}\t{q}\t{t}\t{u}\n"}[x]
+    return text
+
+
+@pytest.mark.parametrize("x", ["One", "No", "Multi"])
+@pytest.mark.parametrize(("decimal", "segments"), [(".", 1), (",", 1), (".", 3)])
+def test_labview_writes_tables(x, decimal, segments):
+    log = read(labview(x, decimal, segments), "run.lvm", kind="none", time="X_Value")
+    np.testing.assert_allclose(log.time, LOG.time, atol=1e-9)
+    np.testing.assert_allclose(log.angle, LOG.angle, atol=1e-7)
+
+
+def test_labview_that_was_cut_off_is_one_sentence():
+    whole = labview()
+    for size in (10, 60, 150, whole.index("X_Value"), len(whole) - 40):
+        try:
+            read_table(whole[:size].encode(), "run.lvm")
+        except InputError as error:
+            assert error.message.count("\n") == 0
+
+
+@pytest.mark.parametrize(
+    ("head", "kind", "instead"),
+    [
+        (b"TDSm\x0e\0\0\0", "LabVIEW TDMS", "CSV"),
+        (b"#ROSBAG V2.0\n", "bag of ROS 1", "MCAP"),
+        (b"SQLite format 3\0", "bag of ROS 2", "MCAP"),
+        (b"MDF     4.10", "MDF", "CSV"),
+    ],
+)
+def test_what_is_no_table_is_named(head, kind, instead):
+    with pytest.raises(InputError, match=kind) as caught:
+        read_table(head + bytes(100), "log.dat")
+    assert instead in caught.value.message
+
+
+def test_a_log_from_an_epoch_counts_from_its_first_row():
+    stamps = [str(1_700_000_000_123_456_789 + round(1e9 * t)) for t in LOG.time]
+    log = read("t,q1,q2,u\n" + rows_of(stamps), time_unit="ns")
+    np.testing.assert_allclose(log.time, LOG.time, atol=3e-7)
+    assert [finding.code for finding in log.findings] == ["from-epoch"]
+    assert isinstance(log, Recording)
+
+
+def test_rows_with_text_below_a_commented_header():
+    head = "%time,field.header.seq,field.name0,field.position0,field.position1\n"
+    rows = "".join(
+        f"{round(1.7e18 + 1e9 * t)},{k},arm,{q:.9g},{w:.9g}\n"
+        for k, (t, q, w) in enumerate(zip(LOG.time, LOG.angle, LOG.wheel_angle, strict=True))
+    )
+    table = read_table((head + rows).encode(), "rostopic.csv")
+    assert list(table.columns) == ["time", "field.header.seq", "field.name0", "field.position0", "field.position1"]
+    assert len(table.columns["time"]) == len(LOG)
+    assert guess_roles(describe(table)).column("angle") == "field.position0"

@@ -53,6 +53,10 @@ def viscous_log():
     return twin_log(duration=9.0)
 
 
+def codes(messages):
+    return {message.code for message in messages}
+
+
 def error(result):
     return result.inertia.value / INERTIA - 1
 
@@ -361,6 +365,13 @@ DECLARED = {
     "sensors.wheel.nonlinearity": 1e-3,
     "sensors.wheel.latency": "0 ± 0.1 ms",
 }
+BELIEVED = {
+    "sensors.nonlinearity": 1e-7,
+    "sensors.latency": "0 ± 0.01 us",
+    "sensors.wheel.nonlinearity": 1e-7,
+    "sensors.wheel.latency": "0 ± 0.01 us",
+}
+"""So small that the log does not move them: then the budget says what they would do."""
 ENCODERS = {
     "sensors.nonlinearity.cosine": ("angle", np.cos),
     "sensors.nonlinearity.sine": ("angle", np.sin),
@@ -371,10 +382,12 @@ ENCODERS = {
 
 @pytest.mark.parametrize("source", ["voltage", "wheel"])
 def test_a_sensor_s_error_moves_the_answer_as_the_budget_says(viscous_log, source):
-    def found(log, rig=GIVEN):
+    rig = GIVEN.changed(BELIEVED)
+
+    def found(log):
         return identify(log, rig, "output-error", law="viscous", input=source, segment=1.5, starts=1)
 
-    plain = found(viscous_log, GIVEN.changed(DECLARED))
+    plain = found(viscous_log)
     slopes = {entry.shared_id: entry.sensitivity for entry in plain.budget if entry.parameter == "inertia"}
     size = 1e-3
     for key, (channel, shape) in ENCODERS.items():
@@ -387,6 +400,48 @@ def test_a_sensor_s_error_moves_the_answer_as_the_budget_says(viscous_log, sourc
         late = moved(viscous_log.time, getattr(viscous_log, channel), -1e-4)
         shift = (found(replace(viscous_log, **{channel: late})).inertia.value - plain.inertia.value) / 1e-4
         assert slopes[f"sensors.{prefix}latency"] == pytest.approx(shift, rel=0.05, abs=2e-3 * INERTIA / 1e-3)
+
+
+@pytest.mark.parametrize("key", ["sensors.nonlinearity.sine", "sensors.wheel.nonlinearity.cosine"])
+def test_a_sensor_s_error_that_is_declared_is_found_in_the_log(viscous_log, key):
+    channel, shape = ENCODERS[key]
+    values = getattr(viscous_log, channel)
+    bent = replace(viscous_log, **{channel: values + 1e-3 * shape(values)})
+    options = {"law": "viscous", "starts": 1}
+    assert "poor-fit" in codes(identify(bent, GIVEN, "output-error", **options).warnings)
+    told, plain = (identify(log, GIVEN.changed(DECLARED), "output-error", **options) for log in (bent, viscous_log))
+    assert not told.warnings
+    assert abs(error(told)) < 3 * told.inertia.standard_uncertainty / INERTIA
+    assert abs(told.inertia.value - plain.inertia.value) < 0.2 * plain.inertia.standard_uncertainty
+
+
+@pytest.mark.parametrize("source", ["voltage", "wheel"])
+def test_uncertain_constants_move_within_what_is_stated(viscous_log, source):
+    # each three standard uncertainties off; the balance of momentum takes them as stated
+    stated = {"axis.gravity_torque": "78.6e-3 ± 0.2e-3 N*m", "drive.wheel.inertia": "11.4e-5 ± 0.02e-5 kg*m^2"}
+    exact = {"axis.gravity_torque": "78.6e-3 N*m", "drive.wheel.inertia": "11.4e-5 kg*m^2"}
+    if source == "voltage":
+        assert "poor-fit" in codes(identify(viscous_log, GIVEN.changed(exact), "output-error", law="viscous").warnings)
+    result = identify(viscous_log, GIVEN.changed(stated), "output-error", law="viscous", input=source)
+    assert not result.warnings
+    inertia = result.inertia
+    assert abs(inertia.value - INERTIA) < (3 if source == "voltage" else 6) * inertia.standard_uncertainty
+    if source == "voltage":  # the motor's constants are exact here, and set the scale
+        assert inertia.standard_uncertainty < 1e-3 * INERTIA
+
+
+def test_the_sensitivity_to_what_is_stated_is_that_of_a_second_fit(viscous_log):
+    key, value, std = "axis.gravity_torque", 78e-3, 2e-6  # as uncertain as the log tells it
+    values = []
+    for off in (0.0, std, -std):
+        rig = GIVEN.changed({key: f"{value + off!r} ± {std!r} N*m"})
+        result = identify(viscous_log, rig, "output-error", law="viscous", segment=1.5)
+        values.append(result.inertia.value)
+        if off == 0.0:
+            entry = next(one for one in result.budget if one.shared_id == key and one.parameter == "inertia")
+    slope = (values[1] - values[2]) / (2 * std)
+    assert entry.sensitivity == pytest.approx(slope, rel=0.05)
+    assert entry.standard_uncertainty == pytest.approx(abs(entry.sensitivity) * std)
 
 
 # Refusals

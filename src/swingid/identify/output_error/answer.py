@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.energy.checks import DISAGREES
+from swingid.identify.energy.checks import DISAGREES, SecondOpinion
 from swingid.identify.energy.fit import block_covariance
 from swingid.identify.friction_laws import friction_units
 from swingid.identify.momentum.agreement import SEEN
-from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
 from swingid.identify.output_error.curve import friction_curve
-from swingid.identify.output_error.problem import Problem, problem_of
+from swingid.identify.output_error.declared import Declared, declared_effects, shift_of_momentum
+from swingid.identify.output_error.problem import Problem
 from swingid.identify.output_error.resolution import grid_covariance, zero_effect
 from swingid.identify.output_error.search import Searched
-from swingid.identify.output_error.solver import influence_of, informed, inverse_of, reduce, with_zero
-from swingid.identify.output_error.unknowns import ZERO, Places, Unknowns, constant_places, constant_value
+from swingid.identify.output_error.solver import influence_of, informed, inverse_of, reduce
+from swingid.identify.output_error.unknowns import Unknowns
 from swingid.identify.result import BudgetEntry, Details, Parameter, combined
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
@@ -46,7 +46,7 @@ class Estimate:
     searched: Searched
     influence: Array
     covariance: Array
-    declared: tuple[tuple[str, float | None, str, Array], ...]
+    declared: tuple[Declared, ...]
     kinds: dict[str, tuple[float, float, float]]
     grid: Array
     zero: Array
@@ -74,11 +74,7 @@ def estimate_of(
     fit = searched.fit
     influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
     covariance = _covariance(influence, fit.residuals, problem, motion)
-    declared = (
-        *_constants(searched, problem, influence, rig, scale),
-        *_encoders(searched, problem, influence, log, rig, noise, motion),
-        *_latencies(problem, fit.prediction.rates, influence, rig),
-    )
+    declared = declared_effects(searched, problem, influence, log, rig, scale, motion, noise)
     grid = np.zeros_like(covariance)
     if log.averaged == 1:
         grid = grid_covariance(problem, fit, influence, noise)
@@ -116,89 +112,6 @@ def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Mo
     return result
 
 
-def _constants(
-    searched: Searched, problem: Problem, influence: Array, rig: Rig, scale: Scale
-) -> Iterator[tuple[str, float | None, str, Array]]:
-    """dθ/dc = −K ∂y/∂c for every constant c that is not an unknown (implicit function theorem)."""
-    sought = {item.places for item in searched.unknowns.items}
-    places: dict[str, Places] = {
-        key: own for key, own in constant_places(rig, scale).items() if own not in sought and _is_felt(key, problem)
-    }
-    if not places:
-        return
-    unknowns, fit = searched.unknowns, searched.fit
-    entries = unknowns.entries(problem.states, list(places.values()))
-    columns = len(unknowns) + len(places)
-    slopes = problem.predict(unknowns.vector(fit.values), entries, fit.states, columns).slopes
-    own = slopes[:, problem.states + len(unknowns) :] / problem.sigma[:, None]
-    shifts = -influence @ own
-    for key, shift in zip(places, shifts.T, strict=True):
-        yield key, constant_value(rig, key)[1], key, shift
-
-
-def _is_felt(key: str, problem: Problem) -> bool:
-    """Whether a constant enters: the motor's do not where the measured wheel is the input."""
-    inertias = ("drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
-    return problem.input == "voltage" or not key.startswith("drive.") or key in inertias
-
-
-def _encoders(
-    searched: Searched, problem: Problem, influence: Array, log: Recording, rig: Rig, noise: Noise, motion: Motion
-) -> Iterator[tuple[str, float | None, str, Array]]:
-    """Once-per-turn nonlinearity of each encoder, measured = q + α cos q + β sin q."""
-    if rig.axis.kind == "linear":
-        return
-    shapes = (("cosine", np.cos), ("sine", np.sin))
-    for channel, prefix, here in (("angle", "", ~problem.wheel), ("wheel", "wheel.", problem.wheel)):
-        sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
-        if channel == "wheel" and problem.input not in ("voltage", "wheel"):
-            continue
-        for name, shape in shapes:
-            std = sensor.parts[name].std
-            if not std:
-                continue
-            if channel == "wheel" and problem.input == "wheel":
-                assert log.wheel_angle is not None
-                effect = -_other_input(searched, problem, log, rig, noise, motion, std * shape(log.wheel_angle)) / std
-            else:
-                effect = np.where(here, shape(problem.measured), 0.0)
-            shift = influence @ (effect / problem.sigma)
-            yield f"{channel} encoder nonlinearity ({name})", std, f"sensors.{prefix}nonlinearity.{name}", shift
-
-
-def _other_input(
-    searched: Searched, problem: Problem, log: Recording, rig: Rig, noise: Noise, motion: Motion, error: Array
-) -> Array:
-    """Change of the predicted readings when the measured wheel, which is the input, is off by `error` (rows,)."""
-    assert log.wheel_angle is not None
-    other = replace(log, wheel_angle=log.wheel_angle + error)
-    length = float(np.max(np.diff(problem.knots[np.append(problem.bounds[:-1], problem.bounds[-1] - 1)])))
-    again = problem_of(other, rig, noise, "wheel", length, np.inf)
-    if len(again.measured) != len(problem.measured):
-        return np.zeros(len(problem.measured))
-    fit, unknowns = searched.fit, searched.unknowns
-    entries = unknowns.entries(problem.states)
-    p = unknowns.vector(fit.values)
-    prediction = again.predict(p, entries, fit.states, len(unknowns))
-    if unknowns.zero is not None:
-        prediction = with_zero(prediction, problem, problem.states + unknowns.zero, fit.values[unknowns.zero])
-    return prediction.outputs - fit.prediction.outputs
-
-
-def _latencies(
-    problem: Problem, rates: Array, influence: Array, rig: Rig
-) -> Iterator[tuple[str, float | None, str, Array]]:
-    """A channel read δ later than stated shows q + q' δ; as the input, a late wheel is an early angle."""
-    late = influence @ (np.where(problem.wheel, 0.0, rates) / problem.sigma)
-    std = rig.sensors.of("angle").latency.std
-    if std and problem.input != "none":
-        yield "angle latency", std, "sensors.latency", late
-    std = rig.sensors.of("wheel").latency.std
-    if std and problem.input in ("voltage", "wheel"):
-        turning = influence @ (np.where(problem.wheel, rates, 0.0) / problem.sigma)
-        yield "wheel latency", std, "sensors.wheel.latency", turning if problem.input == "voltage" else -late
-
-
 def _kinds(
     searched: Searched, problem: Problem, influence: Array, covariance: Array
 ) -> dict[str, tuple[float, float, float]]:
@@ -225,11 +138,11 @@ def _kinds(
 
 
 def answer_of(
-    estimate: Estimate, scale: Scale, windows: WindowFit | None
+    estimate: Estimate, rig: Rig, scale: Scale, opinion: SecondOpinion
 ) -> tuple[dict[str, Parameter], list[BudgetEntry], dict[str, float]]:
     """Parameters, budget, and the sensitivity of the inertia to each constant.
 
-    windows: the momentum balance of some of the swings. Residuals cannot show what a wrong model does to the inertia,
+    opinion: the momentum balance of some of the swings. Residuals cannot show what a wrong model does to the inertia,
     another method can.
     """
     weights = _sought(estimate.unknowns)
@@ -249,8 +162,10 @@ def answer_of(
         budget.append(BudgetEntry("choice of the friction law", "A", "inertia", estimate.searched.spread))
     if estimate.searched.drift > 0:
         budget.append(BudgetEntry("drift with the length of the segments", "A", "inertia", estimate.searched.drift))
+    windows = opinion.windows
     if windows is not None and not estimate.robust:
-        difference = float(estimate.values[0]) - (windows.a11 - scale.carried)
+        balance = windows.a11 + shift_of_momentum(opinion, estimate.searched, rig, scale) - scale.carried
+        difference = float(estimate.values[0]) - balance
         variance = combined(budget, "inertia") ** 2 + windows.u**2
         if difference**2 > SEEN**2 * variance:
             budget.append(BudgetEntry(DISAGREES, "A", "inertia", float(np.sqrt(difference**2 - variance))))
@@ -282,7 +197,7 @@ def _grid_entries(estimate: Estimate, weights: dict[str, Array]) -> Iterator[Bud
 
 def _sought(unknowns: Unknowns) -> dict[str, Array]:
     """Weights of every reported parameter on the unknowns: the static friction is Stribeck's peak on Coulomb's."""
-    unit = {name: np.eye(len(unknowns))[k] for k, name in enumerate(unknowns.names) if name != ZERO}
+    unit = {item.name: np.eye(len(unknowns))[k] for k, item in enumerate(unknowns.items) if item.is_sought}
     if "stribeck" not in unit:
         return unit
     sides = [unit[name] for name in ("coulomb", "coulomb_positive", "coulomb_negative") if name in unit]

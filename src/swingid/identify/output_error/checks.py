@@ -11,6 +11,7 @@ from swingid.identify.identifiability import BLIND, HOPELESS, Identifiability, a
 from swingid.identify.momentum.checks import check_answer, check_motor
 from swingid.identify.motion import Motion
 from swingid.identify.output_error.answer import SCATTER, Estimate
+from swingid.identify.output_error.declared import shift_of_momentum
 from swingid.identify.output_error.problem import Problem
 from swingid.identify.output_error.solver import Fit, inverse_of
 from swingid.identify.output_error.unknowns import FRICTION
@@ -78,7 +79,8 @@ def check_fit(
         warnings += found
         notes += [note for note in told if note.code != "identifiability"]
         if not estimate.robust:
-            warnings += _against_momentum(inertia, budget, opinion, problem, scale)
+            shift = shift_of_momentum(opinion, estimate.searched, rig, scale)
+            warnings += _against_momentum(inertia, budget, opinion, problem, scale, shift)
     notes.append(_conditioning(seen))
     notes.append(_search_note(estimate, problem))
     notes += _zero_note(estimate, problem)
@@ -86,8 +88,10 @@ def check_fit(
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += motor_notes
     warnings, notes = (held + warnings, notes) if problem.input == "voltage" else (warnings, notes + held)
-    # a motor that does not fit shows in the residuals, or the motor is not used
-    warnings += [message for message in motor_warnings if message.code != "motor-balance"]
+    # a motor that does not fit shows in the residuals, or the motor is not used; another reading of the wheel too
+    fits = problem.input == "voltage" and not poor
+    silent = ("motor-balance", "wheel-angle-reading") if fits else ("motor-balance",)
+    warnings += [message for message in motor_warnings if message.code not in silent]
     if problem.input == "voltage":
         notes.append(_leaning_on_motor(rig, sensitivities, inertia))
     return warnings, notes
@@ -116,7 +120,11 @@ def _require_told_apart(estimate: Estimate) -> None:
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     powers, directions = np.linalg.eigh(matrix * np.outer(scale, scale))
     share = (directions[:, powers < UNSEEN * powers[-1]] ** 2).sum(axis=1)
-    blind = [name for name, own in zip(unknowns.names, share, strict=True) if own > BLIND and name not in FRICTION]
+    blind = [
+        item.name
+        for item, own in zip(unknowns.items, share, strict=True)
+        if own > BLIND and item.is_sought and item.name not in FRICTION
+    ]
     if blind:
         raise UnanswerableError(
             f"{' and '.join(blind)} cannot be told apart in this log, only a combination of them; leave fewer free.",
@@ -129,7 +137,7 @@ def _scatter_of_inertia(budget: list[BudgetEntry]) -> float:
 
 
 def misfit(fit: Fit, problem: Problem, rig: Rig) -> dict[str, tuple[float, float]]:
-    """Residual (rms, rad or m) of each channel, and what noise, jitter and the encoder's nonlinearity explain of it."""
+    """Residual (rms, rad or m) of each channel, and what noise, jitter and the input's nonlinearity explain of it."""
     found = {}
     for channel, here in (("angle", ~problem.wheel), ("wheel", problem.wheel)):
         if not here.any():
@@ -137,7 +145,9 @@ def misfit(fit: Fit, problem: Problem, rig: Rig) -> dict[str, tuple[float, float
         sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
         left = float(np.sqrt(np.mean((fit.residuals * problem.sigma)[here] ** 2)))
         rate = float(np.sqrt(np.mean(fit.prediction.rates[here] ** 2)))
-        parts = (problem.sigma[here][0], sensor.nonlinearity, sensor.jitter * rate)
+        # the wheel's nonlinearity as input is no unknown, and enters the angle's prediction
+        bent = rig.sensors.of("wheel").nonlinearity if problem.input == "wheel" else 0.0
+        parts = (problem.sigma[here][0], bent, sensor.jitter * rate)
         found[channel] = left, float(np.sqrt(np.sum(np.square(parts))))
     return found
 
@@ -193,13 +203,18 @@ def _search_doubts(estimate: Estimate) -> list[Message]:
 
 
 def _against_momentum(
-    inertia: Parameter, budget: list[BudgetEntry], opinion: SecondOpinion, problem: Problem, scale: Scale
+    inertia: Parameter,
+    budget: list[BudgetEntry],
+    opinion: SecondOpinion,
+    problem: Problem,
+    scale: Scale,
+    shift: float,
 ) -> list[Message]:
-    """A warning where the momentum balance of the same swings says otherwise."""
+    """A warning where the momentum balance of the same swings says otherwise; shift: of the latter for constants."""
     assert opinion.windows is not None
-    if not gap_to_momentum(inertia.value, _scatter_of_inertia(budget), opinion.windows, scale):
+    if not gap_to_momentum(inertia.value - shift, _scatter_of_inertia(budget), opinion.windows, scale):
         return []
-    difference = inertia.value / (opinion.windows.a11 - scale.carried) - 1
+    difference = inertia.value / (opinion.windows.a11 + shift - scale.carried) - 1
     cause = "motor constants that are off" if problem.input == "voltage" else "friction that is not of this law"
     text = (
         f"this inertia is {abs(difference):.1%} {'more' if difference > 0 else 'less'} than the momentum balance of "

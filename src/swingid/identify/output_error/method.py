@@ -20,7 +20,9 @@ from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.output_error.answer import answer_of, details_of, estimate_of, type_a
 from swingid.identify.output_error.checks import POOR, check_fit, left_of_channels, misfit_ratios
+from swingid.identify.output_error.constants import uncertain_constants
 from swingid.identify.output_error.problem import Input, Problem, problem_of
+from swingid.identify.output_error.readings import uncertain_readings
 from swingid.identify.output_error.search import RICHEST, Searched, choose_law, first_values, search
 from swingid.identify.output_error.solver import LOSSES, solve
 from swingid.identify.output_error.unknowns import Unknowns, friction_unknowns, unknowns_of
@@ -77,7 +79,8 @@ def output_error(
     source = _input(input, log, rig, scale)
     noise = channel_noise(log, rig)
     whole = find_motion(log.time, log.angle, noise.angle)
-    start, stop, note = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+    limits = float(log.time[0]), float(log.time[-1])
+    start, stop, note = usable_part(whole, rig.drive.kind, *limits, log.left_out)
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     opinion = second_opinion(used, rig, motion, scale, noise)
@@ -86,7 +89,7 @@ def output_error(
     problem, rough = _rough_fit(setup, RICHEST if law == "auto" or "stribeck" in law else law, segment)
     searched, law = _final_fit(setup, problem, rough, law)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
-    parameters, budget, sensitivities = answer_of(estimate, scale, opinion.windows)
+    parameters, budget, sensitivities = answer_of(estimate, rig, scale, opinion)
     warnings, notes = check_fit(parameters, budget, sensitivities, estimate, problem, opinion, rig, scale, motion)
     notes = [note, *notes]
     add_findings(log, warnings, notes)
@@ -202,7 +205,18 @@ class _Setup:
     def unknowns(self, law: str) -> Unknowns:
         """The unknowns with a friction law."""
         strongest = _strongest(self.windows, self.motion, self.scale)
-        return unknowns_of(self.rig, self.scale, law, self.free, self.fastest, strongest, self.noise.resolution)
+        uncertain = uncertain_constants(self.rig, self.scale, self.source)
+        return unknowns_of(
+            self.rig,
+            self.scale,
+            law,
+            self.free,
+            self.fastest,
+            strongest,
+            self.noise.resolution,
+            uncertain,
+            uncertain_readings(self.rig, self.source),
+        )
 
     def first(self, unknowns: Unknowns) -> Array:
         """Where the search begins."""

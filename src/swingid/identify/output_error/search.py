@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from swingid.identify.friction_laws import DIRECTIONS, LAWS
 from swingid.identify.momentum.fits import WindowFit
+from swingid.identify.output_error.constants import free_start
 from swingid.identify.output_error.problem import Problem
-from swingid.identify.output_error.solver import Fit, reduce, solve, with_zero
-from swingid.identify.output_error.unknowns import FRICTION, ZERO, Unknowns, free_start, friction_unknowns
+from swingid.identify.output_error.readings import as_read
+from swingid.identify.output_error.solver import Fit, reduce, solve
+from swingid.identify.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
 from swingid.identify.scale import Scale
 from swingid.model.parameters import STRIBECK_SPEED
 from swingid.model.rig import Rig
@@ -84,7 +86,7 @@ def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale,
             value = PEAKS[2] * fastest
         elif item.name == "offset":
             value = even[0]
-        elif item.name == ZERO:
+        elif not item.is_sought:
             value = 0.0
         elif item.name in FRICTION:
             value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))
@@ -192,12 +194,12 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
     bare = Unknowns((), unknowns.base)
     entries = bare.entries(problem.states, places)
     prediction = problem.predict(p, entries, fit.states, len(places))
-    if unknowns.zero is not None:
-        prediction = with_zero(prediction, problem, problem.states + body.index(unknowns.zero))
+    at = dict(zip(unknowns.names, fit.values, strict=True))
+    own = [unknowns.names[k] for k in body]
+    prediction = as_read(prediction, problem, (*own, *names), np.array([at.get(name, 0.0) for name in (*own, *names)]))
     extended = np.column_stack([prediction.slopes, problem.sigma * fit.residuals])
     reduced = reduce(problem, extended, fit.residuals, fit.weights)
-    at = dict(zip(unknowns.names, fit.values, strict=True))
-    values = [at[unknowns.names[k]] for k in body]
+    values = [at[name] for name in own]
     friction = {"coulomb": at["coulomb_negative"], "viscous": at["viscous_negative"], "quadratic": at["quadratic"]}
     for name in ("coulomb", "viscous"):
         friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
@@ -210,7 +212,7 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
             gram[column, -1] -= power * fit.values[k]
             gram[-1, column] -= power * fit.values[k]
             gram[-1, -1] += power * fit.values[k] ** 2
-    return _Columns((*(unknowns.names[k] for k in body), *names), gram, np.array(values), peak)
+    return _Columns((*own, *names), gram, np.array(values), peak)
 
 
 def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Verdict | None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swingid.errors import UsageError
 from swingid.identify.output_error.problem import Prediction, Problem
+from swingid.identify.output_error.readings import as_read
 from swingid.identify.output_error.unknowns import Ints, Unknowns
 from swingid.numerics.compiled import njit
 
@@ -156,14 +157,6 @@ def informed(reduced: Reduced, unknowns: Unknowns, values: Array) -> Reduced:
     )
 
 
-def with_zero(prediction: Prediction, problem: Problem, column: int | None, value: float = 0.0) -> Prediction:
-    """The prediction as an angle's encoder reads it that shows `value` (rad) at 0; column: its place in the slopes."""
-    if column is None:
-        return prediction
-    prediction.slopes[~problem.wheel, column] = 1.0
-    return replace(prediction, outputs=prediction.outputs + np.where(problem.wheel, 0.0, value))
-
-
 def loss_of(residuals: Array, loss: str) -> tuple[float, Array]:
     """Mean loss and weights of residuals; a robust loss bends at `BEND` of their median size, at least the sensor's.
 
@@ -218,8 +211,7 @@ def solve(
 def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
     entries = unknowns.entries(problem.states)
     prediction = problem.predict(unknowns.vector(values), entries, states, len(unknowns))
-    if unknowns.zero is not None:
-        prediction = with_zero(prediction, problem, problem.states + unknowns.zero, values[unknowns.zero])
+    prediction = as_read(prediction, problem, unknowns.names, values)
     residuals = (problem.measured - prediction.outputs) / problem.sigma
     if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
         empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))

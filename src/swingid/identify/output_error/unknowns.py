@@ -2,12 +2,13 @@
 
 Every unknown θ moves some places of the vector linearly, p = base + D θ: the Coulomb friction stands in four places,
 the wheel's inertia in a11, a12 and a22. Friction is a law of `identify.friction_laws`; Stribeck's peak is sought as its
-height over the Coulomb friction, so that plain bounds keep the law one of friction.
+height over the Coulomb friction, so that plain bounds keep the law one of friction. A constant that rig.toml states
+with an uncertainty is an unknown too, as its deviation from what is stated, known beforehand to within that.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,23 +17,21 @@ from numpy.typing import NDArray
 
 from swingid.errors import UsageError
 from swingid.identify.friction_laws import DIRECTIONS, LAWS, friction_units, law_terms
-from swingid.identify.output_error.axis_motion import GAIN
+from swingid.identify.output_error.constants import (
+    Places,
+    constant_places,
+    constant_value,
+    free_key,
+    free_name,
+    unit_of,
+)
 from swingid.identify.scale import Scale
 from swingid.model.parameters import (
     A11,
-    A12,
-    A22,
     AXIS_STICKS,
-    C1,
-    C2,
     COULOMB_N,
     COULOMB_P,
     CUBIC,
-    ETA,
-    F2,
-    F3,
-    GEAR,
-    MOTOR_KEYS,
     OFFSET,
     QUADRATIC,
     SIZE,
@@ -41,8 +40,6 @@ from swingid.model.parameters import (
     STRIBECK_SPEED,
     VISCOUS_N,
     VISCOUS_P,
-    WHEEL_STATIC,
-    B,
     vector,
 )
 from swingid.model.rig import Rig
@@ -50,7 +47,6 @@ from swingid.model.rig import Rig
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Entries = tuple[Ints, Ints, Array]
-Places = tuple[tuple[int, float], ...]
 
 FRICTION: dict[str, Places] = {
     "viscous": ((VISCOUS_P, 1.0), (VISCOUS_N, 1.0)),
@@ -70,12 +66,6 @@ FRICTION: dict[str, Places] = {
 POWERS = {"viscous": 1, "quadratic": 2, "cubic": 3}
 """Power of the speed that a coefficient of friction stands before, where not 0."""
 
-FREE = ("gravity_torque", *(key for key in MOTOR_KEYS if key != "gear_ratio"), "wheel_inertia")
-"""What may be asked for beside inertia and friction. "viscous" and "coulomb" of the motor are motor_viscous, …"""
-
-MOTOR_NAMES = {"viscous": "motor_viscous", "coulomb": "motor_coulomb"}
-
-
 ZERO = "angle_zero"
 """What the angle's encoder reads at angle 0: unknown within a step of its grid. It moves readings, not the motion."""
 
@@ -83,12 +73,18 @@ ZERO = "angle_zero"
 FARTHEST_ZERO = 0.1
 """Angle (rad) within which the zero of the angle is looked for where that within its grid does not explain the log."""
 
+NOTHING: Mapping[str, float] = {}
+
+FARTHEST = 10.0
+"""Standard deviations within which a constant is looked for about what is stated."""
+
 
 @dataclass(frozen=True)
 class Unknown:
     """One unknown: name, unit, bounds, and the places of the vector that it moves with their weights.
 
-    std: standard deviation about 0 that is known beforehand.
+    std: standard deviation about 0 that is known beforehand, finite for what is not asked for: the angle's zero, and
+    the deviation of a constant from what rig.toml states, whose name is its key.
     """
 
     name: str
@@ -97,6 +93,11 @@ class Unknown:
     high: float
     places: Places
     std: float = np.inf
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether it is asked for, rather than known beforehand to within its std."""
+        return not np.isfinite(self.std)
 
 
 @dataclass(frozen=True)
@@ -188,38 +189,6 @@ def friction_unknowns(law: str) -> tuple[str, ...]:
     return (*names, "stribeck_speed") if "stribeck" in terms else tuple(names)
 
 
-def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
-    """Places of every constant of rig.toml that the motion feels, by its key; derivatives at the stated values."""
-    found: dict[str, Places] = {}
-    if not scale.linear:
-        found["axis.gravity_torque"] = ((B, 1.0),)
-    if scale.drive == "direct":
-        found["log.torque_gain"] = ((GAIN, 1.0 / rig.log.torque_gain.value),)
-    if scale.drive != "reaction-wheel" or rig.drive.motor is None:
-        return found
-    motor = rig.drive.motor
-    gear, rotor = motor.gear_ratio.value, motor.rotor_inertia.value
-    found |= {
-        "drive.wheel.inertia": ((A11, 1.0), (A12, 1.0), (A22, 1.0)),
-        "drive.motor.rotor_inertia": ((A11, 1.0), (A12, gear), (A22, gear**2)),
-        "drive.motor.gear_ratio": ((A12, rotor), (A22, 2 * gear * rotor), (GEAR, 1.0)),
-        "drive.motor.torque_per_volt": ((C1, 1.0),),
-        "drive.motor.back_emf": ((C2, 1.0),),
-        "drive.motor.viscous": ((F2, 1.0),),
-        "drive.motor.coulomb": ((F3, 1.0), (WHEEL_STATIC, abs(gear))),
-        "drive.motor.efficiency": ((ETA, 1.0),),
-    }
-    return found
-
-
-def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
-    """Value and standard uncertainty of a constant by its key."""
-    holder: object = rig
-    for part in key.split("."):
-        holder = getattr(holder, part)
-    return float(getattr(holder, "value", 0.0)), getattr(holder, "std", None)
-
-
 def unknowns_of(
     rig: Rig,
     scale: Scale,
@@ -228,25 +197,29 @@ def unknowns_of(
     fastest: float,
     strongest: float,
     resolution: float = 0.0,
+    uncertain: Sequence[str] = (),
+    readings: Mapping[str, float] = NOTHING,
 ) -> Unknowns:
     """Inertia, gravity torque where it is "unknown" or asked for, the friction law, and the constants asked for.
 
     fastest: highest speed of the motion (rad/s); strongest: a torque (N m) that no friction exceeds. A Stribeck speed
     is sought below the one, coefficients below what makes the other at that speed. resolution: step of the angle's
-    grid (rad). Who sets an encoder to 0 where the body hangs errs by up to half a step, which gravity shows.
+    grid (rad). Who sets an encoder to 0 where the body hangs errs by up to half a step, which gravity shows. uncertain:
+    keys of constants that may deviate from what is stated, within their uncertainty; readings: the same of the sensors,
+    with the standard deviations.
     Raises UsageError for an unknown law or constant.
     """
     places = constant_places(rig, scale)
     units = friction_units(scale.linear)
     items = [Unknown("inertia", scale.unit, 1e-12, np.inf, ((A11, 1.0),))]
     for name in dict.fromkeys((*(("gravity_torque",) if scale.b is None else ()), *free)):
-        key = _free_key(name)
+        key = free_key(name)
         if key not in places:
             has = ", ".join(
-                _free_name(key) for key in places if key not in ("drive.motor.gear_ratio", "log.torque_gain")
+                free_name(key) for key in places if key not in ("drive.motor.gear_ratio", "log.torque_gain")
             )
             raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
-        items.append(Unknown(name, _unit(key, scale), 0.0, np.inf, places[key]))
+        items.append(Unknown(name, unit_of(key, scale), 0.0, np.inf, places[key]))
     for name in friction_unknowns(law):
         low = -strongest if name == "offset" else 0.0
         high = strongest / fastest ** POWERS.get(name.partition("_")[0], 0)
@@ -254,13 +227,27 @@ def unknowns_of(
             low, high = 0.003 * fastest, fastest
         unit = units["coulomb" if name == "stribeck" else name]
         items.append(Unknown(name, unit, low, high, FRICTION[name]))
+    asked = {free_key(item.name) for item in items if item.name not in FRICTION}
+    items += [_about_stated(rig, scale, key, places[key]) for key in uncertain if key not in asked]
+    for key, std in readings.items():
+        unit = "s" if key.endswith("latency") else "rad"
+        items.append(Unknown(key, unit, -FARTHEST * std, FARTHEST * std, (), std))
     if resolution > 0 and not scale.linear and scale.b != 0:
         items.append(_zero_within(resolution))
     return Unknowns(tuple(items), _base(rig, scale, items))
 
 
+def _about_stated(rig: Rig, scale: Scale, key: str, places: Places) -> Unknown:
+    """The deviation of a constant from what is stated; one that is above 0 stays so."""
+    value, std = constant_value(rig, key)
+    assert std
+    widest = FARTHEST * std
+    low = -widest if value <= 0 else -min(widest, 0.9 * value)
+    return Unknown(key, unit_of(key, scale), low, widest, places, std)
+
+
 def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
-    """The vector of the rig's constants with every unknown at zero."""
+    """The vector of the rig's constants with every unknown at zero (and every deviation from what is stated)."""
     stated: dict[str, float] = {"axis.inertia": 1.0, "axis.gravity_torque": scale.b or 0.0}
     for key in constant_places(rig, scale):
         if key.startswith("drive."):
@@ -270,35 +257,9 @@ def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
     base = vector(stated, scale.drive)
     base[A11] -= 1.0
     for item in items:
-        value = stated.get(_free_key(item.name), 0.0)
-        if item.name in ("inertia", ZERO) or item.name in FRICTION:
+        if item.name == "inertia" or item.name in FRICTION or not item.is_sought:
             continue
+        value = stated.get(free_key(item.name), 0.0)
         for place, weight in item.places:
             base[place] -= weight * value
     return base
-
-
-def _free_key(name: str) -> str:
-    """rig.toml's key of a constant that may be free."""
-    plain = {own: key for key, own in MOTOR_NAMES.items()}.get(name, name)
-    if name == "gravity_torque":
-        return "axis.gravity_torque"
-    if name == "wheel_inertia":
-        return "drive.wheel.inertia"
-    return f"drive.motor.{plain}"
-
-
-def _free_name(key: str) -> str:
-    last = key.rpartition(".")[2]
-    return "wheel_inertia" if key == "drive.wheel.inertia" else MOTOR_NAMES.get(last, last)
-
-
-def _unit(key: str, scale: Scale) -> str:
-    units = {"torque_per_volt": "N m/V", "back_emf": "N m s", "viscous": "N m s", "coulomb": "N m", "efficiency": "1"}
-    last = key.rpartition(".")[2]
-    return scale.torque_unit if last == "gravity_torque" else units.get(last, "kg m^2")
-
-
-def free_start(rig: Rig, name: str) -> float:
-    """Where the search for a free constant begins: at its stated value, 0 where none is."""
-    return constant_value(rig, _free_key(name))[0]

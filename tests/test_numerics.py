@@ -10,14 +10,15 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
+from swingid.numerics.hats import project_hats
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.regression import fit_linear, gram
+from swingid.numerics.search import rows_before
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.numerics.test_functions import (
     curvature_overlap,
     overlaps,
     project,
-    project_hats,
     project_impulses,
     project_steps,
     superpose,
@@ -120,6 +121,25 @@ def test_local_cubic_says_nothing_without_samples():
     got = local_cubic(time, time**3, np.array([0.2, 2.0, 5.1]), 0.25)
     assert got[0] == pytest.approx([0.008, 0.12], abs=1e-12)
     assert np.isnan(got[1:]).all()
+
+
+# places
+
+
+@given(seeds, st.sampled_from(["even", "uneven", "crowded", "repeated"]))
+@CASES
+def test_rows_before_an_instant_are_those_of_a_bisection(seed, kind):
+    rng = np.random.default_rng(seed)
+    time = np.sort(rng.uniform(0, 1, int(rng.integers(2, 400))))
+    if kind == "even":
+        time = np.arange(len(time)) / 100
+    elif kind == "crowded":
+        time = time**5
+    elif kind == "repeated":
+        time = np.concatenate([[0.0], np.round(time, 2), [1.0]])
+    for instant in np.concatenate([rng.uniform(-0.2, 1.2, 20), rng.choice(time, 20), time[[0, -1]]]):
+        assert rows_before(time, instant, False) == np.searchsorted(time, instant)
+        assert rows_before(time, instant, True) == np.searchsorted(time, instant, side="right")
 
 
 # quadrature

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.numerics.compiled import njit, njit_sums
+from swingid.numerics.search import rows_before
 
 Array = NDArray[np.float64]
 
@@ -25,21 +26,20 @@ def spline_slopes(time: Array, values: Array) -> Array:
         slopes[:] = (values[1] - values[0]) / (time[1] - time[0])
         return slopes
     upper = np.empty(n)
-    h = time[1] - time[0]
+    before = time[1] - time[0]
+    secant = (values[1] - values[0]) / before
     upper[0] = 0.5
-    slopes[0] = 1.5 * (values[1] - values[0]) / h
-    for k in range(1, n):
-        h_before = time[k] - time[k - 1]
-        if k < n - 1:
-            h_after = time[k + 1] - time[k]
-            left, right = h_after / (h_before + h_after), h_before / (h_before + h_after)
-            rise = left * (values[k] - values[k - 1]) / h_before + right * (values[k + 1] - values[k]) / h_after
-        else:
-            left, right = 1.0, 0.0
-            rise = (values[k] - values[k - 1]) / h_before
-        pivot = 2.0 - left * upper[k - 1]
-        upper[k] = right / pivot
-        slopes[k] = (3.0 * rise - left * slopes[k - 1]) / pivot
+    slopes[0] = 1.5 * secant
+    for k in range(1, n - 1):
+        after = time[k + 1] - time[k]
+        following = (values[k + 1] - values[k]) / after
+        left = after / (before + after)
+        right = 1.0 - left
+        inverse = 1.0 / (2.0 - left * upper[k - 1])
+        upper[k] = right * inverse
+        slopes[k] = (3.0 * (left * secant + right * following) - left * slopes[k - 1]) * inverse
+        before, secant = after, following
+    slopes[n - 1] = (3.0 * secant - slopes[n - 2]) / (2.0 - upper[n - 2])
     for k in range(n - 2, -1, -1):
         slopes[k] -= upper[k] * slopes[k + 1]
     return slopes
@@ -100,8 +100,8 @@ def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Arr
     powers = np.empty(7)
     products = np.empty(4)
     for i in range(len(at)):
-        first = np.searchsorted(time, at[i] - half_width)
-        last = np.searchsorted(time, at[i] + half_width, side="right")
+        first = rows_before(time, at[i] - half_width, False)
+        last = rows_before(time, at[i] + half_width, True)
         if last - first < 5:
             continue
         _moments(time[first:last], values[first:last], at[i], half_width, powers, products)
@@ -124,9 +124,9 @@ def kinked_slopes(time: Array, values: Array, at: Array, half_width: float) -> A
     result = np.full(len(at), np.nan)
     gram, right, terms = np.empty((5, 5)), np.empty(5), np.empty(5)
     for i in range(len(at)):
-        first = np.searchsorted(time, at[i] - half_width)
-        last = np.searchsorted(time, at[i] + half_width, side="right")
-        before = np.searchsorted(time, at[i]) - first
+        first = rows_before(time, at[i] - half_width, False)
+        last = rows_before(time, at[i] + half_width, True)
+        before = rows_before(time, at[i], False) - first
         if 4 * min(before, last - first - before) < max(12, last - first):
             continue
         gram[:], right[:] = 0.0, 0.0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
+from swingid.numerics.search import rows_before
 
 Array = NDArray[np.float64]
 
@@ -42,16 +43,6 @@ def phi_integral(s: float) -> float:
 
 
 @njit
-def _lagrange(fractions: Array, j: int, s: float) -> float:
-    """At fraction `s` of an interval, the polynomial that is 1 at node j and 0 at the interval's others."""
-    factor = 1.0
-    for i in range(len(fractions)):
-        if i != j:
-            factor *= (s - fractions[i]) / (fractions[j] - fractions[i])
-    return factor
-
-
-@njit
 def _cut(
     time: Array,
     k: int,
@@ -61,22 +52,44 @@ def _cut(
     orders: NDArray[np.int64],
     fractions: Array,
     weights: Array,
-) -> Array:
-    """Integrals over the part of interval k that lies inside the window."""
-    result = np.zeros(len(orders))
-    points, h = len(fractions), time[k + 1] - time[k]
-    t0, t1 = max(time[k], c - big_l), min(time[k + 1], c + big_l)
-    shares = np.zeros((3, points))  # of the node's values in the integrals with φ, φ' and φ''
+    scales: Array,
+    shares: Array,
+    result: Array,
+) -> None:
+    """Add the integrals over the part of interval k that lies inside the window; scales: see `_lagrange_scales`.
+
+    shares (3, points): overwritten with those of the nodes' values in the integrals with φ, φ' and φ''.
+    """
+    points, start, per_l = len(fractions), time[k], 1.0 / big_l
+    t0, t1 = max(start, c - big_l), min(time[k + 1], c + big_l)
+    per_h = 1.0 / (time[k + 1] - start)
+    shares[:] = 0.0
     for j in range(points):
         t = t0 + (t1 - t0) * fractions[j]
-        for order in range(3):
-            test = (t1 - t0) * weights[j] * phi((t - c) / big_l, order) / big_l**order
-            for i in range(points):
-                shares[order, i] += test * _lagrange(fractions, i, (t - time[k]) / h)
+        u, s, weight = (t - start) * per_h, (t - c) * per_l, (t1 - t0) * weights[j]
+        plain, first, second = weight * phi(s, 0), weight * per_l * phi(s, 1), weight * per_l * per_l * phi(s, 2)
+        for i in range(points):
+            basis = scales[i]  # the polynomial that is 1 at node i and 0 at the others
+            for m in range(points):
+                if m != i:
+                    basis *= u - fractions[m]
+            shares[0, i] += plain * basis
+            shares[1, i] += first * basis
+            shares[2, i] += second * basis
     for g in range(len(orders)):
         for i in range(points):
             result[g] += shares[orders[g], i] * signals[g, k * points + i]
-    return result
+
+
+@njit
+def _lagrange_scales(fractions: Array) -> Array:
+    """What Π (u − f_m) over the other nodes is multiplied by to be 1 at node i."""
+    scales = np.ones(len(fractions))
+    for i in range(len(fractions)):
+        for m in range(len(fractions)):
+            if m != i:
+                scales[i] /= fractions[i] - fractions[m]
+    return scales
 
 
 @njit_sums
@@ -113,16 +126,16 @@ def _project(
     weights: Array,
 ) -> Array:
     """See `project`; instants, steps and signals are flat over all nodes."""
-    points = len(fractions)
+    points, scales = len(fractions), _lagrange_scales(fractions)
     result = np.zeros((len(centres), len(orders)))
-    tests = np.empty((3, len(instants)))
+    tests, shares = np.empty((3, len(instants))), np.empty((3, points))
     for i in range(len(centres)):
         c, big_l = centres[i], half[i]
-        first = max(np.searchsorted(time, c - big_l, side="right") - 1, 0)
-        last = min(np.searchsorted(time, c + big_l, side="left") - 1, len(time) - 2)
-        result[i] += _cut(time, first, c, big_l, signals, orders, fractions, weights)
+        first = max(rows_before(time, c - big_l, True) - 1, 0)
+        last = min(rows_before(time, c + big_l, False) - 1, len(time) - 2)
+        _cut(time, first, c, big_l, signals, orders, fractions, weights, scales, shares, result[i])
         if last > first:
-            result[i] += _cut(time, last, c, big_l, signals, orders, fractions, weights)
+            _cut(time, last, c, big_l, signals, orders, fractions, weights, scales, shares, result[i])
             begin, end = (first + 1) * points, last * points
             _fill_tests(instants[begin:end], steps[begin:end], c, big_l, tests)
             for g in range(len(orders)):
@@ -148,16 +161,23 @@ def project_stacked(nodes: GaussNodes, stacked: Array, orders: NDArray[np.int64]
     return _project(nodes.time, instants, steps, stacked, orders, centres, half, fractions, weights)
 
 
+@njit_sums
+def _add_test(instants: Array, c: float, big_l: float, factor: float, order: int, result: Array) -> None:
+    """Add factor · φ^(order), by s, at the instants."""
+    inverse = 1.0 / big_l
+    for k in range(len(instants)):
+        result[k] += factor * phi((instants[k] - c) * inverse, order)
+
+
 @njit
 def superpose(instants: Array, centres: Array, half: Array, factors: Array, order: int) -> Array:
     """Σ_i factors_i φ_i^(order)(t) at rising `instants`: the adjoint of `project`, one value per instant."""
     result = np.zeros(len(instants))
     for i in range(len(centres)):
-        scale = factors[i] / half[i] ** order
-        k = np.searchsorted(instants, centres[i] - half[i])
-        while k < len(instants) and instants[k] < centres[i] + half[i]:
-            result[k] += scale * phi((instants[k] - centres[i]) / half[i], order)
-            k += 1
+        begin = rows_before(instants, centres[i] - half[i], False)
+        end = rows_before(instants, centres[i] + half[i], False)
+        factor = factors[i] / half[i] ** order
+        _add_test(instants[begin:end], centres[i], half[i], factor, order, result[begin:end])
     return result
 
 
@@ -268,45 +288,3 @@ def _overlap_table() -> tuple[Array, tuple[Array, Array, Array]]:
 def _curvature(s: Array) -> Array:
     p = 1 - s * s
     return -6 * p * (p - 4 * s * s)
-
-
-@njit
-def _project_hats(
-    time: Array, nodes: Array, knots: Array, centres: Array, half: Array, fractions: Array, weights: Array
-) -> Array:
-    points = nodes.shape[1]
-    place = np.empty(nodes.shape, np.int64)
-    share = np.empty(nodes.shape)
-    at = 0
-    for k in range(nodes.shape[0]):
-        for j in range(points):
-            # the speed changes little from node to node
-            while at < len(knots) - 2 and nodes[k, j] > knots[at + 1]:
-                at += 1
-            while at > 0 and nodes[k, j] <= knots[at]:
-                at -= 1
-            place[k, j] = at
-            share[k, j] = min(max((nodes[k, j] - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
-    result = np.zeros((len(centres), len(knots)))
-    for i in range(len(centres)):
-        k = max(np.searchsorted(time, centres[i] - half[i]) - 1, 0)
-        while k < len(time) - 1 and time[k] < centres[i] + half[i]:
-            h = time[k + 1] - time[k]
-            for j in range(points):
-                s = (time[k] + h * fractions[j] - centres[i]) / half[i]
-                if abs(s) < 1.0:
-                    w = h * weights[j] * phi(s, 0)
-                    result[i, place[k, j]] += w * (1.0 - share[k, j])
-                    result[i, place[k, j] + 1] += w * share[k, j]
-            k += 1
-    return result
-
-
-def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
-    """∫φ Λ_j(x) dt for the hat functions Λ_j on rising `knots`; returns (windows, knots).
-
-    The projection of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
-    Values of x beyond the knots count for the outermost one.
-    """
-    fractions, weights = gauss_rule(nodes.points)
-    return _project_hats(nodes.time, signal, knots, centres, half, fractions, weights)

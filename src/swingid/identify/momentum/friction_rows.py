@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from swingid.identify.friction_laws import stribeck_peak, stribeck_slope
 from swingid.identify.momentum.balance import Rows, Signals, Windows
 from swingid.numerics.compiled import njit
-from swingid.numerics.test_functions import project_hats
+from swingid.numerics.hats import project_hats
 
 Array = NDArray[np.float64]
 

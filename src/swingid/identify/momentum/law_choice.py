@@ -48,7 +48,7 @@ class LawChoice:
         self, friction: FrictionRows, body: Array, target: Array, slowest: float = np.inf, *, odd_only: bool = False
     ) -> None:
         self.friction, self.body = friction, body.shape[1]
-        self.gram = gram(np.vstack([body.T, friction.columns.T, target]))
+        self.gram = gram(np.ascontiguousarray(np.column_stack([body, friction.columns, target]).T))
         self.independent = len(target) / (LAG / 2)
         self.trials: dict[str, Trial] = {}
         peaks = [odd for odd, terms in LAWS.items() if "stribeck" in terms]

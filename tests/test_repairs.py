@@ -47,7 +47,7 @@ def repaired(log: Recording) -> list[str]:
     return [found.repair for found in log.findings if found.repair is not None and found.code != "repair-off"]
 
 
-@pytest.mark.parametrize("fault", [name for name in REPAIRS if name not in ("encoders", "limit")])
+@pytest.mark.parametrize("fault", [name for name in REPAIRS if name not in ("encoders", "limit", "push")])
 def test_each_repair_is_named_and_can_be_switched_off(tmp_path, fault):
     path = faulty(tmp_path, fault)
     assert repaired(Recording.load(path, RIG)) == [fault]

@@ -9,6 +9,7 @@ from importlib import import_module
 from pathlib import Path
 
 from swingid.errors import SwingidError, UnanswerableError, UsageError
+from swingid.identify.push import without_pushes
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
@@ -95,13 +96,13 @@ def _named(error: UnanswerableError, path: str | None) -> UnanswerableError:
 
 def _of_one(log: Log, rig: Rig, method: str, function: Callable[..., Result], options: Mapping[str, object]) -> Result:
     if isinstance(log, Recording):
-        return function(straightened(log, rig), rig, **options)
+        return function(without_pushes(straightened(log, rig), rig), rig, **options)
     from swingid.identify.large import identify_large, require_in_parts
 
     require_in_parts(log, method)
     if "alone" in inspect.signature(function).parameters:
         options = {"alone": False} | dict(options)
-    return identify_large(log, lambda part: function(straightened(part, rig), rig, **options))
+    return identify_large(log, lambda part: function(without_pushes(straightened(part, rig), rig), rig, **options))
 
 
 def method_function(method: str) -> Callable[..., Result]:

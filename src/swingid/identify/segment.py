@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.identify.motion import Motion
 from swingid.identify.result import Message
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
 
 FEWEST_TURNS = 4
 
 
-def usable_part(motion: Motion, drive: str, start: float, stop: float) -> tuple[float, float, Message]:
+def usable_part(
+    motion: Motion, drive: str, start: float, stop: float, left_out: Iterable[Iterable[float]] = ()
+) -> tuple[float, float, Message]:
     """Start and stop (s) of the part to use, and a note that names it.
 
+    left_out: parts (s) without rows, of a push; what settles behind them is no transient at the beginning.
     Raises UnanswerableError where fewer than four turning points are found.
     """
     if len(motion.turning_times) < FEWEST_TURNS:
@@ -24,28 +32,52 @@ def usable_part(motion: Motion, drive: str, start: float, stop: float) -> tuple[
             f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro.",
             code="no-turning-points",
         )
-    used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop)
+    used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop, left_out)
     text = f"used the part from {used[0]:.4g} to {used[1]:.4g} s of a log from {start:.4g} to {stop:.4g} s"
     reason = "the free decay" if drive == "none" else "after the transient"
     whole = used[1] - used[0] > 0.98 * (stop - start)
     return *used, Message("segment", f"{text}." if whole else f"{text}: {reason}.")
 
 
-def _steady(motion: Motion, start: float, stop: float) -> tuple[float, float]:
+def longest_run(log: Recording) -> Recording:
+    """The longest run of rows between parts that are left out, for methods that go on from row to row."""
+    if len(log.left_out) == 0:
+        return log
+    edges = np.concatenate([log.time[:1], log.left_out.ravel(), log.time[-1:]]).reshape(-1, 2)
+    start, stop = max(edges, key=lambda run: float(run[1] - run[0]))
+    return log.segment(float(start), float(stop))
+
+
+def _steady(motion: Motion, start: float, stop: float, left_out: Iterable[Iterable[float]]) -> tuple[float, float]:
     """From the first swing after which the sizes of swings keep within the range of the log's second half.
 
+    With parts left out, up to the first of them, within the range of the second half of the longest run of swings.
     The whole log where that leaves too few swings: a motion that only grows has no steady part, and tells as much.
     """
     sizes = motion.swing_sizes
-    settled = sizes[len(sizes) // 2 :]
+    runs = _runs(motion, left_out)
+    longest = max(runs, key=len)
+    settled = longest[len(longest) // 2 :] if len(longest) else sizes
     low, high = settled.min(), settled.max()
     margin = 0.05 * high
     outside = np.nonzero((sizes < low - margin) | (sizes > high + margin))[0]
+    outside = outside[outside < len(runs[0])]
     if len(outside) == 0:
         return start, stop
     if len(motion.turning_times) - (outside[-1] + 1) < FEWEST_TURNS:
         return start, stop
     return float(motion.turning_times[outside[-1] + 1]), stop
+
+
+def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[Array]:
+    """Sizes of the swings before, between and after the parts left out, without those that hold one."""
+    first = 0
+    runs = []
+    for begin, end in left_out:
+        last = max(int(np.searchsorted(motion.turning_times, begin)) - 1, first)
+        runs.append(motion.swing_sizes[first:last])
+        first = int(np.searchsorted(motion.turning_times, end))
+    return [*runs, motion.swing_sizes[first:]]
 
 
 def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:

@@ -53,7 +53,8 @@ class Recording:
     angle, which then is its integral. voltage: V. torque: N m (N), what the direct drive applied. reference: as
     angle; adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held:
     True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows
-    of the log that each row is the mean of (`recording.large`).
+    of the log that each row is the mean of (`recording.large`). left_out (k, 2): from when to when (s) rows
+    are left out during which something acted that nobody logged; nothing may be continued across.
 
     Velocities that were not measured are not stored: who needs one says how it got it.
     Raises InputError when the channels do not fit together.
@@ -72,6 +73,7 @@ class Recording:
     source: Source = Source()
     wheel_speed: NDArray[np.float64] | None = None
     averaged: int = 1
+    left_out: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
 
     def __post_init__(self) -> None:
         for name in CHANNELS:

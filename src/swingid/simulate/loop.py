@@ -9,6 +9,7 @@ from swingid.control.backstepping import backstepping_step
 from swingid.control.law import compensator_step
 from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2
 from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
+from swingid.model.parameters import OFFSET
 from swingid.model.sensors import encoder_reading
 from swingid.numerics.compiled import njit, njit_nogil
 from swingid.numerics.inlined import njit_inlined_with_arrays
@@ -60,6 +61,7 @@ def before_start(
 def closed_loop(
     times: NDArray[np.float64],
     inputs: NDArray[np.float64],
+    pushes: NDArray[np.float64],
     kind: int,
     state: NDArray[np.float64],
     parameters: NDArray[np.float64],
@@ -75,7 +77,8 @@ def closed_loop(
 ) -> NDArray[np.int64]:
     """Run the loop over the sample instants `times` (n + 1,) (s); returns the counts of `advance`.
 
-    inputs (n,): reference (rad), or the command where the loop is open. y (5,): initial state. encoders (2, 4):
+    inputs (n,): reference (rad), or the command where the loop is open. pushes (n,): torque on the axis from outside
+    (N m), held from sample to sample, or empty. y (5,): initial state. encoders (2, 4):
     arrays of angle and wheel for `encoder_reading`; noise (2, n) (rad). instants (m,): sorted times at which the
     motion is wanted; its state goes to seen (m, 5). log (rows <= n, 4) receives angle, wheel angle, command and the
     controller's state[0]; reads (2, rows): which instant is row k's reading. A reading that is later than its sample
@@ -86,8 +89,11 @@ def closed_loop(
     work[NOW] = y
     angle_encoder, wheel_encoder = encoders[0], encoders[1]
     before_start(times[0], work, instants, seen, counts)
+    offset = p[OFFSET]
     for k in range(len(inputs)):
         t = times[k]
+        if len(pushes):
+            p[OFFSET] = offset - pushes[k]  # a constant torque of friction is one from outside, turned round
         q1, q2 = work[NOW, Q1], work[NOW, Q2]
         if k < rows and instants[reads[0, k]] < t:
             q1 = seen[reads[0, k], Q1]
@@ -103,4 +109,5 @@ def closed_loop(
     for k in range(rows):
         log[k, 0] = encoder_reading(seen[reads[0, k], Q1], angle_encoder, noise[0, k])
         log[k, 1] = encoder_reading(seen[reads[1, k], Q2], wheel_encoder, noise[1, k])
+    p[OFFSET] = offset
     return counts

@@ -74,6 +74,7 @@ def simulate(
     initial_angle: float = 0.0,
     initial_speed: float = 0.0,
     drive: ArrayLike | None = None,
+    push: ArrayLike | None = None,
     draw: bool = False,
     encoder_zero: tuple[float, float] = (0.0, 0.0),
 ) -> Recording:
@@ -82,9 +83,10 @@ def simulate(
     With a `reference` (a function of times (s), giving rad) the `controller` moves the rig, by default the
     compensator with the gains of the paper's experiment. With `drive`, an array of one command per row (V;
     direct drive N m), the loop is open. With neither the command is zero: a free decay from `initial_angle`
-    (rad or m) and `initial_speed`. The encoders of `rig.sensors` always apply, drawn by `seed`; with `draw`
-    so are all constants with a stated uncertainty, and the rig is only about what it says it is. `encoder_zero` (rad):
-    what the encoders of axis and wheel read at angle 0.
+    (rad or m) and `initial_speed`. `push`: torque on the axis from outside, as of a hand, one value per row that is
+    held to the next (N m or N). The encoders of `rig.sensors` always apply, drawn by `seed`; with `draw` so are all
+    constants with a stated uncertainty, and the rig is only about what it says it is. `encoder_zero` (rad): what the
+    encoders of axis and wheel read at angle 0.
 
     Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
     """
@@ -98,6 +100,7 @@ def simulate(
         initial_angle=initial_angle,
         initial_speed=initial_speed,
         drive=drive,
+        push=push,
         draw=draw,
         encoder_zero=encoder_zero,
     ).recording
@@ -114,6 +117,7 @@ def simulate_run(
     initial_angle: float = 0.0,
     initial_speed: float = 0.0,
     drive: ArrayLike | None = None,
+    push: ArrayLike | None = None,
     draw: bool = False,
     encoder_zero: tuple[float, float] = (0.0, 0.0),
     truth_times: ArrayLike | None = None,
@@ -130,6 +134,7 @@ def simulate_run(
     instants, places = _instants(reads, wanted)
     times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
     inputs, open_loop = loop_inputs(rig, reference, controller, drive, times[:-1], rows)
+    pushes = np.empty(0) if push is None else _per_row("push", push, times[:-1], rows)
     kind, state, gains = OPEN_LOOP, np.zeros(1), np.zeros(1)
     if not open_loop:
         controller = controller or Compensator.paper(rig)
@@ -142,6 +147,7 @@ def simulate_run(
     counts = closed_loop(
         times,
         inputs,
+        pushes,
         kind,
         state,
         gains,
@@ -166,6 +172,8 @@ def simulate_run(
         controller=None if open_loop else controller,
         reference=reference,
     )
+    if push is not None:
+        how["push"] = {"largest": float(np.max(np.abs(pushes))), "rows": int(np.count_nonzero(pushes))}
     recording = recording_of(rig, times, inputs, open_loop, log, made, metadata(rig, how, made))
     return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
 
@@ -215,13 +223,7 @@ def loop_inputs(
     if drive is not None:
         if reference is not None or controller is not None:
             raise UsageError("give either drive or reference and controller, not both", code="two-drives")
-        commands = np.asarray(drive, dtype=np.float64)
-        if commands.ndim != 1 or len(commands) < rows - 1 or not np.isfinite(commands).all():
-            raise UsageError(
-                f"drive must hold one finite number per row, {rows}, and has shape {commands.shape}",
-                code="bad-drive",
-            )
-        return commands[np.minimum(np.arange(len(times)), len(commands) - 1)], True
+        return _per_row("drive", drive, times, rows), True
     if reference is None:
         if controller is not None:
             raise UsageError("a controller needs a reference to follow; give one", code="no-reference")
@@ -231,6 +233,15 @@ def loop_inputs(
     if wanted.shape != times.shape or not np.isfinite(wanted).all():
         raise UsageError("the reference must give one finite number per instant", code="bad-reference")
     return wanted, False
+
+
+def _per_row(name: str, values: ArrayLike, times: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
+    """One value per instant of `times`, the last one going on; UsageError unless there is a finite number per row."""
+    given = np.asarray(values, dtype=np.float64)
+    if given.ndim != 1 or len(given) < rows - 1 or not np.isfinite(given).all():
+        text = f"{name} must hold one finite number per row, {rows}, and has shape {given.shape}"
+        raise UsageError(text, code=f"bad-{name}")
+    return given[np.minimum(np.arange(len(times)), len(given) - 1)]
 
 
 def own_limit(rig: Rig) -> float:

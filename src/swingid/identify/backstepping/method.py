@@ -31,7 +31,7 @@ from swingid.identify.noise import channel_noise
 from swingid.identify.provenance import add_findings, provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import longest_run, usable_part
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -69,6 +69,7 @@ def backstepping(
     _require_gravity(rig, scale)
     require_channels(log, rig)
     require_motor(log, rig, scale, "backstepping")
+    log = longest_run(log)
     noise = channel_noise(log, rig)
     used, motion, note = _used_part(without_latency(log, rig), rig, noise.angle)
     widths = widths_of(used, motion, noise) if velocities == "smoothed" else None
@@ -129,7 +130,8 @@ def _require_gravity(rig: Rig, scale: Scale) -> None:
 def _used_part(log: Recording, rig: Rig, noise: float) -> tuple[Recording, Motion, Message]:
     """The whole log of a driven axis, for a transient feeds the adaptation; a free decay from its release."""
     whole = find_motion(log.time, log.angle, noise)
-    start, stop, note = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+    limits = float(log.time[0]), float(log.time[-1])
+    start, stop, note = usable_part(whole, rig.drive.kind, *limits, log.left_out)
     if rig.drive.kind != "none":
         start, stop = float(log.time[0]), float(log.time[-1])
         note = Message(

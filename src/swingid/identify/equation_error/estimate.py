@@ -58,7 +58,8 @@ class Part:
     def of(cls, log: Recording, rig: Rig, noise: Noise) -> Part:
         """The part after the transient (or of the decay), see `identify/segment.py`."""
         found = find_motion(log.time, log.angle, noise.angle)
-        start, stop, note = usable_part(found, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+        limits = float(log.time[0]), float(log.time[-1])
+        start, stop, note = usable_part(found, rig.drive.kind, *limits, log.left_out)
         used = log.segment(start, stop)
         span = float(used.time[0]), float(used.time[-1])
         motion = found.within(*span)

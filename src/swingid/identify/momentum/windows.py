@@ -42,7 +42,7 @@ def even_windows(signals: Signals, half: float) -> Windows:
 
 
 def _clear(signals: Signals, windows: Windows) -> NDArray[np.bool_]:
-    """Whether each window holds enough samples, no rest of the axis and no gap longer than a quarter of it."""
+    """Whether each window holds enough samples, no rest, no part left out and no gap longer than a quarter of it."""
     time = signals.nodes.stamps
     first = np.searchsorted(time, windows.centres - windows.half)
     last = np.searchsorted(time, windows.centres + windows.half)
@@ -50,6 +50,6 @@ def _clear(signals: Signals, windows: Windows) -> NDArray[np.bool_]:
     for begin, end in signals.gaps(0.25 * windows.half.min(initial=np.inf)):
         covered = (windows.centres - windows.half < end) & (windows.centres + windows.half > begin)
         clear &= ~(covered & (end - begin > 0.25 * windows.half))
-    for begin, end in signals.motion.rests:
+    for begin, end in (*signals.motion.rests, *signals.source[0].left_out):
         clear &= (windows.centres + windows.half <= begin) | (windows.centres - windows.half >= end)
     return clear

@@ -27,9 +27,9 @@ from swingid.identify.equation_error.estimate import Part, estimate
 from swingid.identify.equation_error.grid import curvature, slope
 from swingid.identify.momentum.balance import Signals
 from swingid.identify.momentum.fits import Noise
-from swingid.identify.motion import smooth_speed
 from swingid.identify.noise import channel_noise
 from swingid.identify.scale import Scale
+from swingid.identify.speed import smooth_speed
 from swingid.numerics.regression import hac_covariance, parzen
 from swingid.recording.recording import Recording
 

@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swingid.errors import UnanswerableError
-from swingid.identify.motion import find_motion, grid_step, sample_noise, smooth_speed
+from swingid.identify.motion import find_motion, grid_step, sample_noise
 from swingid.identify.segment import usable_part
+from swingid.identify.speed import smooth_speed
 from swingid.numerics.test_functions import project_steps
 
 OMEGA, AMPLITUDE = 8.5, 0.8

@@ -12,6 +12,7 @@ from scipy.interpolate import CubicSpline
 
 from swingid.numerics.hats import project_hats
 from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.ranks import median, quantile
 from swingid.numerics.regression import fit_linear, gram
 from swingid.numerics.search import rows_before
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
@@ -123,7 +124,16 @@ def test_local_cubic_says_nothing_without_samples():
     assert np.isnan(got[1:]).all()
 
 
-# places
+# ranks and places
+
+
+@given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=60), st.floats(0, 1))
+@CASES
+def test_median_and_quantile_are_those_of_numpy(values, share):
+    values = np.array(values)
+    size = np.abs(values).max()
+    assert median(values) == np.median(values)
+    assert quantile(values, share) == pytest.approx(np.quantile(values, share), rel=1e-12, abs=1e-15 * size)
 
 
 @given(seeds, st.sampled_from(["even", "uneven", "crowded", "repeated"]))

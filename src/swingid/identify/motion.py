@@ -1,4 +1,4 @@
-"""The motion as the angles show it: a smoothed speed, turning points, swings, and the part worth using.
+"""The motion as the angles show it: turning points, swings, and the part worth using.
 
 Nothing here knows the reference or the controller; everything is found in the measured angle.
 """
@@ -12,14 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
+from swingid.identify.speed import NARROWEST, Speed, smooth_speed, typical_step
 from swingid.numerics.compiled import njit
-from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+from swingid.numerics.ranks import median, quantile
+from swingid.numerics.spline import local_cubic
 
 Array = NDArray[np.float64]
-
-WIDTHS = (3.5, 1.4)
-"""Half-width of the narrowest local cubic in sample steps, and the factor from one width to the next."""
 
 FEWEST_ROWS = 20
 
@@ -28,38 +26,6 @@ DIFFERENCES = 10_000
 
 SMALLEST_SWING = 0.02
 """A swing below this share of the largest one is noise or rest, not a swing."""
-
-
-@dataclass(frozen=True)
-class Speed:
-    """Smoothed speed of the axis on a grid of instants (s), with the noise of its values (rad/s or m/s).
-
-    The half-width of the local cubic is the largest for which halving it changes nothing but noise
-    (Lepski's principle), so it follows the sensor and the motion by itself.
-    """
-
-    grid: Array
-    angle: Array
-    speed: Array
-    half_width: float
-    noise: float
-
-    def at(self, instants: Array) -> Array:
-        """Speed at rising `instants`, by a cubic spline over the grid."""
-        return spline_at(self.grid, self.speed, spline_slopes(self.grid, self.speed), instants, 0)
-
-    def angle_at(self, instants: Array) -> Array:
-        """Smoothed angle at rising `instants`."""
-        return spline_at(self.grid, self.angle, spline_slopes(self.grid, self.angle), instants, 0)
-
-    def acceleration(self, instants: Array) -> Array:
-        """Slope of the speed at rising `instants`."""
-        return spline_at(self.grid, self.speed, spline_slopes(self.grid, self.speed), instants, 1)
-
-    def at_nodes(self, nodes: GaussNodes) -> Array:
-        """Speed at Gauss nodes, shape (n−1, points)."""
-        instants = nodes.instants
-        return self.at(instants.ravel()).reshape(instants.shape)
 
 
 @dataclass(frozen=True)
@@ -87,7 +53,7 @@ class Motion:
     @cached_property
     def half_period(self) -> float:
         """Median time between turning points in s."""
-        return float(np.median(np.diff(self.turning_times)))
+        return median(np.diff(self.turning_times))
 
     @cached_property
     def quickest(self) -> float:
@@ -96,12 +62,12 @@ class Motion:
         The acceleration is that which a hundredth of the grid exceeds.
         """
         grid, speed = self.speed.grid, self.speed.speed
-        acceleration = float(np.quantile(np.abs(np.diff(speed) / np.diff(grid)), 0.99))
+        acceleration = quantile(np.abs(np.diff(speed) / np.diff(grid)), 0.99)
         return float(np.max(np.abs(speed))) / max(acceleration, 1e-300)
 
     def reread(self, time: Array, angle: Array, reach: float) -> Motion:
         """The same motion with its turning points read off cubics over ±`reach` s, from samples of the whole log."""
-        reach = max(reach, WIDTHS[0] * typical_step(time))
+        reach = max(reach, NARROWEST * typical_step(time))
         times, angles = _refined(time, angle, self.speed, self.turning_times, reach)
         return replace(self, turning_times=times, turning_angles=angles, reach=reach)
 
@@ -137,65 +103,6 @@ class Motion:
         return edges, signs
 
 
-def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.0, share: float = 1.0) -> Speed:
-    """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample.
-
-    spacing: places of the grid per half-width; fewer cost less, a spline runs through them either way. share: of the
-    half-width found, to use; less than 1 where noise averages out later and bias does not.
-
-    The narrowest width also spans twelve standard deviations of noise at the mean speed (four steps of an encoder),
-    where the errors of a coarse encoder begin to look independent.
-    """
-    step = typical_step(time)
-    width = least = narrowest(time, angle, noise)
-    longest = (time[-1] - time[0]) / 8
-    # the search looks at some hundred places of the log, the speed itself is computed everywhere
-    places = np.linspace(time[0] + width, time[-1] - width, 80)
-    speeds = local_cubic(time, angle, places, width)[:, 1]
-    scale = np.nanmax(np.abs(speeds))
-    while width * WIDTHS[1] < longest:
-        wider = local_cubic(time, angle, places, width * WIDTHS[1])[:, 1]
-        change = wider - speeds
-        change = np.sqrt(np.mean(change[np.isfinite(change)] ** 2))
-        if change > 1.3 * max(_slope_noise(noise, step, width), 1e-9 * scale):
-            break
-        width, speeds = width * WIDTHS[1], wider
-    return speed_on_grid(time, angle, noise, max(width * share, least), spacing)
-
-
-def typical_step(time: Array) -> float:
-    """Median step between the stamps, of two hundred steps where there are more."""
-    at = np.arange(0, len(time) - 1, max(1, (len(time) - 1) // 200))
-    return float(np.median(time[at + 1] - time[at]))
-
-
-def narrowest(time: Array, angle: Array, noise: float) -> float:
-    """Least half-width (s) of a local cubic that looks beyond sample steps and steps of the encoder."""
-    step = typical_step(time)
-    duration = float(time[-1] - time[0])
-    mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / duration
-    return max(WIDTHS[0] * step, min(14 * noise / max(mean_speed, 1e-300), duration / 100))
-
-
-def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing: float) -> Speed:
-    """Speed by local cubics of half-width `width` (s) on a grid of `spacing` places per half-width.
-
-    Widths below those of five samples are widened to them.
-    """
-    step = typical_step(time)
-    width = max(width, WIDTHS[0] * step)
-    grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
-    fitted = local_cubic(time, angle, grid, width)
-    reached = np.isfinite(fitted[:, 0])
-    angles, slopes = np.ascontiguousarray(fitted[reached, 0]), np.ascontiguousarray(fitted[reached, 1])
-    return Speed(grid[reached], angles, slopes, width, _slope_noise(noise, step, width))
-
-
-def _slope_noise(noise: float, step: float, width: float) -> float:
-    """Standard deviation of the slope of a cubic fitted to 2w/h samples of white noise: 18.75 σ²/(n w²)."""
-    return float(noise * np.sqrt(9.375 * step / width**3))
-
-
 def sample_noise(values: Array) -> float:
     """Standard deviation of white noise in a smooth sampled signal, from its sixth differences (robust).
 
@@ -205,7 +112,7 @@ def sample_noise(values: Array) -> float:
         return 0.0
     every = max(1, (len(values) - 6) // DIFFERENCES)
     sixth = sixth_differences([values[k : len(values) - 6 + k : every] for k in range(7)])
-    return float(np.median(np.abs(sixth)) / (0.6745 * np.sqrt(924)))
+    return float(median(np.abs(sixth)) / (0.6745 * np.sqrt(924)))
 
 
 def sixth_differences(seven: list[Array]) -> Array:
@@ -239,7 +146,7 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     speed = smooth_speed(time, angle, noise)
     fine = np.linspace(speed.grid[0], speed.grid[-1], 4 * len(speed.grid))
     v = speed.at(fine)
-    q = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), fine, 0)
+    q = speed.angle_at(fine)
     size = float(q.max() - q.min())
     if not size > 12 * noise or size == 0.0:
         raise UnanswerableError(
@@ -248,7 +155,7 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
         )
     crossings = np.nonzero(np.sign(v[:-1]) * np.sign(v[1:]) < 0)[0]
     instants = fine[crossings] + (fine[1] - fine[0]) * v[crossings] / (v[crossings] - v[crossings + 1])
-    reach = max(speed.half_width / 2, WIDTHS[0] * typical_step(time))
+    reach = max(speed.half_width / 2, NARROWEST * typical_step(time))
     instants, angles = _refined(time, angle, speed, instants, reach)
     path = np.concatenate([[q[0]], angles, [q[-1]]])
     keep = _inner(_extremes(path, max(SMALLEST_SWING * size, 8 * noise)), len(angles))
@@ -275,7 +182,7 @@ def _refined(time: Array, angle: Array, speed: Speed, instants: Array, reach: fl
         shift = -fitted[:, 1] / acceleration
     shift = np.where(np.isfinite(shift) & (np.abs(shift) < speed.half_width / 2), shift, 0.0)
     refined = np.maximum.accumulate(instants + shift)
-    return refined, spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), refined, 0)
+    return refined, speed.angle_at(refined)
 
 
 @njit

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.format import left
-from swingid.identify.motion import Speed, smooth_speed
 from swingid.identify.result import Message
+from swingid.identify.speed import Speed, smooth_speed
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.quadrature import GaussNodes

@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.motion import sixth_differences, typical_step
+from swingid.identify.motion import sixth_differences
 from swingid.identify.scale import Scale
+from swingid.identify.speed import typical_step
 from swingid.model.rig import Rig
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.recording.recording import Recording

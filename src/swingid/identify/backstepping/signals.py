@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 from swingid.control.observer import VelocityObserver
 from swingid.identify.energy.balance import motor_drag, narrowed
 from swingid.identify.energy.chain import held_between
-from swingid.identify.motion import WIDTHS, Motion, smooth_speed, speed_on_grid
+from swingid.identify.motion import Motion
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
+from swingid.identify.speed import NARROWEST, smooth_speed, speed_on_grid
 from swingid.model.rig import Rig
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.recording.recording import Recording
@@ -61,7 +62,7 @@ class Widths:
 
     def halved(self, step: float) -> Widths:
         """Half as wide, as far as rows `step` (s) apart allow: what smoothing takes from the speeds it shows."""
-        least = WIDTHS[0] * step
+        least = NARROWEST * step
         axis, wheel = max(self.axis / 2, least), max(self.wheel / 2, least)
         # the noise of a slope grows with the width to the power of −3/2
         return Widths(axis, wheel, self.slow * (self.wheel / wheel) ** 1.5)

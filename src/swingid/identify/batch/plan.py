@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from swingid.errors import InputError
 from swingid.identify.energy.balance import SHARE
 from swingid.identify.momentum.method import momentum
-from swingid.identify.motion import smooth_speed
 from swingid.identify.noise import channel_noise
 from swingid.identify.result import Details
 from swingid.identify.scale import Scale
+from swingid.identify.speed import smooth_speed
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 

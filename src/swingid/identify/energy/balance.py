@@ -4,7 +4,7 @@
     W = ∫N (M − f2 N q2' − f3 sgn q2') q2' dt    (reaction wheel)        W = ∫τ q1' dt    (direct drive)
 
 Between two instants the constant drops out: that is a pass of the paper. Velocities come from the angles by local
-cubics (`motion.smooth_speed`, each channel with its own width). The work of the voltage, which is constant between
+cubics (`smooth_speed`, each channel with its own width). The work of the voltage, which is constant between
 two samples, is taken over the measured turn of the wheel, so it telescopes; a smoothed speed only tells in which
 branch of the dead zone the motor is, which way it turns, and what it loses to f2.
 """
@@ -18,10 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.energy.chain import Chain, between_rows, filtered_drive, observed_speed
-from swingid.identify.motion import Motion, Speed, narrowest, smooth_speed, speed_on_grid
+from swingid.identify.motion import Motion
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.noise import Noise
 from swingid.identify.scale import Scale
+from swingid.identify.speed import Speed, narrowest, smooth_speed, speed_on_grid
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.cumulative import running_integrals

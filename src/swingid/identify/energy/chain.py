@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from swingid.control.observer import VelocityObserver, filtered_both_ways
 from swingid.errors import UsageError
-from swingid.identify.motion import Speed
+from swingid.identify.speed import Speed
 from swingid.numerics.quadrature import GaussNodes
 
 Array = NDArray[np.float64]

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from swingid.identify.motion import Motion
 from swingid.numerics.compiled import njit
-from swingid.numerics.spline import spline_at, spline_slopes
 
 Array = NDArray[np.float64]
 
@@ -35,8 +34,7 @@ def mirrored_passes(motion: Motion, depths: Array, time: Array, longest_gap: flo
     """
     speed, turning = motion.speed, motion.turning_times
     fine = np.linspace(speed.grid[0], speed.grid[-1], 8 * len(speed.grid))
-    angles = spline_at(speed.grid, speed.angle, spline_slopes(speed.grid, speed.angle), fine, 0)
-    sizes = motion.swing_sizes
+    sizes, angles = motion.swing_sizes, speed.angle_at(fine)
     reach = np.minimum(sizes[:-1], sizes[1:])
     instants = _crossings(fine, angles, turning, motion.turning_angles, motion.sides, reach[:, None] * depths)
     sound: NDArray[np.bool_] = np.all(np.isfinite(instants), axis=1)

@@ -18,9 +18,9 @@ from swingid.errors import UnanswerableError, UsageError
 from swingid.identify.energy.balance import Course, States, motor_drag, states_at
 from swingid.identify.energy.fit import NodeFit, block_covariance
 from swingid.identify.energy.passes import Passes
-from swingid.identify.motion import Speed
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale
+from swingid.identify.speed import Speed
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 

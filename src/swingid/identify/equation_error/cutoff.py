@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError, UsageError
-from swingid.identify.motion import Speed
 from swingid.identify.noise import Noise
+from swingid.identify.speed import Speed
 
 Array = NDArray[np.float64]
 

@@ -15,7 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.motion import Motion, speed_on_grid
+from swingid.identify.motion import Motion
+from swingid.identify.speed import speed_on_grid
 from swingid.model.rig import Rig
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes

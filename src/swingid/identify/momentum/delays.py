@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Signals
-from swingid.identify.motion import Motion, typical_step
+from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
+from swingid.identify.speed import typical_step
 from swingid.numerics.quadrature import gauss_rule
 from swingid.numerics.spline import kinked_slopes
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify.momentum.balance import moved
-from swingid.identify.motion import FEWEST_ROWS, WIDTHS, Speed, smooth_speed, speed_on_grid
+from swingid.identify.motion import FEWEST_ROWS
 from swingid.identify.noise import Noise, channel_noise
+from swingid.identify.speed import NARROWEST, Speed, smooth_speed, speed_on_grid
 from swingid.model.rig import Rig
 from swingid.numerics.quadrature import GaussNodes
 from swingid.recording.recording import Recording
@@ -154,7 +155,7 @@ def _slowest(speed: Speed) -> float:
 def _smoothed(time: Array, angle: Array, noise: Noise, slowest: float) -> Array:
     """q1 (rad) at the stamps, smoothed only until the noise of its speed is too small to turn the wheel back."""
     white = noise.angle / (CALM * slowest)
-    width = max(WIDTHS[0] * noise.step, float(np.cbrt(9.375 * noise.step * white**2)))
+    width = max(NARROWEST * noise.step, float(np.cbrt(9.375 * noise.step * white**2)))
     return speed_on_grid(time, angle, noise.angle, width, 3.0).angle_at(time)
 
 

@@ -13,11 +13,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.motion import smooth_speed
 from swingid.identify.noise import Noise
 from swingid.identify.output_error.axis_motion import COURSES, SPEED, TORQUE, WHEEL, axis_motion
 from swingid.identify.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion
 from swingid.identify.output_error.unknowns import Entries
+from swingid.identify.speed import smooth_speed
 from swingid.model.rig import Rig
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.recording.recording import Recording

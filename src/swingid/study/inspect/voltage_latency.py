@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Signals, Windows
 from swingid.identify.momentum.fits import LAG
-from swingid.identify.motion import smooth_speed
 from swingid.identify.motor_balance import SLOW, motor_torque
 from swingid.identify.noise import Noise
+from swingid.identify.speed import smooth_speed
 from swingid.model.rig import Rig
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project, project_impulses

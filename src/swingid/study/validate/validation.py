@@ -15,13 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
-from swingid.identify.motion import find_motion, smooth_speed
+from swingid.identify.motion import find_motion
 from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.provenance import constants
 from swingid.identify.result import Result
 from swingid.identify.scale import require_channels
 from swingid.identify.segment import usable_part
+from swingid.identify.speed import smooth_speed
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording

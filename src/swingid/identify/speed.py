@@ -1,0 +1,130 @@
+"""A smoothed speed out of a measured angle: local cubics as wide as the motion lets them be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.numerics.compiled import njit
+from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.ranks import median
+from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+
+Array = NDArray[np.float64]
+
+NARROWEST = 3.5
+"""Half-width of the narrowest local cubic in sample steps."""
+
+WIDER = 1.4
+"""Factor from one half-width to the next."""
+
+
+@dataclass(frozen=True)
+class Speed:
+    """Smoothed speed of the axis on a grid of instants (s), with the noise of its values (rad/s or m/s).
+
+    The half-width of the local cubic is the largest for which halving it changes nothing but noise
+    (Lepski's principle), so it follows the sensor and the motion by itself.
+    """
+
+    grid: Array
+    angle: Array
+    speed: Array
+    half_width: float
+    noise: float
+
+    def at(self, instants: Array) -> Array:
+        """Speed at rising `instants`, by a cubic spline over the grid."""
+        return spline_at(self.grid, self.speed, self._speed_slopes, instants, 0)
+
+    def angle_at(self, instants: Array) -> Array:
+        """Smoothed angle at rising `instants`."""
+        return spline_at(self.grid, self.angle, self._angle_slopes, instants, 0)
+
+    def acceleration(self, instants: Array) -> Array:
+        """Slope of the speed at rising `instants`."""
+        return spline_at(self.grid, self.speed, self._speed_slopes, instants, 1)
+
+    def at_nodes(self, nodes: GaussNodes) -> Array:
+        """Speed at Gauss nodes, shape (n−1, points)."""
+        instants = nodes.instants
+        return self.at(instants.ravel()).reshape(instants.shape)
+
+    @cached_property
+    def _speed_slopes(self) -> Array:
+        return spline_slopes(self.grid, self.speed)
+
+    @cached_property
+    def _angle_slopes(self) -> Array:
+        return spline_slopes(self.grid, self.angle)
+
+
+def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.0, share: float = 1.0) -> Speed:
+    """Smoothed speed of `angle` (n samples at irregular `time`), `noise` its standard deviation per sample.
+
+    spacing: places of the grid per half-width; fewer cost less, a spline runs through them either way. share: of the
+    half-width found, to use; less than 1 where noise averages out later and bias does not.
+
+    The narrowest width also spans twelve standard deviations of noise at the mean speed (four steps of an encoder),
+    where the errors of a coarse encoder begin to look independent.
+    """
+    least = narrowest(time, angle, noise)
+    # the search looks at some hundred places of the log, the speed itself is computed everywhere
+    places = np.linspace(time[0] + least, time[-1] - least, 80)
+    width = _widest(time, angle, places, least, (time[-1] - time[0]) / 8, float(noise), typical_step(time))
+    return speed_on_grid(time, angle, noise, max(width * share, least), spacing)
+
+
+@njit
+def _widest(time: Array, angle: Array, places: Array, width: float, longest: float, noise: float, step: float) -> float:
+    """Half-width below `longest` (s), from `width` on, up to which the speeds at `places` change by noise only."""
+    speeds = local_cubic(time, angle, places, width)[:, 1]
+    least = 1e-9 * np.nanmax(np.abs(speeds))
+    while width * WIDER < longest:
+        wider = local_cubic(time, angle, places, width * WIDER)[:, 1]
+        power, count = 0.0, 0
+        for change in wider - speeds:
+            if np.isfinite(change):
+                power += change * change
+                count += 1
+        if np.sqrt(power / count) > 1.3 * max(_slope_noise(noise, step, width), least):
+            break
+        width, speeds = width * WIDER, wider
+    return width
+
+
+def typical_step(time: Array) -> float:
+    """Median step between the stamps, of two hundred steps where there are more."""
+    at = np.arange(0, len(time) - 1, max(1, (len(time) - 1) // 200))
+    return median(time[at + 1] - time[at])
+
+
+def narrowest(time: Array, angle: Array, noise: float) -> float:
+    """Least half-width (s) of a local cubic that looks beyond sample steps and steps of the encoder."""
+    step = typical_step(time)
+    duration = float(time[-1] - time[0])
+    mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / duration
+    return max(NARROWEST * step, min(14 * noise / max(mean_speed, 1e-300), duration / 100))
+
+
+def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing: float) -> Speed:
+    """Speed by local cubics of half-width `width` (s) on a grid of `spacing` places per half-width.
+
+    Widths below those of five samples are widened to them.
+    """
+    step = typical_step(time)
+    width = max(width, NARROWEST * step)
+    grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
+    fitted = local_cubic(time, angle, grid, width)
+    reached = np.isfinite(fitted[:, 0])
+    angles, slopes = np.ascontiguousarray(fitted[reached, 0]), np.ascontiguousarray(fitted[reached, 1])
+    return Speed(grid[reached], angles, slopes, width, _slope_noise(float(noise), step, width))
+
+
+@njit
+def _slope_noise(noise: float, step: float, width: float) -> float:
+    """Standard deviation of the slope of a cubic fitted to 2w/h samples of white noise: 18.75 σ²/(n w²)."""
+    return float(noise * np.sqrt(9.375 * step / width**3))

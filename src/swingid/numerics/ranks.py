@@ -1,0 +1,25 @@
+"""Medians and quantiles of numbers without NaN, by one partition each; NumPy's take three, and more time with ties."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def median(values: Array) -> float:
+    """As `np.median` of one or more values."""
+    middle = len(values) // 2
+    parted = np.partition(values, middle)
+    high = float(parted[middle])
+    return high if len(values) % 2 else (float(parted[:middle].max()) + high) / 2
+
+
+def quantile(values: Array, share: float) -> float:
+    """As `np.quantile` of one or more values: between two ranks by a straight line."""
+    place = share * (len(values) - 1)
+    rank = int(place)
+    parted = np.partition(values, rank)
+    low = float(parted[rank])
+    return low if rank == place else low + (place - rank) * (float(parted[rank + 1 :].min()) - low)

@@ -133,7 +133,7 @@ def test_zero_beside_hanging_is_found(clean, look) -> None:
     found = look({**clean, "q1": clean["q1"] + 0.02})
     values = found.check("zero").values
     assert abs(values["zero"] - 0.02) < 3 * values["uncertainty"] < 3e-3
-    assert found.check("zero").level == "repair"
+    assert found.check("zero").level == "advice"  # no key of a rig file takes an offset off
 
 
 def test_drive_and_gravity_of_different_scale_contradict_each_other(clean, look) -> None:
@@ -251,3 +251,85 @@ def test_unreadable_file_is_an_input_error(tmp_path) -> None:
     for name in ("log.csv", "none.csv"):
         with pytest.raises(InputError):
             inspect_log(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "key"),
+    [
+        ("q2", 180 / np.pi, "wheel_angle_unit"),
+        ("q1", 180 / np.pi, "angle_unit"),
+        ("q2", 0.5 / np.pi, "wheel_angle_unit"),
+    ],
+)
+def test_wrong_unit_is_said_first_and_counts_are_those_of_the_right_one(clean, look, channel, factor, key) -> None:
+    unit = "deg" if factor > 1 else "turns"
+    found = look({**clean, channel: clean[channel] * factor})
+    assert remedies(found) == [f'set {key} = "{unit}" under [log]']
+    code = "angle" if channel == "q1" else "wheel_angle"
+    order = [check.code for check in found.checks]
+    assert order.index("units") < order.index(code)
+    assert f"looks like {'degrees' if unit == 'deg' else 'turns'}" in found.check("units").evidence
+    assert found.check(code).values["counts_per_turn"] == pytest.approx(16384, rel=1e-4)
+    alone = look({**clean, channel: clean[channel] * factor}, None)
+    assert alone.roles.found[code].unit == unit
+    assert alone.check(code).values["counts_per_turn"] == pytest.approx(16384, rel=1e-4)
+
+
+def test_a_wheel_in_degrees_without_steps_is_told_by_the_balance(clean, look) -> None:
+    smooth = np.degrees(clean["q2"]) + np.random.default_rng(1).normal(0, 0.01, clean["q2"].size)
+    found = look({**clean, "q2": smooth})
+    assert 'set wheel_angle_unit = "deg" under [log]' in remedies(found)
+    assert not any("gravity_torque" in remedy for remedy in remedies(found))
+
+
+def test_what_would_serve_better_is_advice_beside_the_verdict(clean, look) -> None:
+    few = clean["t"] < 3.0
+    found = look({name: values[few] for name, values in clean.items()})
+    assert found.check("motion").level == "advice"
+    assert found.verdict.status == "ready"
+    assert "longer" not in found.verdict.line
+    assert "record a longer motion" in found.verdict.advice
+    assert "advice: record a longer motion" in found.summary().splitlines()[1]
+    assert json.loads(found.to_json())["verdict"]["advice"] == found.verdict.advice
+
+
+def test_what_swingid_repairs_itself_is_in_the_line(clean, look) -> None:
+    angle = clean["q1"].copy()
+    angle[[4000, 9000]] += 0.3
+    found = look({**clean, "q1": angle, "q2": np.mod(clean["q2"], 2 * np.pi)})
+    assert found.verdict.status == "ready"
+    assert found.verdict.line == "ready; swingid itself repairs angles within one turn; spikes."
+
+
+@pytest.mark.parametrize("rows", [1, 2, 9])
+def test_a_log_of_a_row_or_two_says_so(clean, look, rows) -> None:
+    for rig in (GIVEN, None):
+        found = look({name: values[:rows] for name, values in clean.items()}, rig)
+        word = "1 row of numbers" if rows == 1 else f"{rows} rows of numbers"
+        assert found.verdict.line == f"not usable: the log has {word}, too few to tell a motion; log some swings."
+
+
+def test_time_that_runs_backwards_is_called_so_once(clean, look) -> None:
+    for rig in (GIVEN, None):
+        found = look({name: values[::-1] for name, values in clean.items()}, rig)
+        assert found.verdict.line.startswith("not usable: the time in column 't' runs backwards, from 20 to 0 s; if")
+        assert found.verdict.line.count("backwards") == 1
+
+
+@pytest.mark.parametrize("channel", ["t", "q1", "q2", "u"])
+def test_one_absurd_cell_spoils_no_estimate(clean, look, channel) -> None:
+    values = clean[channel].copy()
+    values[3000] = 1e300
+    for rig in (GIVEN, None):
+        found = look({**clean, channel: values}, rig)
+        assert found.verdict.status == "ready"
+        assert "swingid itself repairs" in found.verdict.line
+        units = {name: role.unit for name, role in found.roles.found.items()}
+        assert units == {"time": "s", "angle": "rad", "wheel_angle": "rad", "voltage": ""}
+        assert found.check("wheel_angle").values["counts_per_turn"] == pytest.approx(16384, rel=1e-4)
+
+
+def test_a_log_without_a_clock_says_so_and_not_that_it_has_no_angle(clean, look) -> None:
+    found = look({name: clean[name] for name in ("q1", "q2", "u")}, None)
+    assert found.verdict.line == "not usable: no column rises as a clock does; state [log] rate, rows per second."
+    assert "# rate = 1000" in found.table

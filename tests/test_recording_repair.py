@@ -55,11 +55,17 @@ def test_a_block_in_the_wrong_place_is_sorted(tmp_path):
     assert codes(loaded) == [("unsorted", "warning")]
 
 
-@pytest.mark.parametrize("order", [np.arange(1000)[::-1], np.random.default_rng(1).permutation(1000)])
-def test_many_rows_out_of_order_are_refused(tmp_path, order):
-    with pytest.raises(InputError, match=r"column 't' runs backwards after \d+ of 1000 rows") as caught:
+@pytest.mark.parametrize(
+    ("order", "why"),
+    [
+        (np.arange(1000)[::-1], "time in column 't' runs backwards, from 4.995 to 0 s; if the rows are stored newest"),
+        (np.random.default_rng(1).permutation(1000), r"column 't' runs backwards after \d+ of 1000 rows"),
+    ],
+)
+def test_many_rows_out_of_order_are_refused(tmp_path, order, why):
+    with pytest.raises(InputError, match=why) as caught:
         rows_in_order(tmp_path, order)
-    assert caught.value.code == "unsorted"
+    assert caught.value.code in ("unsorted", "backwards")
 
 
 def test_two_runs_in_one_file_are_refused(tmp_path):
@@ -99,8 +105,35 @@ def test_a_time_column_with_too_few_digits_is_refused_where_rows_may_be_missing(
 def test_single_precision_and_rounded_stamps_are_no_fault(tmp_path):
     for time in (LOG.time.astype(np.float32), np.round(LOG.time, 3), LOG.time + 1.7e9):
         loaded = load(tmp_path, t=time)
-        assert loaded.findings == ()
-        assert np.array_equal(loaded.time, time.astype(float))
+        assert {finding.code for finding in loaded.findings} <= {"from-epoch"}
+        begin = time[0] if time[0] > 1e8 else 0.0
+        assert np.array_equal(loaded.time, time.astype(float) - begin)
+
+
+@pytest.mark.parametrize("stamp", [0.0, -5.0, 1e300, 400.0])
+def test_a_stamp_that_fits_neither_neighbour_costs_its_row(tmp_path, stamp):
+    time = LOG.time.copy()
+    time[500] = stamp
+    loaded = load(tmp_path, t=time)
+    assert np.array_equal(loaded.time, np.delete(LOG.time, 500))
+    assert np.array_equal(loaded.angle, np.delete(LOG.angle, 500))
+    (found, gaps) = loaded.findings
+    assert found.code == ("absurd-numbers" if stamp == 1e300 else "wrong-stamps")
+    assert found.level == "warning"
+    assert "row 501" in found.message
+    assert gaps.code == "gaps"
+    with pytest.raises(InputError, match="cannot be used without the repair"):
+        Recording.load(loaded.source.path, rig_with(), repairs={found.repair: False})
+
+
+@pytest.mark.parametrize("channel", ["q1", "q2", "u"])
+def test_a_number_that_no_rig_gives_costs_its_row(tmp_path, channel):
+    values = columns_of(LOG)[channel].copy()
+    values[500] = -1e300
+    loaded = load(tmp_path, **{channel: values})
+    assert np.array_equal(loaded.time, np.delete(LOG.time, 500))
+    assert codes(loaded) == [("absurd-numbers", "warning"), ("gaps", "note")]
+    assert f"column '{channel}' holds -1e+300 in row 501" in loaded.findings[0].message
 
 
 def test_uneven_stamps_and_missing_rows_stay_as_they_are(tmp_path):

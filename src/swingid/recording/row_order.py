@@ -8,6 +8,8 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.clock import rounded_clock
+from swingid.recording.conventions import Scale
+from swingid.recording.plausibility import LARGEST
 from swingid.recording.recording import Finding
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
     from swingid.recording.conventions import Channels, Conventions
 
 MANY = 0.01  # of all rows: what is a slip below, and a log that may not be what it seems above
+NEARLY_ALL = 0.9  # of the steps: a clock that runs backwards
 OPTIONAL = ("reference", "adaptive_gain")  # for pictures only: a gap in them costs no row
 
 
@@ -27,7 +30,8 @@ def rows_in_order(
     """Rows with numbers, one for each time, in order of time; arguments and errors as those of `repair.repair`."""
     columns = conventions.columns
     findings: list[Finding] = []
-    channels = _drop_rows_without_numbers(logged, columns, texts, name, findings)
+    channels = _drop_absurd_rows(logged, conventions, findings)
+    channels = _drop_rows_without_numbers(channels, columns, texts, name, findings)
     _refuse(findings, "blanks", off, name)
     channels = _sort(channels, columns, name, findings)
     _refuse(findings, "sort", off, name)
@@ -36,6 +40,28 @@ def rows_in_order(
     channels = _drop_repeated(channels, columns, name, findings)
     _refuse(findings, "repeats", off, name)
     return channels, findings
+
+
+def _drop_absurd_rows(channels: Channels, conventions: Conventions, findings: list[Finding]) -> Channels:
+    """The rows without few numbers that no rig gives (1e300), as a logger's fault leaves them; many are told later."""
+    good = np.ones(len(channels["time"]), dtype=bool)
+    worst = None
+    for channel, largest in LARGEST.items():
+        if channel not in channels:
+            continue
+        factor = 1.0 if channel == "time" else abs(conventions.scales.get(channel, Scale()).factor)
+        absurd = np.isfinite(channels[channel]) & (np.abs(channels[channel]) > largest / factor)
+        if absurd.any():
+            worst = worst or (channel, int(np.argmax(absurd)))
+            good &= ~absurd
+    rows, dropped = len(good), int(np.count_nonzero(~good))
+    if worst is None or dropped > max(3, MANY * rows):
+        return channels
+    channel, first = worst
+    message = f"{dropped} of {rows} rows left out: column {conventions.columns[channel]!r} holds"
+    message += f" {channels[channel][first]:.3g} in row {first + 1}, which no rig does."
+    findings.append(Finding("absurd-numbers", message, "warning", "blanks"))
+    return take(channels, good)
 
 
 def _drop_rows_without_numbers(
@@ -78,16 +104,40 @@ def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: l
     if steps_back.size == 0:
         return channels
     rows = len(time)
+    if steps_back.size > NEARLY_ALL * (rows - 1):
+        message = (
+            f"{name}: the time in column {columns['time']!r} runs backwards, from {time[0]:.6g} to {time[-1]:.6g} s"
+        )
+        raise InputError(
+            f"{message}; if the rows are stored newest first, turn their order around, else mend the clock.",
+            code="backwards",
+        )
     where = f"{name}: column {columns['time']!r} runs backwards after {steps_back.size} of {rows} rows"
     where += f" (the first is row {steps_back[0] + 1})"
     order = np.argsort(time, kind="stable")
     angle = channels["angle"]
     smoother = np.abs(np.diff(angle[order])).sum() <= np.abs(np.diff(angle)).sum()
-    if steps_back.size > max(3, MANY * rows) or not smoother:
+    wrong = _wrong_stamps(time, steps_back)
+    few = steps_back.size <= max(3, MANY * rows)
+    if few and not smoother and (np.diff(time[~wrong]) > 0).all():
+        message = f"{int(wrong.sum())} of {rows} rows left out: their time in column {columns['time']!r} fits neither"
+        message += f" neighbour (the first is row {int(np.argmax(wrong)) + 1}, {time[np.argmax(wrong)]:.6g} s)."
+        findings.append(Finding("wrong-stamps", message, "warning", "sort"))
+        return take(channels, ~wrong)
+    if not few or not smoother:
         message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time."
         raise InputError(message, code="unsorted")
     findings.append(Finding("unsorted", f"{where}; the rows were sorted by time.", "warning", "sort"))
     return take(channels, order)
+
+
+def _wrong_stamps(time: NDArray[np.float64], steps_back: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Rows beside a step back without which the time rises there: the one before it, else the one behind."""
+    wrong = np.zeros(len(time), dtype=bool)
+    for k in steps_back:
+        before = k == 0 or time[k - 1] < time[k + 1]
+        wrong[k if before else k + 1] = True
+    return wrong
 
 
 def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:

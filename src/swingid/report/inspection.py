@@ -10,7 +10,7 @@ from swingid.report.html import environment, write_page
 if TYPE_CHECKING:
     from swingid.study.inspect import Inspection
 
-LEVELS = {"ok": "ok", "note": "note", "unknown": "not told", "repair": "mend", "fault": "fault"}
+LEVELS = {"ok": "ok", "note": "note", "unknown": "not told", "advice": "advice", "repair": "mend", "fault": "fault"}
 STATUS = {"ready": "ok", "repairs": "warning", "unusable": "refused"}
 ANSWERS = {"ready": "ready", "repairs": "ready after repairs", "unusable": "not usable"}
 
@@ -35,7 +35,7 @@ def write_inspection(found: Inspection, path: str | Path) -> Path:
             picture=picture,
             status=STATUS[found.verdict.status],
             answer=ANSWERS[found.verdict.status],
-            todo=[check for check in found.checks if check.level in ("repair", "fault")],
+            todo=[check for check in found.checks if check.level in ("advice", "repair", "fault")],
             levels=LEVELS,
             columns=columns_table(found),
         )

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.recording.inspect.candidates import Candidate, Role, alike, among, fits
+from swingid.recording.inspect.encoder_steps import TURN, unit_of_steps
 from swingid.recording.inspect.likeness import correlation, passes, roughness, thin
 from swingid.recording.inspect.names import ROLE_UNITS, SPEED_UNITS
 
@@ -20,24 +21,26 @@ FEWEST = 20
 POSITION = 0.02
 """Roughness below which a column moves as a position does."""
 
+ALSO = 20.0
+"""A column is as smooth as another if it is at most so many times rougher."""
+
 NO_NAME = re.compile(r"(column|col|ch|channel|data|signal|var|x|y)?[ _.:(,)]*\d*[ _.:(,)\d]*", re.IGNORECASE)
 """Names that say nothing."""
-
-TURN = {"rad": 2 * np.pi, "deg": 360.0, "turns": 1.0}
-"""One turn in each unit of an angle."""
 
 
 def guess_angle(moving: list[Candidate], found: dict[str, Role]) -> Candidate | None:
     """The pendulum's angle: by name and unit, else the smoothest column."""
     scored = [(fits(c, "angle") - 1.5 * c.scores["reference"] - 0.8 * c.scores["wheel"], c) for c in moving]
     best, angle = max(scored, key=lambda s: s[0], default=(0.0, None))
+    if angle is not None:  # of position_0 and position_1 the wheel's goes farther
+        angle = min((c for score, c in scored if score == best and _same_but_number(c, angle)), key=_span)
     why = "by its name"
     if angle is None or best < 1:
         ranked = [(roughness(c.values), c) for c in moving if fits(c, "angle") > -2]
         if not ranked:
             return None
         rough, angle = min(ranked, key=lambda s: s[0])
-        smooth_ones = [(c.column.span, r, c) for r, c in ranked if r < POSITION and c.column.kind == "numbers"]
+        smooth_ones = [(c.column.span, r, c) for r, c in ranked if r < min(POSITION, ALSO * rough)]
         if len(smooth_ones) > 1:
             _, rough, angle = min(smooth_ones, key=lambda s: s[0])  # a wheel goes farther than the body that carries it
         if rough > 0.2 or len(angle.values) < FEWEST:
@@ -56,6 +59,9 @@ def guess_angle(moving: list[Candidate], found: dict[str, Role]) -> Candidate | 
 def _angle_unit(column: Column) -> tuple[str, str]:
     """Unit of an angle that states none, by the size of its values: a swing in rad covers a turn or two at most."""
     span = column.span
+    by_steps, counts = unit_of_steps(column)
+    if by_steps:
+        return by_steps, f"for its steps are then {counts} in a turn"
     if column.kind == "whole numbers" and span > 50:
         return "counts", f"for its values are whole numbers over a range of {span:g}"
     low, high = np.nanquantile(column.values, (0.1, 0.9))
@@ -74,19 +80,29 @@ def guess_wheel(
     if named:
         wheel = max(named, key=lambda s: s[0])[1]
     else:
-        unnamed = [c for c in left if NO_NAME.fullmatch(c.name) and not c.unit and roughness(c.values) < POSITION]
+        unnamed = [c for c in left if NO_NAME.fullmatch(c.name) or _same_but_number(c, angle)]
+        unnamed = [c for c in unnamed if not c.unit and roughness(c.values) < POSITION]
         unnamed = [c for c in unnamed if not alike(c, angle)]
         wheel = max((c for c in unnamed if c.column.span > 3 * angle.column.span), key=_span, default=None)
         why = f"a smooth position over {0.0 if wheel is None else wheel.column.span:.3g}"
     if wheel is None:
         return left
     unit = wheel.unit if wheel.unit in ROLE_UNITS["wheel"] else ""
-    if not unit:
+    by_steps, counts = unit_of_steps(wheel.column)
+    if not unit and by_steps:
+        unit = by_steps
+        why += f"; {unit}, for its steps are then {counts} in a turn"
+    elif not unit:
         whole = wheel.column.kind == "whole numbers" and wheel.column.span > 50
         unit = "counts" if whole else found["angle"].unit if found["angle"].unit in ROLE_UNITS["wheel"] else "rad"
         why += f"; {unit} as the angle" if not whole else "; whole numbers, so counts"
     found["wheel_angle"] = Role("wheel_angle", wheel.name, unit, why, bool(named))
     return [c for c in left if c is not wheel]
+
+
+def _same_but_number(one: Candidate, other: Candidate) -> bool:
+    """Whether two names differ in a number at the end only."""
+    return re.sub(r"[ _.\d]+$", "", one.name) == re.sub(r"[ _.\d]+$", "", other.name)
 
 
 def _span(candidate: Candidate) -> float:

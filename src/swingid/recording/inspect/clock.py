@@ -20,6 +20,9 @@ GAP = 1.5
 COUNTED = 1e12  # rows that a gap is said to miss, at most
 """Median steps beyond which a step is a gap."""
 
+NEARLY_ALL = 0.9
+"""Share of the steps back from which on the clock runs backwards."""
+
 EVEN = 0.01
 UNEVEN = 0.2
 """Robust standard deviations of the steps, in steps: rows are even below the first, very uneven above the second."""
@@ -87,6 +90,10 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
     """What the clock shows, in sentences; name: of the time column."""
     rows = len(clock.stamps)
     values: dict[str, object] = {"rows": rows, "rate": clock.rate, "duration": clock.duration, "jitter": clock.jitter}
+    if clock.backwards > NEARLY_ALL * (rows - 1):
+        text = f"the time in {name} runs backwards, from {clock.stamps[0]:.6g} to {clock.stamps[-1]:.6g} s"
+        remedy = "if the rows are stored newest first, turn their order around, else mend the clock"
+        return [Check("backwards", "order of rows", "fault", text, remedy, {"backwards": clock.backwards})]
     if clock.step <= 0:
         text = f"{name} does not rise, so nothing tells when a row was logged"
         return [Check("rate", "rate", "fault", f"{text}.", "log the time, or set [log] rate", values)]

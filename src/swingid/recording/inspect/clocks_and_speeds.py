@@ -32,7 +32,7 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
     for candidate in candidates:
         steps = np.diff(candidate.values)
         steps = steps[np.isfinite(steps)]
-        if not steps.size or candidate.column.constant:
+        if not steps.size or candidate.column.constant or (counts_rows(candidate) and candidate.scores["time"] < 2):
             continue
         rising = float(np.mean(steps >= 0))
         score = candidate.scores["time"] + 2.0 * (candidate.unit in ROLE_UNITS["time"])
@@ -55,6 +55,25 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
         why += f", {1 / (usual * SECONDS[unit]):.4g} rows per second if in {unit}"
     found["time"] = Role("time", candidate.name, unit or "s", why, candidate.scores["time"] >= 2)
     return candidate
+
+
+def counts_rows(candidate: Candidate) -> bool:
+    """Whether a column numbers the rows: it rises by 1 from row to row."""
+    if candidate.column.kind != "whole numbers":
+        return False
+    steps = np.diff(candidate.values)
+    return bool(steps.size and np.mean(steps == 1) > RISING)
+
+
+def clocks_beside(candidates: list[Candidate]) -> dict[str, str]:
+    """What other columns are that only rise: clocks by their name, and numbers of the rows."""
+    found = {c.name: "numbers the rows" for c in candidates if counts_rows(c)}
+    for candidate in candidates:
+        steps = np.diff(candidate.values)
+        steps = steps[np.isfinite(steps)]
+        if steps.size and candidate.scores["time"] >= 2 and np.mean(steps >= 0) >= RISING:
+            found.setdefault(candidate.name, "another clock")
+    return found
 
 
 def guess_speeds(moving: list[Candidate], stamps: Floats) -> list[tuple[Candidate, str]]:

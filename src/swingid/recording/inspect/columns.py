@@ -17,6 +17,12 @@ if TYPE_CHECKING:
     Floats = NDArray[np.float64]
 
 SHOWN = 3
+SAMPLE = 20_000
+"""Rows that tell the usual range of a column."""
+
+FAR, FEWEST, MANY = 20.0, 50, 0.005
+"""Usual ranges from the middle beyond which a number that stands alone is a fault; the rows, and the share, for it."""
+
 FLAT = 20
 """Rows in a run at one extreme value from which on the value is a limit and no peak."""
 
@@ -25,7 +31,8 @@ FLAT = 20
 class Column:
     """One column, in the units of the file.
 
-    values (n,): NaN where a cell is no number. kind: "whole numbers", "numbers", "text", "empty". step: the grid on
+    values (n,): NaN where a cell is no number, or one that stands alone far outside of all others (`outliers` of them;
+    low and high are without). kind: "whole numbers", "numbers", "text", "empty". step: the grid on
     which the values lie, 0 where there is none. first: of the file, as text. changes: share of rows that differ from
     the row before. at_low, at_high: share of the rows that stand at the lowest and at the highest value in runs.
     """
@@ -42,6 +49,7 @@ class Column:
     changes: float
     at_low: float
     at_high: float
+    outliers: int = 0
 
     @property
     def constant(self) -> bool:
@@ -67,6 +75,7 @@ class Column:
             "changes": self.changes,
             "at_low": self.at_low,
             "at_high": self.at_high,
+            "outliers": self.outliers,
         }
 
 
@@ -80,7 +89,12 @@ def _column(table: Table, name: str) -> Column:
     values, text = table.numbers(name)
     good = np.isfinite(values)
     missing = int(len(values) - np.count_nonzero(good))
-    finite = values if missing == 0 else values[good]
+    far = _far_outside(values)
+    outliers = int(np.count_nonzero(far))
+    if outliers:
+        values = np.where(far, np.nan, values)
+        good &= ~far
+    finite = values if good.all() else values[good]
     first = tuple(str(cell) if raw.dtype == object else f"{cell:.7g}" for cell in raw[:SHOWN])
     unit = table.unit(name)
     if not finite.size:
@@ -100,7 +114,26 @@ def _column(table: Table, name: str) -> Column:
         changes=float(np.mean(finite[1:] != finite[:-1])) if finite.size > 1 else 0.0,
         at_low=_share_of_runs(finite == low),
         at_high=_share_of_runs(finite == high),
+        outliers=outliers,
     )
+
+
+def _far_outside(values: Floats) -> NDArray[np.bool_]:
+    """Single numbers far outside of all others: faults of the logger, which would spoil every estimate of a size."""
+    sample = values[:: max(1, len(values) // SAMPLE)]
+    sample = sample[np.isfinite(sample)]
+    none = np.zeros(len(values), dtype=bool)
+    if sample.size < FEWEST:
+        return none
+    low, high = np.quantile(sample, (0.005, 0.995))
+    if not low < high:
+        return none
+    with np.errstate(over="ignore", invalid="ignore"):
+        far = np.abs(values - (low + high) / 2) > FAR * (high - low)
+    alone = far.copy()
+    alone[1:] &= ~far[:-1]
+    alone[:-1] &= ~far[1:]
+    return alone if np.count_nonzero(far) < MANY * len(values) else none
 
 
 def _share_of_runs(there: NDArray[np.bool_]) -> float:

@@ -30,7 +30,10 @@ SPEED = {
     *("vel", "velocity", "speed", "omega", "rate", "rpm", "w", "w1", "w2", "dot", "dq", "dq1", "dq2", "dtheta", "dth"),
     *("qdot", "thetadot", "gyro", "geschwindigkeit", "dphi", "dalpha", "omega1", "omega2", "d", "dx", "qp", "thd"),
 }
-OTHER = {"acc", "acceleration", "ddq", "error", "err", "temp", "temperature", "kp", "kd", "enable", "enabled", "id"}
+OTHER = {
+    *("acc", "acceleration", "ddq", "error", "err", "temp", "temperature", "kp", "kd", "enable", "enabled", "id"),
+    *("seq", "nsec", "nsecs", "frame", "index", "row", "sample"),
+}
 
 ROLE_UNITS: dict[str, frozenset[str]] = {
     "time": frozenset({"s", "ms", "us", "ns"}),
@@ -41,12 +44,15 @@ ROLE_UNITS: dict[str, frozenset[str]] = {
     "current": frozenset({"A", "mA"}),
 }
 SPEED_UNITS = frozenset({"rad/s", "deg/s", "rpm", "turns/s", "counts/s", "m/s"})
+CONTAINERS = re.compile(r"\b(joint_?states?|field|header|msg|topic)\b(?=[/._])", re.IGNORECASE)
+"""Parts of a name that say where a message came from, such as /joint_states/pendulum/position."""
+
 GREEK = {"θ": "theta", "φ": "phi", "α": "alpha", "ω": "omega", "τ": "tau"}
 
 
 def words_of(name: str) -> list[str]:
     """The words of a column's name in lower case: "pendAngle_rad [deg]" gives pend, angle, rad."""
-    bare = re.sub(r"[\[(].*?[\])]", " ", name)
+    bare = CONTAINERS.sub(" ", re.sub(r"[\[(].*?[\])]", " ", name))
     for letter, word in GREEK.items():
         bare = bare.replace(letter, word)
     split = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", bare)
@@ -74,6 +80,8 @@ def name_scores(name: str) -> dict[str, float]:
     scores["other"] = _score(words, joined, tuple(OTHER))
     if scores["reference"] >= 2 and len(words) > 1:
         scores["angle"] = min(scores["angle"], 1.0)
+    if scores["wheel"] >= 2 and max(scores[role] for role in ("voltage", "torque", "current")) >= 2:
+        scores["wheel"] = 1.0  # motor_voltage is no wheel
     if scores["wheel"] >= 2 and len(words) > 1:
         scores["angle"] = min(scores["angle"], 1.0)
     return scores

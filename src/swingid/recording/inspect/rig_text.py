@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.recording.inspect.channel_guesses import TURN
+from swingid.recording.inspect.encoder_steps import TURN
 from swingid.recording.inspect.grid import is_decimal
 from swingid.recording.inspect.trial import counts_of
 

@@ -19,7 +19,7 @@ from swingid.recording.inspect.channel_guesses import (
     guess_wheel,
     guess_wheel_speed,
 )
-from swingid.recording.inspect.clocks_and_speeds import guess_speeds, guess_time
+from swingid.recording.inspect.clocks_and_speeds import clocks_beside, guess_speeds, guess_time
 from swingid.recording.inspect.names import name_scores, unit_of
 
 if TYPE_CHECKING:
@@ -67,7 +67,11 @@ def _guess(columns: list[Column]) -> Roles:
     rest = [c for c in candidates if c is not time]
     moving = [c for c in rest if not c.column.constant]
     others |= {c.name: "does not change" for c in rest if c.column.constant}
-    stamps = time.values if time else np.arange(float(usual))
+    others |= {c.name: "lists, which need a column for each number" for c in columns if _holds_lists(c)}
+    beside = clocks_beside(moving)
+    others |= beside
+    moving = [c for c in moving if c.name not in beside]
+    stamps = time.values if time is not None else np.arange(float(usual))
     speeds = guess_speeds(moving, stamps)
     others |= {c.name: f"speed of {of}" for c, of in speeds}
     angle = guess_angle([c for c in moving if not among(c, (s for s, _ in speeds))], found)
@@ -83,3 +87,8 @@ def _guess(columns: list[Column]) -> Roles:
     others = {name: what for name, what in others.items() if name not in {r.column for r in found.values()}}
     linear = found["angle"].unit in ("m", "mm")
     return Roles(found, others, None if linear else counted_from_top(angle, found["angle"].unit), linear)
+
+
+def _holds_lists(column: Column) -> bool:
+    """Whether the cells are texts such as "[0.1, 0.2]"."""
+    return column.kind == "text" and any(cell.strip().startswith(("[", "(")) for cell in column.first)

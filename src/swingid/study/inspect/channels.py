@@ -28,13 +28,24 @@ CLIPPED = 0.01
 """Share of rows at the limits from which on a command is said to saturate."""
 
 MOSTLY = 0.5
-USER = {
-    "jumps": "use a log of one side of the jump",
-    "wheel-still": "check the wheel's encoder",
-    "ambiguous-turns": "log it faster, or continuous over turns",
-    "slow-rows": "log the time in s",
+USER: dict[str, tuple[Level, str]] = {
+    "jumps": ("advice", "use the part of the log on one side of the jump (--part FROM:TO)"),
+    "wheel-still": ("advice", "check the wheel's encoder"),
+    "ambiguous-turns": ("advice", "log the angles faster, or continuous over turns"),
+    "slow-rows": ("repair", 'set time_unit = "ms" under [log] if the clock counts ms'),
 }
-"""What only the user can mend, by the code of what was found on reading."""
+"""What only the user can do, by the code of what was found on reading."""
+
+OWN = {
+    "blanks": "rows without usable numbers",
+    "sort": "rows in the wrong place",
+    "repeats": "repeated rows",
+    "clock": "stamps that scatter",
+    "unwrap": "angles within one turn",
+    "spikes": "spikes",
+    "limit": "commands beyond the voltage limit",
+}
+"""What swingid itself repairs on reading, by the name of the repair."""
 
 TOLD_ELSEWHERE = ("gaps", "repeated-rows", "no-reference")
 """What other checks say with more numbers, or what is no matter here."""
@@ -83,6 +94,8 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
     text = f"column {column.name!r} from {column.low:.4g} to {column.high:.4g}{_in(column.unit or '')}"
     if column.missing:
         text += f", no number in {column.missing} of {len(column.values)} rows"
+    if column.outliers:
+        text += f", and {column.outliers} {'number' if column.outliers == 1 else 'numbers'} far outside"
     level: Level = "ok"
     remedy = ""
     if channel.role in ("angle", "wheel_angle", "wheel_speed"):
@@ -145,8 +158,8 @@ def _saturation(channel: Channel) -> Iterator[Check]:
     ends = [f"{end:.4g} in {part:.1%}" for end, part in ((column.low, column.at_low), (column.high, column.at_high))]
     text = f"{word} stands at its limits in {share:.1%} of the rows ({' and '.join(ends)})"
     text += "; methods take what is logged as applied, so it has to be what the limiter let through."
-    level: Level = "repair" if share > MOSTLY else "note"
-    remedy = "record a smaller or slower motion, which the drive can follow" if level == "repair" else ""
+    level: Level = "advice" if share > MOSTLY else "note"
+    remedy = "record a smaller or slower motion, which the drive can follow" if level == "advice" else ""
     yield Check(f"{channel.role}-saturated", "saturation", level, text, remedy, {"share": share})
 
 
@@ -155,7 +168,8 @@ def _on_reading(log: Recording) -> Iterator[Check]:
     for finding in log.findings:
         if finding.code in TOLD_ELSEWHERE:
             continue
-        remedy = USER.get(finding.code, "") if finding.level == "warning" else ""
+        level, remedy = USER.get(finding.code, ("note", "")) if finding.level == "warning" else ("note", "")
         if finding.code == "wheel-still" and log.wheel_angle is not None and np.ptp(log.wheel_angle) == 0:
             continue
-        yield Check(finding.code, "on reading", "repair" if remedy else "note", finding.message, remedy)
+        own = OWN.get(finding.repair or "") if finding.code != "repair-off" else None
+        yield Check(finding.code, "on reading", level, finding.message, remedy, own=own)

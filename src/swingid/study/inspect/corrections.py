@@ -11,22 +11,38 @@ from swingid.identify.format import percent
 from swingid.identify.noise import channel_noise
 from swingid.model.rig import Rig
 from swingid.recording.formats.table import Table
-from swingid.recording.inspect import Check
+from swingid.recording.inspect import Check, Column
+from swingid.recording.inspect.encoder_steps import TURN, steps_seen, unit_of_steps
 from swingid.recording.load import from_table
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.motion import Swings, read_motion
 from swingid.study.inspect.physics import MODEL, Balance, balance_of, check_physics
 
+SAME_STEP = 5e-3
+"""How well (share) steps agree with those of an encoder in the right unit."""
+
+UNIT_WORDS = {"rad": "radians", "deg": "degrees", "turns": "turns"}
+
+GRAVITY = "gravity-torque-disagrees"
+
 
 def read(
-    table: Table, rig: Rig, source: Source, *, try_changes: bool
+    table: Table, rig: Rig, source: Source, columns: Mapping[str, Column] | None
 ) -> tuple[Recording | None, Rig, dict[str, object], list[Check]]:
-    """The Recording as `rig` reads it; where it refuses and another unit heals that, as that reads it."""
+    """The Recording as `rig` reads it; where it refuses and another unit heals that, as that reads it.
+
+    columns: of the table by name, whose steps tell units; None where the rig is a guess that is not to be changed.
+    """
+    tried: dict[str, object] = {}
+    told: list[Check] = []
+    if columns is not None:
+        tried, told = units_by_steps(table, rig, columns)
+        rig = rig.changed(tried) if tried else rig
     try:
-        return from_table(table, rig, source), rig, {}, []
+        return from_table(table, rig, source), rig, tried, told
     except SwingidError as error:
         failed = error
-    for changes in _other_units(rig, failed.code) if try_changes else ():
+    for changes in _other_units(rig, failed.code) if columns is not None else ():
         try:
             other = rig.changed(changes)
             log = from_table(table, other, source)
@@ -34,8 +50,36 @@ def read(
             continue
         remedy = f"set {words(changes)} under [log]"
         check = Check(failed.code, "on reading", "repair", without_path(failed, source), remedy)
-        return log, other, dict(changes), [check]
-    return None, rig, {}, [Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
+        return log, other, tried | changes, [*told, check]
+    return None, rig, tried, [*told, Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
+
+
+def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tuple[dict[str, object], list[Check]]:
+    """Changes of [log] where the steps of an angle are those of the rig's encoder in another unit than stated."""
+    changes: dict[str, object] = {}
+    told = []
+    if rig.axis.kind == "linear":
+        return {}, []
+    for channel, word in (("angle", "angle"), ("wheel_angle", "wheel angle")):
+        name = table.find(getattr(rig.log, channel))
+        used = getattr(rig.log, f"{channel}_unit")
+        read = channel == "angle" or (rig.drive.kind == "reaction-wheel" and rig.log.wheel_speed is None)
+        if name is None or not read or used not in TURN or table.unit(name) or not steps_seen(columns[name]):
+            continue
+        counts = {unit: turn / columns[name].step for unit, turn in TURN.items()}
+        declared = rig.sensors.of("angle" if channel == "angle" else "wheel").resolution
+        expected = TURN["rad"] / declared if declared else float(unit_of_steps(columns[name])[1])
+        fitting = [unit for unit, count in counts.items() if expected and abs(count / expected - 1) < SAME_STEP]
+        if len(fitting) != 1 or fitting[0] == used:
+            continue
+        whose = "as the rig file says" if declared else "as encoders have"
+        text = f"column {name!r} ({word}) looks like {UNIT_WORDS[fitting[0]]}: in {fitting[0]} its steps are"
+        text += f" {expected:.0f} in a turn, {whose}, and {counts[used]:.6g} in {used}."
+        remedy = f'set {channel}_unit = "{fitting[0]}" under [log]'
+        change: dict[str, object] = {f"log.{channel}_unit": fitting[0]}
+        told.append(Check("units", "units", "repair", text, remedy, {"changes": change}))
+        changes |= change
+    return changes, told
 
 
 def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
@@ -59,17 +103,21 @@ def physics(
         failed = error
     if failed is not None and failed.code != "wrong-sign":
         return [_unread(failed, source)], rig, log, {}
-    if balance is not None and balance.left < MODEL:
-        return check_physics(balance, rig), rig, log, {}
+    checks = check_physics(balance, rig) if balance is not None else []
+    off = any(check.code == GRAVITY for check in checks)  # a wheel in another unit is a scale that is off
+    if balance is not None and balance.left < MODEL and not off:
+        return checks, rig, log, {}
     best: _Attempt | None = None
     for changes in _other_signs(rig) if failed is not None else _other_wheel_units(rig):
         attempt = _attempt(table, rig, changes, source)
-        if attempt is None or (balance is not None and attempt.left > balance.left / 4):
+        if attempt is None or (off and any(check.code == GRAVITY for check in attempt.checks)):
+            continue
+        if balance is not None and attempt.left > (max(balance.left, MODEL) if off else balance.left / 4):
             continue
         if best is None or attempt.repairs < best.repairs:
             best = attempt
     if best is None and balance is not None:
-        return check_physics(balance, rig), rig, log, {}
+        return checks, rig, log, {}
     if best is None:
         assert failed is not None
         return [_unread(failed, source)], rig, log, {}
@@ -77,8 +125,9 @@ def physics(
     if failed is not None:
         text = without_path(failed, source)
     elif balance is not None:
-        text, code = f"the balance leaves {percent(balance.left)} as [log] reads the wheel angle, ", "units"
-        text += f"with {words(best.changes)} {percent(best.left)}."
+        text, code = f"the wheel angle looks like {_unit_words(best.changes)}: with {words(best.changes)}", "units"
+        text += f" the balance leaves {percent(best.left)}, and {percent(balance.left)} as [log] reads it"
+        text += ", with a gravity torque that contradicts the rig file." if off else "."
     wrong = Check(code, code, "repair", text, f"set {words(best.changes)} under [log]", {"changes": best.changes})
     return [wrong, *(check for check in best.checks if check.code != code)], best.rig, best.log, best.changes
 
@@ -139,6 +188,10 @@ def _other_wheel_units(rig: Rig) -> list[dict[str, object]]:
 def _unread(error: SwingidError, source: Source) -> Check:
     titles = {"wrong-sign": "signs"}
     return Check(error.code, titles.get(error.code, "balance"), "fault", without_path(error, source), "")
+
+
+def _unit_words(changes: Mapping[str, object]) -> str:
+    return " and ".join(UNIT_WORDS.get(str(unit), str(unit)) for unit in changes.values())
 
 
 def words(changes: Mapping[str, object]) -> str:

@@ -22,6 +22,7 @@ from swingid.recording.inspect.clock import Clock, check_clock
 from swingid.recording.inspect.trial import trial_rig
 from swingid.recording.large import digest, first_rows, is_large, rows_in
 from swingid.recording.load import read_bytes
+from swingid.recording.plausibility import FEWEST_ROWS
 from swingid.recording.recording import Recording, Source
 from swingid.recording.unit_names import canonical
 from swingid.study.inspect.channels import Channel, check_channels
@@ -33,6 +34,9 @@ from swingid.study.inspect.verdict import Verdict, judge
 SCHEMA = "swingid.inspect/1"
 
 UNSAID = 1.0
+
+TOLD_BY_CLOCK = ("backwards", "unsorted", "repeated-times", "absurd-time")
+"""Refusals of the reader that a fault of the clock has told already."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +75,7 @@ class Inspection:
         """The inspection as JSON text, schema "swingid.inspect/1"; what is not a number is null."""
         data = {
             "schema": SCHEMA,
-            "verdict": {"status": self.verdict.status, "line": self.verdict.line},
+            "verdict": {"status": self.verdict.status, "line": self.verdict.line, "advice": self.verdict.advice},
             "log": self.path,
             "sha256": self.sha256,
             "rows": self.rows,
@@ -123,19 +127,26 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
     reader = rig if rig is not None else trial_rig(roles, by_name, text)
     tried: dict[str, object] = {}
     log = None
-    if reader is None and "angle" in roles.found:
+    rows = max((len(column.values) for column in columns), default=0)
+    if rows < FEWEST_ROWS:
+        words = "1 row of numbers" if rows == 1 else f"{rows} rows of numbers"
+        few = f"the log has {words}, too few to tell a motion"
+        checks = [Check("too-short", "rows", "fault", few, "log some swings")]
+    elif reader is None and "angle" in roles.found:
         pass  # without a clock; that is said
     elif reader is None:
         remedy = "name the column of the angle in a rig file"
         checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
     else:
-        log, reader, tried, more = read(table, reader, source, try_changes=rig is not None)
+        log, reader, tried, more = read(table, reader, source, by_name if rig is not None else None)
+        if any(check.level == "fault" for check in checks):
+            more = [check for check in more if check.code not in TOLD_BY_CLOCK]
         checks += [_with_guess(check, roles) for check in more]
     swings: Swings | None = None
     found: list[Service] = []
     seen: list[Check] = []
     moves: list[Check] = []
-    if reader is not None:
+    if reader is not None and rows >= FEWEST_ROWS:
         seen = _seen(table, reader, by_name, log, declared=rig is not None)
     if reader is not None and log is not None:
         drive = reader.drive.kind if rig is not None else roles.drive
@@ -149,7 +160,6 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
                 reader, seen = changed, _seen(table, changed, by_name, log, declared=True)
             moves += more
     checks += [*seen, *moves]
-    rows = max((len(column.values) for column in columns), default=0)
     return Inspection(
         path=source.path or "the table",
         sha256=source.sha256 or "",
@@ -226,6 +236,8 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
         units |= {"torque": "N" if linear else "N m", "reference": "m" if linear else "rad"}
         scale = conventions.scales.get(role)
         factor = scale.factor if scale is not None else UNSAID
+        if role == "wheel_angle":
+            factor /= float(rig.log.wheel_scale)  # of the encoder, whose steps are looked at
         found.append(Channel(role, columns[name], factor, units[role]))
     return found
 

@@ -79,7 +79,7 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
     }
     few = count < FEW
     remedy = f"record a longer motion, of {FEW} swings and more" if few else ""
-    found = [Check("motion", "motion", "repair" if few else "ok", text, remedy, values)]
+    found = [Check("motion", "motion", "advice" if few else "ok", text, remedy, values)]
     if swings.rest > 0.02 * (stop - start):
         text = f"the axis rests {swings.rest:.3g} s of this part, which tells nothing of inertia."
         found.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))

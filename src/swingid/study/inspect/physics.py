@@ -97,7 +97,7 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
         if f"{which} 1 cosine" in small:
             found.append(_encoder(small, which, word, table, rig))
-    if not any(check.level == "repair" and check.code in BENDS_GRAVITY for check in found):
+    if not any(check.level in ("repair", "advice") and check.code in BENDS_GRAVITY for check in found):
         found += _gravity(balance, rig)
     return found
 
@@ -122,7 +122,7 @@ def _model(balance: Balance) -> Iterator[Check]:
         yield Check("balance", "balance", "ok", f"{text}: it closes.", "", {"left": left})
         return
     text += ": a term is missing, or a column is not what [log] says."
-    remedy = "check the columns, their units, and whether anything else touches the body"
+    remedy = "correct the column, sign, unit or constant that is not what the rig file says"
     yield Check("balance", "balance", "repair", text, remedy, {"left": left})
 
 
@@ -142,8 +142,8 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
     if abs(zero.value) < HARMLESS:
         text += "; upper and lower turning points make up for so little"
         return Check("zero", "zero of the angle", "note", f"{text}.", "", values)
-    remedy = f"take {number(zero.value, 'rad', 3)} off the angle"
-    return Check("zero", "zero of the angle", "repair", f"{text}.", remedy, values)
+    remedy = f"take {number(zero.value, 'rad', 3)} off the angle in the log"
+    return Check("zero", "zero of the angle", "advice", f"{text}.", remedy, values)
 
 
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:

@@ -9,13 +9,15 @@ if TYPE_CHECKING:
     from swingid.recording.inspect import Check, Column
     from swingid.study.inspect.inspection import Inspection
 
-MARKS = {"ok": "ok  ", "note": "note", "unknown": "?   ", "repair": "MEND", "fault": "BAD "}
+MARKS = {"ok": "ok  ", "note": "note", "unknown": "?   ", "advice": "tip ", "repair": "MEND", "fault": "BAD "}
 WIDTH = 118
 
 
 def summary(found: Inspection) -> str:
     """Verdict, columns, checks, methods and, without a rig, the guessed [log] table."""
-    lines = [f"{found.path}: {found.verdict.line}", "", "columns", *_columns(found)]
+    lines = [f"{found.path}: {found.verdict.line}"]
+    lines += [f"advice: {found.verdict.advice}."] if found.verdict.advice else []
+    lines += ["", "columns", *_columns(found)]
     lines += ["", "checks" if found.rig is None else f"checks against rig {found.rig.name}"]
     for check in found.checks:
         lines += wrapped(check)
@@ -32,7 +34,9 @@ def summary(found: Inspection) -> str:
 
 def wrapped(check: Check) -> list[str]:
     """One check as lines: mark, title, evidence, and what to do."""
-    text = check.evidence + (f" → {check.remedy}" if check.remedy and check.level in ("repair", "fault") else "")
+    text = check.evidence + (
+        f" → {check.remedy}" if check.remedy and check.level in ("advice", "repair", "fault") else ""
+    )
     head = f"  {MARKS[check.level]} {check.title:<20} "
     body = textwrap.wrap(text, WIDTH - len(head)) or [""]
     return [head + body[0], *(" " * len(head) + line for line in body[1:])]
@@ -59,7 +63,8 @@ def range_of(column: Column) -> str:
     if column.kind in ("text", "empty"):
         return ""
     text = f"{column.low:.5g} … {column.high:.5g}"
-    return text + (f", {column.missing} missing" if column.missing else "")
+    text += f", {column.missing} missing" if column.missing else ""
+    return text + (f", {column.outliers} far outside" if column.outliers else "")
 
 
 def _columns(found: Inspection) -> list[str]:

@@ -1,7 +1,8 @@
-"""One line: ready, ready after these repairs, or not usable and why."""
+"""One line: ready, ready after these repairs, or not usable and why; and a line of advice beside it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,26 +13,41 @@ MOST = 4
 
 @dataclass(frozen=True)
 class Verdict:
-    """status for scripts, and the line for people."""
+    """status for scripts, the line for people, and what would serve better ("" for nothing).
+
+    "ready": the log serves as it is, or as swingid repairs it on reading; "repairs": once the rig file states what the
+    line says; "unusable": it does not.
+    """
 
     status: Literal["ready", "repairs", "unusable"]
     line: str
+    advice: str = ""
 
 
 def judge(checks: list[Check], *, with_rig: bool) -> Verdict:
     """From all checks to the verdict; without a rig only the file was judged, and the line says so."""
+    advice = _listed(check.remedy for check in checks if check.level == "advice")
     faults = [check for check in checks if check.level == "fault"]
     if faults:
-        return Verdict("unusable", f"not usable: {_sentences(faults)}")
-    repairs = list(dict.fromkeys(check.remedy for check in checks if check.level == "repair"))
-    if repairs:
-        shown = "; ".join(repairs[:MOST]) + (f"; and {len(repairs) - MOST} more" if len(repairs) > MOST else "")
-        return Verdict("repairs", f"ready after these repairs: {shown}.")
-    if with_rig:
-        return Verdict("ready", "ready.")
-    return Verdict("ready", "ready as a file; signs, zero and scale are told with --rig.")
+        return Verdict("unusable", f"not usable: {_sentences(faults)}", advice)
+    made = _listed(check.own for check in checks if check.own is not None)
+    remedies = _listed(check.remedy for check in checks if check.level == "repair")
+    by_itself = f"swingid itself repairs {made}" if made else ""
+    if remedies:
+        return Verdict("repairs", f"ready after these repairs: {remedies}{'; ' + by_itself if made else ''}.", advice)
+    line = f"ready; {by_itself}." if made else "ready."
+    if not with_rig:
+        line = f"ready as a file{'; ' + by_itself if made else ''}; signs, zero and scale are told with --rig."
+    return Verdict("ready", line, advice)
+
+
+def _listed(texts: Iterable[str]) -> str:
+    """Each once, the first few of them."""
+    several = list(dict.fromkeys(text for text in texts if text))
+    return "; ".join(several[:MOST]) + (f"; and {len(several) - MOST} more" if len(several) > MOST else "")
 
 
 def _sentences(checks: list[Check]) -> str:
-    text = " ".join(check.evidence for check in checks[:2])
-    return text if text.endswith(".") else f"{text}."
+    """What the first two say, and what is to be done."""
+    texts = [check.evidence.rstrip(".") + (f"; {check.remedy}" if check.remedy else "") for check in checks[:2]]
+    return ". ".join(text[0].upper() + text[1:] if k else text for k, text in enumerate(texts)) + "."

@@ -100,3 +100,23 @@ def test_no_voltage_tells_no_latency(tmp_path):
     run = replace(logged(PAPER, tmp_path, duration=8.0), voltage=None)
     found = inspect_log(run.save(tmp_path / "without.parquet", known), known)
     assert found.check("voltage-latency") is None
+
+
+@pytest.mark.parametrize("method", ["momentum", "energy", "equation-error"])
+def test_a_stated_latency_is_named_and_has_a_switch(tmp_path, method):
+    """Switched off, the result is that of a rig file that states no latency."""
+    stated = PAPER.changed({"sensors.wheel.latency": "2 ms", "sensors.latency": "0.3 ms"})
+    path = logged(stated, tmp_path, duration=10.0, seed=1).source.path
+    known = given(stated)
+    right = identify(Recording.load(path, known), known, method)
+    (named,) = right.provenance["repairs"]
+    assert (named["repair"], named["done"]) == ("latency", True)
+    assert "0.3 ms of the angle and 2 ms of the wheel's angle" in named["what"]
+    off = identify(Recording.load(path, known, repairs={"latency": False}), known, method)
+    repairs = {one["repair"]: one["done"] for one in off.provenance["repairs"]}
+    assert repairs["latency"] is False
+    silent = given(PAPER)
+    other = identify(Recording.load(path, silent), silent, method)
+    assert abs(off.inertia.value - other.inertia.value) < 0.05 * abs(off.inertia.value - right.inertia.value) + 3e-8
+    if method != "momentum":  # which finds the latency itself
+        assert abs(off.inertia.value / right.inertia.value - 1) > 1e-4

@@ -20,6 +20,8 @@ from swingid.recording.repairs import REPAIRS
 RIG = rig_with(sensors="counts_per_turn = 16384")
 LOG = swing(rate=500.0, duration=12.0)
 COUNT = 2 * np.pi / 16384
+AS_A_METHOD_ASKS = ("encoders", "latency", "limit", "push", "calibrate")
+"""Repairs that are not made on reading, or not in every log; they have tests of their own."""
 
 
 def faulty(folder, fault: str):
@@ -47,7 +49,7 @@ def repaired(log: Recording) -> list[str]:
     return [found.repair for found in log.findings if found.repair is not None and found.code != "repair-off"]
 
 
-@pytest.mark.parametrize("fault", [name for name in REPAIRS if name not in ("encoders", "limit", "push")])
+@pytest.mark.parametrize("fault", [name for name in REPAIRS if name not in AS_A_METHOD_ASKS])
 def test_each_repair_is_named_and_can_be_switched_off(tmp_path, fault):
     path = faulty(tmp_path, fault)
     assert repaired(Recording.load(path, RIG)) == [fault]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.recording.latency import with_latency_told
 from swingid.recording.recording import Finding, Recording
 
 if TYPE_CHECKING:
@@ -31,9 +32,10 @@ def straightened(log: Recording, rig: Rig) -> Recording:
     """The log with the nonlinearity taken off that the rig file states (sensors.nonlinearity_cosine and _sine).
 
     Unchanged where the file states none, where it was done before, and where the repair "encoders" is switched off. A
-    note in the findings says so; a warning, where a large one of the axis' encoder is declared without values. Not for
-    a log whose angles are those of the motion already.
+    note in the findings says so; a warning, where a large one of the axis' encoder is declared without values. What the
+    file states of latencies is told as well, see `latency`. Not for a log whose angles are those of the motion already.
     """
+    log = with_latency_told(log, rig)
     if any(finding.repair == REPAIR or finding.code == UNKNOWN for finding in log.findings):
         return log
     angle, wheel, said = log.angle, log.wheel_angle, []

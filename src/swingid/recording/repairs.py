@@ -20,6 +20,8 @@ REPAIRS: dict[str, str] = {
     "spikes": "single samples that fit neither neighbour are left out",
     "limit": "commanded voltages beyond the rig's voltage_limit are taken as the limit",
     "encoders": "the encoders' nonlinearity that the rig file states is taken off, when a method asks for the angles",
+    "calibrate": "bent encoders and late channels that the rig file does not declare are found from the log (momentum)",
+    "latency": "the latency that the rig file states is taken off, when a method asks for the angles",
     "push": "rows of a driven log while a torque from outside acts on the axis are left out, when a method asks for them",
 }
 """Every repair that a log may see. Each that was made is named in the result's provenance."""

@@ -20,8 +20,8 @@ REPAIR, LEFT = "latency", "latency-left"
 def with_latency_told(log: Recording, rig: Rig) -> Recording:
     """The log with a note of the latencies that a method takes off; where that is switched off, so that none is seen.
 
-    Methods take row k's angle for that at t_k + latency. With the repair "latency" off it is that at t_k: each channel is
-    moved by its latency (its cubic spline), and a method that takes the latency off finds the readings as they were.
+    Methods take row k's angle for that at t_k + latency. With the repair "latency" off it is that at t_k: each channel
+    is moved by its latency (its cubic spline), and a method that takes the latency off finds the readings as they were.
     Their uncertainty stays. Unchanged where the file states no latency, in a free decay, and where it was done before.
     """
     late = {"angle": rig.sensors.of("angle").latency.value}
@@ -39,9 +39,12 @@ def with_latency_told(log: Recording, rig: Rig) -> Recording:
     found = (*log.findings, Finding(LEFT, text, "note"))
     if max(map(abs, late.values())) >= log.duration / 2:
         return replace(log, findings=found)  # a typing error, which methods refuse
-    moved = {name: _earlier(log.time, getattr(log, name), value) for name, value in late.items()}
-    inside = (log.time[0] - min(0.0, *late.values()), log.time[-1] - max(0.0, *late.values()))
-    return replace(log, findings=found, **moved).segment(*inside)
+    angle, wheel = _earlier(log.time, log.angle, late["angle"]), log.wheel_angle
+    if wheel is not None:
+        wheel = _earlier(log.time, wheel, late.get("wheel_angle", 0.0))
+    most, least = max(0.0, *late.values()), min(0.0, *late.values())
+    moved = replace(log, findings=found, angle=angle, wheel_angle=wheel)
+    return moved.segment(float(log.time[0]) - least, float(log.time[-1]) - most)
 
 
 def _earlier(time: NDArray[np.float64], values: NDArray[np.float64], late: float) -> NDArray[np.float64]:

@@ -22,7 +22,7 @@ REPAIRS: dict[str, str] = {
     "encoders": "the encoders' nonlinearity that the rig file states is taken off, when a method asks for the angles",
     "calibrate": "bent encoders and late channels that the rig file does not declare are found from the log (momentum)",
     "latency": "the latency that the rig file states is taken off, when a method asks for the angles",
-    "push": "rows of a driven log while a torque from outside acts on the axis are left out, when a method asks for them",
+    "push": "rows of a driven log while a torque from outside acts are left out, when a method asks for the angles",
 }
 """Every repair that a log may see. Each that was made is named in the result's provenance."""
 

@@ -131,7 +131,9 @@ def _kinds(
         reduced = informed(data, searched.unknowns, fit.values)
         other = influence_of(problem, fit.prediction.slopes, weights, reduced)[0]
         shift = float(inverse_of(reduced)[0] @ reduced.right)
-        variance = float((other - influence[0]) @ (other - influence[0])) * ratio
+        # readings count otherwise, and what is stated of constants and sensors, which is off by its own std
+        told = (inverse_of(reduced)[0] - inverse_of(fit.reduced)[0]) * np.sqrt(searched.unknowns.power)
+        variance = float((other - influence[0]) @ (other - influence[0])) * ratio + float(told @ told)
         gap = float(np.sqrt(shift**2 - variance)) if shift**2 > SEEN**2 * variance else 0.0
         found[name] = float(fit.values[0]) + shift, float(np.sqrt(other @ other * ratio)), gap
     return found

@@ -11,14 +11,21 @@ from swingid.identify.identifiability import BLIND, HOPELESS, Identifiability, a
 from swingid.identify.momentum.checks import check_answer, check_motor
 from swingid.identify.motion import Motion
 from swingid.identify.output_error.answer import SCATTER, Estimate
+from swingid.identify.output_error.constants import constant_value
 from swingid.identify.output_error.declared import shift_of_momentum
 from swingid.identify.output_error.problem import Problem
 from swingid.identify.output_error.solver import Fit, inverse_of
-from swingid.identify.output_error.unknowns import FRICTION
+from swingid.identify.output_error.unknowns import FRICTION, ZERO, Unknowns
 from swingid.identify.provenance import exact_constants
 from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
+
+FAR = 4.0
+"""Standard uncertainties by which a log may move what is stated before that is worth a warning."""
+
+LEANS = 1e-3
+"""Relative change of the inertia by that of a constant which is worth telling."""
 
 POOR = 2.0
 """Residual, in what noise and declared imperfections of the sensors explain, from which on the fit is poor."""
@@ -70,7 +77,7 @@ def check_fit(
             f"{seen.scaled_to(spread).combination(values)}; {advice(seen)}, or leave fewer constants free.",
             code="not-identifiable",
         )
-    warnings = [*poor, *_search_doubts(estimate)]
+    warnings = [*poor, *_moved_far(estimate, rig), *_search_doubts(estimate)]
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     if opinion.windows is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
@@ -81,7 +88,7 @@ def check_fit(
         if not estimate.robust:
             shift = shift_of_momentum(opinion, estimate.searched, rig, scale)
             warnings += _against_momentum(inertia, budget, opinion, problem, scale, shift)
-    notes.append(_conditioning(seen))
+    notes.append(_conditioning(seen, unknowns))
     notes.append(_search_note(estimate, problem))
     notes += _zero_note(estimate, problem)
     warnings += opinion.scale
@@ -223,9 +230,28 @@ def _against_momentum(
     return [Message("disagrees-with-momentum", text)]
 
 
-def _conditioning(seen: Identifiability) -> Message:
-    names = ", ".join(seen.names)
-    return Message("identifiability", f"sought together: {names}; condition {seen.condition:.2g}, and {seen.price}.")
+def _moved_far(estimate: Estimate, rig: Rig) -> list[Message]:
+    """A warning where the log moves what rig.toml states of a constant or a sensor farther than it says."""
+    told = []
+    for item, value in zip(estimate.unknowns.items, estimate.values, strict=True):
+        if item.is_sought or item.name == ZERO or abs(value) < FAR * item.std:
+            continue
+        found = number(constant_value(rig, item.name)[0] + value if item.places else value, item.unit)
+        edge = " or beyond" if value in (item.low, item.high) else ""
+        told.append(f"{item.name} of {found}{edge}, {abs(value) / item.std:.2g} standard uncertainties from it")
+    if not told:
+        return []
+    text = f"the log speaks against what the rig file states: it fits with {' and '.join(told)}; correct what is stated"
+    return [Message("constants-off", f"{text}, or doubt the model.")]
+
+
+def _conditioning(seen: Identifiability, unknowns: Unknowns) -> Message:
+    sought = ", ".join(item.name for item in unknowns.items if item.is_sought)
+    moved = [item.name for item in unknowns.items if not item.is_sought and item.name != ZERO]
+    text = f"sought together: {sought}"
+    if moved:
+        text += f"; left to move within what the rig file states: {', '.join(moved)}"
+    return Message("identifiability", f"{text}; condition {seen.condition:.2g}, and {seen.price}.")
 
 
 def _search_note(estimate: Estimate, problem: Problem) -> Message:
@@ -254,10 +280,13 @@ def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parame
     assert rig.drive.wheel is not None
     motor = rig.drive.motor
     values = (motor.torque_per_volt, motor.efficiency, rig.drive.wheel.inertia, motor.gear_ratio)
-    moves = [
-        f"{key} by {sensitivities[key] * quantity.value / inertia.value:+.2g} %"
+    sizes = {
+        key: sensitivities[key] * quantity.value / inertia.value
         for key, quantity in zip(MOVES, values, strict=True)
         if key in sensitivities
-    ]
-    text = f"simulated with the held voltage: 1 % more of a constant moves this inertia: {', '.join(moves)}; "
-    return Message("leans-on-the-motor", text + 'input="wheel" needs no motor constant.')
+    }
+    moves = [f"{key} by {size:+.2g} %" for key, size in sizes.items() if abs(size) > LEANS]
+    text = "simulated with the held voltage"
+    if moves:
+        text += f": 1 % more of a constant moves this inertia: {', '.join(moves)}"
+    return Message("leans-on-the-motor", text + '; input="wheel" needs no motor constant.')

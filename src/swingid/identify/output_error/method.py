@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.errors import UnanswerableError
 from swingid.identify.energy.checks import SecondOpinion, second_opinion
 from swingid.identify.momentum.fits import WindowFit
 from swingid.identify.motion import Motion, find_motion
@@ -21,11 +21,12 @@ from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.output_error.answer import answer_of, details_of, estimate_of, type_a
 from swingid.identify.output_error.checks import POOR, check_fit, left_of_channels, misfit_ratios
 from swingid.identify.output_error.constants import uncertain_constants
+from swingid.identify.output_error.options import check_options, input_of, names_of
 from swingid.identify.output_error.problem import Input, Problem, problem_of
 from swingid.identify.output_error.readings import uncertain_readings
 from swingid.identify.output_error.search import RICHEST, Searched, choose_law, first_values, search
-from swingid.identify.output_error.solver import LOSSES, solve
-from swingid.identify.output_error.unknowns import Unknowns, friction_unknowns, unknowns_of
+from swingid.identify.output_error.solver import solve
+from swingid.identify.output_error.unknowns import Unknowns, unknowns_of
 from swingid.identify.provenance import add_findings, provenance
 from swingid.identify.result import Result
 from swingid.identify.scale import Scale, require_channels
@@ -34,9 +35,6 @@ from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
-
-MOST_LOST = 1e-3
-"""Share of lost rows beyond which the measured wheel is the better input, as a lost voltage is not known."""
 
 SHORTEST = 48
 """Rows of a segment that are not halved further."""
@@ -72,11 +70,11 @@ def output_error(
     Raises UsageError for unknown options, InputError where a channel is missing or has the wrong sign,
     UnanswerableError where the motor's constants are missing or the motion cannot tell.
     """
-    free = _names(free)
-    _check_options(law, loss, starts, segment)
+    free = names_of(free)
+    check_options(law, loss, starts, segment)
     scale = Scale.of(rig)
     require_channels(log, rig)
-    source = _input(input, log, rig, scale)
+    source = input_of(input, log, rig, scale)
     noise = channel_noise(log, rig)
     whole = find_motion(log.time, log.angle, noise.angle)
     limits = float(log.time[0]), float(log.time[-1])
@@ -109,68 +107,6 @@ def output_error(
         details=replace(details, extra=extra),
         sensitivities=sensitivities,
     )
-
-
-def _names(free: object) -> tuple[str, ...]:
-    """Names from text with commas or a sequence of texts; UsageError for anything else."""
-    names = free.split(",") if isinstance(free, str) else free
-    if not isinstance(names, list | tuple) or not all(isinstance(name, str) for name in names):
-        raise UsageError(f"option free must be names with commas between, and is {free!r}.", code="bad-option")
-    return tuple(name.strip() for name in names if name.strip())
-
-
-def _check_options(law: str, loss: str, starts: int, segment: float | None) -> None:
-    if law != "auto":
-        friction_unknowns(law)
-    if loss not in LOSSES:
-        raise UsageError(f"unknown loss {loss!r}; choose one of {', '.join(LOSSES)}.", code="unknown-loss")
-    if not (isinstance(starts, int) and 1 <= starts <= 20):
-        raise UsageError(f"starts is {starts!r}; give a whole number from 1 to 20.", code="bad-starts")
-    if segment is not None and not (isinstance(segment, int | float) and segment > 0):
-        raise UsageError(f"segment is {segment!r}; give a length in seconds.", code="bad-segment")
-
-
-def _rows_lost(log: Recording) -> bool:
-    """Whether so many rows are missing that the voltage held in them is missed."""
-    steps = np.diff(log.time)
-    lost = float(np.sum(np.maximum(np.rint(steps / np.median(steps)) - 1, 0)))
-    return lost > MOST_LOST * len(log)
-
-
-def _input(wanted: str | None, log: Recording, rig: Rig, scale: Scale) -> Input:
-    """What drives the simulation. Raises where the log or the rig lacks it."""
-    if scale.drive != "reaction-wheel":
-        if wanted is not None:
-            raise UsageError(f"input belongs to a reaction wheel, not to drive {scale.drive!r}.", code="no-input")
-        return "torque" if scale.drive == "direct" else "none"
-    if wanted not in (None, "voltage", "wheel"):
-        raise UsageError(f'unknown input {wanted!r}; choose "voltage" or "wheel".', code="unknown-input")
-    motor = rig.drive.motor
-    constants = motor is not None and motor.torque_per_volt.value > 0
-    speed_only = log.wheel_speed is not None
-    if wanted == "wheel" or (
-        wanted is None and (log.voltage is None or not constants or speed_only or _rows_lost(log))
-    ):
-        return "wheel"
-    if speed_only:
-        raise InputError(
-            f"{log.source.path or 'the log'} holds the wheel's speed, but a simulation under the voltage is compared "
-            'with its angle; take input="wheel", or log the angle.',
-            code="needs-wheel-angle",
-        )
-    if log.voltage is None:
-        raise InputError(
-            f"{log.source.path or 'the log'} has no voltage; name its column as voltage under [log], or take "
-            'input="wheel", which needs none.',
-            code="missing-voltage",
-        )
-    if not constants:
-        raise UnanswerableError(
-            f"rig {rig.name}: drive.motor.torque_per_volt is not given, but the simulation under the voltage needs the "
-            'motor\'s constants; give them, or take input="wheel", which needs none.',
-            code="no-motor-constants",
-        )
-    return "voltage"
 
 
 @dataclass(frozen=True)

@@ -425,7 +425,8 @@ def test_uncertain_constants_move_within_what_is_stated(viscous_log, source):
     result = identify(viscous_log, GIVEN.changed(stated), "output-error", law="viscous", input=source)
     assert not result.warnings
     inertia = result.inertia
-    assert abs(inertia.value - INERTIA) < (3 if source == "voltage" else 6) * inertia.standard_uncertainty
+    # at worst both act alike: 3 √2 of the uncertainty that they make together
+    assert abs(inertia.value - INERTIA) < (3 if source == "voltage" else 4.5) * inertia.standard_uncertainty
     if source == "voltage":  # the motor's constants are exact here, and set the scale
         assert inertia.standard_uncertainty < 1e-3 * INERTIA
 
@@ -451,6 +452,10 @@ def test_the_sensitivity_to_what_is_stated_is_that_of_a_second_fit(viscous_log):
     "options",
     [
         {"law": "sticky"},
+        {"starts": True},
+        {"segment": 1e-300},
+        {"segment": 0.01},
+        {"segment": True},
         {"law": "viscous, sideways"},
         {"loss": "cubic"},
         {"input": "current"},

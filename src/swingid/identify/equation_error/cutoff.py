@@ -52,7 +52,7 @@ class Cutoff:
 def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: object) -> Cutoff:
     """The cut-off given by the user, or that of the rule for the motion from `start` to `stop` (s).
 
-    Raises UsageError for a cut-off that is no frequency below `HIGHEST` of the rate.
+    Raises UsageError for a cut-off that is no frequency below `HIGHEST` of the rate, or none that this motion shows.
     """
     rate = 1 / noise.step
     if given is not None:
@@ -60,6 +60,12 @@ def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: 
             raise UsageError(
                 f"cutoff = {given} is no frequency between 0 and {2 * HIGHEST * rate:.4g} Hz, two fifths of the rate "
                 "of the log; give another, or leave it out.",
+                code="bad-cutoff",
+            )
+        if given * (stop - start) < 1:
+            raise UsageError(
+                f"cutoff = {given:g} Hz needs longer to settle than the {stop - start:.3g} s of the log that are used; "
+                "give a higher one, or leave it out.",
                 code="bad-cutoff",
             )
         return Cutoff(float(given), "as given")

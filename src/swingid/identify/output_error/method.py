@@ -21,7 +21,7 @@ from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.output_error.answer import answer_of, details_of, estimate_of, type_a
 from swingid.identify.output_error.checks import POOR, check_fit, left_of_channels, misfit_ratios
 from swingid.identify.output_error.constants import uncertain_constants
-from swingid.identify.output_error.options import check_options, input_of, names_of
+from swingid.identify.output_error.options import check_options, input_of, names_of, require_rows
 from swingid.identify.output_error.problem import Input, Problem, problem_of
 from swingid.identify.output_error.readings import uncertain_readings
 from swingid.identify.output_error.search import RICHEST, Searched, choose_law, first_values, search
@@ -74,6 +74,7 @@ def output_error(
     check_options(law, loss, starts, segment)
     scale = Scale.of(rig)
     require_channels(log, rig)
+    require_rows(segment, log)
     source = input_of(input, log, rig, scale)
     noise = channel_noise(log, rig)
     whole = find_motion(log.time, log.angle, noise.angle)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.output_error.problem import Input
+from swingid.identify.output_error.problem import FEWEST_ROWS, Input
 from swingid.identify.output_error.solver import LOSSES
 from swingid.identify.output_error.unknowns import friction_unknowns
 from swingid.identify.scale import Scale
@@ -30,10 +30,22 @@ def check_options(law: str, loss: str, starts: int, segment: float | None) -> No
         friction_unknowns(law)
     if loss not in LOSSES:
         raise UsageError(f"unknown loss {loss!r}; choose one of {', '.join(LOSSES)}.", code="unknown-loss")
-    if not (isinstance(starts, int) and 1 <= starts <= 20):
+    if isinstance(starts, bool) or not (isinstance(starts, int) and 1 <= starts <= 20):
         raise UsageError(f"starts is {starts!r}; give a whole number from 1 to 20.", code="bad-starts")
-    if segment is not None and not (isinstance(segment, int | float) and segment > 0):
+    if segment is None:
+        return
+    if isinstance(segment, bool) or not (isinstance(segment, int | float) and segment > 0):
         raise UsageError(f"segment is {segment!r}; give a length in seconds.", code="bad-segment")
+
+
+def require_rows(segment: float | None, log: Recording) -> None:
+    """Raise UsageError for segments that hold too few rows for their own initial values."""
+    if segment is not None and segment * log.rate < FEWEST_ROWS:
+        raise UsageError(
+            f"segment is {segment:g} s, in which the log has fewer than {FEWEST_ROWS} rows; give at least "
+            f"{FEWEST_ROWS / log.rate:.2g} s.",
+            code="bad-segment",
+        )
 
 
 def _rows_lost(log: Recording) -> bool:

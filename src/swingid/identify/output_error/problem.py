@@ -109,7 +109,8 @@ def _edges(lengths: list[int]) -> Ints:
 def problem_of(log: Recording, rig: Rig, noise: Noise, source: Input, length: float, longest_gap: float) -> Problem:
     """Cut a log into segments of about `length` s, also where rows are missing for more than `longest_gap` s.
 
-    A held voltage or torque acts from its stamp; angles are read their declared latency after theirs.
+    A held voltage or torque acts from its stamp; angles are read their declared latency after theirs. Raises
+    UnanswerableError where no segment has rows enough.
     """
     late = rig.sensors.of("angle").latency.value
     wheel_late = rig.sensors.of("wheel").latency.value
@@ -125,6 +126,12 @@ def problem_of(log: Recording, rig: Rig, noise: Noise, source: Input, length: fl
         if source == "voltage":
             readings.append(log.time[rows] + wheel_late)
         parts.append(_segment(log, rows, readings, drives, source))
+    if not parts:
+        raise UnanswerableError(
+            f"no stretch of the log without a gap holds {FEWEST_ROWS} rows, as many as its initial values need; record "
+            "with fewer gaps or a higher rate.",
+            code="too-short",
+        )
     knots, flags, measured, wheel, times = (np.concatenate([part[i] for part in parts]) for i in range(5))
     commands, courses = drives.at(knots, _edges([len(part[0]) for part in parts]))
     return Problem(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,7 +11,7 @@ from hypothesis import strategies as st
 
 from recording_cases import write_columns
 from swingid.cli import main
-from swingid.errors import SwingidError
+from swingid.errors import InputError, SwingidError
 from swingid.model.rig import Rig
 from swingid.recording import Recording
 from swingid.recording.formats.table import Table
@@ -138,8 +140,16 @@ def test_init_from_a_log_writes_a_rig_that_reads_it(tmp_path, kind) -> None:
     ]
     log = write_columns(tmp_path / "log.csv", columns)
     assert main(["init", "--from", str(log), str(tmp_path / "rig")]) == 0
-    rig = Rig.load(tmp_path / "rig" / "rig.toml")
+    path = tmp_path / "rig" / "rig.toml"
+    if kind == "reaction-wheel":  # whose inertia no log tells
+        with pytest.raises(InputError, match=r"drive.wheel.inertia is missing"):
+            Rig.load(path)
+        path.write_text(path.read_text().replace('# inertia = "1134', 'inertia = "1134'))
+    rig = Rig.load(path)
     assert rig.drive.kind == kind
+    assert rig.axis.gravity_torque == "unknown"  # nothing of another rig passes for known
+    assert rig.axis.inertia is None
+    assert rig.drive.motor is None or rig.drive.motor.rotor_inertia.value == 0
     recording = Recording.load(log, rig)
     assert recording.angle == pytest.approx(ANGLE, abs=1e-9)
     if kind == "reaction-wheel":
@@ -154,6 +164,18 @@ def test_init_from_a_log_states_the_encoder(tmp_path) -> None:
     log = write_columns(tmp_path / "log.csv", {"t": TIME, "theta": np.round(ANGLE / count) * count})
     assert main(["init", "--from", str(log), str(tmp_path)]) == 0
     assert Rig.load(tmp_path / "rig.toml").sensors.counts_per_turn == 4096
+
+
+def test_init_from_counts_asks_for_the_counts_per_turn(tmp_path) -> None:
+    log = write_columns(tmp_path / "log.csv", {"millis": np.round(1e3 * TIME), "enc": np.round(ANGLE * 700)})
+    assert main(["init", "--from", str(log), str(tmp_path)]) == 0
+    path = tmp_path / "rig.toml"
+    with pytest.raises(InputError, match=r"sensors.counts_per_turn is missing"):
+        Rig.load(path)
+    path.write_text(re.sub(r"# counts_per_turn = \d+", "counts_per_turn = 4398", path.read_text()))
+    recording = Recording.load(log, Rig.load(path))
+    assert recording.time == pytest.approx(np.round(1e3 * TIME) / 1e3)
+    assert recording.angle == pytest.approx(ANGLE, abs=1e-3)
 
 
 def test_init_from_a_log_without_an_angle_is_refused(tmp_path, capfd) -> None:

@@ -52,11 +52,12 @@ def _drive_lines(roles: Roles) -> list[str]:
             text = 'to the pendulum; or "absolute": inspect --rig compares both'
             lines.append(_line('wheel_angle_is = "relative"', text))
         if key == "torque":
-            lines.append(_line("torque_gain = 1", "N m (N) per unit of the column"))
+            text = "N m (N) per unit of the column, with its uncertainty: yours to state"
+            lines.append(_line("torque_gain = 1", text))
     if "voltage" in roles.found or "torque" in roles.found:
         lines.append(_line("drive_held = true", "row k's command acts until row k+1; false: measured at row k"))
     return lines
 
 
 def _line(text: str, comment: str) -> str:
-    return f"{text:<{WIDTH}}# {comment}"
+    return f"{text:<{WIDTH - 1}} # {comment}"

@@ -24,6 +24,16 @@ kind = "linear"                       # kg, N, m: "inertia" is the moving mass
 """
 HEAD = "[log]"
 
+KINDS = {
+    "reaction-wheel": "its motor swings the axis",
+    "direct": "a motor of known torque on the axis",
+    "none": "free decay",
+}
+UNKNOWN_GRAVITY = (
+    'gravity_torque = "unknown"            # or as "78 ± 0.4 mN*m": g times the sum of mass times lever; 0 if balanced'
+)
+OPEN_CONSTANTS = "# Values behind a # are those of the paper's rig: put yours, and take the # away."
+
 
 def rig_text(template: str, roles: Roles, columns: Mapping[str, Column], table: str, name: str, log: str) -> str:
     """TOML text that `Rig.from_text` reads; template: that of ``swingid init``, table: of `log_table`.
@@ -32,6 +42,7 @@ def rig_text(template: str, roles: Roles, columns: Mapping[str, Column], table: 
     """
     head, *sections = re.split(r"(?m)^(?=\[)", template)
     head = head.replace('name = "my-rig"', f'name = "{name}"')
+    head = re.sub(r"(?m)^# The values here .*$", OPEN_CONSTANTS, head)
     head = f"# Made by swingid init --from {log}: [log] and [sensors] are guesses, to be confirmed.\n#\n{head}"
     parts = [head]
     for section in sections:
@@ -41,17 +52,25 @@ def rig_text(template: str, roles: Roles, columns: Mapping[str, Column], table: 
         elif title in WHEEL_ONLY and roles.drive != "reaction-wheel":
             continue
         elif title == "[drive]":
+            others = [f'"{kind}" ({what})' for kind, what in KINDS.items() if kind != roles.drive]
             kind = f'kind = "{roles.drive}"'
-            parts.append(re.sub(r"(?m)^kind = .*?(?=#)", f"{kind:<38}", section, count=1))
+            parts.append(f"[drive]\n{kind:<38}# or {' or '.join(others)}\n\n")
         elif title == "[sensors]":
             parts.append(_sensors(roles, columns))
         elif roles.linear and title == "[axis]":
             parts.append(LINEAR)
-        elif roles.linear and title == "[axis.friction]":
-            continue
-        else:
+        elif title == "[axis]":
+            parts.append(re.sub(r"(?m)^gravity_torque = .*$", UNKNOWN_GRAVITY, _open(section, "inertia")))
+        elif title in ("[axis.friction]", *WHEEL_ONLY) and not (roles.linear and title == "[axis.friction]"):
+            parts.append(_open(section))
+        elif title != "[axis.friction]":
             parts.append(section)
     return "".join(parts)
+
+
+def _open(section: str, *keys: str) -> str:
+    """A section with the values of these keys (of all) behind a #, for they are those of another rig."""
+    return re.sub(rf"(?m)^((?:{'|'.join(keys) or '[a-z_]+'}) = [^#\n]*?)(?:  (?= *#)|$)", r"# \1", section)
 
 
 def _sensors(roles: Roles, columns: Mapping[str, Column]) -> str:
@@ -76,7 +95,7 @@ def _resolution(role: Role, column: Column) -> list[str]:
     """The line that states the steps of an encoder, where they are seen."""
     if role.unit == "counts":
         text = f"counts_per_turn = {counts_of(column.span)}"
-        return [f"{text:<38}# the next power of two above the counts: yours to set"]
+        return [f"# {text:<36}# of the encoder: no log tells it, and identify needs it (here a power of two)"]
     if column.step <= 0 or (is_decimal(column.step) and column.kind != "whole numbers"):
         return []
     if role.unit in ("m", "mm"):

@@ -13,6 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.errors import UnanswerableError
 from swingid.identify.noise import Noise
 from swingid.identify.output_error.axis_motion import COURSES, SPEED, TORQUE, WHEEL, axis_motion
 from swingid.identify.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion

@@ -34,7 +34,7 @@ SHARE = 0.01
 SWINGS = 4.0
 """Times the worst window of a swing, on two thirds of the swings, that it exceeds: that comes with every swing."""
 
-FRICTION, AT_REST = 0.5, 1.5
+FRICTION, AT_REST = 0.4, 1.5
 """Of the friction that it exceeds, in motion and near a reversal: friction of no known law may do as much once."""
 
 MOST = 6
@@ -84,11 +84,13 @@ def without_pushes(log: Recording, rig: Rig) -> Recording:
     for one in pushes:
         acts |= (log.time >= one.start) & (log.time <= one.stop)
     message = f"{text}; {np.count_nonzero(acts)} of {len(log)} rows were left out, those after it were used"
-    blunt = max(one.unseen for one in pushes) > BLUNT
-    message += (
-        f"; a push of less than {percent(pushes[0].unseen)} of the largest torque would not show." if blunt else "."
-    )
-    found = Finding(REPAIR, message, "warning" if blunt else "note", REPAIR)
+    unseen = max(one.unseen for one in pushes)
+    if unseen > BLUNT:
+        message += (
+            f"; pushes of less than {percent(unseen)} of the largest torque would not show, so rather take a part "
+        )
+        message += "without pushes (--part FROM:TO)"
+    found = Finding(REPAIR, f"{message}.", "warning" if unseen > BLUNT else "note", REPAIR)
     kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
     spans = np.array([(one.start, one.stop) for one in pushes])
     return replace(log, findings=(*log.findings, found), left_out=spans, **kept)
@@ -110,10 +112,20 @@ def find_pushes(log: Recording, rig: Rig) -> list[Push]:
     found = np.flatnonzero(size > expected)
     if len(found) == 0:
         return []
-    quiet = np.abs(balance.torque) < max(usual, 3 * balance.scatter)
-    pushes = _merged([_around(k, balance, quiet, float(expected[k]), log) for k in _peaks(found, size, quiet)])
+    quiet = _quiet(balance, max(usual, 3 * balance.scatter))
+    around = [_around(k, balance, quiet, float(expected[k]), log) for k in _peaks(found, size, quiet)]
+    pushes = _merged(around, balance.half)
     time_lost = sum(one.stop - one.start for one in pushes)
     return pushes if len(pushes) <= MOST and time_lost <= MOST_TIME * log.duration else []
+
+
+def _quiet(balance: QuickBalance, least: float) -> NDArray[np.bool_]:
+    """Windows at which a push ends: with less than this (N m or N) left, or beside a change of sign."""
+    quiet: NDArray[np.bool_] = np.abs(balance.torque) < least
+    turns = np.signbit(balance.torque[1:]) != np.signbit(balance.torque[:-1])
+    quiet[1:] |= turns
+    quiet[:-1] |= turns
+    return quiet
 
 
 def _sizes(balance: QuickBalance) -> tuple[Array, float, Array]:
@@ -121,8 +133,9 @@ def _sizes(balance: QuickBalance) -> tuple[Array, float, Array]:
     moving = balance.usable & ~balance.rests
     size = np.where(moving, np.abs(balance.torque), 0.0)
     usual = _worst_of_swings(balance, size, moving)
-    floor = max(SCATTERS * balance.scatter, NOISES * balance.noise, SHARE * balance.largest, SWINGS * usual)
-    return size, usual, np.maximum(floor, balance.friction * np.where(balance.slow, AT_REST, FRICTION))
+    chance = max(SCATTERS * balance.scatter, NOISES * balance.noise, SWINGS * usual)
+    law = balance.friction * np.where(balance.slow, AT_REST, FRICTION)
+    return size, usual, chance + np.maximum(law, SHARE * balance.largest)
 
 
 def _worst_of_swings(balance: QuickBalance, size: Array, moving: NDArray[np.bool_]) -> float:
@@ -154,11 +167,11 @@ def _around(k: int, balance: QuickBalance, quiet: NDArray[np.bool_], unseen: flo
     return Push(start, stop, float(balance.torque[k]), unseen / balance.largest)
 
 
-def _merged(pushes: list[Push]) -> list[Push]:
-    """Pushes in order, those that touch as one."""
+def _merged(pushes: list[Push], apart: float) -> list[Push]:
+    """Pushes in order; those less than `apart` (s) apart, which no window tells apart, as one."""
     result: list[Push] = []
     for one in sorted(pushes, key=lambda push: push.start):
-        if not result or one.start > result[-1].stop:
+        if not result or one.start > result[-1].stop + apart:
             result.append(one)
             continue
         last = result[-1]

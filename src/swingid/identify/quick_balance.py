@@ -23,7 +23,7 @@ from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
 
-BINS = 5
+BINS = 4
 """Bins in half a window."""
 
 SHORT, LONG = 0.5, 1.5
@@ -37,10 +37,13 @@ FEWEST_WINDOWS = 60
 TURNED = 0.2
 """Second difference over the first, both over the same time, from which on a motion has turned enough to time it."""
 
+STEADY = 0.7
+"""Of the frequency told by half the time: from which on it is the motion's, and not that of noise."""
+
 PLACES = 1000
 """Places all over the log at which its noise and its pace are looked at."""
 
-PASSES = 7
+PASSES = 5
 """Times that the fit is weighted anew: first towards least absolute residuals, then without what is far off."""
 
 FAR = 6.0
@@ -147,25 +150,27 @@ def pace(time: Array, angle: Array, step: float, noise: float) -> tuple[float, f
     """Time in which the motion turns (s; 1/ω of a sine), and about its largest acceleration.
 
     From first and second differences over a time that is lengthened until the second ones are large enough; both are
-    those that a quarter of the log exceeds, so that a short wild part does not count.
+    those that a quarter of the moving part exceeds, so that a short wild part does not count.
     """
     if np.ptp(np.diff(time[:: max(1, len(time) // 500)])) > 0.1 * step:
         even = np.arange(time[0], time[-1], step)
         angle = np.interp(even, time, angle)
     rows = len(angle)
-    lag = 1
+    lag, frequency, seen = 1, 0.0, False
     while True:
         every = max(1, (rows - 2 * lag) // PLACES)
         behind, middle, ahead = angle[: -2 * lag : every], angle[lag:-lag:every], angle[2 * lag :: every]
-        first = level(np.abs(ahead - behind), 0.75) / 2
-        second = level(np.abs(ahead - 2 * middle + behind), 0.75)
-        if (second > TURNED * first and second > 6 * noise) or 6 * lag > rows:
-            break
-        lag = max(lag + 1, int(1.5 * lag))
-    if first == 0.0:
-        return 0.0, 0.0
-    frequency = 2 * np.arcsin(min(1.0, second / first / 2)) / (lag * step)
-    return 1 / max(frequency, 1e-300), first / (lag * step) * frequency
+        changes, bends = np.abs(ahead - behind), np.abs(ahead - 2 * middle + behind)
+        moving = changes >= RESTS * level(changes, 0.95)
+        first, second = level(changes[moving], 0.75) / 2, level(bends[moving], 0.75)
+        if first == 0.0:
+            return 0.0, 0.0
+        before, frequency = frequency, 2 * np.arcsin(min(1.0, second / first / 2)) / (lag * step)
+        # what noise bends falls with the square of the time
+        if (seen and frequency > STEADY * before) or 12 * lag > rows:
+            return 1 / max(frequency, 1e-300), first / (lag * step) * frequency
+        seen = second > TURNED * first and second > 6 * noise
+        lag *= 2
 
 
 def _averaged(time: Array, step: float, rows: int, signals: Array) -> tuple[Array, Array, NDArray[np.bool_]] | None:
@@ -278,6 +283,6 @@ def _robust(columns: Array, target: Array) -> tuple[Array, float] | None:
         size = np.abs(target - values @ columns)
         scatter = 1.4826 * level(size, 0.5)
         weights = scatter / np.maximum(size, max(scatter, 1e-300))
-        if k > 2:
+        if k > 1:
             weights[size > FAR * scatter] = 0.0
     return values / sizes, scatter

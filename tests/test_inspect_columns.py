@@ -191,7 +191,7 @@ def test_init_from_a_log_without_an_angle_is_refused(tmp_path, capfd) -> None:
     [
         ("emps/DATA_EMPS.mat", "emps", "ready"),
         ("free_pendulum/free_swing.csv", "free_pendulum", "ready"),
-        ("bam_xl330/2026-01-15_10h28m49.json", "bam_xl330", "repairs"),
+        ("bam_xl330/2026-01-15_10h28m49.json", "bam_xl330", "ready"),
         ("dfki_pendulum/sac.csv", "dfki_pendulum", "repairs"),
     ],
 )

@@ -34,9 +34,8 @@ def summary(found: Inspection) -> str:
 
 def wrapped(check: Check) -> list[str]:
     """One check as lines: mark, title, evidence, and what to do."""
-    text = check.evidence + (
-        f" → {check.remedy}" if check.remedy and check.level in ("advice", "repair", "fault") else ""
-    )
+    told = check.remedy and check.remedy not in check.evidence and check.level in ("advice", "repair", "fault")
+    text = check.evidence + (f" → {check.remedy}" if told else "")
     head = f"  {MARKS[check.level]} {check.title:<20} "
     body = textwrap.wrap(text, WIDTH - len(head)) or [""]
     return [head + body[0], *(" " * len(head) + line for line in body[1:])]

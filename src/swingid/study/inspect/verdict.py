@@ -49,5 +49,9 @@ def _listed(texts: Iterable[str]) -> str:
 
 def _sentences(checks: list[Check]) -> str:
     """What the first two say, and what is to be done."""
-    texts = [check.evidence.rstrip(".") + (f"; {check.remedy}" if check.remedy else "") for check in checks[:2]]
+    texts = [
+        check.evidence.rstrip(".")
+        + (f"; {check.remedy}" if check.remedy and check.remedy not in check.evidence else "")
+        for check in checks[:2]
+    ]
     return ". ".join(text[0].upper() + text[1:] if k else text for k, text in enumerate(texts)) + "."

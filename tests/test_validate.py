@@ -16,6 +16,7 @@ from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify import identify
 from swingid.identify.result import Parameter
+from swingid.identify.result_file import load_result
 from swingid.report.figures.validation import draw_validation
 from swingid.study.validate import validate
 from swingid.study.validate.validation import fit_percent
@@ -136,8 +137,28 @@ def test_a_fitted_log_and_another_rig_are_said(fitted, other):
     assert "no test of the model" in again.notes[0]
     assert again.notes[0] in json.loads(again.to_json())["notes"]
     heavier = given(RIG).changed({"drive.wheel.inertia": 1.3e-4})
-    (note,) = validate(fitted, other, heavier).notes
-    assert note.endswith("found with another drive.wheel.inertia.")
+    told, moves = validate(fitted, other, heavier).notes
+    assert told.endswith("found with another drive.wheel.inertia.")
+    assert "does not move as the model" in moves
+
+
+def test_signs_are_checked_before_anything_is_predicted(fitted, other):
+    with pytest.raises(InputError, match="wheel_angle has the wrong sign"):
+        validate(fitted, replace(other, wheel_angle=-other.wheel_angle), given(RIG))
+    (note,) = validate(fitted, replace(other, voltage=-other.voltage), given(RIG), input="voltage").notes
+    assert "the voltage's sign" in note
+
+
+def test_constants_that_a_fit_has_moved_are_predicted_with(other, tmp_path):
+    stated = {
+        "drive.motor.torque_per_volt": "51.7e-4 ± 0.2e-4 N*m/V",
+        "drive.wheel.inertia": "11.4e-5 ± 0.03e-5 kg*m^2",
+    }
+    rig = given(RIG).changed(stated)
+    result = identify(logged(RIG, tmp_path, duration=12.0, rate=250.0), rig, "output-error", law="coulomb + viscous")
+    (tmp_path / "moved.json").write_text(result.to_json(), encoding="utf-8")
+    (found,) = validate(load_result(tmp_path / "moved.json"), other, rig, input="voltage").predictions
+    assert found.free_rms < 3 * found.noise
 
 
 def test_the_first_swing_is_predicted_as_well_as_the_others(fitted, other):

@@ -44,6 +44,16 @@ def declared_effects(
     )
 
 
+def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
+    """Where the fit found the constants that rig.toml states with an uncertainty, by their keys."""
+    pairs = zip(searched.unknowns.items, searched.fit.values, strict=True)
+    return {
+        item.name: constant_value(rig, item.name)[0] + float(value)
+        for item, value in pairs
+        if item.places and not item.is_sought
+    }
+
+
 def shift_of_momentum(opinion: SecondOpinion, searched: Searched, rig: Rig, scale: Scale) -> float:
     """What the inertia of the momentum balance owes to constants and sensors that are not as stated, but as found."""
     assert opinion.windows is not None

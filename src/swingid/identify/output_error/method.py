@@ -21,6 +21,7 @@ from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.output_error.answer import answer_of, details_of, estimate_of, type_a
 from swingid.identify.output_error.checks import POOR, check_fit, left_of_channels, misfit_ratios
 from swingid.identify.output_error.constants import uncertain_constants
+from swingid.identify.output_error.declared import constants_found
 from swingid.identify.output_error.options import check_options, input_of, names_of, require_rows
 from swingid.identify.output_error.problem import Input, Problem, problem_of
 from swingid.identify.output_error.readings import uncertain_readings
@@ -104,7 +105,8 @@ def output_error(
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(budget),
-        provenance=provenance(log, rig, options | ({"free": free} if free else {})),
+        provenance=provenance(log, rig, options | ({"free": free} if free else {}))
+        | ({"constants_found": found} if (found := constants_found(searched, rig)) else {}),
         details=replace(details, extra=extra),
         sensitivities=sensitivities,
     )

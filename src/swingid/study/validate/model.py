@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -21,6 +22,8 @@ Array = NDArray[np.float64]
 def model_vector(result: Result, rig: Rig) -> Array:
     """Parameter vector of `rig` with what `result` found in the place of axis.inertia, friction and unknown gravity.
 
+    Constants that the fit moved within what rig.toml states (output error) are where it found them.
+
     Raises InputError for a refused result, and for one of the other kind of axis.
     """
     if "inertia" not in result.parameters:
@@ -37,9 +40,20 @@ def model_vector(result: Result, rig: Rig) -> Array:
     if "gravity_torque" in found:
         changes["axis.gravity_torque"] = found["gravity_torque"]
     values = {key: quantity.value for key, quantity in constants(rig.changed(changes)).items()}
+    moved = result.provenance.get("constants_found")
+    if isinstance(moved, dict):
+        values |= {key: float(value) for key, value in moved.items() if key in values}
     # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
     values |= {f"axis.friction.{name}": found[name] for name in friction_units(linear) if name in found}
     return vector(values, rig.drive.kind)
+
+
+def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:
+    """The log with its torque by the gain that the fit found, where it moved log.torque_gain."""
+    moved = result.provenance.get("constants_found")
+    if log.torque is None or not isinstance(moved, dict) or "log.torque_gain" not in moved:
+        return log
+    return replace(log, torque=log.torque * (float(moved["log.torque_gain"]) / rig.log.torque_gain.value))
 
 
 def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | None) -> Input:

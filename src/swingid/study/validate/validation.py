@@ -15,24 +15,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
-from swingid.identify.motion import find_motion
+from swingid.identify.momentum.balance import Signals, rows_of
+from swingid.identify.momentum.checks import check_sign
+from swingid.identify.momentum.fits import BASIS, fit_rows
+from swingid.identify.momentum.windows import law_windows
+from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.provenance import constants
 from swingid.identify.result import Result
-from swingid.identify.scale import require_channels
+from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
 from swingid.identify.speed import smooth_speed
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
-from swingid.study.validate.model import drive_of, model_vector
+from swingid.study.validate.model import drive_of, model_vector, with_found_gain
+from swingid.study.validate.text import fit_text
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 SCHEMA = "swingid.validate/1"
 NO_ENTRIES: tuple[Ints, Ints, Array] = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
+POOR = 95.0
+"""Fit one swing ahead, in per cent, below which a log is said not to move as the model."""
+
 STEPS = 8
 """Gauss–Newton steps towards the initial values of the free run; three do."""
 
@@ -128,12 +136,17 @@ def validate(
     input: what drives the prediction of a reaction wheel, "wheel" (its measured angle; needs no motor, default) or
     "voltage" (both rows of the model). rig: that of the logs; its inertia and friction are not read.
 
-    Raises InputError for a refused result or a missing channel, UnanswerableError for a log without motion.
+    Raises InputError for a refused result, a missing channel or one of the wrong sign, UnanswerableError for a log
+    without motion.
     """
     p = model_vector(result, rig)
-    several = [straightened(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
+    several = [
+        with_found_gain(straightened(log, rig), result, rig)
+        for log in ([logs] if isinstance(logs, Recording) else logs)
+    ]
     predictions = tuple(_of_log(log, rig, p, input, log.source.path or f"log {k + 1}") for k, log in enumerate(several))
-    return Validation(result.method, rig.axis.kind == "linear", predictions, tuple(_notes(result, several, rig)))
+    notes = (*_notes(result, several, rig), *_misfits(predictions))
+    return Validation(result.method, rig.axis.kind == "linear", predictions, notes)
 
 
 def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]:
@@ -149,6 +162,30 @@ def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]
         yield f"rig {rig.name} is not as in the result, which was found with another {', '.join(other)}."
 
 
+def _misfits(predictions: Sequence[Prediction]) -> Iterator[str]:
+    """That a log does not move as the model, in words that say where to look."""
+    for p in predictions:
+        if p.swing_fit >= POOR:
+            continue
+        drive = {
+            "wheel": "the wheel's sign and scale under [log]",
+            "voltage": "the motor's constants and the voltage's sign",
+        }
+        look = drive.get(p.input, "the torque's sign and gain" if p.input == "torque" else "the angle's zero and scale")
+        yield (
+            f"{p.log} does not move as the model, even one swing ahead (fit {fit_text(p.swing_fit)}): is it the same "
+            f"body and rig? Check {look}, or identify this log by itself."
+        )
+
+
+def _check_sign(log: Recording, rig: Rig, motion: Motion, noise: Noise, where: str) -> None:
+    """Raise InputError where the wheel (torque) of the log has the wrong sign."""
+    scale, signals = Scale.of(rig), Signals.of(log, rig, motion)
+    fit = fit_rows(rows_of(signals, law_windows(signals, motion.half_period / 4)), scale, noise, BASIS)
+    if fit is not None:
+        check_sign(fit, scale, where)
+
+
 def _of_log(log: Recording, rig: Rig, p: Array, wanted: Literal["voltage", "wheel"] | None, name: str) -> Prediction:
     require_channels(log, rig)
     source = drive_of(log, rig, wanted)
@@ -157,6 +194,8 @@ def _of_log(log: Recording, rig: Rig, p: Array, wanted: Literal["voltage", "whee
     start, stop, _ = usable_part(motion, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
     whole = motion.within(start, stop)
+    if len(whole.turning_times) > 1:
+        _check_sign(used, rig, whole, noise, name)
     gap = max(4.5 * noise.step, 0.05 * whole.half_period)
     runs = [problem_of(used, rig, noise, source, length, gap) for length in (np.inf, whole.half_period)]
     if not len(runs[0].measured):

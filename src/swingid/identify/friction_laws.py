@@ -11,6 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.numerics.compiled import njit
+
 Array = NDArray[np.float64]
 Law = Callable[[Array], Array]
 
@@ -59,16 +61,17 @@ def law_columns(terms: tuple[str, ...], speeds: Array, stribeck_speed: float) ->
     return np.column_stack([terms_at[term] for term in terms])
 
 
+@njit
 def stribeck_peak(speeds: Array, stribeck_speed: float) -> Array:
     """Stribeck's peak sgn v exp(−(v/vs)²) at `speeds`."""
-    result: Array = np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2))
-    return result
+    return np.asarray(np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2)))
 
 
+@njit
 def stribeck_slope(speeds: Array, stribeck_speed: float) -> Array:
     """Derivative of Stribeck's peak by the Stribeck speed, at `speeds`."""
     square = (speeds / stribeck_speed) ** 2
-    return 2 * np.sign(speeds) * square * np.exp(-square) / stribeck_speed
+    return np.asarray(2 * np.sign(speeds) * square * np.exp(-square) / stribeck_speed)
 
 
 def friction_units(linear: bool) -> dict[str, str]:

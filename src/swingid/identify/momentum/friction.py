@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.friction_laws import TERMS, law_columns, stribeck_slope
+from swingid.identify.friction_laws import TERMS, law_columns, stribeck_peak, stribeck_slope
 from swingid.identify.momentum.balance import Rows, Signals
 from swingid.identify.momentum.fits import LAG, columns_of, known_side
 from swingid.identify.momentum.friction_rows import FrictionRows, speed_knots
@@ -170,10 +170,14 @@ def _deviations(friction: FrictionRows, coarse: Array) -> Array:
 
 def _between_laws(choice: LawChoice, law: FrictionLaw, speeds: Array) -> Array:
     """Variance of the torque over the laws tried, each as likely as its criterion says (Bayesian model averaging)."""
-    own = law.torque(speeds)
+    own, at = law.torque(speeds), {name: term(speeds) for name, term in TERMS.items()}
     variance = np.zeros(len(speeds))
     for name, weight in choice.weights.items():
-        variance += weight * (choice.trials[name].torque(speeds) - own) ** 2
+        trial = choice.trials[name]
+        if "stribeck" in trial.terms:
+            at["stribeck"] = stribeck_peak(speeds, trial.stribeck_speed)
+        torque = trial.values @ np.array([at[term] for term in trial.terms])
+        variance += weight * (torque - own) ** 2
     return variance
 
 

@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 EXACT = ("coulomb", "offset", "viscous", "quadratic", "viscous_even", "cubic")
 """Terms with a column of their own."""
 
+COULOMB, OFFSET = EXACT.index("coulomb"), EXACT.index("offset")
+
 KNOTS = 28
 """Hat functions on each side of rest."""
 
@@ -49,44 +51,64 @@ class FrictionRows:
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
         """Weights on `columns` that give the columns of a law's terms, shape (columns, terms)."""
-        weights = _own_columns(terms, len(EXACT) + len(self.knots))
-        if "stribeck" in terms:
-            weights = weights.copy()
-            peak = self._smooth(stribeck_peak(self.knots, stribeck_speed))
-            weights[:, terms.index("stribeck")] = self.function(peak, 1.0, -1.0)
-        return weights
+        return law_weights(places_of(terms), self.knots, stribeck_speed)
 
     def stribeck_slope(self, stribeck_speed: float) -> Array:
         """Weights of the derivative of Stribeck's peak by its speed."""
-        return self.function(self._smooth(stribeck_slope(self.knots, stribeck_speed)), 0.0, 0.0)
-
-    def _smooth(self, values: Array) -> Array:
-        """Values whose interpolation by straight lines is right on the mean: f − h² f''/12, but next to rest."""
-        result = values.copy()
-        result[1:-1] -= _bends(self.knots, values)
-        middle = len(values) // 2
-        result[middle - 1 : middle + 2] = values[middle - 1 : middle + 2]
-        return result
+        return slope_weights(self.knots, stribeck_speed)
 
     def function(self, values: Array, above: float, below: float) -> Array:
         """Weights of a function with `values` at the knots and the limits `above` and `below` rest."""
-        jump, mean = (above - below) / 2, (above + below) / 2
-        rest = values - jump * np.sign(self.knots) - mean
-        rest[len(rest) // 2] = 0.0
-        weights = np.zeros(len(EXACT) + len(rest))
-        weights[EXACT.index("coulomb")], weights[EXACT.index("offset")] = jump, mean
-        weights[len(EXACT) :] = rest
-        return weights
+        return _function_weights(self.knots, values, above, below)
 
 
 @cache
-def _own_columns(terms: tuple[str, ...], count: int) -> Array:
-    """Weights of the terms that have a column of their own."""
-    weights = np.zeros((count, len(terms)))
-    for k, term in enumerate(terms):
-        if term in EXACT:
-            weights[EXACT.index(term), k] = 1.0
+def places_of(terms: tuple[str, ...]) -> NDArray[np.int64]:
+    """Column of each term, −1 for Stribeck's peak, which has none of its own."""
+    return np.array([EXACT.index(term) if term in EXACT else -1 for term in terms])
+
+
+@njit
+def law_weights(places: NDArray[np.int64], knots: Array, stribeck_speed: float) -> Array:
+    """As `FrictionRows.law`, of the terms at `places`."""
+    weights = np.zeros((len(EXACT) + len(knots), len(places)))
+    for k in range(len(places)):
+        if places[k] >= 0:
+            weights[places[k], k] = 1.0
+        else:
+            peak = _smooth(knots, stribeck_peak(knots, stribeck_speed))
+            weights[:, k] = _function_weights(knots, peak, 1.0, -1.0)
     return weights
+
+
+@njit
+def slope_weights(knots: Array, stribeck_speed: float) -> Array:
+    """As `FrictionRows.stribeck_slope`."""
+    return _function_weights(knots, _smooth(knots, stribeck_slope(knots, stribeck_speed)), 0.0, 0.0)
+
+
+@njit
+def _function_weights(knots: Array, values: Array, above: float, below: float) -> Array:
+    """As `FrictionRows.function`."""
+    weights = np.zeros(len(EXACT) + len(knots))
+    jump, mean = (above - below) / 2, (above + below) / 2
+    weights[COULOMB], weights[OFFSET] = jump, mean
+    for k in range(len(knots)):
+        if k != len(knots) // 2:
+            weights[len(EXACT) + k] = values[k] - jump * np.sign(knots[k]) - mean
+    return weights
+
+
+@njit
+def _smooth(knots: Array, values: Array) -> Array:
+    """Values whose interpolation by straight lines is right on the mean: f − h² f''/12, but next to rest."""
+    result, middle = values.copy(), len(knots) // 2
+    for k in range(1, len(knots) - 1):
+        if abs(k - middle) > 1:
+            before, after = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
+            change = (values[k + 1] - values[k]) / after - (values[k] - values[k - 1]) / before
+            result[k] -= before * after * change / (before + after) / 6
+    return result
 
 
 def _hats(signals: Signals, windows: Windows, knots: Array) -> Array:
@@ -95,17 +117,6 @@ def _hats(signals: Signals, windows: Windows, knots: Array) -> Array:
     if key not in signals.kept:
         signals.kept[key] = project_hats(*signals.finely, knots, windows.centres, windows.half)
     return signals.kept[key]
-
-
-@njit
-def _bends(knots: Array, values: Array) -> Array:
-    """h² f''/12 at the inner knots, from the values at their neighbours."""
-    result = np.empty(len(knots) - 2)
-    for k in range(len(result)):
-        before, after = knots[k + 1] - knots[k], knots[k + 2] - knots[k + 1]
-        change = (values[k + 2] - values[k + 1]) / after - (values[k + 1] - values[k]) / before
-        result[k] = before * after * change / (before + after) / 6
-    return result
 
 
 def speed_knots(fastest: float, count: int) -> Array:

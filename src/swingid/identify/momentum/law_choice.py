@@ -8,14 +8,15 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_columns, law_terms
+from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_terms
 from swingid.identify.momentum.fits import LAG
-from swingid.identify.momentum.friction_rows import FrictionRows
+from swingid.identify.momentum.friction_rows import FrictionRows, law_weights, places_of, slope_weights
 from swingid.identify.motion import Motion
 from swingid.numerics.compiled import njit
 from swingid.numerics.regression import gram, symmetric_inverse
 
 Array = NDArray[np.float64]
+Indices = NDArray[np.int64]
 
 ROUNDING = 1e-10
 """Share of the power of the known side below which a residual is that of the arithmetic, not of a law."""
@@ -29,11 +30,6 @@ class Trial:
     stribeck_speed: float
     values: Array
     score: float
-
-    def torque(self, speeds: Array) -> Array:
-        """Friction torque at `speeds`."""
-        result: Array = law_columns(self.terms, speeds, self.stribeck_speed) @ self.values
-        return result
 
 
 class LawChoice:
@@ -102,50 +98,17 @@ class LawChoice:
 
     def _attempt(self, name: str) -> None:
         terms = law_terms(name)
-        peaked, speed = "stribeck" in terms, float("nan")
-        if peaked:
-            speed = self._stribeck_speed(terms)
-        lost, values, inverse = self._lost(self.friction.law(terms, speed))
-        lost = max(lost, ROUNDING * float(self.gram[-1, -1]))
-        if not self.trials or _dissipates(terms, values, inverse * lost / self.independent):
-            count = len(terms) + peaked
+        places, knots, speed = places_of(terms), self.friction.knots, float("nan")
+        if "stribeck" in terms:
+            # another law with a peak has found about the same speed
+            before = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
+            tried, ends = np.array(before) if before else self.stribeck_speeds, self.stribeck_speeds[[0, -1]]
+            speed = _likeliest_speed(self.gram, self.body, places, knots, tried, ends)
+        lost, values, sound = _tried(self.gram, self.body, places, knots, speed, _sides(terms), self.independent)
+        if not self.trials or sound:
+            count = len(terms) + ("stribeck" in terms)
             score = self.independent * np.log(lost) + count * np.log(self.independent)
             self.trials[name] = Trial(terms, speed, values, float(score))
-
-    def _stribeck_speed(self, terms: tuple[str, ...]) -> float:
-        """The likeliest Stribeck speed: the best of a grid, then Gauss–Newton while it gets better.
-
-        Another law with a peak has found about the same one.
-        """
-        grid = self.stribeck_speeds
-        before = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
-        lowest, highest = grid[0], grid[-1]
-        grid = np.array(before) if before else grid
-        tried = [self._lost(self.friction.law(terms, speed)) for speed in grid]
-        k = int(np.argmin([lost for lost, _, _ in tried]))
-        speed, (least, values, _) = float(grid[k]), tried[k]
-        for _ in range(5):
-            slope = self.friction.stribeck_slope(speed) * values[terms.index("stribeck")]
-            _, widened, _ = self._lost(np.column_stack([self.friction.law(terms, speed), slope]))
-            step = float(np.clip(widened[-1], -0.4 * speed, 0.6 * speed))
-            lost, better, _ = self._lost(self.friction.law(terms, speed + step))
-            if lost >= least or not lowest <= speed + step <= highest:
-                break
-            settled = abs(step) < 1e-3 * speed
-            speed, least, values = speed + step, lost, better
-            if settled:
-                break
-        return speed
-
-    def _lost(self, weights: Array) -> tuple[float, Array, Array]:
-        """Sum of squared residuals of a law, its coefficients, and what scales their covariance (of the inverse).
-
-        weights: of the law's terms on the friction columns.
-        """
-        values, inverse, explained = _solved(self.gram, self.body, weights)
-        power = float(self.gram[-1, -1])
-        # less than the rounding of the power cannot be told
-        return max(power - explained, 1e-15 * power, 1e-300), values, inverse
 
 
 def slowest_peak(motion: Motion, noise: float) -> float:
@@ -155,6 +118,55 @@ def slowest_peak(motion: Motion, noise: float) -> float:
     """
     acceleration = float(np.median(np.abs(motion.speed.acceleration(motion.turning_times))))
     return float(np.sqrt(acceleration * noise))
+
+
+@njit
+def _tried(
+    gram: Array, body: int, places: Indices, knots: Array, speed: float, sides: Array, independent: float
+) -> tuple[float, Array, bool]:
+    """Sum of squared residuals of a law, its coefficients, and whether it dissipates.
+
+    It does where no coefficient, in either direction, is negative beyond its standard uncertainty.
+    """
+    lost, values, inverse = _lost(gram, body, law_weights(places, knots, speed))
+    lost = max(lost, ROUNDING * gram[-1, -1])
+    return lost, values, _none_below(sides, values, inverse * (lost / independent))
+
+
+@njit
+def _likeliest_speed(gram: Array, body: int, places: Indices, knots: Array, tried: Array, ends: Array) -> float:
+    """The likeliest Stribeck speed: the best of those `tried`, then Gauss–Newton while it gets better within `ends`."""
+    speed, (least, values, _) = tried[0], _lost(gram, body, law_weights(places, knots, tried[0]))
+    for other in tried[1:]:
+        lost, better, _ = _lost(gram, body, law_weights(places, knots, other))
+        if lost < least:
+            speed, least, values = other, lost, better
+    peak = np.argmin(places)
+    for _ in range(5):
+        widened = np.empty((len(gram) - 1 - body, len(places) + 1))
+        widened[:, :-1] = law_weights(places, knots, speed)
+        widened[:, -1] = slope_weights(knots, speed) * values[peak]
+        step = min(max(_lost(gram, body, widened)[1][-1], -0.4 * speed), 0.6 * speed)
+        lost, better, _ = _lost(gram, body, law_weights(places, knots, speed + step))
+        if lost >= least or not ends[0] <= speed + step <= ends[1]:
+            break
+        settled = abs(step) < 1e-3 * speed
+        speed, least, values = speed + step, lost, better
+        if settled:
+            break
+    return float(speed)
+
+
+@njit
+def _lost(gram: Array, body: int, weights: Array) -> tuple[float, Array, Array]:
+    """Sum of squared residuals of a law, its coefficients, and what scales their covariance (of the inverse).
+
+    weights: of the law's terms on the friction columns.
+    """
+    values, inverse, explained = _solved(gram, body, weights)
+    power = gram[-1, -1]
+    # less than the rounding of the power cannot be told
+    return max(power - explained, 1e-15 * power, 1e-300), values, inverse
 
 
 @njit
@@ -188,11 +200,6 @@ def _solved(gram: Array, body: int, weights: Array) -> tuple[Array, Array, float
     for k in range(size):
         values += inverse[:, k] * right[k]
     return values[:terms], inverse[:terms, :terms].copy(), float((values * right).sum())
-
-
-def _dissipates(terms: tuple[str, ...], values: Array, covariance: Array) -> bool:
-    """Whether no coefficient, in either direction, is negative beyond its standard uncertainty."""
-    return bool(_none_below(_sides(terms), values, covariance))
 
 
 @njit

@@ -165,11 +165,10 @@ def _singular(r: Array) -> tuple[Array, Array, Array]:
 
 @njit_sums
 def _fitted(columns: Array, target: Array, smallest: float) -> tuple[Array, Array, Array, float]:
-    """Values, residuals, influence and condition of `fit_linear`."""
-    length, count = columns.shape
-    rows, scale = np.empty((count, length)), np.empty(count)
+    """Values, residuals, influence and condition of `fit_linear`; columns: one in a row."""
+    count, length = columns.shape
+    rows, scale = columns.copy(), np.empty(count)
     for k in range(count):
-        rows[k] = columns[:, k]
         power = (rows[k] * rows[k]).sum()
         scale[k] = np.sqrt(power) if power > 0.0 else 1.0
         rows[k] /= scale[k]
@@ -203,7 +202,7 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
     columns (n, p), target (n,), p of some tens at most. A column of zeros gets the value 0. The SVD is that of R of
     the matrix = Q R.
     """
-    return LinearFit(*_fitted(np.asarray(columns), np.asarray(target), smallest))
+    return LinearFit(*_fitted(np.ascontiguousarray(columns.T), target, smallest))
 
 
 def parzen(reach: int) -> Array:

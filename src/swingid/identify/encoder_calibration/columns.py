@@ -31,7 +31,7 @@ def encoder_columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: f
         result[f"{WHEEL}.nonlinearity_{name}"] = -effect
     windows = rows.windows
     if not signals.linear:
-        result["zero"] = b * project(signals.nodes, [(np.cos(signals.angle), 0)], windows.centres, windows.half)[:, 0]
+        result["zero"] = b * project(signals.nodes, [(signals.cosine, 0)], windows.centres, windows.half)[:, 0]
     if signals.wheel_rate is not None:
         late = project(signals.nodes, [(signals.wheel_rate, 2)], windows.centres, windows.half)[:, 0]
         result[f"{WHEEL}.latency"] = scale.a12 * late

@@ -111,7 +111,7 @@ class CalibrationLog:
         nodes, windows = signals.nodes, rows.windows
         shape = signals.angle.shape
         errors = signals.grid_errors(self.noise.resolution) / nodes.flat[1]
-        cosine = np.cos(signals.angle)
+        cosine = signals.cosine
         at_nodes = [error.reshape(shape) for error in errors]
         first = project(nodes, [(error, 2) for error in at_nodes], windows.centres, windows.half)
         second = project(nodes, [(error * cosine, 0) for error in at_nodes], windows.centres, windows.half)

@@ -50,6 +50,17 @@ class Windows:
         """The windows where `keep` is true."""
         return Windows(self.centres[keep], self.half[keep])
 
+    @cached_property
+    def middle(self) -> float:
+        """The median half-length, or the one above it, of few."""
+        return float(np.sort(self.half)[len(self.half) // 2])
+
+    @cached_property
+    def loudness(self) -> Array:
+        """By what white noise enters ∫φ'' of each window: half^(−3/2)."""
+        result: Array = 1.0 / (self.half * np.sqrt(self.half))
+        return result
+
 
 @dataclass(frozen=True)
 class Signals:
@@ -89,7 +100,7 @@ class Signals:
         edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
         moved = replace(self, motion=motion, edges=edges, directions=directions)
         # what does not depend on the turning points is computed once
-        for name in ("stacked", "kept", "fastest", "finely", "longest_step", "stiffness"):
+        for name in ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness"):
             moved.__dict__[name] = getattr(self, name)
         return moved
 
@@ -124,9 +135,15 @@ class Signals:
         return nodes, self.motion.speed.at_nodes(nodes)
 
     @cached_property
+    def cosine(self) -> Array:
+        """Cos q1 at the nodes."""
+        result: Array = np.cos(self.angle)
+        return result
+
+    @cached_property
     def stiffness(self) -> float:
         """Mean of cos q1."""
-        return float(np.mean(np.cos(self.angle)))
+        return float(np.mean(self.cosine))
 
     @cached_property
     def kept(self) -> dict[tuple[str, float], Array]:

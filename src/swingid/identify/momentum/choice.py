@@ -169,16 +169,24 @@ def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowF
     The same principle as for the inertia. Long windows average what depends on the place, which no law of the speed
     describes; short ones tell the speeds of one swing apart, which a decay tells by its many swings.
     """
-    speeds = signals.speed.ravel()
-    speeds = speeds[:: max(1, len(speeds) // MOMENTS)]
-    columns = np.stack([TERMS[name](speeds) for name in BASIS])
-    moments = columns @ columns.T / len(speeds)
+    moments = _moments(signals)
     within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
     if not within:
         return min(tried.values(), key=lambda fit: fit.half)
     spread = {fit.half: _torque_variance(fit, moments) for fit in within}
     least = min(spread.values())
     return max((fit for fit in within if spread[fit.half] <= CALM**2 * least), key=lambda fit: fit.half)
+
+
+def _moments(signals: Signals) -> Array:
+    """Mean products of the terms of BASIS over the motion, computed once."""
+    key = ("moments", float(MOMENTS))
+    if key not in signals.kept:
+        speeds = signals.speed.ravel()
+        speeds = speeds[:: max(1, len(speeds) // MOMENTS)]
+        columns = np.stack([TERMS[name](speeds) for name in BASIS])
+        signals.kept[key] = columns @ columns.T / len(speeds)
+    return signals.kept[key]
 
 
 def _torque_variance(fit: WindowFit, moments: Array) -> float:

@@ -92,7 +92,7 @@ def columns_of(rows: Rows, scale: Scale, friction: tuple[str, ...]) -> tuple[tup
     if scale.b is None:
         named["gravity_torque"] = rows.gravity
     named |= {name: rows.friction[name] for name in friction}
-    return tuple(named), np.column_stack(list(named.values()))
+    return tuple(named), np.array(list(named.values())).T
 
 
 def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> WindowFit | None:
@@ -102,7 +102,7 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
         return None
     fit = fit_linear(columns, known_side(rows, scale))
     covariance = covariance_of(fit, rows, unknowns, scale, noise)
-    return WindowFit(rows, unknowns, fit, covariance, _middle(rows.windows.half))
+    return WindowFit(rows, unknowns, fit, covariance, rows.windows.middle)
 
 
 def covariance_of(fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise) -> Array:
@@ -144,11 +144,6 @@ def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:
     return left
 
 
-def _middle(values: Array) -> float:
-    """The median, or the value above it, of few values."""
-    return float(np.sort(values)[len(values) // 2])
-
-
 def sensor_variance(
     rows: Rows, influence: Array, a11: float, b: float, scale: Scale, noise: Noise
 ) -> tuple[float, float]:
@@ -158,10 +153,9 @@ def sensor_variance(
     gravity b as well.
     """
     windows = rows.windows
-    gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * _middle(windows.half) ** 2 / a11
+    gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * windows.middle**2 / a11
     powers = np.array([(a11 * noise.angle) ** 2, (scale.a12 * noise.wheel) ** 2]) * noise.step
-    weights = influence / windows.half**1.5
-    true, tapered = overlaps(weights, windows.centres, windows.half, 2 * LAG, LAG, gravity)
+    true, tapered = overlaps(influence * windows.loudness, windows.centres, windows.half, 2 * LAG, LAG, gravity)
     return float(np.maximum(true, 0.0) @ powers), float(np.maximum(tapered, 0.0) @ powers)
 
 
@@ -171,6 +165,6 @@ def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
     It moves what is nearly collinear with a11 along: at one frequency an unknown gravity torque.
     """
     column_variance = noise.angle**2 * noise.step * CURVATURE_POWER
-    column_variance *= float(np.sum(windows.half**-3.0))
+    column_variance *= float(windows.loudness @ windows.loudness)
     result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
     return result

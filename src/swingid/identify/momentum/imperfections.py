@@ -94,7 +94,7 @@ def axis_bends(signals: Signals, rows: Rows, a11: float, b: float) -> dict[str, 
     """Effect on the rows of α = 1 ("cosine") and of β = 1 ("sine") of the axis' encoder; none on a linear axis."""
     if signals.linear:
         return {}
-    cosine, sine = np.cos(signals.angle), signals.sine
+    cosine, sine = signals.cosine, signals.sine
     columns = [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0)]
     part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
     return {name: -(a11 * part[:, k] + b * part[:, k + 1]) for name, k in (("cosine", 0), ("sine", 2))}

@@ -38,7 +38,7 @@ def angle_weights(signals: Signals, fit: WindowFit, scale: Scale, unknown: str) 
     axis = curvature * fit.a11
     b = fit.value("gravity_torque") if scale.b is None else scale.b
     if b and not signals.linear:
-        axis += b * np.cos(signals.angle.ravel()) * superpose(instants, windows.centres, windows.half, row, 0)
+        axis += b * signals.cosine.ravel() * superpose(instants, windows.centres, windows.half, row, 0)
     return axis, curvature * scale.a12
 
 

@@ -55,7 +55,7 @@ def check_zero(law: WindowFit, signals: Signals, scale: Scale, uncertainty: floa
     if not scale.b or signals.linear:
         return []
     friction = tuple(name for name in law.unknowns if name in law.rows.friction)
-    cosine = project(signals.nodes, [(np.cos(signals.angle), 0)], law.rows.windows.centres, law.rows.windows.half)
+    cosine = project(signals.nodes, [(signals.cosine, 0)], law.rows.windows.centres, law.rows.windows.half)
     found, doubt = _offset(law, signals, scale, friction, cosine[:, 0]), ""
     if not found.matters(law.a11, uncertainty):
         less = tuple(name for name in friction if name != "viscous_even")

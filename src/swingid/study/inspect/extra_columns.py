@@ -125,7 +125,7 @@ def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, t
         yield _Column("latency", PRIOR_LATENCY, integrals((signals.torque, 1))[:, 0])
     if signals.linear:
         return
-    cosine = np.cos(signals.angle)
+    cosine = signals.cosine
     if b:
         yield _Column("zero", PRIOR_ZERO, -b * integrals((cosine, 0))[:, 0])
     for k in (1, 2):
@@ -147,7 +147,7 @@ def zero_of(fits: list[WindowFit], signals: Signals, scale: Scale) -> Extra | No
         windows = fit.rows.windows
         friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
         _, columns = columns_of(fit.rows, scale, friction)
-        cosine = project(signals.nodes, [(np.cos(signals.angle), 0)], windows.centres, windows.half)[:, 0]
+        cosine = project(signals.nodes, [(signals.cosine, 0)], windows.centres, windows.half)[:, 0]
         solved = fit_linear(np.column_stack([columns, -scale.b * cosine]), known_side(fit.rows, scale))
         found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
     found.sort()

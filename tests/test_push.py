@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from swingid.cli import main
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
 from swingid.errors import UsageError
@@ -153,6 +155,23 @@ def test_without_the_repair_the_rows_stay_and_a_warning_tells():
     assert left.inertia.standard_uncertainty > 5 * mended.inertia.standard_uncertainty
 
 
+def test_the_commands_name_a_push(tmp_path, capsys):
+    log, rig = tmp_path / "log.parquet", tmp_path / "rig.toml"
+    run(pushes=[(14.7, 0.2, 0.5)]).save(log, GIVEN)
+    rig.write_text(GIVEN.text, encoding="utf-8")
+    codes = {}
+    for words in ((), ("--without-repair", "push")):
+        assert main(["identify", str(log), "--rig", str(rig), "--json", "-", *words]) == 0
+        result = json.loads(capsys.readouterr().out)
+        codes[len(words)] = [one["code"] for one in (*result["warnings"], *result["notes"])]
+    assert "push" in codes[0]
+    assert {"push-left", "repair-off"} <= set(codes[2])
+    assert main(["inspect", str(log), "--rig", str(rig), "--json", "-"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["verdict"]["line"] == "ready; swingid itself repairs pushes by hand."
+    assert any(check["code"] == "push" and "from 14." in check["evidence"] for check in found["checks"])
+
+
 def test_several_pushes_are_told_apart():
     pushes = [(6.0, 0.1, 0.5), (13.0, 0.6, -0.5), (13.9, 0.1, 0.5), (20.0, 0.3, 2.0)]
     found = find_pushes(run(pushes=pushes), GIVEN)
@@ -268,9 +287,7 @@ def test_free_decays_and_short_logs_are_not_searched():
 # Real logs
 
 
-@pytest.mark.parametrize(
-    ("name", "free", "pushed"), [("energy_shaping", 4.6, [16.1]), ("sac", 4.4, [18.1, 22.1])]
-)
+@pytest.mark.parametrize(("name", "free", "pushed"), [("energy_shaping", 4.6, [16.1]), ("sac", 4.4, [18.1, 22.1])])
 def test_pushes_of_a_real_pendulum(data_dir, name, free, pushed):
     """Its readme: "pushed by hand later on"; upright, the hand's torque beats the motor's limit by far."""
     rig = Rig.load("examples/rigs/dfki_pendulum.toml")

@@ -8,14 +8,17 @@ encoders do comes again with every swing and is none. See `quick_balance` for wh
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.format import number, percent
-from swingid.identify.quick_balance import QuickBalance, level, quick_balance
 from swingid.model.rig import Rig
 from swingid.recording.recording import CHANNELS, Finding, Recording
+
+if TYPE_CHECKING:
+    from swingid.identify.quick_balance import QuickBalance
 
 Array = NDArray[np.float64]
 
@@ -105,6 +108,8 @@ def _told(pushes: list[Push], unit: str) -> str:
 
 def find_pushes(log: Recording, rig: Rig) -> list[Push]:
     """Pushes in a driven log, in the order of time; none where the balance cannot tell, or leaves too much."""
+    from swingid.identify.quick_balance import quick_balance
+
     balance = quick_balance(log, rig)
     if balance is None:
         return []
@@ -147,7 +152,7 @@ def _worst_of_swings(balance: QuickBalance, size: Array, moving: NDArray[np.bool
         return 0.0
     worst = size[: swings * bins].reshape(swings, bins).max(axis=1)
     worst = worst[moving[: swings * bins].reshape(swings, bins).any(axis=1)]
-    return level(worst, 2 / 3) if len(worst) else 0.0
+    return float(np.sort(worst)[2 * len(worst) // 3]) if len(worst) else 0.0
 
 
 def _peaks(found: NDArray[np.int64], size: Array, quiet: NDArray[np.bool_]) -> list[int]:

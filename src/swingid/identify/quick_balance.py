@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.errors import UnanswerableError
 from swingid.identify.motion import sixth_differences
 from swingid.identify.scale import Scale
 from swingid.identify.speed import typical_step
@@ -83,7 +84,10 @@ class QuickBalance:
 
 def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
     """The balance of a driven log on short windows; None where it cannot tell: no drive, no motion, too short."""
-    scale = Scale.of(rig)
+    try:
+        scale = Scale.of(rig)
+    except UnanswerableError:  # that nothing sets the scale, a method says
+        return None
     drive = {"reaction-wheel": log.wheel_angle, "direct": log.torque, "none": None}[scale.drive]
     if drive is None or len(log) < FEWEST_WINDOWS:
         return None

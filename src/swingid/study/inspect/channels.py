@@ -44,6 +44,7 @@ OWN = {
     "unwrap": "angles within one turn",
     "spikes": "spikes",
     "limit": "commands beyond the voltage limit",
+    "push": "pushes by hand",
 }
 """What swingid itself repairs on reading, by the name of the repair."""
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from swingid.errors import SwingidError
 from swingid.identify.noise import channel_noise
+from swingid.identify.push import without_pushes
 from swingid.model.rig import Rig
 from swingid.recording.conventions import SECONDS, Conventions
 from swingid.recording.formats import read_table
@@ -146,6 +147,8 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
     found: list[Service] = []
     seen: list[Check] = []
     moves: list[Check] = []
+    if rig is not None and reader is not None and log is not None:
+        log = without_pushes(log, reader)
     if reader is not None and rows >= FEWEST_ROWS:
         seen = _seen(table, reader, by_name, log, declared=rig is not None)
     if reader is not None and log is not None:
@@ -157,6 +160,7 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
             more, changed, log, changes = physics(table, log, reader, swings, source)
             tried |= changes
             if changed is not reader:
+                log = without_pushes(log, changed)
                 reader, seen = changed, _seen(table, changed, by_name, log, declared=True)
             moves += more
     checks += [*seen, *moves]

@@ -61,7 +61,8 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
     unit = "m" if linear else "rad"
     try:
         motion = find_motion(log.time, log.angle, noise.angle)
-        start, stop, note = usable_part(motion, drive, float(log.time[0]), float(log.time[-1]))
+        limits = float(log.time[0]), float(log.time[-1])
+        start, stop, note = usable_part(motion, drive, *limits, log.left_out)
     except UnanswerableError as error:
         return None, [Check("motion", "motion", "fault", error.message, "record a motion that swings to and fro")]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))

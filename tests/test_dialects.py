@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import io
 from datetime import datetime, timedelta
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.io import savemat
 
 from recording_cases import rig_with, swing
 from swingid.errors import InputError
@@ -15,6 +17,7 @@ from swingid.recording import Recording
 from swingid.recording.formats import read_table
 from swingid.recording.formats.numerals import plain_cells
 from swingid.recording.formats.stamps import is_stamp, seconds_of
+from swingid.recording.formats.table import Table
 from swingid.recording.inspect import describe, guess_roles
 
 LOG = swing(rate=100.0)
@@ -197,3 +200,58 @@ def test_rows_with_text_below_a_commented_header():
     assert list(table.columns) == ["time", "field.header.seq", "field.name0", "field.position0", "field.position1"]
     assert len(table.columns["time"]) == len(LOG)
     assert guess_roles(describe(table)).column("angle") == "field.position0"
+
+
+def simulink(form):
+    """What Simulink's blocks To Workspace and To File leave behind."""
+    t, q, w = LOG.time.reshape(-1, 1), LOG.angle.reshape(-1, 1), LOG.wheel_angle.reshape(-1, 1)
+    signals = np.zeros((1, 2), dtype=[("values", object), ("label", object)])
+    signals[0, 0], signals[0, 1] = (q, "angle"), (w, "wheel")
+    return {
+        "structure": {"out": {"time": t, "signals": signals, "blockName": "model/scope"}},
+        "one signal": {"tout": t, "yout": {"time": t, "signals": {"values": np.hstack([q, w]), "label": "x"}}},
+        "array": {"tout": t, "yout": np.hstack([q, w])},
+        "file": {"ans": np.hstack([t, q, w]).T},
+    }[form]
+
+
+@pytest.mark.parametrize("form", ["structure", "one signal", "array", "file"])
+def test_simulink_exports_are_columns_whose_roles_are_guessed(form):
+    sink = io.BytesIO()
+    savemat(sink, simulink(form))
+    table = read_table(sink.getvalue(), "sim.mat")
+    roles = guess_roles(describe(table))
+    for role, values in ("time", LOG.time), ("angle", LOG.angle), ("wheel_angle", LOG.wheel_angle):
+        np.testing.assert_array_equal(table.numbers(roles.column(role))[0], values)
+
+
+@pytest.mark.parametrize(
+    ("names", "roles"),
+    [
+        (
+            ("__time", "/joint_states/header/stamp", "/joint_states/pendulum/position", "/joint_states/wheel/position"),
+            ("__time", "/joint_states/pendulum/position", "/joint_states/wheel/position"),
+        ),
+        (
+            ("time", "/joint_states/header/seq", "/joint_states/position_0", "/joint_states/position_1"),
+            ("time", "/joint_states/position_0", "/joint_states/position_1"),
+        ),
+        (("Unnamed: 0", "t", "theta", "wheel_angle"), ("t", "theta", "wheel_angle")),
+        (("millis", "row", "enc1", "enc2"), ("millis", "enc1", "enc2")),
+        (("column1", "column2", "column3", "column4"), ("column2", "column3", "column4")),
+    ],
+)
+def test_headings_of_ros_pandas_and_loggers(names, roles):
+    count, rows = 2 * np.pi / 4096, np.arange(float(len(LOG)))
+    angles = [np.round(values / count) for values in (LOG.angle, LOG.wheel_angle)]
+    clock = 1e9 * LOG.time if names[0] == "time" else 1e3 * LOG.time if names[0] == "millis" else LOG.time
+    first = {names[0]: rows, names[1]: clock} if roles[0] == names[1] else {names[0]: clock, names[1]: rows}
+    if "stamp" in names[1]:
+        first[names[1]] = clock
+    found = guess_roles(describe(Table({**first, names[2]: angles[0], names[3]: angles[1]})))
+    assert [found.column(role) for role in ("time", "angle", "wheel_angle")] == list(roles)
+
+
+def test_a_voltage_of_the_motor_is_no_wheel():
+    columns = {"t": LOG.time, "theta": LOG.angle, "motor_voltage": LOG.voltage}
+    assert guess_roles(describe(Table(columns))).column("wheel_angle") is None

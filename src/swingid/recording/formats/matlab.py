@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import re
 import struct
 import zlib
@@ -21,7 +22,7 @@ from swingid.recording.formats import hdf5
 from swingid.recording.formats.arrow import parse_metadata
 from swingid.recording.formats.matlab_objects import read_objects
 from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
-from swingid.recording.formats.vectors import add_vectors
+from swingid.recording.formats.vectors import WIDEST, add_vectors
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -41,8 +42,9 @@ _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f
 
 
 def read(content: bytes, name: str) -> Table:
-    """Vectors by their name, fields of a struct as ``s.field``, a matrix as ``name(:,2)`` or, if wide, ``name(2,:)``.
+    """Vectors by their name, fields of a struct as ``s.field``, of several structs as ``s(2).field``.
 
+    A matrix gives ``name(:,2)`` or, if wide, ``name(2,:)``.
     Scalars, texts, cells, sparse and complex arrays are left out. A v7.3 file is HDF5 and read as such; where there
     are no vectors, time series inside objects are looked for. Raises InputError for v4 files and damaged ones.
     """
@@ -139,9 +141,10 @@ def _collect(columns: Columns, prefix: str, kind: int, data: bytes, order: str, 
         width = int(_numbers(*next(parts), order)[0])
         names = next(parts)[1]
         fields = [names[i : i + width].split(b"\0")[0].decode("utf-8") for i in range(0, len(names), max(width, 1))]
-        if shape == (1, 1):
-            for field, (inner, value) in zip(fields, parts, strict=True):
-                _collect(columns, f"{name}.{field}", inner, value, order, depth + 1)
+        places = ("",) if shape == (1, 1) else tuple(f"({k})" for k in range(1, min(math.prod(shape), WIDEST) + 1))
+        paths = [f"{name}{place}.{field}" for place in places for field in fields]
+        for path, (inner, value) in zip(paths, parts, strict=math.prod(shape) <= WIDEST):
+            _collect(columns, path, inner, value, order, depth + 1)
     elif not is_complex:
         add_vectors(columns, name, _numbers(*next(parts), order).astype(np.float64).reshape(shape, order="F"))
 

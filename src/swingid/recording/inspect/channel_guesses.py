@@ -24,7 +24,10 @@ POSITION = 0.02
 ALSO = 20.0
 """A column is as smooth as another if it is at most so many times rougher."""
 
-NO_NAME = re.compile(r"(column|col|ch|channel|data|signal|var|x|y)?[ _.:(,)]*\d*[ _.:(,)\d]*", re.IGNORECASE)
+NO_NAME = re.compile(
+    r"(\w+(\(\d+\))?\.)*(column|col|ch|channel|data|signals?|values?|var|x|y|xout|yout|ans|out)?[ _.:(,)\d]*",
+    re.IGNORECASE,
+)
 """Names that say nothing."""
 
 
@@ -101,8 +104,8 @@ def guess_wheel(
 
 
 def _same_but_number(one: Candidate, other: Candidate) -> bool:
-    """Whether two names differ in a number at the end only."""
-    return re.sub(r"[ _.\d]+$", "", one.name) == re.sub(r"[ _.\d]+$", "", other.name)
+    """Whether two names differ in their numbers only."""
+    return re.sub(r"\d+", "", one.name) == re.sub(r"\d+", "", other.name)
 
 
 def _span(candidate: Candidate) -> float:

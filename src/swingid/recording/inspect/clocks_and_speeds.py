@@ -48,7 +48,13 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
     unit = candidate.unit if candidate.unit in ROLE_UNITS["time"] else ""
     steps = np.diff(candidate.values)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    why = "rises from row to row" if rising == 1 else f"rises at {rising:.1%} of the rows" if rising > 0 else "by its name"
+    why = (
+        "rises from row to row"
+        if rising == 1
+        else f"rises at {rising:.1%} of the rows"
+        if rising > 0
+        else "by its name"
+    )
     if not unit and usual > 0:
         fits = [name for name, factor in SECONDS.items() if SLOWEST <= 1 / (usual * factor) <= FASTEST]
         unit = fits[0] if fits else "s"

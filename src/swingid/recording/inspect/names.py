@@ -7,7 +7,21 @@ import re
 from swingid.recording.unit_names import UNITS, canonical
 
 WORDS: dict[str, tuple[str, ...]] = {
-    "time": ("t", "time", "times", "timestamp", "stamp", "zeit", "clock", "elapsed", "sec", "secs", "seconds", "tid"),
+    "time": (
+        "t",
+        "time",
+        "tout",
+        "times",
+        "timestamp",
+        "stamp",
+        "zeit",
+        "clock",
+        "elapsed",
+        "sec",
+        "secs",
+        "seconds",
+        "tid",
+    ),
     "angle": (
         *("q", "q1", "theta", "theta1", "th", "th1", "angle", "angle1", "pos", "position", "phi", "phi1", "pendulum"),
         *("pend", "rod", "arm", "link", "joint", "axis", "alpha", "alpha1", "winkel", "qm", "x", "x1", "y"),

@@ -67,9 +67,10 @@ def check_fit(
     spread = _scatter_of_inertia(budget)
     poor = _poor_fit(estimate, problem, rig, scale)
     held = _held_doubt(opinion, problem)
-    if spread > HOPELESS * inertia.value and poor:
+    whole = inertia.standard_uncertainty or spread
+    if whole > HOPELESS * inertia.value and poor:
         cause = (held or poor)[0].message.rpartition("; ")[0]
-        raise UnanswerableError(_hopeless_fit(cause, spread / inertia.value, problem), code="poor-fit")
+        raise UnanswerableError(_hopeless_fit(cause, whole / inertia.value, problem), code="poor-fit")
     if spread > HOPELESS * inertia.value:
         values = dict(zip(unknowns.names, estimate.values, strict=True))
         raise UnanswerableError(
@@ -143,7 +144,7 @@ def _scatter_of_inertia(budget: list[BudgetEntry]) -> float:
     return next(e.standard_uncertainty for e in budget if e.parameter == "inertia" and e.source == SCATTER)
 
 
-def misfit(fit: Fit, problem: Problem, rig: Rig) -> dict[str, tuple[float, float]]:
+def misfit(fit: Fit, unknowns: Unknowns, problem: Problem, rig: Rig) -> dict[str, tuple[float, float]]:
     """Residual (rms, rad or m) of each channel, and what noise, jitter and the input's nonlinearity explain of it."""
     found = {}
     for channel, here in (("angle", ~problem.wheel), ("wheel", problem.wheel)):
@@ -152,9 +153,11 @@ def misfit(fit: Fit, problem: Problem, rig: Rig) -> dict[str, tuple[float, float
         sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
         left = float(np.sqrt(np.mean((fit.residuals * problem.sigma)[here] ** 2)))
         rate = float(np.sqrt(np.mean(fit.prediction.rates[here] ** 2)))
-        # the wheel's nonlinearity as input is no unknown, and enters the angle's prediction
+        # a nonlinearity that is no unknown, and that of the wheel as input, which enters the prediction
+        key = f"sensors.{'' if channel == 'angle' else 'wheel.'}nonlinearity."
+        own = 0.0 if any(name.startswith(key) for name in unknowns.names) else sensor.nonlinearity
         bent = rig.sensors.of("wheel").nonlinearity if problem.input == "wheel" else 0.0
-        parts = (problem.sigma[here][0], bent, sensor.jitter * rate)
+        parts = (problem.sigma[here][0], own, bent, sensor.jitter * rate)
         found[channel] = left, float(np.sqrt(np.sum(np.square(parts))))
     return found
 
@@ -169,17 +172,17 @@ def left_of_channels(fit: Fit, problem: Problem) -> dict[str, float]:
     return found
 
 
-def misfit_ratios(fit: Fit, problem: Problem, rig: Rig) -> dict[str, float]:
+def misfit_ratios(fit: Fit, unknowns: Unknowns, problem: Problem, rig: Rig) -> dict[str, float]:
     """Residual of each channel over what is explained; infinite where the motion ran away."""
     if not np.isfinite(fit.cost):
         return {"angle": np.inf}
-    return {channel: left / expected for channel, (left, expected) in misfit(fit, problem, rig).items()}
+    return {channel: left / expected for channel, (left, expected) in misfit(fit, unknowns, problem, rig).items()}
 
 
 def _poor_fit(estimate: Estimate, problem: Problem, rig: Rig, scale: Scale) -> list[Message]:
     """A warning where the residuals are far above what the sensors explain."""
     told = []
-    for channel, (left, expected) in misfit(estimate.searched.fit, problem, rig).items():
+    for channel, (left, expected) in misfit(estimate.searched.fit, estimate.unknowns, problem, rig).items():
         if left > POOR * expected:
             told.append(f"{left / expected:.3g} times for the {channel}")
     if not told:

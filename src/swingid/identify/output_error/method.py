@@ -85,9 +85,7 @@ def output_error(
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     opinion = second_opinion(used, rig, motion, scale, noise)
     setup = _Setup(used, rig, scale, noise, motion, source, opinion, free, loss, starts)
-    # Stribeck's peak has minima of its own, so its place is looked for about a motion without it
-    problem, rough = _rough_fit(setup, RICHEST if law == "auto" or "stribeck" in law else law, segment)
-    searched, law = _final_fit(setup, problem, rough, law)
+    problem, searched, law = _best_fit(setup, law, segment)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
     parameters, budget, sensitivities = answer_of(estimate, rig, scale, opinion)
     warnings, notes = check_fit(parameters, budget, sensitivities, estimate, problem, opinion, rig, scale, motion)
@@ -114,7 +112,7 @@ def output_error(
 
 @dataclass(frozen=True)
 class _Setup:
-    """What every fit of one log shares."""
+    """What every fit of one log shares; moves: whether what rig.toml is unsure of may move within what it states."""
 
     log: Recording
     rig: Rig
@@ -126,6 +124,7 @@ class _Setup:
     free: tuple[str, ...]
     loss: str
     starts: int
+    moves: bool = True
 
     @property
     def windows(self) -> WindowFit:
@@ -144,18 +143,14 @@ class _Setup:
     def unknowns(self, law: str) -> Unknowns:
         """The unknowns with a friction law."""
         strongest = _strongest(self.windows, self.motion, self.scale)
-        uncertain = uncertain_constants(self.rig, self.scale, self.source)
-        return unknowns_of(
-            self.rig,
-            self.scale,
-            law,
-            self.free,
-            self.fastest,
-            strongest,
-            self.noise.resolution,
-            uncertain,
-            uncertain_readings(self.rig, self.source),
-        )
+        more = self.uncertain if self.moves else ((), {})
+        resolution = self.noise.resolution
+        return unknowns_of(self.rig, self.scale, law, self.free, self.fastest, strongest, resolution, *more)
+
+    @property
+    def uncertain(self) -> tuple[tuple[str, ...], dict[str, float]]:
+        """Constants and sensors that rig.toml is unsure of, see `unknowns_of`."""
+        return uncertain_constants(self.rig, self.scale, self.source), uncertain_readings(self.rig, self.source)
 
     def first(self, unknowns: Unknowns) -> Array:
         """Where the search begins."""
@@ -168,7 +163,25 @@ class _Setup:
 
     def is_poor(self, problem: Problem, found: Searched) -> bool:
         """Whether a fit leaves more than the sensors explain."""
-        return max(misfit_ratios(found.fit, problem, self.rig).values()) > POOR
+        return max(misfit_ratios(found.fit, found.unknowns, problem, self.rig).values()) > POOR
+
+
+def _best_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem, Searched, str]:
+    """The fit, its segments, and its friction law.
+
+    What rig.toml is unsure of moves only where the log is explained with it: under a wrong model it would move to hide
+    what the model lacks.
+    """
+    problem, found, chosen = _fit(setup, law, segment)
+    if any(setup.uncertain) and setup.is_poor(problem, found):
+        problem, found, chosen = _fit(replace(setup, moves=False), law, segment)
+    return problem, found, chosen
+
+
+def _fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem, Searched, str]:
+    # Stribeck's peak has minima of its own, so its place is looked for about a motion without it
+    problem, rough = _rough_fit(setup, RICHEST if law == "auto" or "stribeck" in law else law, segment)
+    return problem, *_final_fit(setup, problem, rough, law)
 
 
 def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem, Searched]:

@@ -75,7 +75,7 @@ FARTHEST_ZERO = 0.1
 
 NOTHING: Mapping[str, float] = {}
 
-FARTHEST = 10.0
+FARTHEST = 30.0
 """Standard deviations within which a constant is looked for about what is stated."""
 
 

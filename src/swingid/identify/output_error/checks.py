@@ -68,7 +68,7 @@ def check_fit(
     poor = _poor_fit(estimate, problem, rig, scale)
     held = _held_doubt(opinion, problem)
     whole = inertia.standard_uncertainty or spread
-    if whole > HOPELESS * inertia.value and poor:
+    if poor and (spread > HOPELESS * inertia.value or whole > inertia.value):
         cause = (held or poor)[0].message.rpartition("; ")[0]
         raise UnanswerableError(_hopeless_fit(cause, whole / inertia.value, problem), code="poor-fit")
     if spread > HOPELESS * inertia.value:

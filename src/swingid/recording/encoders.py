@@ -49,7 +49,7 @@ def straightened(log: Recording, rig: Rig) -> Recording:
     unknown = _unknown(axis) if rig.axis.kind == "rotary" else []
     if not said:
         return replace(log, findings=(*log.findings, *unknown)) if unknown else log
-    text = f"the encoders' nonlinearity that the rig file states was taken off: {' and '.join(said)} once per turn."
+    text = f"the encoders' known nonlinearity was taken off: {' and '.join(said)} once per turn."
     found = (*log.findings, Finding("encoders", text, "note", REPAIR), *unknown)
     return replace(log, angle=angle, wheel_angle=wheel, findings=found)
 

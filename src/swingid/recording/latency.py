@@ -33,9 +33,9 @@ def with_latency_told(log: Recording, rig: Rig) -> Recording:
     sizes = {"angle": "angle", "wheel_angle": "wheel's angle"}
     shown = " and ".join(f"{1e3 * value:.4g} ms of the {sizes[name]}" for name, value in late.items() if value)
     if not any(found.code == "repair-off" and found.repair == REPAIR for found in log.findings):
-        text = f"the latency that the rig file states was taken off: {shown}."
+        text = f"the known latency was taken off: {shown}."
         return replace(log, findings=(*log.findings, Finding("latency", text, "note", REPAIR)))
-    text = f"the latency that the rig file states, {shown}, was not taken off."
+    text = f"the known latency, {shown}, was not taken off."
     found = (*log.findings, Finding(LEFT, text, "note"))
     if max(map(abs, late.values())) >= log.duration / 2:
         return replace(log, findings=found)  # a typing error, which methods refuse

@@ -119,10 +119,10 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
         text = f"{clock.repeated} rows have the time of the row before, {clock.copies} of them are copies of it"
         other = clock.repeated - clock.copies
         few = other <= max(3, rows // 100)
-        remedy = "" if few else "log the time with more digits, or set [log] rate"
+        remedy = "" if few else "log the time with more digits"
         text += "; these are left out." if few else "; the others contradict it."
         values = {"repeated": clock.repeated, "copies": clock.copies}
-        found.append(Check("repeated-rows", "repeated rows", "note" if few else "repair", text, remedy, values))
+        found.append(Check("repeated-rows", "repeated rows", "note" if few else "advice", text, remedy, values))
     if clock.backwards:
         text = f"the time runs backwards after {clock.backwards} of {rows} rows."
         few = clock.backwards <= max(3, rows // 100)

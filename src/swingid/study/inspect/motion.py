@@ -64,7 +64,7 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
         limits = float(log.time[0]), float(log.time[-1])
         start, stop, note = usable_part(motion, drive, *limits, log.left_out)
     except UnanswerableError as error:
-        return None, [Check("motion", "motion", "fault", error.message, "record a motion that swings to and fro")]
+        return None, [Check("motion", "motion", "fault", error.message)]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))
     swings = Swings(motion, start, stop, note.message, lines)
     inside = motion.within(start, stop)

@@ -28,9 +28,14 @@ from swingid.errors import SwingidError
 from swingid.numerics.spline import spline_at, spline_slopes
 
 Array = NDArray[np.float64]
+Push = tuple[float, float, float]
+"""When a push begins (s), how long it takes (s), and its peak (N m)."""
 TURN = 2 * np.pi
 WITHIN = 0.1
 """Per cent: the target for mild and medium faults, unless the interval holds the truth."""
+
+GRAVITY = 78e-3
+"""Gravity torque of the paper's rig, N m."""
 
 PERFECT = {"counts_per_turn": None, "nonlinearity": 0}
 GRADES = ("mild", "medium", "severe")
@@ -78,11 +83,15 @@ def _read(run: sw.Recording, name: str, moments: Array) -> Array:
 
 
 @cache
-def motion(duration: float = 25.0, rate: float = 1000.0) -> sw.Recording:
-    """The twin's motion with perfect sensors."""
+def motion(duration: float = 25.0, rate: float = 1000.0, pushes: tuple[Push, ...] = ()) -> sw.Recording:
+    """The twin's motion with perfect sensors, and with half sines of torque from outside."""
     twin, _ = rigs(PERFECT, STRIBECK)
     controller = Compensator.paper(twin, sample_time=1 / rate)
-    return sw.simulate(twin, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), controller, duration=duration, rate=rate)
+    time = np.arange(round(duration * rate) + 1) / rate
+    share = [np.clip((time - at) / length, 0, 1) for at, length, _ in pushes]
+    push = sum((peak * np.sin(np.pi * part) for (_, _, peak), part in zip(pushes, share, strict=True)), 0 * time)
+    reference = sw.parse_reference("sine 0.8 rad 8.5 rad/s")
+    return sw.simulate(twin, reference, controller, duration=duration, rate=rate, push=push if pushes else None)
 
 
 Fault = Callable[[Log, Any], None]
@@ -180,6 +189,16 @@ def wheel_speed(log: Log, rate: float) -> None:
     log.spoil.append(spoil)
 
 
+def pushed(log: Log, hand: tuple[int, float, float]) -> None:
+    """So many pushes of this length (s) and share of the gravity torque, at random moments and of either sign."""
+    number, length, share = hand
+    moments = log.rng.uniform(1.0, 24.0 - length, number)
+    signs = log.rng.choice([-1.0, 1.0], number)
+    log.run = motion(
+        pushes=tuple((at, length, sign * share * GRAVITY) for at, sign in zip(moments, signs, strict=True))
+    )
+
+
 def nothing(_log: Log, _severity: object) -> None:
     """What is changed is the motion itself."""
 
@@ -200,6 +219,7 @@ FAULTS: dict[str, tuple[Fault, dict[str, object]]] = {
     "slow rows": (slow, {"200 Hz": 200.0, "100 Hz": 100.0, "50 Hz": 50.0}),
     "rate of the loop": (nothing, {"10 kHz": (25.0, 1e4), "2 kHz": (25.0, 2e3), "500 Hz": (25.0, 500.0)}),
     "duration": (nothing, {"600 s": (600.0, 500.0), "10 s": (10.0, 1000.0), "3 s": (3.0, 1000.0)}),
+    "pushed by hand": (pushed, {"20 %, 0.2 s": (1, 0.2, 0.2), "100 %, 1 s": (1, 1.0, 1.0), "3 × 500 %": (3, 0.2, 5.0)}),
     "no voltage": (no_voltage, {"momentum": "momentum", "output-error": "output-error", "energy": "energy"}),
     "wheel speed for its angle": (wheel_speed, {"100 Hz": 100.0, "50 Hz": 50.0, "20 Hz": 20.0}),
 }

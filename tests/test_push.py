@@ -13,6 +13,7 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
 from swingid.errors import UsageError
 from swingid.identify import identify
+from swingid.identify.motion import find_motion
 from swingid.identify.push import find_pushes, without_pushes
 from swingid.identify.segment import longest_run
 from swingid.model.rig import Rig
@@ -187,6 +188,17 @@ def test_a_push_at_an_end_is_left_out_to_it(at):
     log = run(pushes=[(at, 0.3, 1.0)])
     assert len(find_pushes(log, GIVEN)) == 1
     assert abs(identify(log, GIVEN).inertia.value / INERTIA - 1) < 1e-4
+
+
+def test_no_speed_is_made_up_in_a_gap():
+    """A cubic through the rows at one side of a long gap runs away from them."""
+    log = run(duration=10.0)
+    kept = (log.time < 6.42) | (log.time > 7.47)
+    whole = find_motion(log.time, log.angle, 1e-4)
+    for shift in np.arange(0, 0.04, 0.004):
+        cut = kept & ~((log.time > 6.42 - shift) & (log.time < 6.43))
+        motion = find_motion(log.time[cut], log.angle[cut], 1e-4)
+        assert np.abs(motion.speed.speed).max() < 1.05 * np.abs(whole.speed.speed).max()
 
 
 def test_backstepping_takes_the_longest_run():

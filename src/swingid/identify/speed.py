@@ -18,6 +18,9 @@ Array = NDArray[np.float64]
 NARROWEST = 3.5
 """Half-width of the narrowest local cubic in sample steps."""
 
+EDGE = 0.1
+"""Of the half-width: how far into a gap a speed is read off."""
+
 WIDER = 1.4
 """Factor from one half-width to the next."""
 
@@ -120,6 +123,9 @@ def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing
     grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
     fitted = local_cubic(time, angle, grid, width)
     reached = np.isfinite(fitted[:, 0])
+    # beyond the edge of a gap a cubic runs away
+    for k in np.flatnonzero(np.diff(time) > width):
+        reached &= (grid <= time[k] + EDGE * width) | (grid >= time[k + 1] - EDGE * width)
     angles, slopes = np.ascontiguousarray(fitted[reached, 0]), np.ascontiguousarray(fitted[reached, 1])
     return Speed(grid[reached], angles, slopes, width, _slope_noise(float(noise), step, width))
 

@@ -30,7 +30,7 @@ UNEVEN = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Clock:
-    """The time column in s. step: median of the rising steps. jitter: robust standard deviation of the steps, s.
+    """The time column in s. step: mean of the usual rising steps. jitter: robust standard deviation of the steps, s.
 
     gaps: number of steps beyond 1.5 usual ones; longest: the longest step; lost: rows that would fill the gaps.
     repeated: rows with the time of the row before, copies of them alike in every column; backwards: steps back.
@@ -75,7 +75,7 @@ def read_clock(stamps: Floats, columns: list[Column]) -> Clock:
             copies &= (before == after) | (np.isnan(before) & np.isnan(after))
     return Clock(
         stamps=stamps,
-        step=usual,
+        step=float(np.mean(regular)) if regular.size else 0.0,  # the median of rounded stamps is rounded, too
         jitter=1.4826 * float(np.median(np.abs(regular - usual))) if regular.size else 0.0,
         gaps=int(gaps.size),
         longest=float(rising.max(initial=0.0)),

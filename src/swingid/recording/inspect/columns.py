@@ -20,6 +20,9 @@ SHOWN = 3
 SAMPLE = 20_000
 """Rows that tell the usual range of a column."""
 
+MANY_DIGITS = 1e7
+"""Numbers that are shown with all their digits from here on, such as seconds since 1970."""
+
 FAR, FEWEST, MANY = 20.0, 50, 0.005
 """Usual ranges from the middle beyond which a number that stands alone is a fault; the rows, and the share, for it."""
 
@@ -95,7 +98,9 @@ def _column(table: Table, name: str) -> Column:
         values = np.where(far, np.nan, values)
         good &= ~far
     finite = values if good.all() else values[good]
-    first = tuple(str(cell) if raw.dtype == object else f"{cell:.7g}" for cell in raw[:SHOWN])
+    first = tuple(
+        str(cell) if raw.dtype == object else f"{cell:.{7 if abs(cell) < MANY_DIGITS else 14}g}" for cell in raw[:SHOWN]
+    )
     unit = table.unit(name)
     if not finite.size:
         return Column(name, unit, "text" if text else "empty", values, first, missing, np.nan, np.nan, 0, 0, 0, 0)

@@ -61,7 +61,10 @@ def range_of(column: Column) -> str:
     """From the lowest to the highest value, and cells without a number."""
     if column.kind in ("text", "empty"):
         return ""
-    text = f"{column.low:.5g} … {column.high:.5g}"
+    low, high = f"{column.low:.5g}", f"{column.high:.5g}"
+    if low == high and column.low != column.high:  # seconds since 1970
+        low, high = f"{column.low:.14g}", f"{column.high:.14g}"
+    text = f"{low} … {high}"
     text += f", {column.missing} missing" if column.missing else ""
     return text + (f", {column.outliers} far outside" if column.outliers else "")
 

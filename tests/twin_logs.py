@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from swingid.control.compensator import Compensator
@@ -9,6 +11,7 @@ from swingid.control.references import Sine
 from swingid.identify import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+from swingid.recording.repairs import notes_of
 from swingid.simulate import simulate
 
 INERTIA = 302.2e-5
@@ -51,6 +54,11 @@ def logged(rig: Rig, folder, reference=None, *, duration=25.0, rate=1000.0, **op
     controller = Compensator.paper(rig, sample_time=1 / rate)
     run = simulate(rig, reference or Sine(0.8, 8.5), controller, duration=duration, rate=rate, **options)
     return Recording.load(run.save(folder / "log.parquet", given(rig)), given(rig))
+
+
+def without(log: Recording, repair: str) -> Recording:
+    """The log as read with this repair switched off."""
+    return replace(log, findings=(*log.findings, *notes_of(frozenset([repair]))))
 
 
 def result_of(rig: Rig, folder, reference=None, **options):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import difflib
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from swingid.identify.result import Result
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
 from swingid.recording.large import LargeLog
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Finding, Recording
 
 METHODS: dict[str, str] = {
     "momentum": "swingid.identify.momentum.method:momentum",
@@ -72,8 +73,12 @@ def identify(
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
     if isinstance(log, Recording | LargeLog):
         check_options(method, function, options)
+
+        def ask(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
+            return _of_one(log, rig, method, function, options, more)
+
         try:
-            return _of_one(log, rig, method, function, options)
+            return _calibrated(ask(rig), ask, [log], rig)
         except UnanswerableError as error:
             raise _named(error, log.path if isinstance(log, LargeLog) else log.source.path) from error
     from swingid.identify.combine.several import FRICTION, identify_several
@@ -84,7 +89,24 @@ def identify(
     check_options(method, function, options)
     if "alone" in known and len(log) > 1:
         options.setdefault("alone", False)
-    return identify_several(log, lambda one: _of_one(one, rig, method, function, options), friction=friction)
+    logs = log if isinstance(log, Mapping) else list(log)
+
+    def ask_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
+        return identify_several(logs, lambda one: _of_one(one, rig, method, function, options, more), friction=friction)
+
+    return _calibrated(ask_all(rig), ask_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
+
+
+def _calibrated(
+    result: Result, ask: Callable[[Rig, tuple[Finding, ...]], Result], logs: Iterable[Log | SwingidError], rig: Rig
+) -> Result:
+    """The result, or a better one where momentum warns of encoders that the rig file does not declare."""
+    if result.status != "warning":
+        return result
+    from swingid.identify.encoder_calibration.undeclared import calibrated_by_itself
+
+    read = [one for one in logs if isinstance(one, Recording)]
+    return calibrated_by_itself(result, ask, [without_pushes(one, rig) for one in read], rig)
 
 
 def _named(error: UnanswerableError, path: str | None) -> UnanswerableError:
@@ -94,8 +116,17 @@ def _named(error: UnanswerableError, path: str | None) -> UnanswerableError:
     return UnanswerableError(f"{path}: {error.message}", code=error.code)
 
 
-def _of_one(log: Log, rig: Rig, method: str, function: Callable[..., Result], options: Mapping[str, object]) -> Result:
+def _of_one(
+    log: Log,
+    rig: Rig,
+    method: str,
+    function: Callable[..., Result],
+    options: Mapping[str, object],
+    more: tuple[Finding, ...],
+) -> Result:
+    """The result of one log, to whose findings `more` are added."""
     if isinstance(log, Recording):
+        log = replace(log, findings=(*log.findings, *more)) if more else log
         return function(without_pushes(straightened(log, rig), rig), rig, **options)
     from swingid.identify.large import identify_large, require_in_parts
 

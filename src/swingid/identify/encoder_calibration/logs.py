@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.identify.encoder_calibration.columns import encoder_columns
-from swingid.identify.encoder_calibration.parts import latencies_exact
+from swingid.identify.encoder_calibration.parts import bounded
 from swingid.identify.momentum.balance import Rows, Signals, rows_of
 from swingid.identify.momentum.checks import check_sign
 from swingid.identify.momentum.choice import choose
@@ -72,8 +72,8 @@ class CalibrationLog:
         motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(
             log.time, log.angle, whole.speed.half_width
         )
-        # the windows are those that tell most, whatever is known of a latency already
-        choice = choose(Signals.of(used, rig, motion), latencies_exact(rig), scale, noise)
+        # the windows are those that tell most beside bent encoders, whatever is known of a latency already
+        choice = choose(Signals.of(used, rig, motion), bounded(rig), scale, noise)
         check_sign(choice.law, scale, log.source.path or "the log")
         late = motion.turning_times - choice.signals.motion.turning_times
         return cls(used, noise, choice.law, late)

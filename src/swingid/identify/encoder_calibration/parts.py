@@ -68,6 +68,18 @@ def declared_spread(rig: Rig, table: str) -> float:
     return rig.sensors.nonlinearity
 
 
+def bounded(rig: Rig) -> Rig:
+    """The rig as if it declared the bound of every encoder of which it says nothing; its latencies are exact."""
+    rig = latencies_exact(rig)
+    if rig.axis.kind != "rotary":
+        return rig
+    wheel = rig.drive.kind == "reaction-wheel"
+    unsaid = {f"{ANGLE}.nonlinearity": WIDE} if declared_spread(rig, ANGLE) == 0 else {}
+    if wheel and declared_spread(rig, WHEEL) == 0:
+        unsaid[f"{WHEEL}.nonlinearity"] = WIDE
+    return rig.changed(unsaid) if unsaid else rig
+
+
 def latency_key(rig: Rig) -> str:
     """Where the latency between the channels is written: at the wheel where there is one, else at the angle."""
     return f"{WHEEL if rig.drive.kind == 'reaction-wheel' else ANGLE}.latency"

@@ -80,7 +80,7 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
     encoders = rig.sensors.of("angle"), rig.sensors.of("wheel")
     if encoders[0].nonlinearity:
         yield from _bent(encoders[0], axis_bends(signals, rows, a11, b), "angle", "sensors.nonlinearity")
-    if encoders[1].nonlinearity:
+    if encoders[1].nonlinearity and rig.drive.kind == "reaction-wheel":
         yield from _bent(encoders[1], wheel_bends(signals, rows, rig.drive.a12), "wheel", "sensors.wheel.nonlinearity")
 
 

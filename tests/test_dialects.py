@@ -255,3 +255,11 @@ def test_headings_of_ros_pandas_and_loggers(names, roles):
 def test_a_voltage_of_the_motor_is_no_wheel():
     columns = {"t": LOG.time, "theta": LOG.angle, "motor_voltage": LOG.voltage}
     assert guess_roles(describe(Table(columns))).column("wheel_angle") is None
+
+
+@pytest.mark.parametrize("kind", ["instants", "durations"])
+def test_instants_and_durations_of_numpy(kind):
+    since = (LOG.time * 1e9).round().astype("timedelta64[ns]")
+    time = since if kind == "durations" else np.datetime64("2024-03-05T12:00") + since
+    columns = {"t": time, "q1": LOG.angle, "q2": LOG.wheel_angle, "u": LOG.voltage}
+    np.testing.assert_allclose(Recording.from_columns(columns, rig_with()).time, LOG.time, atol=3e-7)

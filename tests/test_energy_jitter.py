@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
@@ -54,6 +55,19 @@ def test_recorded_stamps_are_no_jitter():
     plain = read(uneven, noise=2e-4)
     log = Recording(time=uneven, angle=plain.angle, wheel_angle=plain.wheel_angle)
     assert find_jitter(log, channel_noise(log, GIVEN)).spread == 0.0
+
+
+def test_a_body_that_rests_at_first_shows_no_jitter():
+    """Interpolated readings, as where a latency is left on, ring by next to nothing while the body rests."""
+    plain, few = read(TIME, step=2 * np.pi / 16384), slice(0, 4000)
+    moves = TIME[few] > 0.51
+    angle, wheel = (
+        CubicSpline(TIME[few], values[few] * moves)(TIME[few] + 5e-4) for values in (plain.angle, plain.wheel_angle)
+    )
+    log = Recording(time=TIME[few], angle=angle, wheel_angle=wheel)
+    noise = channel_noise(log, GIVEN)
+    with np.errstate(all="raise", under="ignore"):
+        assert find_jitter(log, noise).noise == noise
 
 
 @pytest.mark.parametrize("seed", range(3))

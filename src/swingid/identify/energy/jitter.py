@@ -32,6 +32,9 @@ LOUDER = 1.1
 SURE = 5.0
 """Standard uncertainties of the square of the jitter beyond which it is seen."""
 
+AT_REST = 1e-9
+"""Share of the largest class' noise below which a class is a body at rest, on one step of its encoder."""
+
 
 @dataclass(frozen=True)
 class Jitter:
@@ -90,7 +93,7 @@ def _of_channel(
     order = np.array_split(np.argsort(np.abs(speed)), CLASSES)
     power = np.array([(np.median(size[part]) / 0.6745) ** 2 for part in order])
     square = np.array([np.mean(speed[part] ** 2) for part in order])
-    if not np.ptp(square) > 0 or not power.min() > 0:
+    if not np.ptp(square) > 0 or not power.min() > AT_REST * power.max():
         return 0.0, level
     # the median of a class tells its variance to a share that is alike in all classes
     columns = np.column_stack([np.ones(CLASSES), square]) / power[:, None]

@@ -28,10 +28,14 @@ def table_of(data: Any) -> Table:
         )
         raise UsageError(f"{message}.", code="not-a-table")
     columns = {}
+    units: dict[str, str] = {}
     for name, values in data.items():
         array = np.asarray(values)
         if array.ndim != 1:
             message = f"column {str(name)!r} has {array.ndim} dimensions; a column is one-dimensional"
             raise UsageError(f"{message}.", code="not-a-column")
+        if array.dtype.kind in "Mm":  # instants and durations of NumPy
+            array = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64) / 1e9
+            units[str(name)] = "s"
         columns[str(name)] = array.astype(np.float64 if array.dtype.kind in "biuf" else object)
-    return Table(columns)
+    return Table(columns, units=units)

@@ -10,6 +10,7 @@ latency, and the encoders' nonlinearity. So it is made to find what happens once
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +54,9 @@ FAR = 6.0
 RESTS = 0.03
 """Of the largest speed: an axis that is slower over three bins rests, and friction is then whatever holds it."""
 
+GRAINS = 10.0
+"""Steps of the encoder that the angle passes in half a window, at least: else rounding errs alike all the time."""
+
 SLOW = 0.15
 """Of the largest speed: near a reversal, friction is known worse than by its law."""
 
@@ -66,7 +70,7 @@ class QuickBalance:
     times: middles (s). half: half-length (s). torque: from outside, averaged with φ (N m or N). scatter: its robust
     standard deviation; noise: what the sensors' noise makes of it. largest: drive or gravity that a hundredth of the
     windows exceeds. friction: torque that a tenth of them exceeds. usable: no gap in the window; rests, slow: the axis
-    comes to rest in it, or passes it slowly. turn: 1/ω of the motion (s).
+    comes to rest in it or hardly moves, or passes it slowly. turn: 1/ω of the motion (s).
     """
 
     times: Array
@@ -109,6 +113,7 @@ def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
     usable = ~_within(~full)
     quickest = level(np.abs(speed[full]), 0.95)
     rests = _within(_resting(q1, RESTS * quickest * half / BINS))
+    rests |= half * columns[1 + FRICTION.index("viscous_even")] < GRAINS * np.sqrt(12) * angle_noise
     fitted = _robust(columns[:, usable & ~rests][:, ::BINS], target[usable & ~rests][::BINS])
     if fitted is None:
         return None
@@ -219,10 +224,10 @@ def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Arra
         curved += [np.sin(driven), np.cos(driven), driven]
     else:
         averaged.append(driven)
-    kernels = _kernels(width)
-    plain = _filtered(np.stack(averaged), kernels[0])
-    bent = _filtered(np.stack(curved), kernels[2])
-    viscous = _filtered(q1[None], kernels[1])
+    mean, slope, bend = _kernels()
+    plain = _filtered(np.stack(averaged), mean)
+    bent = _filtered(np.stack(curved), bend / width**2)
+    viscous = _filtered(q1[None], slope / width)
     drive = -scale.a12 * bent[-1] if scale.drive == "reaction-wheel" else plain[-1]
     rate = np.gradient(drive)
     if scale.drive == "reaction-wheel":
@@ -233,8 +238,9 @@ def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Arra
     return np.vstack([bent[:1], plain[:1], viscous, plain[1:], bent[1:], rate[None]]), target, speed
 
 
-def _kernels(width: float) -> Array:
-    """Weights of 2 BINS + 1 bins that give the mean with φ of a signal, of its first and of its second derivative.
+@cache
+def _kernels() -> Array:
+    """Weights of 2 BINS + 1 bins of width 1 that give the mean with φ of a signal, of its first and second derivative.
 
     Exact for parabolas and cubics, whatever the bins do to φ.
     """
@@ -243,7 +249,7 @@ def _kernels(width: float) -> Array:
     p = 1 - s * s
     mean, slope, bend = p**3, s * p * p, -p * (p - 4 * s * s)
     bend = bend - np.mean(bend)
-    return np.stack([mean / mean.sum(), slope / (slope @ k) / width, bend / (bend @ (k * k)) * 2 / width**2])
+    return np.stack([mean / mean.sum(), slope / (slope @ k), bend / (bend @ (k * k)) * 2])
 
 
 def _filtered(signals: Array, kernel: Array) -> Array:

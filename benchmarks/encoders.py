@@ -5,7 +5,8 @@
 Each draw has its own cosine and sine part of both encoders, N(0, 0.1°) each, and its own place of their grids; 14 bit,
 1 kHz, 25 s. Each log is written to a file and read back, `calibrate_encoders` sees the files and a rig.toml that
 declares 0.1° (--undeclared: nothing), and `identify` the same files and the rig.toml that it writes. Of the first 50
-draws also: "as it is", nothing declared and the repair "calibrate" switched off; "by itself", with that repair. Errors in per cent of the truth; ± of the coverage is binomial.
+draws also: "as it is", nothing declared and the repair "calibrate" switched off; "by itself", with that repair.
+Errors in per cent of the truth; ± of the coverage is binomial.
 """
 
 from __future__ import annotations

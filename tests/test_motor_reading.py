@@ -77,3 +77,12 @@ def test_a_held_voltage_read_as_measured_is_seen(tmp_path) -> None:
     log = logged(twin(), tmp_path, duration=10.0, rate=200.0)
     assert "drive-held" in codes(identify(replace(log, drive_held=False), GIVEN, method="backstepping").warnings)
     assert "drive-held" not in codes(identify(log, GIVEN, method="backstepping").warnings)
+
+
+def test_a_latency_that_may_be_half_a_row_leaves_open_what_the_voltage_did(tmp_path) -> None:
+    rig = twin(latency="0 ± 0.2 ms")
+    log = replace(logged(rig, tmp_path, duration=10.0), drive_held=False)
+    assert "drive-held" not in codes(
+        identify(log, GIVEN.changed({"sensors.latency": "0 ± 0.2 ms"}), method="backstepping").warnings
+    )
+    assert "drive-held" in codes(identify(log, GIVEN, method="backstepping").warnings)

@@ -46,6 +46,9 @@ GOOD = 0.05
 FINE = 0.005
 """Relative residual below which nobody asks whether the voltage was held."""
 
+SURE = 3.0
+"""Standard uncertainties of a latency that count as possible."""
+
 HELD = 0.4
 """Share of the residual that the voltage read the other way between the rows may leave to be believed. One that is a
 row late leaves half when it is read as measured."""
@@ -79,7 +82,8 @@ class MotorBalance:
         stated, other = (held, measured) if self.held else (measured, held)
         text = (
             f"the voltage is not {stated}: the motor's balance leaves {left(self.as_stated)} so, and "
-            f"{left(self.held_otherwise)} with it {other}; set drive_held = {str(not self.held).lower()} under [log]"
+            f"{left(self.held_otherwise)} with it {other}; set drive_held = {str(not self.held).lower()} under [log], "
+            "unless the angles are read half a row late or early"
         )
         return [Message("drive-held", f"{text}; {harm}.")]
 
@@ -163,12 +167,15 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
         return replace(stated, driven=against).residual(expected)
 
     as_stated = stated.residual(expected)
+    # half a row is what both readings differ by, and a latency of it looks alike
+    unsure = max(rig.sensors.of("angle").latency.std or 0.0, rig.sensors.of("wheel").latency.std or 0.0)
+    asked = as_stated > FINE and SURE * unsure < noise.step / 2
     return MotorBalance(
         as_stated=as_stated,
         otherwise=other.residual(expected),
         turned=under(-voltage) if as_stated > GOOD else np.inf,
         held=log.drive_held,
-        held_otherwise=under(_voltage(log, rig, middles, held=not log.drive_held)) if as_stated > FINE else np.inf,
+        held_otherwise=under(_voltage(log, rig, middles, held=not log.drive_held)) if asked else np.inf,
         is_relative=is_relative,
         refitted=stated.refitted(tells, expected) if enough else None,
         refitted_otherwise=other.refitted(tells, expected) if enough else None,

@@ -40,6 +40,15 @@ def test_bent_encoders_are_found_in_the_log_itself(tmp_path, size, law, seed):
     assert [one["repair"] for one in left.provenance["repairs"] if not one["done"]] == ["calibrate"]
 
 
+def test_a_large_nonlinearity_that_is_only_declared_is_found_to_all_orders(tmp_path):
+    rig = twin("viscous", nonlinearity="0.5 deg")
+    log, told = logged(rig, tmp_path, seed=1), given(rig).changed({"sensors.nonlinearity": "0.5 deg"})
+    left, result = identify(without(log, "calibrate"), told), identify(log, told)
+    assert codes(left) == {"large-nonlinearity"}
+    assert codes(result) == {CODE}
+    assert abs(error(result)) < 4 * result.inertia.standard_uncertainty / INERTIA < 1e-3
+
+
 def test_several_logs_tell_the_encoders_together(tmp_path):
     rig = twin("viscous", nonlinearity="0.1 deg")
     motions = Sine(0.8, 8.5), Sine(1.4, 5.0), Multisine((Sine(0.7, 5.0), Sine(0.4, 8.5)))

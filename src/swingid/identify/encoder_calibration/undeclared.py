@@ -2,6 +2,7 @@
 
 The scatter of a log does not hold them, but its balance shows them (momentum's warnings `encoder-nonlinearity` and
 `late-channel`). Then the same logs calibrate the encoders, as `calibrate_encoders` does, and are identified once more.
+So they do where a nonlinearity is declared that is too large for the first order that methods take it to.
 """
 
 from __future__ import annotations
@@ -13,16 +14,21 @@ import numpy as np
 
 from swingid.errors import SwingidError
 from swingid.identify.encoder_calibration.method import calibrate_encoders
-from swingid.identify.encoder_calibration.parts import ANGLE, LATEST, WHEEL, WIDE, latency_key
+from swingid.identify.encoder_calibration.parts import ANGLE, LATEST, WHEEL, WIDE, declared_spread, latency_key
 from swingid.identify.result import Result
 from swingid.model.rig import Rig
+from swingid.recording.encoders import UNKNOWN
 from swingid.recording.recording import Finding, Recording
 
-BENT, LATE = "encoder-nonlinearity", "late-channel"
-"""Warnings of a method that lead here."""
+LATE = "late-channel"
+BENT = {"encoder-nonlinearity", UNKNOWN}
+"""Warnings that lead here."""
 
 SCALE = "gravity-torque-disagrees"
 """A warning beside which one log does not: a wrong scale looks much like a bent encoder there."""
+
+LIKELY = 3.0
+"""Times what is declared of an encoder that it may be bent."""
 
 CODE, REPAIR = "calibrated-by-itself", "calibrate"
 
@@ -34,20 +40,21 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     """The result of the same logs with what they themselves tell of undeclared encoder errors.
 
     Unchanged where `result` does not warn of such, where the repair "calibrate" is switched off, where an encoder would
-    have to be bent by more than 1°, and where the new result warns of them still or of anything new: then they were not
-    the cause. The new one warns too, by `CODE`.
+    have to be bent by more than 1° and three times what is declared, and where the new result warns of them still or of
+    anything new: then they were not the cause. The new one warns too, by `CODE`.
     """
     before = _codes(result)
     switched_off = any(found.repair == REPAIR for log in logs for found in log.findings)
-    if not before & {BENT, LATE} or (SCALE in before and len(logs) == 1) or switched_off:
+    if not before & {*BENT, LATE} or (SCALE in before and len(logs) == 1) or switched_off:
         return result
     try:
-        better, text = _encoders(logs, rig) if BENT in before else _latency(rig)
+        better, text = _encoders(logs, rig) if before & BENT else _latency(rig)
         again = ask(better, (Finding(CODE, text, "warning", REPAIR),))
     except SwingidError:
         return result
     new = _codes(again)
-    settled = new <= (before - {BENT, LATE}) | {CODE} and all(_size(better, table) <= WIDE for table in _tables(rig))
+    settled = new <= (before - {*BENT, LATE}) | {CODE}
+    settled &= all(_size(better, table) <= max(WIDE, LIKELY * declared_spread(rig, table)) for table in _tables(rig))
     return _of_the_file(again, result) if settled else result
 
 

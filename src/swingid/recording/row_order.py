@@ -47,10 +47,11 @@ def _drop_absurd_rows(channels: Channels, conventions: Conventions, findings: li
     good = np.ones(len(channels["time"]), dtype=bool)
     worst = None
     for channel, largest in LARGEST.items():
-        if channel not in channels:
+        values = channels.get(channel)
+        limit = largest if channel == "time" else largest / abs(conventions.scales.get(channel, Scale()).factor)
+        if values is None or not values.size or max(-values.min(), values.max()) <= limit:
             continue
-        factor = 1.0 if channel == "time" else abs(conventions.scales.get(channel, Scale()).factor)
-        absurd = np.isfinite(channels[channel]) & (np.abs(channels[channel]) > largest / factor)
+        absurd = np.isfinite(values) & (np.abs(values) > limit)
         if absurd.any():
             worst = worst or (channel, int(np.argmax(absurd)))
             good &= ~absurd

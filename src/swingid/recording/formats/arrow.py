@@ -9,7 +9,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.numerals import plain_cells
-from swingid.recording.formats.stamps import over_midnight
+from swingid.recording.formats.stamps import over_midnight, seconds_of
 from swingid.recording.formats.table import Table
 
 if TYPE_CHECKING:
@@ -30,17 +30,17 @@ def table_from_arrow(
     units: of the columns in their order, from a line below the header. decimal: sign of the numbers in cells of text.
     Raises InputError when two columns have one name, or the file has columns and no row.
     """
-    import pyarrow as pa
-
     names = [str(column).strip() for column in table.column_names]
     for column in names:
         if names.count(column) > 1:
             raise InputError(f"{name} has two columns named {column!r}; rename one of them.", code="double-column")
     if names and table.num_rows == 0:
         raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
-    columns = {column: _array(table.column(k), decimal) for k, column in enumerate(names)}
     stated = {column: unit for column, unit in zip(names, units, strict=False) if unit}
-    stated |= {column: "s" for k, column in enumerate(names) if pa.types.is_temporal(table.column(k).type)}
+    columns = {}
+    for k, column in enumerate(names):
+        columns[column], is_time = _array(table.column(k), decimal)
+        stated |= {column: "s"} if is_time else {}
     return Table(columns, parse_metadata(raw_metadata), unreadable_rows, stated)
 
 
@@ -53,16 +53,20 @@ def parse_metadata(raw: str) -> dict[str, object]:
     return parsed if isinstance(parsed, dict) else {}
 
 
-def _array(column: Any, decimal: str) -> NDArray[np.float64] | NDArray[np.object_]:
+def _array(column: Any, decimal: str) -> tuple[NDArray[np.float64] | NDArray[np.object_], bool]:
+    """The cells of a column, and whether they are instants or durations, which are in s then."""
     import pyarrow as pa
 
     kind = column.type
     if pa.types.is_temporal(kind):
-        return _seconds(column)
+        return _seconds(column), True
     if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
-        return _numbers(column.cast(pa.float64(), safe=False))
+        return _numbers(column.cast(pa.float64(), safe=False)), False
     cells = [None if cell is None else str(cell) for cell in column.to_pylist()]
-    return np.array(plain_cells(cells, decimal), dtype=object)
+    seconds = seconds_of(cells)
+    if seconds is not None:
+        return seconds, True
+    return np.array(plain_cells(cells, decimal), dtype=object), False
 
 
 def _seconds(column: Any) -> NDArray[np.float64]:

@@ -21,13 +21,21 @@ _ZONE = r"\s*(?:[Zz]|UTC|(?P<sign>[+-])(?P<zone_hour>\d\d):?(?P<zone_minute>\d\d
 _DATE = r"(?P<one>\d{1,4})[-./](?P<two>\d{1,2})[-./](?P<three>\d{1,4})"
 _STAMP = re.compile(rf"\s*(?:{_DATE}(?:\s*[T ]\s*|\s+))?{_CLOCK}{_ZONE}\s*")
 
+LONGEST = 48
+"""Characters of a stamp; longer cells are none, whatever they hold."""
+
 LOST = 0.01
 """Share of the cells that may be no stamp in a column of stamps."""
 
 
 def is_stamp(cell: str) -> bool:
     """Whether a cell is a time of day, or a date with one."""
-    return ":" in cell and _STAMP.fullmatch(cell) is not None
+    return _parts(cell) is not None
+
+
+def _parts(cell: str) -> re.Match[str] | None:
+    """What a stamp consists of; None for other cells, and for those that are too long to be one."""
+    return _STAMP.fullmatch(cell) if ":" in cell and len(cell) <= LONGEST else None
 
 
 def seconds_of(cells: Sequence[str | None]) -> NDArray[np.float64] | None:
@@ -63,7 +71,7 @@ def _day_first(cell: str) -> bool:
 
 
 def _seconds(cell: str, day_first: bool) -> float:
-    part = _STAMP.fullmatch(cell)
+    part = _parts(cell)
     if part is None:
         return float("nan")
     hour, half = int(part["hour"] or 0), part["half"]

@@ -21,7 +21,7 @@ from swingid.identify.energy.chain import Chain
 from swingid.identify.energy.checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
 from swingid.identify.energy.fit import BASIS, fit_nodes, sensor_variance
 from swingid.identify.energy.jitter import find_jitter
-from swingid.identify.energy.needs import require_motor, without_latency
+from swingid.identify.energy.needs import check_saturation, require_motor, without_latency
 from swingid.identify.energy.passes import Passes, mirrored_passes
 from swingid.identify.energy.printed import (
     DEPTHS,
@@ -109,6 +109,7 @@ def energy(
         other, _ = _estimate(part, rig, scale, noise, how, jittery=False)
         said = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
         (doubts if said.code == "jitter-matters" else notes).append(said)
+    doubts += check_saturation(part.log, rig) if variant == "better" else []
     warnings, notes = [*doubts, *warnings], [part.note, *estimate.notes, *notes]
     if parameters["inertia"].standard_uncertainty is None:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."

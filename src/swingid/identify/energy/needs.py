@@ -4,11 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from swingid.errors import InputError, UnanswerableError
 from swingid.identify.momentum.balance import moved
+from swingid.identify.result import Message
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+
+SATURATED = 0.6
+"""Share of the rows with the voltage at its limits from which on what its jumps do to the energy is seen."""
 
 
 def require_motor(log: Recording, rig: Rig, scale: Scale, method: str) -> None:
@@ -37,3 +43,22 @@ def without_latency(log: Recording, rig: Rig) -> Recording:
         return log
     wheel = None if log.wheel_angle is None else moved(log.time, log.wheel_angle, wheel_late)
     return replace(log, angle=moved(log.time, log.angle, late), wheel_angle=wheel)
+
+
+def check_saturation(used: Recording, rig: Rig) -> list[Message]:
+    """A warning where the voltage mostly stands at its limits: it is known there, but it jumps from one to the other.
+
+    At a jump the wheel's acceleration jumps too, which a smoothed speed does not follow. `momentum` needs no speed.
+    """
+    if rig.drive.kind != "reaction-wheel" or used.voltage is None:
+        return []
+    low, high = float(used.voltage.min()), float(used.voltage.max())
+    near = 1e-3 * (high - low)
+    share = float(np.mean((used.voltage <= low + near) | (used.voltage >= high - near)))
+    if high <= low or share < SATURATED:
+        return []
+    text = (
+        f"the voltage stands at its limits in {share:.0%} of the rows and jumps between them, which smoothed speeds do "
+        "not follow (some 0.1 % of the inertia); use the momentum method, or record a smaller or slower motion."
+    )
+    return [Message("voltage-saturated", text)]

@@ -90,7 +90,17 @@ def test_who_rests_on_the_motor_is_told_apart():
 
 def test_who_assumes_a_friction_law_is_told_apart():
     trials = [trial("momentum", answer(1.0, 0.001)), trial("equation-error", answer(1.1, 0.001), friction="a law")]
-    assert "assume a friction law" in verdict("a.csv", trials).message
+    assert "it assumes a friction law" in verdict("a.csv", trials).message
+
+
+def test_a_difference_that_is_small_beside_both_uncertainties_stands_nobody_apart():
+    # alike in the wheel, which makes nearly all of what either is uncertain by
+    trials = [
+        trial("momentum", answer(1.0, 1e-5, ("wheel", 0.01))),
+        trial("equation-error", answer(1.0002, 1e-5, ("wheel", 0.01)), friction="a law"),
+    ]
+    assert abs(deviation(trials[1].result, trials[0].result)) > 10
+    assert verdict("a.csv", trials).apart == ()
 
 
 def test_a_refusal_is_a_row_and_a_reason(comparison):

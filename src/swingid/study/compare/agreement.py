@@ -15,6 +15,12 @@ if TYPE_CHECKING:
 LIMIT = 2.0
 """Difference, in its own standard uncertainties, beyond which two methods disagree."""
 
+MATTERS = 0.5
+"""Difference, in the smaller of the two methods' own uncertainties, below which it changes nothing.
+
+Methods that lean alike on the same constants differ by far less than either is uncertain.
+"""
+
 
 @dataclass(frozen=True)
 class Verdict:
@@ -35,7 +41,11 @@ def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
         )
     reference, others = answered[0], answered[1:]
     deviations = {t.method: deviation(t.result, reference.result) for t in others}
-    apart = tuple(name for name, value in deviations.items() if value is not None and abs(value) > LIMIT)
+    apart = tuple(
+        t.method
+        for t in others
+        if (far := deviations[t.method]) is not None and abs(far) > LIMIT and _matters(t.result, reference.result)
+    )
     if not apart:
         doubts = ", ".join(dict.fromkeys(w.code for w in reference.result.warnings))
         doubt = f", but {doubts} of {reference.method} may concern them all" if doubts else ""
@@ -61,6 +71,12 @@ def deviation(a: Result, b: Result) -> float | None:
     return gap.value / gap.u if gap.u > 0 else None
 
 
+def _matters(a: Result, b: Result) -> bool:
+    """Whether the difference is a good part of what either is uncertain by anyway."""
+    own = min(a.inertia.standard_uncertainty or 0.0, b.inertia.standard_uncertainty or 0.0)
+    return abs(a.inertia.value - b.inertia.value) > MATTERS * own
+
+
 def _source(run: str) -> Identity:
     """A constant is the same in both results, anything else is not."""
     return lambda entry: entry.shared_id or f"{run}: {entry.source}"
@@ -71,7 +87,11 @@ def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
     odd = [t for t in answered if t.method in apart]
     even = [t for t in answered if t.method not in apart]
     if all(t.assumptions.motor for t in odd) and not all(t.assumptions.motor for t in even):
-        return "they rest on the motor's constants; calibrate the motor (swingid calibrate) or trust the others."
+        rests = "they rest" if len(odd) > 1 else "it rests"
+        return f"{rests} on the motor's constants; calibrate the motor (swingid calibrate) or trust the others."
     if all(t.assumptions.friction != "any" for t in odd):
-        return "they assume a friction law; try another law, or trust the method that needs none."
+        return (
+            f"{'they assume' if len(odd) > 1 else 'it assumes'} a friction law; try another law, or trust the method "
+            "that needs none."
+        )
     return "no assumption tells them apart; look at the residuals in their reports."

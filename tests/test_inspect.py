@@ -333,3 +333,13 @@ def test_a_log_without_a_clock_says_so_and_not_that_it_has_no_angle(clean, look)
     found = look({name: clean[name] for name in ("q1", "q2", "u")}, None)
     assert found.verdict.line == "not usable: no column rises as a clock does; state [log] rate, rows per second."
     assert "# rate = 1000" in found.table
+
+
+@pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9)])
+def test_a_clock_in_another_unit_is_said_first(clean, look, unit, factor) -> None:
+    found = look({**clean, "t": clean["t"] * factor})
+    assert remedies(found) == [f'set time_unit = "{unit}" under [log]']
+    assert found.checks[0].code == "time-unit"
+    assert f"looks like {unit}" in found.checks[0].evidence
+    assert found.check("rate").values["rate"] == pytest.approx(1000)
+    assert found.tried == {"log.time_unit": unit}

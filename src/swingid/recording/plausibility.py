@@ -61,10 +61,10 @@ def judge(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) 
             findings.append(Finding("wheel-still", f"{message}; is the wheel's encoder connected?", "warning"))
     step = float(np.median(np.diff(time)))
     if step > NO_STEP:
-        message = f"{name}: one row in {step:g} s is too slow for a swing; column {rig.log.time!r} has to be in seconds"
-        raise InputError(f"{message} (is it in us or ns?).", code="absurd-time")
+        message = f"{name}: one row in {step:g} s is too slow for a swing; if column {rig.log.time!r} is in us or ns"
+        raise InputError(f"{message}, set [log] time_unit.", code="absurd-time")
     if step > SLOWEST_STEP:
-        message = f"one row in {step:g} s is too slow for a swing; the time has to be in seconds, is it in ms?"
+        message = f"one row in {step:g} s is too slow for a swing; if the time is in ms, set [log] time_unit."
         findings.append(Finding("slow-rows", message, "warning"))
     return findings
 
@@ -85,8 +85,8 @@ def _refuse_absurd_numbers(channels: Channels, rig: Rig, name: str) -> None:
             continue
         where = f"{name}: column {getattr(rig.log, channel)!r}"
         if channel == "time":
-            message = f"{where} reaches {peak:.3g}, which is no time in s; is it in ms, us or ns? Log seconds"
-            raise InputError(f"{message}, or set [log] rate where rows are evenly spaced.", code="absurd-time")
+            message = f"{where} reaches {peak:.3g} s; if it is in ms, us or ns, set [log] time_unit"
+            raise InputError(f"{message}, or [log] rate where rows are evenly spaced.", code="absurd-time")
         what = f"the {channel.replace('_', ' ')} reaches {peak:.3g}"
         raise InputError(f"{where}: {what}, which no rig does; set [log] {channel} and its unit.", code="absurd-number")
     steps = np.diff(channels["time"])

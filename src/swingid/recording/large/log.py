@@ -173,7 +173,8 @@ class LargeLog:
 
     def _from_first_row(self, header: Table, conventions: Conventions) -> tuple[Conventions, list[Finding]]:
         """See `epoch.from_first_row`, of the first rows of the file."""
-        first = next(self._open.pieces(FIRST, _columns(header, conventions)), None)
+        stamps = header.find(conventions.columns["time"]) if conventions.rate is None else None
+        first = None if stamps is None else next(self._open.pieces(FIRST, [stamps]), None)
         return (conventions, []) if first is None else from_first_row(first, conventions)
 
     def sha256(self) -> str:

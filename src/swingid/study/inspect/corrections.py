@@ -6,12 +6,16 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from swingid.errors import SwingidError
 from swingid.identify.format import percent
 from swingid.identify.noise import channel_noise
 from swingid.model.rig import Rig
+from swingid.recording.conventions import SECONDS
 from swingid.recording.formats.table import Table
 from swingid.recording.inspect import Check, Column
+from swingid.recording.inspect.clocks_and_speeds import FASTEST, SLOWEST
 from swingid.recording.inspect.encoder_steps import TURN, steps_seen, unit_of_steps
 from swingid.recording.load import from_table
 from swingid.recording.recording import Recording, Source
@@ -22,6 +26,9 @@ SAME_STEP = 5e-3
 """How well (share) steps agree with those of an encoder in the right unit."""
 
 UNIT_WORDS = {"rad": "radians", "deg": "degrees", "turns": "turns"}
+
+USUAL = 500.0
+"""Rows per second, about."""
 
 GRAVITY = "gravity-torque-disagrees"
 
@@ -36,7 +43,9 @@ def read(
     tried: dict[str, object] = {}
     told: list[Check] = []
     if columns is not None:
-        tried, told = units_by_steps(table, rig, columns)
+        for changes, checks in (unit_of_clock(table, rig, columns), units_by_steps(table, rig, columns)):
+            tried |= changes
+            told += checks
         rig = rig.changed(tried) if tried else rig
     try:
         return from_table(table, rig, source), rig, tried, told
@@ -52,6 +61,26 @@ def read(
         check = Check(failed.code, "on reading", "repair", without_path(failed, source), remedy)
         return log, other, tried | changes, [*told, check]
     return None, rig, tried, [*told, Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
+
+
+def unit_of_clock(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tuple[dict[str, object], list[Check]]:
+    """The change of [log] where rows come at a rate that a rig may have in another unit of the time than stated."""
+    name = table.find(rig.log.time) if rig.log.rate is None else None
+    if name is None or table.unit(name) or columns[name].kind not in ("numbers", "whole numbers"):
+        return {}, []
+    steps = np.diff(columns[name].values)
+    steps = steps[steps > 0]
+    rates = {unit: 1 / (float(np.median(steps)) * factor) for unit, factor in SECONDS.items()} if steps.size else {}
+    used = rig.log.time_unit
+    fitting = [unit for unit, rate in rates.items() if SLOWEST <= rate <= FASTEST]
+    if used in fitting or not fitting:
+        return {}, []
+    unit = min(fitting, key=lambda unit: abs(np.log(rates[unit] / USUAL)))
+    text = f"column {name!r} (time) looks like {unit}: rows come {rates[unit]:.4g} times a second in {unit}"
+    text += f", and {rates[used]:.4g} times in {used}."
+    change: dict[str, object] = {"log.time_unit": unit}
+    remedy = f'set time_unit = "{unit}" under [log]'
+    return change, [Check("time-unit", "units", "repair", text, remedy, {"changes": change})]
 
 
 def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tuple[dict[str, object], list[Check]]:

@@ -142,7 +142,10 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
         log, reader, tried, more = read(table, reader, source, by_name if rig is not None else None)
         if any(check.level == "fault" for check in checks):
             more = [check for check in more if check.code not in TOLD_BY_CLOCK]
-        checks += [_with_guess(check, roles) for check in more]
+        if "log.time_unit" in tried:
+            clock, checks = _clock(table, reader, roles, by_name)
+        units = [check for check in more if check.title == "units"]  # first: the rest is told in these units
+        checks = [*units, *checks, *(_with_guess(check, roles) for check in more if check not in units)]
     swings: Swings | None = None
     found: list[Service] = []
     seen: list[Check] = []

@@ -18,6 +18,7 @@ from swingid.identify.result import Message
 from swingid.identify.speed import Speed, smooth_speed
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
+from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import CURVATURE_POWER, project
@@ -125,8 +126,18 @@ class _Reading:
 def motor_torque(motor: Motor, voltage: Array, wheel_speed: Array) -> Array:
     """M of (8), corrected: the motor's torque on its shaft after the dead zone, N m."""
     low, high = motor.dead_zone
-    ideal = motor.efficiency.value * (motor.torque_per_volt.value * voltage - motor.back_emf.value * wheel_speed)
-    result: Array = np.maximum(ideal - high, 0.0) + np.minimum(ideal - low, 0.0)
+    constants = (motor.efficiency.value, motor.torque_per_volt.value, motor.back_emf.value, low, high)
+    return _after_dead_zone(voltage.ravel(), wheel_speed.ravel(), *constants).reshape(wheel_speed.shape)
+
+
+@njit
+def _after_dead_zone(
+    voltage: Array, rate: Array, efficiency: float, per_volt: float, back_emf: float, low: float, high: float
+) -> Array:
+    result = np.empty(len(voltage))
+    for k in range(len(voltage)):
+        ideal = efficiency * (per_volt * voltage[k] - back_emf * rate[k])
+        result[k] = max(ideal - high, 0.0) + min(ideal - low, 0.0)
     return result
 
 

@@ -69,15 +69,18 @@ def _running_hats(
     points, last = len(weights), len(knots) - 1
     total, result = np.zeros(len(knots)), np.empty((len(knots), len(instants)))
     place, share = np.empty(points, np.int64), np.empty(points)
-    k, fresh = 0, True
+    k, at, fresh = 0, 0, True
     for i in range(len(instants)):
         while True:
             h = time[k + 1] - time[k]
             if fresh:
                 for j in range(points):
-                    x = min(max(values[k, j], knots[0]), knots[last])
-                    place[j] = min(max(np.searchsorted(knots, x) - 1, 0), last - 1)
-                    share[j] = (x - knots[place[j]]) / (knots[place[j] + 1] - knots[place[j]])
+                    x = values[k, j]  # which changes little from node to node
+                    while at < last - 1 and x > knots[at + 1]:
+                        at += 1
+                    while at > 0 and x <= knots[at]:
+                        at -= 1
+                    place[j], share[j] = at, min(max((x - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
                 fresh = False
             if k >= len(time) - 2 or time[k + 1] > instants[i]:
                 break

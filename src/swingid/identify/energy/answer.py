@@ -25,6 +25,7 @@ from swingid.identify.result import (
 )
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
+from swingid.numerics.ranks import median
 
 Array = NDArray[np.float64]
 
@@ -179,7 +180,7 @@ def _per_swing(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> SwingSeries:
         left = states.known(rig, scale) - sum(fit.value(name) * columns[name] for name in fit.unknowns[1:])
         energy, speed = (within_blocks(x).reshape(blocks, -1) for x in (left, columns["inertia"]))
         values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
-    spread = 1.4826 * float(np.median(np.abs(values - np.median(values))))
+    spread = 1.4826 * median(np.abs(values - median(values)))
     expected = np.sqrt(estimate.sensor * blocks)
     return SwingSeries(estimate.turning, estimate.sides, values - scale.carried, np.full(blocks, max(spread, expected)))
 

@@ -25,6 +25,7 @@ from swingid.identify.scale import Scale
 from swingid.identify.speed import Speed, narrowest, smooth_speed, speed_on_grid
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
+from swingid.numerics.compiled import njit
 from swingid.numerics.cumulative import running_integrals
 from swingid.numerics.quadrature import GaussNodes
 from swingid.recording.recording import Recording
@@ -63,9 +64,7 @@ class Course:
     @cached_property
     def powers(self) -> Array:
         """What runs up to the work and to ∫f(q1') q1' dt of the terms f of friction but "offset", (5, n−1, points)."""
-        v, size = self.speed, np.abs(self.speed)
-        square = v * v
-        return np.stack([self.power, size, square, size * square, size * v])
+        return _powers(self.power.ravel(), self.speed.ravel()).reshape(5, *self.speed.shape)
 
     @classmethod
     def of(
@@ -107,6 +106,22 @@ class Course:
         active = (torque != 0.0).astype(np.float64)
         power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
         return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power)
+
+
+@njit
+def _powers(power: Array, speed: Array) -> Array:
+    """The rows of `Course.powers`: power, |v|, v², |v| v² and |v| v."""
+    result = np.empty((5, len(speed)))
+    for k in range(len(speed)):
+        v, size = speed[k], abs(speed[k])
+        result[0, k], result[1, k], result[2, k], result[3, k], result[4, k] = (
+            power[k],
+            size,
+            v * v,
+            size * v * v,
+            size * v,
+        )
+    return result
 
 
 def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:

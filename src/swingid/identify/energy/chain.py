@@ -17,6 +17,7 @@ from swingid.control.observer import VelocityObserver, filtered_both_ways
 from swingid.errors import UsageError
 from swingid.identify.speed import Speed
 from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.ranks import median
 
 Array = NDArray[np.float64]
 
@@ -50,7 +51,7 @@ class Chain:
 
 def observed_speed(time: Array, angle: Array, noise: float) -> Speed:
     """The observers (23) with the gains of section 5, both ways, at the stamps; noise: of one sample of the angle."""
-    observer, step = VelocityObserver(), float(np.median(np.diff(time)))
+    observer, step = VelocityObserver(), median(np.diff(time))
     speed = observer.both_ways(time, angle)
     return Speed(time, angle, speed, max(step, 1 / observer.sigma), noise * observer.noise_gain(step))
 
@@ -74,6 +75,6 @@ def between_rows(nodes: GaussNodes, values: Array, *, held: bool) -> Array:
 def held_between(time: Array, values: Array) -> Array:
     """The mean (n−1,) from row to row of a logged voltage or torque (n,) that is held, lost rows as `between_rows`."""
     gaps = np.diff(time)
-    rows = np.maximum(np.rint(gaps / np.median(gaps)), 1.0)
+    rows = np.maximum(np.rint(gaps / median(gaps)), 1.0)
     result: Array = values[:-1] + np.diff(values) * (rows - 1) / (2 * rows)
     return result

@@ -22,6 +22,7 @@ from swingid.identify.provenance import exact_constants
 from swingid.identify.result import BudgetEntry, Message, Parameter
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
+from swingid.numerics.ranks import median, quantile
 from swingid.recording.recording import Recording
 
 DISAGREES = "disagreement with the momentum balance"
@@ -59,7 +60,7 @@ def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise
         motion = motion.within(float(log.time[0]), float(log.time[-1]))
     signals = Signals.of(log, rig, motion)
     speed = motion.speed
-    quickest = float(np.quantile(np.abs(speed.acceleration(speed.grid)), 0.99))
+    quickest = quantile(np.abs(speed.acceleration(speed.grid)), 0.99)
     length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
     longest = min(length, log.duration / 20)
     fit, shorter = (
@@ -94,7 +95,7 @@ def check_energy(
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
     inertia = parameters["inertia"]
-    per_swing = motion.half_period / float(np.median(np.diff(opinion.signals.nodes.stamps)))
+    per_swing = motion.half_period / median(np.diff(opinion.signals.nodes.stamps))
     if per_swing < FEWEST_PER_SWING:
         raise UnanswerableError(
             f"the log has {per_swing:.1f} rows per swing, too few to tell speeds, on which energy stands; log at least "

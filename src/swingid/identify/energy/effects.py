@@ -18,6 +18,7 @@ from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
+from swingid.numerics.compiled import njit
 from swingid.numerics.cumulative import running_integrals
 from swingid.units import Quantity
 
@@ -63,8 +64,8 @@ def _motor(motor: Motor, course: Course, states: States) -> Iterator[Imperfectio
     """N, c1, eta, c2, f2 and f3: partial derivatives of the work and, for N, of a12 and a22."""
     n, c1, c2 = motor.gear_ratio.value, motor.torque_per_volt.value, motor.back_emf.value
     eta, jr, turn, v2 = motor.efficiency.value, motor.rotor_inertia.value, course.turn, course.wheel_speed
-    parts = [course.active * course.voltage * turn, course.active * v2 * turn, v2 * turn, np.sign(v2) * turn]
-    volts, back, squares, path = _integrals(course, states, parts)
+    parts = _motor_parts(course.active.ravel(), course.voltage.ravel(), v2.ravel(), turn.ravel())
+    volts, back, squares, path = _integrals(course, states, parts.reshape(4, *turn.shape))
     yield _constant("drive.motor.torque_per_volt", motor.torque_per_volt, n * eta * volts)
     yield _constant("drive.motor.efficiency", motor.efficiency, n * (c1 * volts - c2 * back))
     yield _constant("drive.motor.back_emf", motor.back_emf, -n * eta * back)
@@ -73,6 +74,18 @@ def _motor(motor: Motor, course: Course, states: States) -> Iterator[Imperfectio
     kinetic = -jr * states.wheel_speed * (states.speed + n * states.wheel_speed)
     work = states.work / n - n * motor.viscous.value * squares
     yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
+
+
+@njit
+def _motor_parts(active: Array, voltage: Array, rate: Array, turn: Array) -> Array:
+    """What runs up to the derivatives of the motor's work by c1, c2, f2 and f3, but for constant factors."""
+    result = np.empty((4, len(turn)))
+    for k in range(len(turn)):
+        result[0, k] = active[k] * voltage[k] * turn[k]
+        result[1, k] = active[k] * rate[k] * turn[k]
+        result[2, k] = rate[k] * turn[k]
+        result[3, k] = np.sign(rate[k]) * turn[k]
+    return result
 
 
 def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
@@ -119,7 +132,7 @@ def _angle_effect(
         momentum = momentum + rig.drive.a12 * states.wheel_speed
     effect = -(b * np.sin(states.angle) * error + momentum * rate)
     if rig.drive.kind == "direct":
-        effect = effect + _integrals(course, states, [course.voltage * along])[0]
+        effect = effect + _integrals(course, states, (course.voltage * along)[None])[0]
     result: Array = effect.ravel()
     return result
 
@@ -140,18 +153,19 @@ def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfec
         along = wheel.angle_at(course.nodes.instants.ravel()).reshape(rate.shape)
         shapes = (("cosine", -np.sin(at_nodes), -np.sin(along)), ("sine", np.cos(at_nodes), np.cos(along)))
         for name, here, there in shapes:
-            (work,) = _integrals(course, states, [slope * there * rate])
+            (work,) = _integrals(course, states, (slope * there * rate)[None])
             effect = (work - momentum * here * states.wheel_speed).ravel()
             source = f"wheel encoder nonlinearity ({name})"
             shared = f"sensors.wheel.nonlinearity.{name}"
             yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
     if sensor.latency.std:
         turning = wheel.acceleration(course.nodes.instants.ravel()).reshape(rate.shape)
-        (work,) = _integrals(course, states, [slope * turning])
+        (work,) = _integrals(course, states, (slope * turning)[None])
         effect = (work - momentum * states.wheel_acceleration).ravel()
         yield Imperfection("wheel latency", sensor.latency.std, effect, 0.0, "sensors.wheel.latency")
 
 
-def _integrals(course: Course, states: States, signals: list[Array]) -> Array:
+def _integrals(course: Course, states: States, signals: Array) -> Array:
+    """Running integrals of signals (m, n−1, points) up to the states, (m, blocks, nodes)."""
     shape = states.instants.shape
-    return running_integrals(course.nodes, np.stack(signals), states.instants.ravel()).reshape(-1, *shape)
+    return running_integrals(course.nodes, signals, states.instants.ravel()).reshape(-1, *shape)

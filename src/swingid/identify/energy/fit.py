@@ -63,15 +63,16 @@ def columns_at(states: States, scale: Scale, terms: tuple[str, ...]) -> dict[str
 
 
 def within_blocks(values: Array) -> Array:
-    """Differences from each block's mean, flattened."""
-    result: Array = (values - values.mean(axis=1, keepdims=True)).ravel()
-    return result
+    """Differences of values (..., blocks, nodes) from each block's mean, blocks and nodes in one row."""
+    nodes = values.shape[-1]
+    result: Array = values - (values.sum(axis=-1) / nodes)[..., None]
+    return result.reshape(*values.shape[:-2], -1)
 
 
 def fit_nodes(states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = BASIS) -> NodeFit:
     """Least squares over all nodes; covariance from the scatter of blocks, neighbours may be correlated."""
     columns = columns_at(states, scale, terms)
-    matrix = np.column_stack([within_blocks(column) for column in columns.values()])
+    matrix = within_blocks(np.array(list(columns.values()))).T
     target = within_blocks(states.known(rig, scale))
     influence = influence_of(matrix)
     values = influence @ target

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from swingid.identify.motion import DIFFERENCES, sixth_differences
 from swingid.identify.noise import EVEN, Noise
 from swingid.identify.result import Message, Parameter
+from swingid.numerics.ranks import median
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -60,7 +61,7 @@ def find_jitter(log: Recording, noise: Noise) -> Jitter:
     Looked for where seven rows follow each other evenly: uneven stamps were recorded as they are.
     """
     steps = np.diff(log.time)
-    step = float(np.median(steps))
+    step = median(steps)
     even = _even_stretches(steps, step)
     if np.count_nonzero(even) < 50 * CLASSES:
         return Jitter(0.0, noise)
@@ -91,7 +92,7 @@ def _of_channel(
         return 0.0, level
     size = np.abs(sixth_differences(seven)) / np.sqrt(924)
     order = np.array_split(np.argsort(np.abs(speed)), CLASSES)
-    power = np.array([(np.median(size[part]) / 0.6745) ** 2 for part in order])
+    power = np.array([(median(size[part]) / 0.6745) ** 2 for part in order])
     square = np.array([np.mean(speed[part] ** 2) for part in order])
     if not np.ptp(square) > 0 or not power.min() > AT_REST * power.max():
         return 0.0, level

@@ -89,7 +89,7 @@ def friction_profile(course: Course, states: States, rig: Rig, scale: Scale) -> 
     speeds = SPEEDS * np.max(np.abs(states.speed))
     named = columns_at(states, scale, ())
     works = [*_hat_works(course, states.instants, speeds), *(states.friction[name] for name in EVEN)]
-    matrix = np.column_stack([within_blocks(column) for column in (*named.values(), *works)])
+    matrix = within_blocks(np.array([*named.values(), *works])).T
     target = within_blocks(states.known(rig, scale))
     influence = influence_of(matrix)
     values = influence @ target

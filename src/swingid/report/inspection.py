@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from swingid.study.inspect import Inspection
 
 LEVELS = {"ok": "ok", "note": "note", "unknown": "not told", "advice": "advice", "repair": "mend", "fault": "fault"}
-TODO = ("fault", "repair", "advice")
+ORDER = ("fault", "repair", "advice")
 STATUS = {"ready": "ok", "repairs": "warning", "unusable": "refused"}
 ANSWERS = {"ready": "ready", "repairs": "ready after repairs", "unusable": "not usable"}
 
@@ -36,7 +36,7 @@ def write_inspection(found: Inspection, path: str | Path) -> Path:
             picture=picture,
             status=STATUS[found.verdict.status],
             answer=ANSWERS[found.verdict.status],
-            todo=[check for level in TODO for check in found.checks if check.level == level],
+            todo=[check for level in ORDER for check in found.checks if check.level == level],
             levels=LEVELS,
             columns=columns_table(found),
         )

@@ -263,3 +263,26 @@ def test_instants_and_durations_of_numpy(kind):
     time = since if kind == "durations" else np.datetime64("2024-03-05T12:00") + since
     columns = {"t": time, "q1": LOG.angle, "q2": LOG.wheel_angle, "u": LOG.voltage}
     np.testing.assert_allclose(Recording.from_columns(columns, rig_with()).time, LOG.time, atol=3e-7)
+
+
+@pytest.mark.parametrize("decimal", [".", ","])
+@given(
+    seed=st.integers(0, 10**6),
+    scale=st.sampled_from([1.0, 300.0, 5000.0]),
+    digits=st.integers(0, 4),
+    grouped=st.booleans(),
+)
+def test_what_is_written_in_any_dialect_is_read(decimal, seed, scale, digits, grouped):
+    """Fixed decimals, with and without marks between thousands, and as few digits as the numbers need."""
+    rng = np.random.default_rng(seed)
+    time, values = np.arange(90) * 0.125, np.round(rng.normal(0, scale, 90), digits)
+    mark = ";" if decimal == "," else rng.choice([";", "\t", "|"])
+    swap = str.maketrans(",.", ".,") if decimal == "," else {}
+
+    def written(x):
+        return (f"{x:,.{digits}f}" if grouped else f"{x:.10g}").translate(swap)
+
+    text = "".join(f"{t:.3f}".translate(swap) + mark + written(x) + "\n" for t, x in zip(time, values, strict=True))
+    table = read_table(f"t{mark}x\n{text}".encode(), "log.csv")
+    np.testing.assert_allclose(table.numbers("t")[0], time, atol=1e-12)
+    np.testing.assert_allclose(table.numbers("x")[0], values, atol=1e-12)

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from swingid.recording.formats.numerals import has_decimal_comma, is_grouped
+from swingid.recording.formats.numerals import are_whole_thousands, has_decimal_comma, is_grouped
 from swingid.recording.formats.stamps import is_stamp
 
 DELIMITERS = (b"\t", b";", b",", b"|")
@@ -78,6 +78,10 @@ def _below_titles(cells: Sequence[Sequence[str]], first: int, width: int, decima
 
 def _decimal(cells: Sequence[Sequence[str]]) -> str:
     """The decimal sign; a comma that only parts thousands beside decimal points is none."""
+    columns = list(zip(*(row for row in cells[1:] if len(row) == len(cells[-1])), strict=True))
+    for decimal in (".", ","):
+        if any(are_whole_thousands(column, decimal) for column in columns):
+            return decimal
     every = [cell for row in cells[1:] for cell in row]
     commas = [cell for cell in every if has_decimal_comma(cell)]
     points = any("." in cell and is_number(cell, ".") and not is_grouped(cell, ",") for cell in every)
@@ -128,7 +132,7 @@ def _delimiter(lines: Sequence[bytes]) -> bytes:
         rows = [split_cells(line, delimiter) for line in lines]
         width, count = Counter(map(len, rows)).most_common(1)[0]
         cells = [cell for row in rows if len(row) == width for cell in row]
-        numbers = sum(is_number(cell, "." if delimiter == b"," else ",") or is_number(cell, ".") for cell in cells)
+        numbers = sum(is_value(cell, ".") or is_value(cell, ",") for cell in cells)
         return count / len(rows) * (1 + numbers / len(cells)) if width > 1 else 0.0
 
     fit = {delimiter: fitness(delimiter) for delimiter in (*DELIMITERS, b" ")}

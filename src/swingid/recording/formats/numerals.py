@@ -24,6 +24,18 @@ def has_decimal_comma(cell: str) -> bool:
     return _DECIMAL_COMMA.fullmatch(cell) is not None and any(letter.isdigit() for letter in cell)
 
 
+def are_whole_thousands(cells: Sequence[str], decimal: str) -> bool:
+    """Whether a column holds whole numbers, with a mark above 999: -181, 1.046. Decimals would be of any length."""
+    mark = "," if decimal == "." else "."
+    marked = [cell for cell in cells if mark in cell]
+    short = [cell for cell in cells if re.fullmatch(r"\s*[+-]?[1-9]\d{1,2}\s*", cell)]
+    if len(short) < max(3, len(cells) // 10) or not marked:
+        return False
+    return all(is_grouped(cell, decimal) and decimal not in cell for cell in marked) and all(
+        decimal not in cell for cell in cells
+    )
+
+
 def plain_cells(cells: Sequence[str | None], decimal: str) -> list[str | None]:
     """Cells of a column of text with the numbers among them in plain digits; others as they are.
 

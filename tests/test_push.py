@@ -190,6 +190,13 @@ def test_a_push_at_an_end_is_left_out_to_it(at):
     assert abs(identify(log, GIVEN).inertia.value / INERTIA - 1) < 1e-4
 
 
+def test_a_push_within_the_transient_leaves_it_a_transient():
+    log = run(pushes=[(1.0, 0.2, 5.0)])
+    result = identify(log, GIVEN)
+    assert result.details.start > 3.0
+    assert fine(result)
+
+
 def test_no_speed_is_made_up_in_a_gap():
     """A cubic through the rows at one side of a long gap runs away from them."""
     log = run(duration=10.0)

@@ -51,33 +51,32 @@ def longest_run(log: Recording) -> Recording:
 def _steady(motion: Motion, start: float, stop: float, left_out: Iterable[Iterable[float]]) -> tuple[float, float]:
     """From the first swing after which the sizes of swings keep within the range of the log's second half.
 
-    With parts left out, up to the first of them, within the range of the second half of the longest run of swings.
-    The whole log where that leaves too few swings: a motion that only grows has no steady part, and tells as much.
+    With parts left out, from where the first of the runs before, between and behind them settles, within the range of
+    the second half of the longest. The whole log where too few swings are left: a motion that only grows has no steady
+    part, and tells as much.
     """
-    sizes = motion.swing_sizes
+    sizes, times = motion.swing_sizes, motion.turning_times
     runs = _runs(motion, left_out)
-    longest = max(runs, key=len)
-    settled = longest[len(longest) // 2 :] if len(longest) else sizes
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    settled = sizes[(first + last) // 2 : last] if last > first else sizes
     low, high = settled.min(), settled.max()
     margin = 0.05 * high
-    outside = np.nonzero((sizes < low - margin) | (sizes > high + margin))[0]
-    outside = outside[outside < len(runs[0])]
-    if len(outside) == 0:
-        return start, stop
-    if len(motion.turning_times) - (outside[-1] + 1) < FEWEST_TURNS:
-        return start, stop
-    return float(motion.turning_times[outside[-1] + 1]), stop
+    outside = (sizes < low - margin) | (sizes > high + margin)
+    for first, last in runs:
+        unsettled = first + np.flatnonzero(outside[first:last]) + 1
+        begin = int(unsettled[-1]) if len(unsettled) else first
+        if last - begin >= FEWEST_TURNS - 1:
+            return (float(times[begin]) if begin > 0 else start), stop
+    return start, stop
 
 
-def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[Array]:
-    """Sizes of the swings before, between and after the parts left out, without those that hold one."""
-    first = 0
-    runs = []
+def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[tuple[int, int]]:
+    """First swing and swing after the last, before, between and behind the parts left out; none holds one."""
+    first, runs = 0, []
     for begin, end in left_out:
-        last = max(int(np.searchsorted(motion.turning_times, begin)) - 1, first)
-        runs.append(motion.swing_sizes[first:last])
+        runs.append((first, max(int(np.searchsorted(motion.turning_times, begin)) - 1, first)))
         first = int(np.searchsorted(motion.turning_times, end))
-    return [*runs, motion.swing_sizes[first:]]
+    return [*runs, (first, max(len(motion.swing_sizes), first))]
 
 
 def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:

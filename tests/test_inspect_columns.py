@@ -113,7 +113,8 @@ def test_zero_by_where_the_body_hangs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "unit"), [("theta_rad", "rad"), ("pos_deg", "deg"), ("t_ms", "ms"), ("w_rad_s", "rad/s"), ("q1", "")]
+    ("name", "unit"),
+    [("theta_rad", "rad"), ("pos_deg", "deg"), ("t_ms", "ms"), ("w_rad_s", "rad/s"), ("rpm", "rpm"), ("q1", "")],
 )
 def test_unit_at_the_end_of_a_name(name, unit) -> None:
     assert unit_of(name, "") == unit

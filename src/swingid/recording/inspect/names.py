@@ -81,7 +81,9 @@ def unit_of(name: str, stated: str) -> str:
     if re.search(r"((rad|deg)[_/ ]?(p|per)?[_/ ]?s|m[_/ ](per[_ ])?s|mps)(_|$)", compact):
         return next(u for u in ("rad/s", "deg/s", "m/s") if u.split("/")[0] in compact)
     words = words_of(name)
-    return UNITS.get(words[-1], "") if len(words) > 1 else ""
+    if len(words) > 1:
+        return UNITS.get(words[-1], "")
+    return "rpm" if words == ["rpm"] else ""
 
 
 def name_scores(name: str) -> dict[str, float]:

@@ -85,7 +85,9 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
     code = channel.role
     if column.constant:
         dead: Level = "note" if channel.role in ("reference", "voltage") else "fault"
-        text = f"{word} (column {column.name!r}) is {column.low:g} in all {len(column.values)} rows: a dead channel."
+        text = (
+            f"{word} (column {column.name!r}) is {column.low + 0.0:g} in all {len(column.values)} rows: a dead channel."
+        )
         yield Check(f"{code}-dead", word, dead, text, f"log the {word}" if dead == "fault" else "")
         return
     factor = channel.factor or 1.0

@@ -11,7 +11,7 @@ from swingid.identify.identifiability import BLIND, HOPELESS, Identifiability, a
 from swingid.identify.momentum.checks import check_answer, check_motor
 from swingid.identify.motion import Motion
 from swingid.identify.output_error.answer import SCATTER, Estimate
-from swingid.identify.output_error.constants import constant_value
+from swingid.identify.output_error.constants import SCALE, constant_value
 from swingid.identify.output_error.declared import shift_of_momentum
 from swingid.identify.output_error.problem import Problem
 from swingid.identify.output_error.solver import Fit, inverse_of
@@ -237,7 +237,7 @@ def _moved_far(estimate: Estimate, rig: Rig) -> list[Message]:
     """A warning where the log moves what rig.toml states of a constant or a sensor farther than it says."""
     told = []
     for item, value in zip(estimate.unknowns.items, estimate.values, strict=True):
-        if item.is_sought or item.name == ZERO or abs(value) < FAR * item.std:
+        if item.is_sought or item.name in (ZERO, SCALE) or abs(value) < FAR * item.std:
             continue
         found = number(constant_value(rig, item.name)[0] + value if item.places else value, item.unit)
         edge = " or beyond" if value in (item.low, item.high) else ""
@@ -250,7 +250,7 @@ def _moved_far(estimate: Estimate, rig: Rig) -> list[Message]:
 
 def _conditioning(seen: Identifiability, unknowns: Unknowns) -> Message:
     sought = ", ".join(item.name for item in unknowns.items if item.is_sought)
-    moved = [item.name for item in unknowns.items if not item.is_sought and item.name != ZERO]
+    moved = [item.name for item in unknowns.items if not item.is_sought and item.name not in (ZERO, SCALE)]
     text = f"sought together: {sought}"
     if moved:
         text += f"; left to move within what the rig file states: {', '.join(moved)}"

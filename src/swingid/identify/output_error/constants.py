@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from swingid.identify.output_error.axis_motion import GAIN
 from swingid.identify.scale import Scale
-from swingid.model.parameters import A11, A12, A22, C1, C2, ETA, F2, F3, GEAR, WHEEL_STATIC, B
+from swingid.model.parameters import A11, A12, A22, C1, C2, D1, D2, ETA, F2, F3, GEAR, WHEEL_STATIC, B
 from swingid.model.rig import Rig
 
 Places = tuple[tuple[int, float], ...]
 
 INERTIAS = ("drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
 """Constants of the drive that the motion feels also where the measured wheel is its input."""
+
+TORQUES = ("drive.motor.torque_per_volt", "drive.motor.back_emf", "drive.motor.viscous", "drive.motor.coulomb")
+"""The motor's torques beside its dead zone."""
+
+SCALE = "motor_scale"
+"""Relative deviation of all torques of the motor alike from what is stated."""
 
 MOTOR_NAMES = {"viscous": "motor_viscous", "coulomb": "motor_coulomb"}
 """The motor's friction, whose names are those of the axis too."""
@@ -48,15 +54,31 @@ def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
     return float(getattr(holder, "value", 0.0)), getattr(holder, "std", None)
 
 
+def scaled_places(rig: Rig) -> Places:
+    """Places of the motor's torques, with what is stated as weights: what a common scale of them moves."""
+    motor = rig.drive.motor
+    assert motor is not None
+    low, high = motor.dead_zone
+    stated = {C1: motor.torque_per_volt, C2: motor.back_emf, F2: motor.viscous, F3: motor.coulomb}
+    held = abs(motor.gear_ratio.value) * motor.coulomb.value
+    values = {place: quantity.value for place, quantity in stated.items()} | {WHEEL_STATIC: held, D1: high, D2: low}
+    return tuple(values.items())
+
+
 def is_felt(key: str, input: str) -> bool:
     """Whether a constant enters the simulation: most of the motor's do not where the measured wheel is the input."""
     return input == "voltage" or not key.startswith("drive.") or key in INERTIAS
 
 
 def uncertain_constants(rig: Rig, scale: Scale, input: str) -> tuple[str, ...]:
-    """Keys of the constants that enter and that rig.toml states with an uncertainty."""
+    """Keys of the constants that enter and that rig.toml states with an uncertainty; `SCALE` beside any of them.
+
+    A motor's constants come from a test against the inertia of its wheel, and are off with it. So they may not tell
+    that inertia, nor what else sets the scale: a common scale of its torques is left open.
+    """
     known = [key for key in constant_places(rig, scale) if is_felt(key, input)]
-    return tuple(key for key in known if constant_value(rig, key)[1])
+    unsure = tuple(key for key in known if constant_value(rig, key)[1])
+    return (*unsure, SCALE) if unsure and input == "voltage" else unsure
 
 
 def free_key(name: str) -> str:

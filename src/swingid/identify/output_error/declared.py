@@ -12,7 +12,7 @@ from swingid.identify.energy.checks import SecondOpinion
 from swingid.identify.momentum.imperfections import imperfections
 from swingid.identify.motion import Motion
 from swingid.identify.noise import Noise
-from swingid.identify.output_error.constants import Places, constant_places, constant_value, is_felt
+from swingid.identify.output_error.constants import SCALE, TORQUES, Places, constant_places, constant_value, is_felt
 from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.output_error.readings import as_read
 from swingid.identify.output_error.search import Searched
@@ -47,11 +47,15 @@ def declared_effects(
 def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
     """Where the fit found the constants that rig.toml states with an uncertainty, by their keys."""
     pairs = zip(searched.unknowns.items, searched.fit.values, strict=True)
-    return {
-        item.name: constant_value(rig, item.name)[0] + float(value)
-        for item, value in pairs
-        if item.places and not item.is_sought
-    }
+    moved = {item.name: float(value) for item, value in pairs if item.places and not item.is_sought}
+    scale = moved.pop(SCALE, 0.0)
+    found = {key: constant_value(rig, key)[0] + value for key, value in moved.items()}
+    if rig.drive.motor is not None and scale:
+        low, high = rig.drive.motor.dead_zone
+        stated = {key: constant_value(rig, key)[0] for key in TORQUES}
+        stated |= {"drive.motor.dead_zone.negative": low, "drive.motor.dead_zone.positive": high}
+        found |= {key: found.get(key, value) + scale * value for key, value in stated.items()}
+    return found
 
 
 def shift_of_momentum(opinion: SecondOpinion, searched: Searched, rig: Rig, scale: Scale) -> float:
@@ -76,7 +80,7 @@ def _constants(searched: Searched, problem: Problem, influence: Array, rig: Rig,
     unknowns, fit = searched.unknowns, searched.fit
     inverse = inverse_of(fit.reduced)
     for k, item in enumerate(unknowns.items):
-        if item.places and not item.is_sought:
+        if item.places and not item.is_sought and item.name != SCALE:
             yield item.name, item.std, item.name, inverse[:, k] * unknowns.power[k]
     sought = {item.places for item in unknowns.items if item.places}
     places: dict[str, Places] = {

@@ -18,11 +18,13 @@ from numpy.typing import NDArray
 from swingid.errors import UsageError
 from swingid.identify.friction_laws import DIRECTIONS, LAWS, friction_units, law_terms
 from swingid.identify.output_error.constants import (
+    SCALE,
     Places,
     constant_places,
     constant_value,
     free_key,
     free_name,
+    scaled_places,
     unit_of,
 )
 from swingid.identify.scale import Scale
@@ -74,6 +76,9 @@ FARTHEST_ZERO = 0.1
 """Angle (rad) within which the zero of the angle is looked for where that within its grid does not explain the log."""
 
 NOTHING: Mapping[str, float] = {}
+
+ANY_SCALE = 1.0
+"""Standard deviation of the motor's scale: so wide that it tells nothing."""
 
 FARTHEST = 30.0
 """Standard deviations within which a constant is looked for about what is stated."""
@@ -228,7 +233,9 @@ def unknowns_of(
         unit = units["coulomb" if name == "stribeck" else name]
         items.append(Unknown(name, unit, low, high, FRICTION[name]))
     asked = {free_key(item.name) for item in items if item.name not in FRICTION}
-    items += [_about_stated(rig, scale, key, places[key]) for key in uncertain if key not in asked]
+    items += [_about_stated(rig, scale, key, places[key]) for key in uncertain if key in places and key not in asked]
+    if SCALE in uncertain:
+        items.append(Unknown(SCALE, "1", -0.9, FARTHEST * ANY_SCALE, scaled_places(rig), ANY_SCALE))
     for key, std in readings.items():
         unit = "s" if key.endswith("latency") else "rad"
         items.append(Unknown(key, unit, -FARTHEST * std, FARTHEST * std, (), std))

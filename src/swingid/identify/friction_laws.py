@@ -7,6 +7,7 @@ parameter of its own, the Stribeck speed vs.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,7 @@ STRIBECK_SHARES = np.geomspace(0.01, 0.3, 8)
 """Stribeck speeds tried, as shares of the highest speed."""
 
 
+@cache
 def law_terms(name: str) -> tuple[str, ...]:
     """Terms of a law by its name with direction."""
     odd, comma, direction = name.partition(",")

@@ -211,7 +211,7 @@ def _rests(speed: Speed, instants: Array, v: Array) -> Array:
     threshold = max(4 * speed.noise, 2e-3 * float(np.abs(v).max()))
     still = np.concatenate([[False], np.abs(v) < threshold, [False]])
     begins, ends = np.nonzero(~still[:-1] & still[1:])[0], np.nonzero(still[:-1] & ~still[1:])[0] - 1
-    acceleration = np.sqrt(np.mean(np.gradient(v, instants) ** 2))
+    acceleration = np.sqrt(np.mean(np.gradient(v, instants[1] - instants[0]) ** 2))
     passage = 2 * threshold / max(acceleration, 1e-300)
     long = instants[ends] - instants[begins] > 3 * passage + 2 * speed.half_width
     result: Array = np.column_stack([instants[begins[long]], instants[ends[long]]])

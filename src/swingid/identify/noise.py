@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from swingid.identify.motion import grid_step, sample_noise
 from swingid.model.rig import Rig
 from swingid.numerics.compiled import njit
+from swingid.numerics.ranks import median
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -58,7 +59,7 @@ def uneven_noise(time: Array, values: Array) -> float:
     """
     if len(values) < 20:
         return 0.0
-    return float(np.median(np.abs(_sixth_differences(time, values))) / 0.6745)
+    return median(np.abs(_sixth_differences(time, values))) / 0.6745
 
 
 @njit

@@ -101,8 +101,8 @@ def _widest(time: Array, angle: Array, places: Array, width: float, longest: flo
 
 def typical_step(time: Array) -> float:
     """Median step between the stamps, of two hundred steps where there are more."""
-    at = np.arange(0, len(time) - 1, max(1, (len(time) - 1) // 200))
-    return median(time[at + 1] - time[at])
+    every = max(1, (len(time) - 1) // 200)
+    return median(time[1::every] - time[:-1:every])
 
 
 def narrowest(time: Array, angle: Array, noise: float) -> float:

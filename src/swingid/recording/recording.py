@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
+from swingid.numerics.ranks import median
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -100,12 +102,12 @@ class Recording:
         """Time from the first row to the last, s."""
         return float(self.time[-1] - self.time[0])
 
-    @property
+    @cached_property
     def rate(self) -> float:
         """Median number of rows per second, 1/s; UnanswerableError when there are fewer than two rows."""
         if len(self) < 2:
             raise UnanswerableError("a recording of one row has no rate; log a longer run.", code="too-short")
-        return float(1.0 / np.median(np.diff(self.time)))
+        return 1.0 / median(np.diff(self.time))
 
     def segment(self, start: float, stop: float) -> Recording:
         """The rows with start <= time <= stop (s), as a recording of its own.

@@ -20,6 +20,7 @@ from swingid.identify.speed import speed_on_grid
 from swingid.model.rig import Rig
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.ranks import quantile
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import project_impulses, project_stacked, project_steps
 from swingid.recording.recording import Recording
@@ -126,7 +127,7 @@ class Signals:
     @cached_property
     def fastest(self) -> float:
         """Speed that is exceeded for a thousandth of the time only."""
-        return float(np.quantile(np.abs(self.speed), 0.999))
+        return quantile(np.abs(self.speed).ravel(), 0.999)
 
     @cached_property
     def finely(self) -> tuple[GaussNodes, Array]:

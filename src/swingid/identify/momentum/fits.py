@@ -115,7 +115,7 @@ def covariance_of(fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: 
     if scatter > 0:
         covariance = covariance * (with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns)) / scatter)
     bias = _attenuation(rows.windows, fit, noise)
-    result: Array = covariance + np.outer(bias, bias)
+    result: Array = covariance + bias[:, None] * bias
     return result
 
 
@@ -154,9 +154,10 @@ def sensor_variance(
     """
     windows = rows.windows
     gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * windows.middle**2 / a11
-    powers = np.array([(a11 * noise.angle) ** 2, (scale.a12 * noise.wheel) ** 2]) * noise.step
-    true, tapered = overlaps(influence * windows.loudness, windows.centres, windows.half, 2 * LAG, LAG, gravity)
-    return float(np.maximum(true, 0.0) @ powers), float(np.maximum(tapered, 0.0) @ powers)
+    axis, wheel = (a11 * noise.angle) ** 2 * noise.step, (scale.a12 * noise.wheel) ** 2 * noise.step
+    sums = overlaps(influence * windows.loudness, windows.centres, windows.half, 2 * LAG, LAG, gravity)
+    true, tapered = (max(of_axis, 0.0) * axis + max(of_wheel, 0.0) * wheel for of_axis, of_wheel in sums)
+    return true, tapered
 
 
 def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:

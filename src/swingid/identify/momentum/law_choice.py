@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cache
 
@@ -13,6 +14,7 @@ from swingid.identify.momentum.fits import LAG
 from swingid.identify.momentum.friction_rows import FrictionRows, law_weights, places_of, slope_weights
 from swingid.identify.motion import Motion
 from swingid.numerics.compiled import njit
+from swingid.numerics.ranks import median
 from swingid.numerics.regression import gram, symmetric_inverse
 
 Array = NDArray[np.float64]
@@ -107,8 +109,8 @@ class LawChoice:
         lost, values, sound = _tried(self.gram, self.body, places, knots, speed, _sides(terms), self.independent)
         if not self.trials or sound:
             count = len(terms) + ("stribeck" in terms)
-            score = self.independent * np.log(lost) + count * np.log(self.independent)
-            self.trials[name] = Trial(terms, speed, values, float(score))
+            score = self.independent * math.log(lost) + count * math.log(self.independent)
+            self.trials[name] = Trial(terms, speed, values, score)
 
 
 def slowest_peak(motion: Motion, noise: float) -> float:
@@ -116,7 +118,7 @@ def slowest_peak(motion: Motion, noise: float) -> float:
 
     A peak that passes while the angle moves less than its noise cannot be told from an error of the angle.
     """
-    acceleration = float(np.median(np.abs(motion.speed.acceleration(motion.turning_times))))
+    acceleration = median(np.abs(motion.speed.acceleration(motion.turning_times)))
     return float(np.sqrt(acceleration * noise))
 
 

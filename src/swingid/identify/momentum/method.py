@@ -37,6 +37,7 @@ from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Re
 from swingid.identify.scale import Scale, require_channels
 from swingid.identify.segment import usable_part
 from swingid.model.rig import Rig
+from swingid.numerics.ranks import median
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.recording.recording import Recording
 
@@ -254,6 +255,6 @@ def _per_swing(estimate: _Estimate, signals: Signals, scale: Scale, noise: Noise
     values = known / rows.inertia - scale.carried
     power = (law.a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
     sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows.inertia)
-    spread = 1.4826 * np.median(np.abs(values - np.median(values))) if len(values) else 0.0
+    spread = 1.4826 * median(np.abs(values - median(values))) if len(values) else 0.0
     sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
     return SwingSeries(rows.windows.centres, sides, values, np.maximum(sensor, spread))

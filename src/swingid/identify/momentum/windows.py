@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from swingid.identify.momentum.balance import Signals, Windows
 
+FEWEST_SAMPLES = 6
+
 
 def law_windows(signals: Signals, half: float) -> Windows:
     """Windows of half-length `half` every half/2, none across a rest or a gap of the log."""
@@ -44,9 +46,11 @@ def even_windows(signals: Signals, half: float) -> Windows:
 def _clear(signals: Signals, windows: Windows) -> NDArray[np.bool_]:
     """Whether each window holds enough samples, no rest, no part left out and no gap longer than a quarter of it."""
     time = signals.nodes.stamps
-    first = np.searchsorted(time, windows.centres - windows.half)
-    last = np.searchsorted(time, windows.centres + windows.half)
-    clear: NDArray[np.bool_] = (last - first) >= 6
+    clear: NDArray[np.bool_] = np.ones(len(windows), dtype=bool)
+    if 2 * windows.half.min(initial=np.inf) < (FEWEST_SAMPLES + 2) * signals.longest_step:
+        first = np.searchsorted(time, windows.centres - windows.half)
+        last = np.searchsorted(time, windows.centres + windows.half)
+        clear = (last - first) >= FEWEST_SAMPLES
     for begin, end in signals.gaps(0.25 * windows.half.min(initial=np.inf)):
         covered = (windows.centres - windows.half < end) & (windows.centres + windows.half > begin)
         clear &= ~(covered & (end - begin > 0.25 * windows.half))

@@ -465,6 +465,7 @@ def test_the_sensitivity_to_what_is_stated_is_that_of_a_second_fit(viscous_log):
     [
         {"law": "sticky"},
         {"starts": True},
+        {"free": "gear_ratio"},
         {"segment": 1e-300},
         {"segment": 0.01},
         {"segment": True},

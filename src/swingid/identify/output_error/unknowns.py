@@ -68,6 +68,9 @@ FRICTION: dict[str, Places] = {
 POWERS = {"viscous": 1, "quadratic": 2, "cubic": 3}
 """Power of the speed that a coefficient of friction stands before, where not 0."""
 
+NEVER_FREE = ("drive.motor.gear_ratio", "log.torque_gain")
+"""Constants whose places are those of small deviations only, or that nothing but another constant tells."""
+
 ZERO = "angle_zero"
 """What the angle's encoder reads at angle 0: unknown within a step of its grid. It moves readings, not the motion."""
 
@@ -219,10 +222,9 @@ def unknowns_of(
     items = [Unknown("inertia", scale.unit, 1e-12, np.inf, ((A11, 1.0),))]
     for name in dict.fromkeys((*(("gravity_torque",) if scale.b is None else ()), *free)):
         key = free_key(name)
-        if key not in places:
-            has = ", ".join(
-                free_name(key) for key in places if key not in ("drive.motor.gear_ratio", "log.torque_gain")
-            )
+        offered = [other for other in places if other not in NEVER_FREE]
+        if key not in offered:
+            has = ", ".join(free_name(other) for other in offered)
             raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
         items.append(Unknown(name, unit_of(key, scale), 0.0, np.inf, places[key]))
     for name in friction_unknowns(law):

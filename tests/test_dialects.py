@@ -286,3 +286,19 @@ def test_what_is_written_in_any_dialect_is_read(decimal, seed, scale, digits, gr
     table = read_table(f"t{mark}x\n{text}".encode(), "log.csv")
     np.testing.assert_allclose(table.numbers("t")[0], time, atol=1e-12)
     np.testing.assert_allclose(table.numbers("x")[0], values, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "t,q1,q2,u\n{rows},\n",  # rows that end with a comma, as printf("%f,%f,%f,\n") leaves them
+        "t,q1,q2,u,\n{rows}\n",
+        "Run 7,,,,\nMonday,,,,\n,,,,\nt,q1,q2,u,\ns,Rad,Rad,Volt,\n{rows},\n",
+    ],
+)
+def test_a_delimiter_at_the_end_of_header_or_rows(head):
+    end = head.partition("{rows}")[2]
+    rows = rows_of([f"{t:.9g}" for t in LOG.time]).rstrip("\n").replace("\n", end)
+    log = read(head.replace("{rows}", rows), wheel_angle_unit="rad", angle_unit="rad")
+    np.testing.assert_allclose(log.time, LOG.time, atol=1e-8)
+    np.testing.assert_allclose(log.voltage, LOG.voltage, atol=1e-7)

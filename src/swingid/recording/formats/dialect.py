@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from swingid.recording.formats.numerals import are_whole_thousands, has_decimal_comma, is_grouped
 from swingid.recording.formats.stamps import is_stamp
+from swingid.recording.unit_names import UNITS as SPELLED
 
 DELIMITERS = (b"\t", b";", b",", b"|")
 
@@ -51,6 +52,7 @@ def find_layout(body: bytes) -> Layout | None:
     cells = [split_cells(line, delimiter) for line, _ in lines]
     width = Counter(len(row) for row in cells[1:] or cells).most_common(1)[0][0]
     decimal = _decimal(cells) if delimiter != b"," else "."
+    cells = _with_equal_ends(cells, width, decimal)
     first = _below_titles(cells, next(k for k, row in enumerate(cells) if len(row) == width), width, decimal)
     if _is_row(cells, first, decimal):
         above = len(cells[first - 1]) if first else 0
@@ -64,6 +66,20 @@ def find_layout(body: bytes) -> Layout | None:
         at += 1
     rows = lines[at][1] if at < len(lines) else len(body)
     return Layout(delimiter, decimal, names, units, rows, width, width)
+
+
+def _with_equal_ends(cells: list[list[str]], width: int, decimal: str) -> list[list[str]]:
+    """Lines above the rows as wide as these, where only one of the two ends with a delimiter."""
+    open_ended = all(not row[-1].strip() for row in cells if len(row) == width and row)
+    found = []
+    for row in cells:
+        if len(row) == width - 1 and open_ended and not _numeric(row, decimal):
+            found.append([*row, ""])
+        elif len(row) == width + 1 and not row[-1].strip() and not _numeric(row, decimal):
+            found.append(row[:-1])
+        else:
+            found.append(row)
+    return found
 
 
 def _below_titles(cells: Sequence[Sequence[str]], first: int, width: int, decimal: str) -> int:
@@ -166,7 +182,7 @@ def is_number(cell: str, decimal: str) -> bool:
 
 def _is_units(cells: Sequence[str]) -> bool:
     bare = [_bare(cell).lower() for cell in cells]
-    return any(bare) and all(cell in UNITS or not cell for cell in bare)
+    return any(bare) and all(cell in UNITS or cell in SPELLED or not cell for cell in bare)
 
 
 def _bare(cell: str) -> str:

@@ -173,6 +173,49 @@ def test_the_commands_name_a_push(tmp_path, capsys):
     assert any(check["code"] == "push" and "from 14." in check["evidence"] for check in found["checks"])
 
 
+DIRECT = """
+name = "direct"
+[axis]
+kind = "{kind}"
+gravity_torque = {gravity}
+inertia = {inertia}
+friction = {{ viscous = {viscous}, coulomb = {coulomb} }}
+[drive]
+kind = "direct"
+[sensors]
+resolution = {resolution}
+"""
+
+
+@pytest.mark.parametrize(
+    ("constants", "size", "speeds"),
+    [
+        (("rotary", 78e-3, 3e-3, 1e-3, 2e-3, 3.8e-4), 0.05, (7.0, 11.0)),
+        (("linear", 0, 95.0, 100.0, 10.0, 1e-6), 60.0, (3.0, 5.0)),
+    ],
+    ids=["pendulum", "slide"],
+)
+def test_a_direct_drive_tells_a_push_too(constants, size, speeds):
+    names = ("kind", "gravity", "inertia", "viscous", "coulomb", "resolution")
+    rig = Rig.from_text(DIRECT.format(**dict(zip(names, constants, strict=True))))
+    time = np.arange(15001) / 1000
+    drive = size * (np.sin(speeds[0] * time) + 0.7 * np.sin(speeds[1] * time))
+    push = half_sine(time, 8.2, 0.3, 1.5 * size)
+    assert find_pushes(simulate(rig, duration=15.0, drive=drive), given(rig)) == []
+    log = simulate(rig, duration=15.0, drive=drive, push=push)
+    (found,) = find_pushes(log, given(rig))
+    assert found.start < 8.25
+    assert 8.45 < found.stop < 9.0
+    assert abs(identify(log, given(rig)).inertia.value / constants[2] - 1) < 1e-3
+
+
+def test_an_unknown_gravity_torque_is_no_hindrance():
+    rig = GIVEN.changed({"axis.gravity_torque": "unknown"})
+    reference = "multisine 0.5 rad 5 rad/s + 0.3 rad 8.5 rad/s"
+    assert find_pushes(run(reference=reference), rig) == []
+    assert len(find_pushes(run(pushes=[(14.0, 0.3, 0.5)], reference=reference), rig)) == 1
+
+
 def test_several_pushes_are_told_apart():
     pushes = [(6.0, 0.1, 0.5), (13.0, 0.6, -0.5), (13.9, 0.1, 0.5), (20.0, 0.3, 2.0)]
     found = find_pushes(run(pushes=pushes), GIVEN)

@@ -96,8 +96,8 @@ def estimate(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part]) ->
     return Estimate(
         asked=tuple(asked),
         values=found.values | nuisances,
-        scatter=np.sqrt(np.diag(fit.covariance)[k:]),
-        grid=np.sqrt(fit.grid[k:]),
+        scatter=np.sqrt((fit.scatter + np.minimum(fit.grid, 0.0))[k:]),
+        grid=np.sqrt(np.maximum(fit.grid, 0.0)[k:]),
         drift=_drift(fit, others),
         errors=fit.errors,
     )

@@ -11,34 +11,27 @@ from numpy.typing import NDArray
 
 from swingid.identify.encoder_calibration.logs import LogRows
 from swingid.identify.encoder_calibration.parts import Part
-from swingid.identify.momentum.fits import LAG
-from swingid.numerics.regression import fit_linear, hac_covariance
+from swingid.identify.momentum.fits import LAG, with_excess
+from swingid.numerics.regression import LinearFit, fit_linear
 
 Array = NDArray[np.float64]
 
 ROUNDS = 3
-
-REACH = 2 * LAG
-"""Neighbouring rows over which their scatter counts as correlated, under Parzen weights.
-
-Most of it is the encoder's steps, twice differentiated: neighbouring rows then err against each other. Bartlett weights
-of the same band would take a fifth too much for what remains of that in the sum (`hac_covariance`).
-"""
 
 
 @dataclass(frozen=True)
 class JointFit:
     """What the logs say together.
 
-    parts: change of each part against the linearisation (rad, s), in the order of `asked`. covariance: type A, of the
-    common unknowns (inertia first) and then the parts. grid: variances of the same by the place of the encoder's grid,
-    beyond what the scatter of the rows holds of it. errors: standard deviation of a row of each log.
+    parts: change of each part against the linearisation (rad, s), in the order of `asked`. scatter: variances of type
+    A, of the common unknowns (inertia first) and then the parts. grid: how much more (or less) of it the steps of the
+    encoder make in this motion than white noise would. errors: standard deviation of a row of each log.
     """
 
     asked: tuple[Part, ...]
     common: Array
     parts: Array
-    covariance: Array
+    scatter: Array
     grid: Array
     errors: Array
 
@@ -46,7 +39,7 @@ class JointFit:
     def uncertainties(self) -> Array:
         """Standard uncertainties of the parts."""
         k = len(self.common)
-        result: Array = np.sqrt((np.diag(self.covariance) + self.grid)[k:])
+        result: Array = np.sqrt((self.scatter + self.grid)[k:])
         return result
 
 
@@ -79,19 +72,20 @@ def fit_jointly(logs: Sequence[LogRows], asked: Sequence[Part], current: Mapping
         if turn < ROUNDS - 1:
             errors = errors * np.array([_error(part) for part in residuals])
     seen = common + len(asked)
-    from_prior = solved.influence[:seen, : len(prior)]
-    scatter, grid = from_prior @ from_prior.T, np.zeros(seen)
+    scatter = np.sum(solved.influence[:seen, : len(prior)] ** 2, axis=1)
+    white, places = np.zeros(seen), np.zeros((1, seen))
     for k, log in enumerate(logs):
-        weights = solved.influence[:seen, edges[k] : edges[k + 1]]
-        scatter += _scatter(weights * residuals[k], common + len(log.own))
-        grid += _grid(log, weights / errors[k])
+        influence = solved.influence[:seen, edges[k] : edges[k + 1]] / errors[k]
+        scatter += _scatter(log, influence, residuals[k] * errors[k])
+        white += [log.grid_noise(row) for row in influence]
+        places = places + (log.grid @ influence.T if len(log.grid) else 0.0)
     scale = np.append(np.ones(common), [part.prior for part in asked])
     return JointFit(
         asked=tuple(asked),
         common=solved.values[:common],
         parts=solved.values[common:seen] * scale[common:],
-        covariance=scatter * np.outer(scale, scale),
-        grid=np.maximum(grid, 0.0) * scale**2,
+        scatter=scatter * scale**2,
+        grid=(np.mean(places**2, axis=0) - white) * scale**2,
         errors=errors,
     )
 
@@ -118,25 +112,12 @@ def _error(residuals: Array) -> float:
     return max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), 1e-300)
 
 
-def _scatter(scores: Array, unknowns: int) -> Array:
-    """Covariance of the sums of the scores (p, rows) of one log.
+def _scatter(log: LogRows, influence: Array, residuals: Array) -> Array:
+    """Variances (p,) by noise of the log's sensors and by what its rows scatter beyond it; see `momentum.fits`.
 
-    A log of few rows knows as much as its rows without the unknowns that are its own; half of the rows are independent.
+    influence (p, rows) of the log's rows, which know as much as without the unknowns that are its own.
     """
-    count = scores.shape[1] / (LAG / 2)
-    whole = hac_covariance(scores, REACH, 0, scores.shape[1])
-    result: Array = whole * count / max(count - unknowns, 1.0)
-    return result
-
-
-def _grid(log: LogRows, influence: Array) -> Array:
-    """Variances (p,) by the place of the encoder's grid, less the part that looks like scatter of the rows.
-
-    Alike at every swing, it does not average out. Each place of the grid moves the unknowns by the sum of what it does
-    to the rows; what an estimate from the scatter of such rows would say of that is taken off. Below 0 by chance.
-    """
-    found = np.zeros(len(influence))
-    for errors in log.grid:
-        found += (influence @ errors) ** 2 - np.diag(_scatter(influence * errors, 0))
-    result: Array = found / max(len(log.grid), 1)
-    return result
+    own = len(log.common) + len(log.own)
+    scatter = np.diag(LinearFit(np.zeros(own), residuals, influence, 1.0).covariance(LAG))
+    pairs = zip((log.sensor_noise(row) for row in influence), scatter, strict=True)
+    return np.array([with_excess(*noise, found, max(len(residuals) - own, 1)) for noise, found in pairs])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from swingid.identify.encoder_calibration.parts import bounded
 from swingid.identify.momentum.balance import Rows, Signals, rows_of
 from swingid.identify.momentum.checks import check_sign
 from swingid.identify.momentum.choice import choose
-from swingid.identify.momentum.fits import WindowFit, columns_of, known_side
+from swingid.identify.momentum.fits import WindowFit, columns_of, known_side, sensor_variance
 from swingid.identify.momentum.imperfections import constants
 from swingid.identify.momentum.windows import law_windows
 from swingid.identify.motion import find_motion
@@ -34,7 +34,8 @@ class LogRows:
     own: names of the unknowns of this log alone (friction), common: inertia and, where unknown, the gravity torque.
     columns (rows, common + own); parts: minus what a unit of each part adds to the rows, by key; constants: the same
     of uncertain constants of the rig, per standard deviation. grid (8, rows): errors of the rows for eight places of
-    the encoder's grid.
+    the encoder's grid, the same in every log, for the encoder knows its place in the turn. balance, scale, noise, a11,
+    b: of which these rows were made.
     """
 
     common: tuple[str, ...]
@@ -44,6 +45,20 @@ class LogRows:
     parts: dict[str, Array]
     constants: dict[str, Array]
     grid: Array
+    balance: Rows
+    scale: Scale
+    noise: Noise
+    a11: float
+    b: float
+
+    def sensor_noise(self, influence: Array) -> tuple[float, float]:
+        """Variance of an unknown by the sensors' white noise, and what a sum over neighbours sees of it."""
+        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, self.noise)
+
+    def grid_noise(self, influence: Array) -> float:
+        """The same variance by the step of the angle's grid alone, were its errors white."""
+        noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0)
+        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, noise)[0]
 
 
 @dataclass(frozen=True)
@@ -102,6 +117,11 @@ class CalibrationLog:
             parts={key: -column for key, column in encoder_columns(rows, signals, scale, a11, b).items()},
             constants={one.source: one.rows * one.std for one in constants(rig, rows) if one.std > 0},
             grid=self._grid(signals, rows, a11, b),
+            balance=rows,
+            scale=scale,
+            noise=self.noise,
+            a11=a11,
+            b=b,
         )
 
     def _grid(self, signals: Signals, rows: Rows, a11: float, b: float) -> Array:

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.errors import SwingidError
+from swingid.errors import SwingidError, UnanswerableError
 from swingid.identify.encoder_calibration.method import calibrate_encoders
 from swingid.identify.encoder_calibration.parts import ANGLE, LATEST, WHEEL, WIDE, declared_spread, latency_key
 from swingid.identify.result import Result
@@ -29,6 +29,11 @@ SCALE = "gravity-torque-disagrees"
 
 LIKELY = 3.0
 """Times what is declared of an encoder that it may be bent."""
+
+SURE = 5.0
+"""Standard uncertainties by which a nonlinearity must exceed 0 to be taken off.
+
+Steps of an encoder that come again with every swing look like one, too."""
 
 CODE, REPAIR = "calibrated-by-itself", "calibrate"
 
@@ -63,8 +68,11 @@ def _codes(result: Result) -> set[str]:
 
 
 def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
-    """The rig with the encoders as the logs tell them, and a sentence."""
+    """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell."""
     found = calibrate_encoders(logs, rig)
+    parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]
+    if not any(abs(part.value) > SURE * (part.standard_uncertainty or np.inf) for part in parts):
+        raise UnanswerableError("the logs hardly tell how far the encoders are bent.", code="not-identifiable")
     sizes = [f"{np.degrees(_size(found.rig, table)):.2g}° {of}" for table, of in _tables(rig).items()]
     text = (
         f"the rig file does not say how far the encoders are bent; {_log(logs)} {' and '.join(sizes)} once per turn, "

@@ -156,10 +156,12 @@ class Signals:
         key = ("grid errors", resolution)
         if key not in self.kept:
             # at the instants of the rows: where their rate is near a multiple of the motion's, errors come again;
-            # and smoothed less than for a speed, which would move the angle by steps of its own
-            stamps, width = self.nodes.stamps, self.motion.speed.half_width / 2
-            rows = speed_on_grid(stamps, self.angle_values, 0.0, width, 1.5).angle_at(stamps[:-1])
-            self.kept[key] = self.nodes.rounded(rows / resolution) * (self.nodes.flat[1] * resolution)
+            # and smoothed over many steps, for an angle that keeps to the grid at every turn errs alike there; what
+            # that takes off the motion is smoothed and added (Tukey's twicing)
+            stamps, width = self.nodes.stamps, 0.75 * self.motion.speed.half_width
+            once = speed_on_grid(stamps, self.angle_values, 0.0, width, 1.5).angle_at(stamps)
+            rows = once + speed_on_grid(stamps, self.angle_values - once, 0.0, width, 1.5).angle_at(stamps)
+            self.kept[key] = self.nodes.rounded(rows[:-1] / resolution) * (self.nodes.flat[1] * resolution)
         return self.kept[key]
 
     def suited(self, half: float) -> Signals:

@@ -207,6 +207,13 @@ def test_bam_duty_is_unwrapped():
     assert table.numbers("bridge_volts")[0].tolist() == [-7.0, 8.0]
 
 
+def test_integers_that_no_float_holds_cost_their_cell():
+    entries = [{"position": 0.1 * k, "load": 885, "input_volts": 10**400 if k == 1 else 8} for k in range(3)]
+    table = read_table(json.dumps({"motor": "m", "trajectory": "x", "entries": entries}).encode(), "log.json")
+    np.testing.assert_array_equal(table.numbers("bridge_volts")[0], [8.0, np.nan, 8.0])
+    np.testing.assert_array_equal(table.numbers("input_volts")[0], [8.0, np.nan, 8.0])
+
+
 def test_a_result_is_no_log():
     content = json.dumps({"schema": "swingid.result/1", "warnings": [{"code": "a", "message": "b"}]}).encode()
     with pytest.raises(InputError, match="is a result of swingid"):

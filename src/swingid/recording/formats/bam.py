@@ -12,6 +12,9 @@ from typing import Any
 FULL = 885
 """`load` at full duty."""
 
+LARGEST = 1e6
+"""Volts that no supply has: an integer of hundreds of digits, as damage makes it, is no float."""
+
 
 def is_bam(header: Mapping[str, Any]) -> bool:
     """Whether a JSON object is such a log."""
@@ -26,7 +29,7 @@ def decoded(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         more: dict[str, Any] = {}
         if isinstance(load, int) and abs(load) < 1 << 32:
             more["duty"] = (load - 65536 if load > 32767 else load) / FULL
-            if isinstance(volts, int | float):
+            if isinstance(volts, int | float) and abs(volts) < LARGEST:
                 more["bridge_volts"] = more["duty"] * volts
         found.append({**row, **more})
     return found

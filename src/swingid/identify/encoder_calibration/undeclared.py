@@ -24,8 +24,8 @@ LATE = "late-channel"
 BENT = {"encoder-nonlinearity", UNKNOWN}
 """Warnings that lead here."""
 
-SCALE = "gravity-torque-disagrees"
-"""A warning beside which one log does not: a wrong scale looks much like a bent encoder there."""
+SCALE, ZERO_OFF = "gravity-torque-disagrees", "zero-off"
+"""Warnings of what looks much like a bent encoder: beside the first, one log does not lead here."""
 
 LIKELY = 3.0
 """Times what is declared of an encoder that it may be bent."""
@@ -45,8 +45,8 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     """The result of the same logs with what they themselves tell of undeclared encoder errors.
 
     Unchanged where `result` does not warn of such, where the repair "calibrate" is switched off, where an encoder would
-    have to be bent by more than 1° and three times what is declared, and where the new result warns of them still or of
-    anything new: then they were not the cause. The new one warns too, by `CODE`.
+    have to be bent by more than 1° and three times what is declared, and where the new result still warns of what looks
+    like it or of anything new: then it was not the cause. The new one warns too, by `CODE`.
     """
     before = _codes(result)
     switched_off = any(found.repair == REPAIR for log in logs for found in log.findings)
@@ -58,7 +58,7 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     except SwingidError:
         return result
     new = _codes(again)
-    settled = new <= (before - {*BENT, LATE}) | {CODE}
+    settled = new <= (before - {*BENT, LATE, SCALE, ZERO_OFF}) | {CODE}
     settled &= all(_size(better, table) <= max(WIDE, LIKELY * declared_spread(rig, table)) for table in _tables(rig))
     return _of_the_file(again, result) if settled else result
 
@@ -68,10 +68,14 @@ def _codes(result: Result) -> set[str]:
 
 
 def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
-    """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell."""
+    """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell.
+
+    Nor where the angle's zero is off, which the cosine part of a nonlinearity looks like.
+    """
     found = calibrate_encoders(logs, rig)
     parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]
-    if not any(abs(part.value) > SURE * (part.standard_uncertainty or np.inf) for part in parts):
+    sure = any(abs(part.value) > SURE * (part.standard_uncertainty or np.inf) for part in parts)
+    if not sure or any(note.code == "zero" for note in found.result.notes):
         raise UnanswerableError("the logs hardly tell how far the encoders are bent.", code="not-identifiable")
     sizes = [f"{np.degrees(_size(found.rig, table)):.2g}° {of}" for table, of in _tables(rig).items()]
     text = (

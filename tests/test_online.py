@@ -311,3 +311,14 @@ def test_the_example_runs(capsys):
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) > 40
     assert lines[-1].startswith("swing ")
+
+
+def test_a_driven_log_is_no_free_decay_to_identify(twin_log):
+    log, _ = twin_log
+    with pytest.raises(InputError, match="a voltage that is not 0"):
+        sw.identify(log, free_rig())
+
+
+def test_a_stream_that_is_none_is_refused():
+    with pytest.raises(InputError, match="or Recordings, not None"):
+        list(sw.online(free_rig(), None))

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
@@ -68,7 +70,7 @@ LATEST = 0.1
 
 
 def require_channels(log: Recording, rig: Rig) -> None:
-    """Raise InputError where the log lacks what the rig's drive needs, or is shorter than its latencies."""
+    """Raise InputError where the log lacks what the rig's drive needs, has another drive, or is too short."""
     sensors = {"sensors.latency": rig.sensors.of("angle"), "sensors.wheel.latency": rig.sensors.of("wheel")}
     for key, sensor in sensors.items():
         late = abs(sensor.latency.value)
@@ -77,6 +79,14 @@ def require_channels(log: Recording, rig: Rig) -> None:
                 f"rig {rig.name}: {key} is {late:g} s, too much for a log of {log.duration:g} s; state it in s or ms.",
                 code="long-latency",
             )
+    drives = {"voltage": log.voltage, "torque": log.torque}
+    acting = next((name for name, values in drives.items() if values is not None and np.any(values)), None)
+    if rig.drive.kind == "none" and acting is not None:
+        raise InputError(
+            f"{log.source.path or 'the log'} holds a {acting} that is not 0, but rig {rig.name} has no drive; use "
+            "the rig that belongs to the log.",
+            code="other-drive",
+        )
     if rig.drive.kind == "reaction-wheel" and log.wheel_angle is None:
         raise InputError(
             f"{log.source.path or 'the log'} has no wheel angle, but the rig's drive is a reaction wheel; "

@@ -37,7 +37,7 @@ FRICTION = {
 
 RIG = {
     "axis.gravity_torque": Word("gravity torque", "b", "N m", "N"),
-    "axis.inertia": Word("inertia, as stated", "J₁", "kg m^2", "kg"),
+    "axis.inertia": Word("moment of inertia", "J₁", "kg m^2", "kg"),
     **{f"axis.friction.{name}": word for name, word in FRICTION.items()},
     "drive.wheel.inertia": Word("wheel inertia", "J₂", "kg m^2"),
     "drive.motor.rotor_inertia": Word("rotor inertia", "Jr", "kg m^2"),

@@ -51,7 +51,12 @@ class Reader:
                 )
 
     def _plain(self, samples: Iterable[object] | Recording) -> Iterator[object]:
-        for sample in (samples,) if isinstance(samples, Recording) else samples:
+        try:
+            stream = iter((samples,) if isinstance(samples, Recording) else samples)
+        except TypeError:
+            text = f"samples are rows (time, angle, wheel_angle, voltage or torque) or Recordings, not {samples!r:.60}."
+            raise InputError(text, code="bad-stream") from None
+        for sample in stream:
             if not isinstance(sample, Recording):
                 yield sample
                 continue

@@ -16,6 +16,7 @@ from swingid.model.rig import Rig
 from swingid.recording import Recording
 from swingid.recording.formats.table import Table
 from swingid.recording.inspect import describe, guess_roles, log_table
+from swingid.recording.inspect.encoder_steps import TURN, unit_of_steps
 from swingid.recording.inspect.grid import grid_of, is_decimal
 from swingid.recording.inspect.names import unit_of
 from swingid.study.inspect import inspect_log, inspect_table
@@ -95,6 +96,20 @@ def test_unit_of_an_unlabelled_clock_by_its_rate(unit, factor) -> None:
     roles = roles_of(columns)
     assert roles.found["time"].unit == unit
     assert (f'time_unit = "{unit}"' in log_table(roles)) == (unit != "s")
+
+
+@pytest.mark.parametrize("counts", [1024, 4096, 16384, 2400])
+@pytest.mark.parametrize("unit", ["rad", "deg", "turns"])
+def test_unit_of_an_angle_by_the_steps_of_its_encoder(counts, unit) -> None:
+    step = TURN[unit] / counts
+    (column,) = describe(Table({"a": np.round(0.8 * np.sin(8.5 * TIME) * counts / 6.2832) * step}))
+    assert unit_of_steps(column) == (unit, counts)
+
+
+@pytest.mark.parametrize("size", [1e-320, 1e-12, 1e-3, 1.0])
+def test_steps_of_no_encoder_tell_no_unit(size) -> None:
+    (column,) = describe(Table({"a": np.random.default_rng(1).normal(0, 1, TIME.size) * size}))
+    assert unit_of_steps(column) == ("", 0)
 
 
 @pytest.mark.parametrize(

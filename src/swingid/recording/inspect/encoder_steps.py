@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 TURN = {"rad": 2 * np.pi, "deg": 360.0, "turns": 1.0}
 """One turn in each unit of an angle."""
 
-FEWEST = 64
-"""Counts per turn of the coarsest encoder."""
+FEWEST, MOST, MOST_ROUND = 64, 2**26, 40_000
+"""Counts per turn of the coarsest encoder, of the finest, and of the finest whose counts are no power of two."""
 
 CLOSE = 3e-4
 """How exactly (share) a step is known."""
@@ -34,7 +34,7 @@ def unit_of_steps(column: Column) -> tuple[str, int]:
     if column.kind == "whole numbers" or not steps_seen(column):
         return "", 0
     counts = {unit: turn / column.step for unit, turn in TURN.items()}
-    counts = {unit: count for unit, count in counts.items() if count > FEWEST}
+    counts = {unit: count for unit, count in counts.items() if FEWEST < count <= MOST}
     for fits in (_is_power_of_two, _is_round):
         found = [(unit, round(count)) for unit, count in counts.items() if fits(count)]
         if len(found) == 1:
@@ -47,4 +47,4 @@ def _is_power_of_two(count: float) -> bool:
 
 
 def _is_round(count: float) -> bool:
-    return abs(count / (100 * round(count / 100)) - 1) < CLOSE / 10 if count > 100 else False
+    return 100 < count < MOST_ROUND and abs(count / (100 * round(count / 100)) - 1) < CLOSE / 10

@@ -202,6 +202,7 @@ def changed(**keys: object) -> bytes:
         (b"{}", "not-a-result"),
         (b'{"schema": "swingid.compare/1", "results": []}', "not-a-result"),
         (b'{"schema": "swingid.result/2"}', "not-a-result"),
+        (b'{"schema": "swingid.result/1", "method": "calibrate", "status": "ok"}', "not-a-result"),
         (b'{"schema": "swingid.result/1"}', "damaged-result"),
         (changed(status="fine"), "damaged-result"),
         (changed(parameters={}), "damaged-result"),

@@ -30,6 +30,12 @@ def load_result(path: str | Path) -> Result:
         else:
             hint = "write one with swingid identify LOG --json FILE"
         raise InputError(f"{name} is no result file of swingid: {hint}.", code="not-a-result")
+    if str(data.get("method")).startswith("calibrate"):
+        raise InputError(
+            f"{name} is a result of swingid calibrate, which has no inertia of a body; write one with swingid identify "
+            "LOG --json FILE.",
+            code="not-a-result",
+        )
     try:
         return _result(data)
     except _MalformedError as problem:

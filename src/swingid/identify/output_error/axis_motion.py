@@ -13,9 +13,23 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.identify.output_error.axis_step import (
+    SPEED,
+    TORQUE,
+    WHEEL,
+    acceleration,
+    axis_speed,
+    course_at,
+    one_step,
+    side_from_rest,
+    step_length,
+    turning_at,
+    until_release,
+    until_reversal,
+)
 from swingid.identify.output_error.partials import axis_row, friction_slope
-from swingid.model.friction import release_margin, sliding_friction
-from swingid.model.parameters import A11, A12, AXIS_STICKS, SIZE, STRIBECK_SPEED, B
+from swingid.model.friction import sliding_friction
+from swingid.model.parameters import A11, A12, SIZE, B
 from swingid.numerics.compiled import njit
 from swingid.numerics.inlined import njit_inlined
 
@@ -25,83 +39,7 @@ Ints = NDArray[np.int64]
 GAIN = SIZE
 """Place of the gain of the torque (1), behind those of the rig's vector."""
 
-WHEEL, SPEED, TORQUE, COURSES = 0, 1, 2, 3
-"""Rows of `courses`: cubics of the wheel's angle (from the segment's start, rad), its speed, and the torque (N m)."""
-
-PEAK_SHARE = 0.25
-"""Change of speed in one step, in Stribeck speeds, while the speed is below four of them."""
-
-RESOLUTION = 1e-13  # s
 MOST_STEPS = 5_000
-
-
-@njit_inlined
-def _course(courses: Array, k: int, which: int, x: float) -> float:
-    return float(
-        courses[k, which, 0] + x * (courses[k, which, 1] + x * (courses[k, which, 2] + x * courses[k, which, 3]))
-    )
-
-
-@njit_inlined
-def _turning(courses: Array, k: int, x: float) -> float:
-    """q2'' of the wheel's speed course."""
-    return float(courses[k, SPEED, 1] + x * (2.0 * courses[k, SPEED, 2] + 3.0 * x * courses[k, SPEED, 3]))
-
-
-@njit_inlined
-def _rate(z: float, w: float, s: int, courses: Array, k: int, x: float, p: Array) -> float:
-    """Acceleration z'' (rad/s²) at x s past knot k, sliding towards side s."""
-    kappa = p[A12] / p[A11]
-    q, v = z - kappa * _course(courses, k, WHEEL, x), w - kappa * _course(courses, k, SPEED, x)
-    return float((_course(courses, k, TORQUE, x) - p[B] * math.sin(q) - sliding_friction(v, s, 0.0, p)) / p[A11])
-
-
-@njit_inlined
-def _step(x: float, h: float, s: int, courses: Array, k: int, p: Array, stages: Array) -> None:
-    """One step of h (s) from x s past knot k; rows 0 … 3 of `stages` (5, 2) are the stages' states, row 4 the end."""
-    z, w = stages[0, 0], stages[0, 1]
-    k1 = _rate(z, w, s, courses, k, x, p)
-    stages[1, 0], stages[1, 1] = z + 0.5 * h * w, w + 0.5 * h * k1
-    k2 = _rate(stages[1, 0], stages[1, 1], s, courses, k, x + 0.5 * h, p)
-    stages[2, 0], stages[2, 1] = z + 0.5 * h * stages[1, 1], w + 0.5 * h * k2
-    k3 = _rate(stages[2, 0], stages[2, 1], s, courses, k, x + 0.5 * h, p)
-    stages[3, 0], stages[3, 1] = z + h * stages[2, 1], w + h * k3
-    k4 = _rate(stages[3, 0], stages[3, 1], s, courses, k, x + h, p)
-    stages[4, 0] = z + h / 6.0 * (w + 2.0 * stages[1, 1] + 2.0 * stages[2, 1] + stages[3, 1])
-    stages[4, 1] = w + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-
-
-@njit_inlined
-def _speed(w: float, courses: Array, k: int, x: float, p: Array) -> float:
-    return float(w - p[A12] / p[A11] * _course(courses, k, SPEED, x))
-
-
-@njit_inlined
-def _until_reversal(x: float, h: float, s: int, courses: Array, k: int, p: Array, stages: Array) -> float:
-    """Length (s) of the step after which the speed has only just left side s; `stages` hold that step. Illinois."""
-    low, high = 0.0, h
-    at_low = s * _speed(stages[0, 1], courses, k, x, p)
-    at_high = s * _speed(stages[4, 1], courses, k, x + h, p)
-    last = 0
-    for trial in range(100):
-        if high - low <= RESOLUTION:
-            break
-        middle = 0.5 * (low + high)
-        if at_low > 0.0 and trial % 4 != 3:
-            middle = (low * at_high - high * at_low) / (at_high - at_low)
-            middle = min(max(middle, low + 0.25 * RESOLUTION), high - 0.25 * RESOLUTION)
-        _step(x, middle, s, courses, k, p, stages)
-        at_middle = s * _speed(stages[4, 1], courses, k, x + middle, p)
-        if at_middle < 0.0:
-            high, at_high = middle, at_middle
-            at_low *= 0.5 if last > 0 else 1.0
-            last = 1
-        else:
-            low, at_low = middle, at_middle
-            at_high *= 0.5 if last < 0 else 1.0
-            last = -1
-    _step(x, high, s, courses, k, p, stages)
-    return high
 
 
 @njit_inlined
@@ -121,9 +59,9 @@ def _slopes_at(
 ) -> None:
     """∂z''/∂(z, z') into jacobian[at] (2,) and ∂z''/∂θ into known[at] (m,); ratio (m,) is ∂κ/∂θ."""
     jacobian, known = slopes
-    kappa, wheel, turn = p[A12] / p[A11], _course(courses, k, WHEEL, x), _course(courses, k, SPEED, x)
+    kappa, wheel, turn = p[A12] / p[A11], course_at(courses, k, WHEEL, x), course_at(courses, k, SPEED, x)
     q, v = z - kappa * wheel, w - kappa * turn
-    torque = _course(courses, k, TORQUE, x)
+    torque = course_at(courses, k, TORQUE, x)
     axis_row(q, v, s, p, row)
     row[A11] = -(torque - p[B] * math.sin(q) - sliding_friction(v, s, 0.0, p)) / p[A11]
     row[GAIN] = torque
@@ -154,44 +92,6 @@ def _carry(h: float, sensitivity: Array, slopes: tuple[Array, Array]) -> None:
 
 
 @njit_inlined
-def _side_from_rest(q: float, courses: Array, k: int, x: float, p: Array) -> int:
-    """Side to which an axis without speed goes, 0 where friction holds it."""
-    load = _course(courses, k, TORQUE, x) - p[B] * math.sin(q) - p[A12] * _turning(courses, k, x)
-    if p[AXIS_STICKS] != 0.0 and release_margin(load, p) >= 0.0:
-        return 0
-    return 1 if load > 0.0 else -1
-
-
-@njit_inlined
-def _release(q: float, left: float, courses: Array, k: int, x: float, p: Array) -> float:
-    """Time (s) into the rest of a knot's interval at which a resting axis is released; `left` if it is not."""
-    if _side_from_rest(q, courses, k, x + left, p) == 0:
-        return left
-    low, high = 0.0, left
-    while high - low > 1e-9 * left:
-        middle = 0.5 * (low + high)
-        if _side_from_rest(q, courses, k, x + middle, p) == 0:
-            low = middle
-        else:
-            high = middle
-    return high
-
-
-@njit_inlined
-def _length(
-    left: float, longest: float, z: float, w: float, s: int, courses: Array, k: int, x: float, p: Array
-) -> float:
-    """Length (s) of the next step: at most `longest`, and short where Stribeck's peak is passed."""
-    h = min(left, longest)
-    if p[STRIBECK_SPEED] > 0.0:
-        v = abs(_speed(w, courses, k, x, p))
-        if v < 4.0 * p[STRIBECK_SPEED]:
-            pull = abs(_rate(z, w, s, courses, k, x, p) - p[A12] / p[A11] * _turning(courses, k, x))
-            h = min(h, max(PEAK_SHARE * p[STRIBECK_SPEED] / max(pull, 1e-300), 1e-5))
-    return left / math.ceil(left / h)
-
-
-@njit_inlined
 def _fill_ratio(p: Array, entries: tuple[Ints, Ints, Array], ratio: Array) -> None:
     """∂κ/∂θ (m,) of κ = a12/a11."""
     places, columns, weights = entries
@@ -207,7 +107,7 @@ def _freed(
     q: float, courses: Array, k: int, x: float, p: Array, rest: Array, ratio: Array, sensitivity: Array
 ) -> tuple[float, float]:
     """State (z, z') of an axis that has rested at q, and its S from that of q, `rest` (m,)."""
-    wheel, turn = _course(courses, k, WHEEL, x), _course(courses, k, SPEED, x)
+    wheel, turn = course_at(courses, k, WHEEL, x), course_at(courses, k, SPEED, x)
     for c in range(len(rest)):
         sensitivity[0, c], sensitivity[1, c] = rest[c] + ratio[c] * wheel, ratio[c] * turn
     return q + p[A12] / p[A11] * wheel, p[A12] / p[A11] * turn
@@ -227,12 +127,12 @@ def _reversed(
     sensitivity: Array,
 ) -> tuple[float, float, int]:
     """Angle, z' and new side where the speed has passed zero; S jumps with z'', and `rest` (m,) becomes that of q1."""
-    kappa, wheel, turn = p[A12] / p[A11], _course(courses, k, WHEEL, x), _course(courses, k, SPEED, x)
-    before = _rate(z, w, s, courses, k, x, p)
+    kappa, wheel, turn = p[A12] / p[A11], course_at(courses, k, WHEEL, x), course_at(courses, k, SPEED, x)
+    before = acceleration(z, w, s, courses, k, x, p)
     q, w = z - kappa * wheel, kappa * turn
-    s = _side_from_rest(q, courses, k, x, p)
-    after = before if s == 0 else _rate(z, w, s, courses, k, x, p)
-    slowing = before - kappa * _turning(courses, k, x)
+    s = side_from_rest(q, courses, k, x, p)
+    after = before if s == 0 else acceleration(z, w, s, courses, k, x, p)
+    slowing = before - kappa * turning_at(courses, k, x)
     for c in range(len(rest)):
         rest[c] = sensitivity[0, c] - ratio[c] * wheel
         if slowing != 0.0:
@@ -275,7 +175,7 @@ def axis_motion(
             sensitivity[0, c] = ratio[c] * courses[k, WHEEL, 0] + (1.0 if c == 0 else 0.0)
             sensitivity[1, c] = ratio[c] * courses[k, SPEED, 0] + (1.0 if c == 1 else 0.0)
         speed = states[segment, 1]
-        s = 1 if speed > 0.0 else (-1 if speed < 0.0 else _side_from_rest(states[segment, 0], courses, k, 0.0, p))
+        s = 1 if speed > 0.0 else (-1 if speed < 0.0 else side_from_rest(states[segment, 0], courses, k, 0.0, p))
         q = states[segment, 0]
         if s == 0:
             for c in range(m):
@@ -293,20 +193,20 @@ def axis_motion(
             while left > 0.0:
                 steps += 1
                 if s == 0:
-                    h = _release(q, left, courses, k, x, p)
+                    h = until_release(q, left, courses, k, x, p)
                     x, left = x + h, left - h
                     if left > 0.0:
-                        s = _side_from_rest(q, courses, k, x, p)
+                        s = side_from_rest(q, courses, k, x, p)
                         z, w = _freed(q, courses, k, x, p, rest, ratio, sensitivity)
                     if steps > MOST_STEPS:
                         return False
                     continue
                 stages[0, 0], stages[0, 1] = z, w
-                h = _length(left, longest, z, w, s, courses, k, x, p)
-                _step(x, h, s, courses, k, p, stages)
-                reversed_ = s * _speed(stages[4, 1], courses, k, x + h, p) < 0.0
+                h = step_length(left, longest, z, w, s, courses, k, x, p)
+                one_step(x, h, s, courses, k, p, stages)
+                reversed_ = s * axis_speed(stages[4, 1], courses, k, x + h, p) < 0.0
                 if reversed_:
-                    h = _until_reversal(x, h, s, courses, k, p, stages)
+                    h = until_reversal(x, h, s, courses, k, p, stages)
                 for i in range(4):
                     at = x + (0.0 if i == 0 else (h if i == 3 else 0.5 * h))
                     _slopes_at(i, stages[i, 0], stages[i, 1], s, courses, k, at, p, row, entries, ratio, slopes)

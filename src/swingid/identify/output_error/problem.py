@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.identify.noise import Noise
-from swingid.identify.output_error.axis_motion import COURSES, SPEED, TORQUE, WHEEL, axis_motion
+from swingid.identify.output_error.axis_motion import axis_motion
+from swingid.identify.output_error.axis_step import COURSES, SPEED, TORQUE, WHEEL
 from swingid.identify.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion
 from swingid.identify.output_error.unknowns import Entries
 from swingid.identify.speed import smooth_speed

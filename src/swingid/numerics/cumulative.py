@@ -49,11 +49,11 @@ def running_integrals(nodes: GaussNodes, signals: Array, instants: Array) -> Arr
     polynomial through its nodes, so a held signal's jump at the samples costs nothing.
     """
     fractions, weights = gauss_rule(nodes.points)
-    return _running(nodes.time, signals, instants, _antiderivatives(nodes.points), fractions, weights)
+    return _running(nodes.time, signals, instants, antiderivatives(nodes.points), fractions, weights)
 
 
 @cache
-def _antiderivatives(points: int) -> Array:
+def antiderivatives(points: int) -> Array:
     """Coefficients of s, s², … of ∫₀ˢ of each Lagrange polynomial on the nodes of the rule, shape (points, points)."""
     fractions, _ = gauss_rule(points)
     powers = np.arange(len(fractions))
@@ -108,4 +108,4 @@ def running_hats(nodes: GaussNodes, values: Array, powers: Array, knots: Array, 
     values x and powers y at the nodes, (n−1, points). Returns (knots, instants). The outermost hats go on flat.
     """
     weights = gauss_rule(nodes.points)[1]
-    return _running_hats(nodes.time, values, powers, knots, instants, _antiderivatives(nodes.points), weights)
+    return _running_hats(nodes.time, values, powers, knots, instants, antiderivatives(nodes.points), weights)

@@ -12,7 +12,6 @@ branch of the dead zone the motor is, which way it turns, and what it loses to f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +25,8 @@ from swingid.identify.speed import Speed, narrowest, smooth_speed, speed_on_grid
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.compiled import njit
-from swingid.numerics.cumulative import running_integrals
-from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.cumulative import antiderivatives
+from swingid.numerics.quadrature import GaussNodes, gauss_rule
 from swingid.recording.recording import Recording
 
 Array = NDArray[np.float64]
@@ -60,11 +59,6 @@ class Course:
     voltage: Array
     active: Array
     power: Array
-
-    @cached_property
-    def powers(self) -> Array:
-        """What runs up to the work and to ∫f(q1') q1' dt of the terms f of friction but "offset", (5, n−1, points)."""
-        return _powers(self.power.ravel(), self.speed.ravel()).reshape(5, *self.speed.shape)
 
     @classmethod
     def of(
@@ -108,22 +102,6 @@ class Course:
         return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power)
 
 
-@njit
-def _powers(power: Array, speed: Array) -> Array:
-    """The rows of `Course.powers`: power, |v|, v², |v| v² and |v| v."""
-    result = np.empty((5, len(speed)))
-    for k in range(len(speed)):
-        v, size = speed[k], abs(speed[k])
-        result[0, k], result[1, k], result[2, k], result[3, k], result[4, k] = (
-            power[k],
-            size,
-            v * v,
-            size * v * v,
-            size * v,
-        )
-    return result
-
-
 def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:
     """The speed of the axis again, over `SHARE` of the half-width."""
     width = max(SHARE * speed.half_width, narrowest(time, angle, noise))
@@ -132,8 +110,15 @@ def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:
 
 def motor_drag(motor: Motor, wheel_speed: Array) -> Array:
     """f2 N q2' + f3 sgn q2' on the rotor, N m."""
-    drag = motor.viscous.value * motor.gear_ratio.value * wheel_speed
-    result: Array = drag + motor.coulomb.value * np.sign(wheel_speed)
+    slope, coulomb = motor.viscous.value * motor.gear_ratio.value, motor.coulomb.value
+    return _drag(wheel_speed.ravel(), slope, coulomb).reshape(wheel_speed.shape)
+
+
+@njit
+def _drag(rate: Array, slope: float, coulomb: float) -> Array:
+    result = np.empty(len(rate))
+    for k in range(len(rate)):
+        result[k] = slope * rate[k] + coulomb * np.sign(rate[k])
     return result
 
 
@@ -142,7 +127,8 @@ class States:
     """Angles, speeds, accelerations and running integrals at the nodes of all passes; arrays (blocks, nodes).
 
     height: cos q1, by which gravity's torque b enters (0 on a linear axis). work: W. friction: ∫f(q1') q1' dt of every
-    term f of friction (`TERMS`). Rising over the flattened array.
+    term f of friction (`TERMS`). motor: derivatives of W by the motor's constants but for constant factors (`MOTOR`).
+    Rising over the flattened array.
     """
 
     instants: Array
@@ -154,6 +140,7 @@ class States:
     wheel_acceleration: Array
     work: Array
     friction: dict[str, Array]
+    motor: dict[str, Array]
 
     def known(self, rig: Rig, scale: Scale) -> Array:
         """The known side of the balance: W + b cos q1 − a12 q1' q2' − ½ a22 q2'² (without b cos q1 if b is sought)."""
@@ -168,12 +155,64 @@ class States:
 TERMS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 """sgn v, v, v|v|; what depends on the direction: 1 and |v|."""
 
+MOTOR = ("voltage", "back_emf", "viscous", "coulomb")
+"""What c1, c2, f2 and f3 stand with: u q2' and q2'² outside the dead zone, q2'², |q2'|."""
+
+
+def running_powers(course: Course, instants: Array) -> Array:
+    """Integrals up to rising `instants` of the power, |v|, v², |v| v², |v| v and the terms of `MOTOR`, (9, instants).
+
+    As `running_integrals`, in one pass, for the powers together are more than a processor keeps at hand.
+    """
+    signals = (course.power, course.speed, course.active, course.voltage, course.wheel_speed, course.turn)
+    points = course.nodes.points
+    return _running_powers(course.nodes.time, signals, instants, antiderivatives(points), gauss_rule(points)[1]).T
+
+
+@njit
+def _running_powers(time: Array, signals: tuple[Array, ...], instants: Array, anti: Array, weights: Array) -> Array:
+    points = len(weights)
+    total, result = np.zeros(5 + len(MOTOR)), np.empty((len(instants), 5 + len(MOTOR)))
+    k = 0
+    for i in range(len(instants)):
+        while k < len(time) - 2 and time[k + 1] <= instants[i]:
+            for j in range(points):
+                _add_powers(total, (time[k + 1] - time[k]) * weights[j], signals, k, j)
+            k += 1
+        h = time[k + 1] - time[k]
+        s = (instants[i] - time[k]) / h
+        result[i] = total
+        for j in range(points):
+            weight, power = 0.0, s
+            for m in range(points):
+                weight += anti[j, m] * power
+                power *= s
+            _add_powers(result[i], h * weight, signals, k, j)
+    return result
+
+
+@njit
+def _add_powers(sums: Array, weight: float, signals: tuple[Array, ...], k: int, j: int) -> None:
+    """Add the powers at node j of interval k, times `weight`."""
+    power, speed, active, voltage, wheel_speed, turn = signals
+    v, rate = speed[k, j], wheel_speed[k, j]
+    size, path = weight * abs(v), weight * turn[k, j]
+    sums[0] += weight * power[k, j]
+    sums[1] += size
+    sums[2] += weight * v * v
+    sums[3] += size * v * v
+    sums[4] += size * v
+    sums[5] += active[k, j] * voltage[k, j] * path
+    sums[6] += active[k, j] * rate * path
+    sums[7] += rate * path
+    sums[8] += np.sign(rate) * path
+
 
 def states_at(course: Course, instants: Array, *, linear: bool) -> States:
     """States at `instants` (blocks, nodes), rising when flattened and inside the log."""
     flat, shape = instants.ravel(), instants.shape
     axis = course.axis
-    terms = running_integrals(course.nodes, course.powers, flat).reshape(-1, *shape)
+    terms = running_powers(course, flat).reshape(-1, *shape)
     angle = axis.angle_at(flat).reshape(shape)
     wheel = course.wheel
     still = np.zeros(shape)
@@ -187,4 +226,5 @@ def states_at(course: Course, instants: Array, *, linear: bool) -> States:
         wheel_acceleration=still if wheel is None else wheel.acceleration(flat).reshape(shape),
         work=terms[0],
         friction=dict(zip(TERMS, (*terms[1:4], angle, terms[4]), strict=True)),
+        motor=dict(zip(MOTOR, terms[5:], strict=True)),
     )

@@ -11,14 +11,13 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.energy.balance import Course, States, motor_drag
+from swingid.identify.energy.balance import MOTOR, Course, States, motor_drag
 from swingid.identify.energy.fit import NodeFit
 from swingid.identify.momentum.imperfections import Imperfection
 from swingid.identify.motor_balance import motor_torque
 from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
-from swingid.numerics.compiled import njit
 from swingid.numerics.cumulative import running_integrals
 from swingid.units import Quantity
 
@@ -34,7 +33,7 @@ def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit
     found = [*_gravity(rig, states), *_sensors(rig, course, states, fit, b)]
     motor = rig.drive.motor
     if scale.drive == "reaction-wheel" and motor is not None:
-        found = [*_inertias(rig, motor, states), *_motor(motor, course, states), *found]
+        found = [*_inertias(rig, motor, states), *_motor(motor, states), *found]
     elif scale.drive == "direct":
         gain = rig.log.torque_gain
         found = [_constant("log.torque_gain", gain, states.work / gain.value), *found]
@@ -60,12 +59,11 @@ def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
     yield _constant("drive.motor.rotor_inertia", motor.rotor_inertia, -n * product - 0.5 * n**2 * v2**2, -1.0)
 
 
-def _motor(motor: Motor, course: Course, states: States) -> Iterator[Imperfection]:
+def _motor(motor: Motor, states: States) -> Iterator[Imperfection]:
     """N, c1, eta, c2, f2 and f3: partial derivatives of the work and, for N, of a12 and a22."""
     n, c1, c2 = motor.gear_ratio.value, motor.torque_per_volt.value, motor.back_emf.value
-    eta, jr, turn, v2 = motor.efficiency.value, motor.rotor_inertia.value, course.turn, course.wheel_speed
-    parts = _motor_parts(course.active.ravel(), course.voltage.ravel(), v2.ravel(), turn.ravel())
-    volts, back, squares, path = _integrals(course, states, parts.reshape(4, *turn.shape))
+    eta, jr = motor.efficiency.value, motor.rotor_inertia.value
+    volts, back, squares, path = (states.motor[name] for name in MOTOR)
     yield _constant("drive.motor.torque_per_volt", motor.torque_per_volt, n * eta * volts)
     yield _constant("drive.motor.efficiency", motor.efficiency, n * (c1 * volts - c2 * back))
     yield _constant("drive.motor.back_emf", motor.back_emf, -n * eta * back)
@@ -74,18 +72,6 @@ def _motor(motor: Motor, course: Course, states: States) -> Iterator[Imperfectio
     kinetic = -jr * states.wheel_speed * (states.speed + n * states.wheel_speed)
     work = states.work / n - n * motor.viscous.value * squares
     yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
-
-
-@njit
-def _motor_parts(active: Array, voltage: Array, rate: Array, turn: Array) -> Array:
-    """What runs up to the derivatives of the motor's work by c1, c2, f2 and f3, but for constant factors."""
-    result = np.empty((4, len(turn)))
-    for k in range(len(turn)):
-        result[0, k] = active[k] * voltage[k] * turn[k]
-        result[1, k] = active[k] * rate[k] * turn[k]
-        result[2, k] = rate[k] * turn[k]
-        result[3, k] = np.sign(rate[k]) * turn[k]
-    return result
 
 
 def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:

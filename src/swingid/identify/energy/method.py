@@ -225,7 +225,9 @@ def _inner(states: States) -> States:
     cut = len(LEVELS) // 3
     names = ("instants", "angle", "height", "speed", "acceleration", "wheel_speed", "wheel_acceleration", "work")
     plain = {name: getattr(states, name)[:, cut:-cut] for name in names}
-    return States(**plain, friction={name: column[:, cut:-cut] for name, column in states.friction.items()})
+    friction = {name: column[:, cut:-cut] for name, column in states.friction.items()}
+    motor = {name: column[:, cut:-cut] for name, column in states.motor.items()}
+    return States(**plain, friction=friction, motor=motor)
 
 
 def _judged(estimate: EnergyEstimate, opinion: SecondOpinion, scale: Scale) -> EnergyEstimate:

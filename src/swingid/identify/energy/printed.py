@@ -68,7 +68,9 @@ def states_of_pairs(course: Course, instants: Array, *, linear: bool) -> States:
 
     names = ("instants", "angle", "height", "speed", "acceleration", "wheel_speed", "wheel_acceleration", "work")
     plain = {name: again(getattr(sorted_states, name)) for name in names}
-    return States(**plain, friction={name: again(column) for name, column in sorted_states.friction.items()})
+    friction = {name: again(column) for name, column in sorted_states.friction.items()}
+    motor = {name: again(column) for name, column in sorted_states.motor.items()}
+    return States(**plain, friction=friction, motor=motor)
 
 
 def trapezoid_work(log: Recording, rig: Rig, course: Course, instants: Array) -> Array:

@@ -110,11 +110,12 @@ class Convergence:
 class Details:
     """What the report draws and the curious read: the way from the log to the number.
 
-    start, stop: the part of the log used (s). turning_times, turning_angles: the turning points found.
-    window: half-length of the test functions (s), None where a method has none. estimates: inertia and standard
-    uncertainty by kind of projection, for comparison. residual_times, residuals: what the balance leaves
-    (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each sample). extra: shares
-    by the names of `report.words.EXTRA`, such as row (II)'s relative residual when motor constants are known.
+    start, stop: the part of the log used (s); left_out (k, 2): from when to when (s) not, within. turning_times,
+    turning_angles: the turning points found. window: half-length of the test functions (s), None where a method has
+    none. estimates: inertia and standard uncertainty by kind of projection, for comparison. residual_times, residuals:
+    what the balance leaves (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each
+    sample). extra: shares by the names of `report.words.EXTRA`, such as row (II)'s relative residual when motor
+    constants are known.
     """
 
     start: float
@@ -130,6 +131,12 @@ class Details:
     residual_unit: str | None = None
     extra: dict[str, float] = field(default_factory=dict)
     convergence: Convergence | None = None
+    left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
+
+    def unused(self, first: float, last: float) -> list[tuple[float, float]]:
+        """Parts (s) of a log from `first` to `last` that were not used."""
+        parts = [(first, self.start), *((float(a), float(b)) for a, b in self.left_out), (self.stop, last)]
+        return [(begin, end) for begin, end in parts if end > begin]
 
 
 @dataclass(frozen=True)

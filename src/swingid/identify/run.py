@@ -127,7 +127,11 @@ def _of_one(
     """The result of one log, to whose findings `more` are added."""
     if isinstance(log, Recording):
         log = replace(log, findings=(*log.findings, *more)) if more else log
-        return function(without_pushes(straightened(log, rig), rig), rig, **options)
+        used = without_pushes(straightened(log, rig), rig)
+        result = function(used, rig, **options)
+        if len(used.left_out) == 0 or result.details is None:
+            return result
+        return replace(result, details=replace(result.details, left_out=used.left_out))
     from swingid.identify.large import identify_large, require_in_parts
 
     require_in_parts(log, method)

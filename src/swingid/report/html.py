@@ -176,8 +176,8 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
     drawn["logs"] = draw_logs(result)
     drawn["convergence"] = draw_convergence(result)
     if log is not None:
-        start, stop = (details.start, details.stop) if details else (None, None)
-        drawn["log"] = draw_log(log, start, stop, linear=linear)
+        unused = details.unused(float(log.time[0]), float(log.time[-1])) if details else []
+        drawn["log"] = draw_log(log, unused, linear=linear)
     if details is not None:
         drawn["residuals"] = draw_residuals(details, linear=linear)
         if log is not None:

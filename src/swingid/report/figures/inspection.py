@@ -66,7 +66,7 @@ def _grey_unused(axes: Axes, log: Recording, swings: Swings | None) -> None:
     axes.set_xlim(first, last)
     if swings is None:
         return
-    for begin, end in ((first, swings.start), (swings.stop, last)):
+    for begin, end in ((first, swings.start), *log.left_out, (swings.stop, last)):
         if end > begin:
             axes.axvspan(begin, end, color=PALE, lw=0, zorder=0)
 
@@ -82,7 +82,9 @@ def _draw_motion(axes: Axes, found: Inspection, log: Recording) -> None:
             title += ", its turning points"
         for begin, end in inside.rests:
             axes.axvspan(begin, end, color=VERMILION, alpha=0.15, lw=0, zorder=0)
-        title += "; grey: left out" if swings.start > log.time[0] or swings.stop < log.time[-1] else ""
+        title += (
+            "; grey: left out" if swings.start > log.time[0] or swings.stop < log.time[-1] or len(log.left_out) else ""
+        )
         title += "; red: at rest" if len(inside.rests) else ""
     _grey_unused(axes, log, swings)
     axes.set_title(title, pad=3)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -30,16 +31,14 @@ class Panel:
     behind: Array | None = None
 
 
-def draw_log(log: Recording, start: float | None, stop: float | None, *, linear: bool) -> Figure:
-    """Panels of all channels that `log` has; the parts outside start … stop (s) are greyed."""
+def draw_log(log: Recording, unused: Iterable[tuple[float, float]], *, linear: bool) -> Figure:
+    """Panels of all channels that `log` has; the parts `unused` (s) are greyed."""
     panels = panels_of(log, linear=linear)
     figure, axes = new_figure(0.6 + 1.05 * len(panels), len(panels), share_time=True)
     for ax, panel in zip(axes, panels, strict=True):
         _draw(ax, log.time, panel)
-        if start is not None and stop is not None:
-            for begin, end in ((log.time[0], start), (stop, log.time[-1])):
-                if end > begin:
-                    ax.axvspan(begin, end, color=PALE, lw=0, zorder=0)
+        for begin, end in unused:
+            ax.axvspan(begin, end, color=PALE, lw=0, zorder=0)
     axes[-1].set_xlabel("time, s")
     axes[-1].set_xlim(log.time[0], log.time[-1])
     figure.align_ylabels(axes)

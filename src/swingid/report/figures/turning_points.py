@@ -34,9 +34,8 @@ def draw_turning_points(log: Recording, details: Details, *, linear: bool) -> Fi
     figure, (whole, close) = new_figure(3.9, 2)
     label = f"{'position' if linear else 'angle'}, {unit}"
     _draw_angle(whole, log, details, factor, (float(log.time[0]), float(log.time[-1])))
-    for begin, end in ((log.time[0], details.start), (details.stop, log.time[-1])):
-        if end > begin:
-            whole.axvspan(begin, end, color=PALE, lw=0, zorder=0, label="not used" if begin == log.time[0] else None)
+    for k, (begin, end) in enumerate(details.unused(float(log.time[0]), float(log.time[-1]))):
+        whole.axvspan(begin, end, color=PALE, lw=0, zorder=0, label=None if k else "not used")
     span = _close_span(details, log.duration)
     _draw_angle(close, log, details, factor, span)
     if details.window is not None:

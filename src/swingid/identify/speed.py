@@ -85,7 +85,9 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
 def _widest(time: Array, angle: Array, places: Array, width: float, longest: float, noise: float, step: float) -> float:
     """Half-width below `longest` (s), from `width` on, up to which the speeds at `places` change by noise only."""
     speeds = local_cubic(time, angle, places, width)[:, 1]
-    least = 1e-9 * np.nanmax(np.abs(speeds))
+    least = 0.0
+    for speed in speeds:
+        least = max(least, 1e-9 * abs(speed))
     while width * WIDER < longest:
         wider = local_cubic(time, angle, places, width * WIDER)[:, 1]
         power, count = 0.0, 0

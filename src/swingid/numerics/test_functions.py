@@ -187,7 +187,7 @@ def project_steps(edges: Array, levels: Array, centres: Array, half: Array) -> A
     result = np.zeros(len(centres))
     for i in range(len(centres)):
         c, big_l = centres[i], half[i]
-        j = max(0, np.searchsorted(edges, c - big_l) - 1)
+        j = max(0, rows_before(edges, c - big_l, False) - 1)
         while j < len(levels) and edges[j] < c + big_l:
             result[i] += (
                 levels[j] * big_l * (phi_integral((edges[j + 1] - c) / big_l) - phi_integral((edges[j] - c) / big_l))
@@ -201,7 +201,7 @@ def project_impulses(instants: Array, strengths: Array, centres: Array, half: Ar
     """Σ_j strengths_j φ(t_j): the projection of impulses at rising `instants`."""
     result = np.zeros(len(centres))
     for i in range(len(centres)):
-        j = np.searchsorted(instants, centres[i] - half[i])
+        j = rows_before(instants, centres[i] - half[i], False)
         while j < len(instants) and instants[j] < centres[i] + half[i]:
             result[i] += strengths[j] * phi((instants[j] - centres[i]) / half[i], 0)
             j += 1

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from swingid.identify.motion import Motion
 from swingid.numerics.compiled import njit
+from swingid.numerics.search import rows_before
 
 Array = NDArray[np.float64]
 
@@ -53,7 +54,7 @@ def _crossings(time: Array, angles: Array, turning: Array, tops: Array, sides: A
     for i in range(blocks):
         top, side = tops[i + 1], sides[i + 1]
         result[i, levels] = turning[i + 1]
-        centre = np.searchsorted(time, turning[i + 1])
+        centre = rows_before(time, turning[i + 1], False)
         for direction in (-1, 1):
             k = centre if direction > 0 else centre - 1
             for j in range(levels):

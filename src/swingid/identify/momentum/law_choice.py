@@ -49,11 +49,11 @@ class LawChoice:
         self.gram = gram(np.ascontiguousarray(np.column_stack([body, friction.columns, target]).T))
         self.independent = len(target) / (LAG / 2)
         self.trials: dict[str, Trial] = {}
+        self.stribeck_speeds = np.empty(0)
         peaks = [odd for odd, terms in LAWS.items() if "stribeck" in terms]
         for odd in (odd for odd in LAWS if odd not in peaks):
             for direction in list(DIRECTIONS)[-1:] if odd_only else DIRECTIONS:
                 self._attempt(odd + direction)
-        self.stribeck_speeds = np.empty(0)
         if slowest < STRIBECK_SHARES[-1] * friction.fastest:
             least = max(STRIBECK_SHARES[0], slowest / friction.fastest)
             self.stribeck_speeds = friction.fastest * np.geomspace(least, STRIBECK_SHARES[-1], len(STRIBECK_SHARES))
@@ -99,14 +99,21 @@ class LawChoice:
         return left, others @ inner @ others.T - mixed.T @ taken[:, :-1], shared
 
     def _attempt(self, name: str) -> None:
-        terms = law_terms(name)
-        places, knots, speed = places_of(terms), self.friction.knots, float("nan")
+        terms, starts = law_terms(name), np.empty(0)
         if "stribeck" in terms:
             # another law with a peak has found about the same speed
-            before = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
-            tried, ends = np.array(before) if before else self.stribeck_speeds, self.stribeck_speeds[[0, -1]]
-            speed = _likeliest_speed(self.gram, self.body, places, knots, tried, ends)
-        lost, values, sound = _tried(self.gram, self.body, places, knots, speed, _sides(terms), self.independent)
+            found = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
+            starts = np.array(found) if found else self.stribeck_speeds
+        speed, lost, values, sound = _tried(
+            self.gram,
+            self.body,
+            places_of(terms),
+            self.friction.knots,
+            starts,
+            self.stribeck_speeds,
+            _sides(terms),
+            self.independent,
+        )
         if not self.trials or sound:
             count = len(terms) + ("stribeck" in terms)
             score = self.independent * math.log(lost) + count * math.log(self.independent)
@@ -124,22 +131,30 @@ def slowest_peak(motion: Motion, noise: float) -> float:
 
 @njit
 def _tried(
-    gram: Array, body: int, places: Indices, knots: Array, speed: float, sides: Array, independent: float
-) -> tuple[float, Array, bool]:
-    """Sum of squared residuals of a law, its coefficients, and whether it dissipates.
+    gram: Array,
+    body: int,
+    places: Indices,
+    knots: Array,
+    starts: Array,
+    speeds: Array,
+    sides: Array,
+    independent: float,
+) -> tuple[float, float, Array, bool]:
+    """Stribeck speed of a law (nan without starts), its squared residuals, its coefficients, and whether it dissipates.
 
     It does where no coefficient, in either direction, is negative beyond its standard uncertainty.
     """
+    speed = np.nan if len(starts) == 0 else _likeliest_speed(gram, body, places, knots, starts, speeds)
     lost, values, inverse = _lost(gram, body, law_weights(places, knots, speed))
     lost = max(lost, ROUNDING * gram[-1, -1])
-    return lost, values, _none_below(sides, values, inverse * (lost / independent))
+    return speed, lost, values, _none_below(sides, values, inverse * (lost / independent))
 
 
 @njit
-def _likeliest_speed(gram: Array, body: int, places: Indices, knots: Array, tried: Array, ends: Array) -> float:
-    """The likeliest Stribeck speed: the best of those `tried`, then Gauss–Newton while it gets better within `ends`."""
-    speed, (least, values, _) = tried[0], _lost(gram, body, law_weights(places, knots, tried[0]))
-    for other in tried[1:]:
+def _likeliest_speed(gram: Array, body: int, places: Indices, knots: Array, starts: Array, speeds: Array) -> float:
+    """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while it gets better within `speeds`."""
+    speed, (least, values, _) = starts[0], _lost(gram, body, law_weights(places, knots, starts[0]))
+    for other in starts[1:]:
         lost, better, _ = _lost(gram, body, law_weights(places, knots, other))
         if lost < least:
             speed, least, values = other, lost, better
@@ -150,7 +165,7 @@ def _likeliest_speed(gram: Array, body: int, places: Indices, knots: Array, trie
         widened[:, -1] = slope_weights(knots, speed) * values[peak]
         step = min(max(_lost(gram, body, widened)[1][-1], -0.4 * speed), 0.6 * speed)
         lost, better, _ = _lost(gram, body, law_weights(places, knots, speed + step))
-        if lost >= least or not ends[0] <= speed + step <= ends[1]:
+        if lost >= least or not speeds[0] <= speed + step <= speeds[-1]:
             break
         settled = abs(step) < 1e-3 * speed
         speed, least, values = speed + step, lost, better

@@ -49,6 +49,9 @@ MOST_TIME = 0.25
 BLUNT = 0.05
 """Share of the largest drive or gravity: where a push may be as large and not be seen, there may be more of them."""
 
+BLIND = 0.15
+"""The same: where so large a push would not be seen, those that are seen are the least of it and stay in."""
+
 LEAST = 0.25
 """Of the time of a swing that is left out at least, so that the gap is none that methods bridge."""
 
@@ -72,7 +75,8 @@ class Push:
 def without_pushes(log: Recording, rig: Rig) -> Recording:
     """The log without the rows while a push acts, with a note among its findings; unchanged where there is none.
 
-    Where the repair "push" is switched off the rows stay, and a warning says what was seen.
+    Where the repair "push" is switched off, or most pushes would not be seen, the rows stay, and a warning says what
+    was seen.
     """
     if any(finding.code in OTHER for finding in log.findings):
         return log
@@ -83,16 +87,17 @@ def without_pushes(log: Recording, rig: Rig) -> Recording:
     if any(finding.code == "repair-off" and finding.repair == REPAIR for finding in log.findings):
         message = f"{text}; these rows were used all the same, as wanted, and spoil the balance."
         return replace(log, findings=(*log.findings, Finding(LEFT_IN, message, "warning")))
+    unseen = max(one.unseen for one in pushes)
+    gentler = f"pushes of less than {percent(unseen)} of the largest torque would not show"
+    if unseen > BLIND:
+        message = f"{text}; {gentler}, so nothing was left out: take a part without pushes (--part FROM:TO)."
+        return replace(log, findings=(*log.findings, Finding(LEFT_IN, message, "warning")))
     acts = np.zeros(len(log), dtype=bool)
     for one in pushes:
         acts |= (log.time >= one.start) & (log.time <= one.stop)
     message = f"{text}; {np.count_nonzero(acts)} of {len(log)} rows were left out, those after it were used"
-    unseen = max(one.unseen for one in pushes)
     if unseen > BLUNT:
-        message += (
-            f"; pushes of less than {percent(unseen)} of the largest torque would not show, so rather take a part "
-        )
-        message += "without pushes (--part FROM:TO)"
+        message += f"; {gentler}, so rather take a part without pushes (--part FROM:TO)"
     found = Finding(REPAIR, f"{message}.", "warning" if unseen > BLUNT else "note", REPAIR)
     kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
     spans = np.array([(one.start, one.stop) for one in pushes])

@@ -68,14 +68,10 @@ def _codes(result: Result) -> set[str]:
 
 
 def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
-    """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell.
-
-    Nor where the angle's zero is off, which the cosine part of a nonlinearity looks like.
-    """
+    """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell."""
     found = calibrate_encoders(logs, rig)
     parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]
-    sure = any(abs(part.value) > SURE * (part.standard_uncertainty or np.inf) for part in parts)
-    if not sure or any(note.code == "zero" for note in found.result.notes):
+    if not any(abs(part.value) > SURE * (part.standard_uncertainty or np.inf) for part in parts):
         raise UnanswerableError("the logs hardly tell how far the encoders are bent.", code="not-identifiable")
     sizes = [f"{np.degrees(_size(found.rig, table)):.2g}° {of}" for table, of in _tables(rig).items()]
     text = (

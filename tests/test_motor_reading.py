@@ -86,3 +86,10 @@ def test_a_latency_that_may_be_half_a_row_leaves_open_what_the_voltage_did(tmp_p
         identify(log, GIVEN.changed({"sensors.latency": "0 ± 0.2 ms"}), method="backstepping").warnings
     )
     assert "drive-held" in codes(identify(log, GIVEN, method="backstepping").warnings)
+
+
+def test_momentum_notes_a_voltage_that_is_not_held_and_energy_warns(sampled) -> None:
+    assert "drive-held" in codes(identify(sampled, GIVEN).notes)
+    found = identify(sampled, GIVEN, method="energy")
+    assert "drive-held" in codes(found.warnings)
+    assert "drive-held" not in codes(found.notes)

@@ -93,8 +93,6 @@ def backstepping(
     budget, parameters, sensitivities = answer(run, others, found, scale)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, motion)
     doubts, words = told(run, gains, widths, parameters["inertia"])
-    if opinion.balance is not None and (held := opinion.balance.hold_doubt(harm="this inertia stands on it")):
-        doubts, warnings = [*held, *doubts], [one for one in warnings if one.code != "motor-balance"]
     warnings, notes = [*doubts, *warnings], [note, *words, *notes]
     add_findings(log, warnings, notes)
     options: dict[str, object] = {"law": law, "velocities": velocities}

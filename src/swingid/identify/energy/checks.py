@@ -118,12 +118,14 @@ def check_energy(
         warnings += _against_momentum(inertia, budget, opinion.windows, scale)
         warnings += check_zero(opinion.windows, opinion.signals, scale, inertia.standard_uncertainty)
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
-    notes += motor_notes
+    notes += [message for message in motor_notes if message.code != "drive-held"]
     if scale.drive == "reaction-wheel":
         notes.append(_leaning_on_motor(rig, sensitivities, inertia))
         doubts = {warning.code for warning in warnings}
-        if "near-resonance" in doubts and "disagrees-with-momentum" not in doubts:
-            # the wheel rests part of the time, where its friction is any torque and row (II) says nothing
+        held = opinion.balance.hold_doubt(harm="this inertia stands on it") if opinion.balance is not None else []
+        warnings += held
+        if held or ("near-resonance" in doubts and "disagrees-with-momentum" not in doubts):
+            # it is due to that, or the wheel rests part of the time, where row (II) says nothing
             motor_warnings = [message for message in motor_warnings if message.code != "motor-balance"]
         warnings += [_for_energy(message, opinion.balance) for message in motor_warnings]
     return warnings, notes

@@ -138,9 +138,6 @@ def _second_opinion(
         doubts = check_gravity(longest, others, signals, rig, scale, noise, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
     warnings, notes = check_motor(balance, signals)
-    if balance is not None and (held := balance.hold_doubt(harm="this method does not use it")):
-        # whatever else seems wrong with the motor may be due to it
-        warnings, notes = [m for m in warnings if m.code != "motor-balance"], [*notes, *held]
     own = [
         [replace(m, message=m.message.replace("momentum", "this method")) for m in side] for side in (warnings, notes)
     ]

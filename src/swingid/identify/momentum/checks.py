@@ -219,7 +219,8 @@ def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Me
             f'set wheel_angle_is = "{other}" under [log] if the sensor says so, or check drive.motor.'
         )
         return [Message("wheel-angle-reading", text)], []
-    if balance.as_stated > BAD_MOTOR:
+    held = balance.hold_doubt(harm="momentum does not use it")
+    if balance.as_stated > BAD_MOTOR and not held:
         text = (
             f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or "
             "the wheel angle is not what wheel_angle_unit and wheel_angle_is under [log] say; momentum does not use "
@@ -228,7 +229,7 @@ def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Me
         return [Message("motor-balance", text)], []
     rest = f"; the wheel rests {balance.rests:.0%} of the time, and tells nothing then" if balance.rests > 0.05 else ""
     text = f"wheel_angle taken as {stated} to the pendulum ({_residuals(balance)}{rest})."
-    return [], [Message("wheel-angle-reading", text)]
+    return [], [Message("wheel-angle-reading", text), *held]
 
 
 def _reading(balance: MotorBalance) -> str | None:

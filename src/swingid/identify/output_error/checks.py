@@ -94,7 +94,7 @@ def check_fit(
     notes += _zero_note(estimate, problem)
     warnings += opinion.scale
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
-    notes += motor_notes
+    notes += [message for message in motor_notes if message.code != "drive-held"]
     warnings, notes = (held + warnings, notes) if problem.input == "voltage" else (warnings, notes + held)
     # a motor that does not fit shows in the residuals, or the motor is not used; another reading of the wheel too
     fits = problem.input == "voltage" and not poor

@@ -77,7 +77,9 @@ def law_weights(places: NDArray[np.int64], knots: Array, stribeck_speed: float) 
             weights[places[k], k] = 1.0
         else:
             peak = _smooth(knots, stribeck_peak(knots, stribeck_speed))
-            weights[:, k] = _function_weights(knots, peak, 1.0, -1.0)
+            column = _function_weights(knots, peak, 1.0, -1.0)
+            for j in range(len(column)):
+                weights[j, k] = column[j]
     return weights
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from swingid.identify.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_terms
 from swingid.identify.momentum.fits import LAG
-from swingid.identify.momentum.friction_rows import FrictionRows, law_weights, places_of, slope_weights
+from swingid.identify.momentum.friction_rows import EXACT, FrictionRows, law_weights, places_of, slope_weights
 from swingid.identify.motion import Motion
 from swingid.numerics.compiled import njit
 from swingid.numerics.ranks import median
@@ -147,28 +147,32 @@ def _tried(
     speed = np.nan if len(starts) == 0 else _likeliest_speed(gram, body, places, knots, starts, speeds)
     lost, values, inverse = _lost(gram, body, law_weights(places, knots, speed))
     lost = max(lost, ROUNDING * gram[-1, -1])
-    return speed, lost, values, _none_below(sides, values, inverse * (lost / independent))
+    return speed, lost, values[: len(places)], _none_below(sides, values, inverse, lost / independent)
 
 
 @njit
 def _likeliest_speed(gram: Array, body: int, places: Indices, knots: Array, starts: Array, speeds: Array) -> float:
     """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while it gets better within `speeds`."""
-    speed, (least, values, _) = starts[0], _lost(gram, body, law_weights(places, knots, starts[0]))
-    for other in starts[1:]:
-        lost, better, _ = _lost(gram, body, law_weights(places, knots, other))
+    count, terms = len(EXACT) + len(knots), len(places)
+    speed, least, values, peak, widened = starts[0], np.inf, np.empty(0), 0, np.empty((count, terms + 1))
+    for start in starts:
+        lost, found, _ = _lost(gram, body, law_weights(places, knots, start))
         if lost < least:
-            speed, least, values = other, lost, better
-    peak = np.argmin(places)
+            speed, least, values = start, lost, found
+    while places[peak] >= 0:
+        peak += 1
     for _ in range(5):
-        widened = np.empty((len(gram) - 1 - body, len(places) + 1))
-        widened[:, :-1] = law_weights(places, knots, speed)
-        widened[:, -1] = slope_weights(knots, speed) * values[peak]
-        step = min(max(_lost(gram, body, widened)[1][-1], -0.4 * speed), 0.6 * speed)
-        lost, better, _ = _lost(gram, body, law_weights(places, knots, speed + step))
+        weights, slope = law_weights(places, knots, speed), slope_weights(knots, speed)
+        for k in range(count):
+            for j in range(terms):
+                widened[k, j] = weights[k, j]
+            widened[k, terms] = slope[k] * values[peak]
+        step = min(max(_lost(gram, body, widened)[1][terms], -0.4 * speed), 0.6 * speed)
+        lost, found, _ = _lost(gram, body, law_weights(places, knots, speed + step))
         if lost >= least or not speeds[0] <= speed + step <= speeds[-1]:
             break
         settled = abs(step) < 1e-3 * speed
-        speed, least, values = speed + step, lost, better
+        speed, least, values = speed + step, lost, found
         if settled:
             break
     return float(speed)
@@ -196,38 +200,48 @@ def _solved(gram: Array, body: int, weights: Array) -> tuple[Array, Array, float
     size = terms + body
     blended = np.zeros((size, len(gram)))  # the blend of columns times the Gram matrix
     for k in range(body):
-        blended[terms + k] = gram[k]
+        for i in range(len(gram)):
+            blended[terms + k, i] = gram[k, i]
     for k in range(terms):
         for j in range(count):
             if weights[j, k] != 0.0:
                 for i in range(len(gram)):
                     blended[k, i] += weights[j, k] * gram[body + j, i]
     inner = np.zeros((size, size))
-    right = blended[:, -1].copy()
+    right = np.empty(size)
     for k in range(size):
+        right[k] = blended[k, len(gram) - 1]
         for i in range(body):
             inner[k, terms + i] = blended[k, i]
         for j in range(count):
             for i in range(terms):
                 inner[k, i] += weights[j, i] * blended[k, body + j]
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
-    inverse = symmetric_inverse(inner * scale * scale.reshape(-1, 1) + 1e-13 * np.eye(size))
-    inverse *= scale * scale.reshape(-1, 1)
-    values = np.zeros(size)
+    scale = np.empty(size)
     for k in range(size):
-        values += inverse[:, k] * right[k]
-    return values[:terms], inverse[:terms, :terms].copy(), float((values * right).sum())
+        scale[k] = 1.0 / np.sqrt(max(inner[k, k], 1e-300))
+    for k in range(size):
+        for i in range(size):
+            inner[k, i] *= scale[k] * scale[i]
+        inner[k, k] += 1e-13
+    inverse, values, explained = symmetric_inverse(inner), np.zeros(size), 0.0
+    for k in range(size):
+        for i in range(size):
+            inverse[k, i] *= scale[k] * scale[i]
+            values[k] += inverse[k, i] * right[i]
+        explained += values[k] * right[k]
+    return values, inverse, explained
 
 
 @njit
-def _none_below(rows: Array, values: Array, covariance: Array) -> bool:
-    """Whether no row of `rows` @ values lies below minus its standard uncertainty."""
-    for row in rows:
-        variance = 0.0
-        for k in range(len(row)):
-            for j in range(len(row)):
-                variance += row[k] * covariance[k, j] * row[j]
-        if (row * values).sum() <= -np.sqrt(max(variance, 0.0)):
+def _none_below(rows: Array, values: Array, inverse: Array, variance: float) -> bool:
+    """Whether no row of `rows` @ values lies below minus its standard uncertainty, of covariance inverse · variance."""
+    for i in range(len(rows)):
+        value = power = 0.0
+        for k in range(rows.shape[1]):
+            value += rows[i, k] * values[k]
+            for j in range(rows.shape[1]):
+                power += rows[i, k] * inverse[k, j] * rows[i, j]
+        if value <= -np.sqrt(max(power * variance, 0.0)):
             return False
     return True
 

@@ -107,6 +107,14 @@ def gram(rows: Array) -> Array:
     return result
 
 
+@njit_sums
+def _inner(one: Array, other: Array) -> float:
+    total = 0.0
+    for i in range(len(one)):
+        total += one[i] * other[i]
+    return total
+
+
 @njit
 def _orthonormal(rows: Array) -> tuple[Array, Array]:
     """Q (p, n) and R (p, p) with Xᵀ = Qᵀ R for rows X (p, n), by Gram and Schmidt twice; Q's rows are orthonormal.
@@ -116,19 +124,20 @@ def _orthonormal(rows: Array) -> tuple[Array, Array]:
     count, length = rows.shape
     q, r = rows.copy(), np.zeros((count, count))
     for k in range(count):
-        before = np.sqrt((q[k] * q[k]).sum())
+        own = q[k]
+        before = np.sqrt(_inner(own, own))
         for _ in range(2):
             for j in range(k):
-                share = (q[j] * q[k]).sum()
+                other = q[j]
+                share = _inner(other, own)
                 r[j, k] += share
                 for i in range(length):
-                    q[k, i] -= share * q[j, i]
-        left = np.sqrt((q[k] * q[k]).sum())
-        if left > 1e-15 * before:
-            r[k, k] = left
-            q[k] /= left
-        else:
-            q[k] = 0.0
+                    own[i] -= share * other[i]
+        left = np.sqrt(_inner(own, own))
+        seen = left > 1e-15 * before
+        r[k, k] = left if seen else 0.0
+        for i in range(length):
+            own[i] = own[i] / left if seen else 0.0
     return q, r
 
 
@@ -154,13 +163,18 @@ def _singular(r: Array) -> tuple[Array, Array, Array]:
                 tangent = (1.0 if zeta >= 0 else -1.0) / (abs(zeta) + np.sqrt(1.0 + zeta * zeta))
                 cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
                 sine = cosine * tangent
-                for m in (u, v):
-                    for i in range(count):
-                        one, two = m[i, a], m[i, c]
-                        m[i, a], m[i, c] = cosine * one - sine * two, sine * one + cosine * two
+                for i in range(count):
+                    one, two = u[i, a], u[i, c]
+                    u[i, a], u[i, c] = cosine * one - sine * two, sine * one + cosine * two
+                    one, two = v[i, a], v[i, c]
+                    v[i, a], v[i, c] = cosine * one - sine * two, sine * one + cosine * two
         if turned < 1e-14:
             break
-    return u, v, np.sqrt((u * u).sum(axis=0))
+    sizes = np.zeros(count)
+    for i in range(count):
+        for a in range(count):
+            sizes[a] += u[i, a] ** 2
+    return u, v, np.sqrt(sizes)
 
 
 @njit_sums
@@ -169,12 +183,15 @@ def _fitted(columns: Array, target: Array, smallest: float) -> tuple[Array, Arra
     count, length = columns.shape
     rows, scale = columns.copy(), np.empty(count)
     for k in range(count):
-        power = (rows[k] * rows[k]).sum()
+        power = _inner(rows[k], rows[k])
         scale[k] = np.sqrt(power) if power > 0.0 else 1.0
-        rows[k] /= scale[k]
+        for i in range(length):
+            rows[k, i] /= scale[k]
     q, r = _orthonormal(rows)
     u, v, s = _singular(r)
-    largest = s.max()
+    least, largest = np.inf, 0.0
+    for size in s:
+        least, largest = min(least, size), max(largest, size)
     back = np.zeros((count, count))  # V S⁻¹ Uᵀ, of the directions that are seen
     for j in range(count):
         if s[j] > smallest * largest:
@@ -183,16 +200,16 @@ def _fitted(columns: Array, target: Array, smallest: float) -> tuple[Array, Arra
                     back[a, c] += v[a, j] * u[c, j] / (s[j] * s[j])
     influence, values, residuals = np.zeros((count, length)), np.zeros(count), target.copy()
     for a in range(count):
+        own = influence[a]
         for c in range(count):
-            share = back[a, c] / scale[a]
+            share, other = back[a, c] / scale[a], q[c]
             for i in range(length):
-                influence[a, i] += share * q[c, i]
-        values[a] = (influence[a] * target).sum()
+                own[i] += share * other[i]
+        values[a] = _inner(own, target)
     for a in range(count):
-        share = values[a] * scale[a]
+        share, other = values[a] * scale[a], rows[a]
         for i in range(length):
-            residuals[i] -= share * rows[a, i]
-    least = s.min()
+            residuals[i] -= share * other[i]
     return values, residuals, influence, largest / least if least > 0.0 else np.inf
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from swingid.identify.encoder_calibration.logs import LogRows
 from swingid.identify.encoder_calibration.parts import Part
 from swingid.identify.momentum.fits import LAG, with_excess
+from swingid.identify.momentum.systematics import counted
 from swingid.numerics.regression import LinearFit, fit_linear
 
 Array = NDArray[np.float64]
@@ -85,7 +86,7 @@ def fit_jointly(logs: Sequence[LogRows], asked: Sequence[Part], current: Mapping
         common=solved.values[:common],
         parts=solved.values[common:seen] * scale[common:],
         scatter=scatter * scale**2,
-        grid=(np.mean(places**2, axis=0) - white) * scale**2,
+        grid=counted(np.mean(places**2, axis=0) - white) * scale**2,
         errors=errors,
     )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from swingid.cli.output import say
 
-KERNELS = {"simulate": ("loop", 15), "identify": ("test_functions", 10), "calibrate": ("wheel_motion", 20)}
+KERNELS = {"simulate": ("loop", 15), "identify": ("test_functions", 20), "calibrate": ("wheel_motion", 20)}
 """For each command a module with a kernel that every run of it calls, and about how long compiling takes (s)."""
 
 

@@ -86,7 +86,7 @@ def fit_jointly(logs: Sequence[LogRows], asked: Sequence[Part], current: Mapping
         common=solved.values[:common],
         parts=solved.values[common:seen] * scale[common:],
         scatter=scatter * scale**2,
-        grid=counted(np.mean(places**2, axis=0) - white) * scale**2,
+        grid=counted(np.mean(places**2, axis=0), white) * scale**2,
         errors=errors,
     )
 

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from swingid.identify.encoder_calibration.logs import LogRows
 from swingid.identify.encoder_calibration.parts import Part
 from swingid.identify.momentum.fits import LAG, with_excess
-from swingid.identify.momentum.systematics import counted
 from swingid.numerics.regression import LinearFit, fit_linear
 
 Array = NDArray[np.float64]
 
 ROUNDS = 3
+
+TOLD = 0.7
+"""Relative standard deviation of the variance that eight places of a smoothed angle tell."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,7 @@ def fit_jointly(logs: Sequence[LogRows], asked: Sequence[Part], current: Mapping
         common=solved.values[:common],
         parts=solved.values[common:seen] * scale[common:],
         scatter=scatter * scale**2,
-        grid=counted(np.mean(places**2, axis=0), white) * scale**2,
+        grid=_counted(np.mean(places**2, axis=0), white) * scale**2,
         errors=errors,
     )
 
@@ -122,3 +124,14 @@ def _scatter(log: LogRows, influence: Array, residuals: Array) -> Array:
     scatter = np.diag(LinearFit(np.zeros(own), residuals, influence, 1.0).covariance(LAG))
     pairs = zip((log.sensor_noise(row) for row in influence), scatter, strict=True)
     return np.array([with_excess(*noise, found, max(len(residuals) - own, 1)) for noise, found in pairs])
+
+
+def _counted(steps: Array, white: Array) -> Array:
+    """What the variances by the encoder's `steps` differ from those by `white` noise, by how sure that is.
+
+    More than white where errors come again, less in a quick motion, where they cancel. As in `fits.with_excess` a
+    difference e counts as e²/(e² + s²) of it, with s the standard deviation of what is told.
+    """
+    excess = steps - white
+    result: Array = excess * (excess**2 / np.maximum(excess**2 + (TOLD * white) ** 2, 1e-300))
+    return result

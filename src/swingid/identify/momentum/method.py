@@ -26,7 +26,7 @@ from swingid.identify.momentum.gravity import check_gravity
 from swingid.identify.momentum.imperfections import imperfections, sensitivities
 from swingid.identify.momentum.latency import Seen, check_latency, with_latency
 from swingid.identify.momentum.loss import loss_unexplained
-from swingid.identify.momentum.systematics import grid_excess, grid_spread, timing_spread
+from swingid.identify.momentum.systematics import grid_spread, timing_spread
 from swingid.identify.momentum.windows import even_windows, swing_windows
 from swingid.identify.momentum.zero import check_zero
 from swingid.identify.motion import Motion, find_motion
@@ -51,8 +51,7 @@ NEGLIGIBLE = 1e-3
 class _Estimate:
     """All fits of one log: the chosen law windows, those of other lengths, the other kinds, the friction.
 
-    common: errors that the scatter of the rows does not show, by source. less: variance of a11 that the scatter counts
-    too much, for an encoder's steps may err less than white noise (at most 0).
+    common: errors that the scatter of the rows does not show, by source.
     """
 
     law: WindowFit
@@ -61,7 +60,6 @@ class _Estimate:
     even: WindowFit | None
     friction: FrictionLaw
     common: dict[str, float]
-    less: float
     turning_rows: Rows
 
 
@@ -149,13 +147,12 @@ def _estimate(choice: Choice, rig: Rig, scale: Scale, noise: Noise) -> _Estimate
     if swing is not None:
         swing = with_declared(swing, rig, signals, scale, noise)
         swing = _with(swing, grid_spread(signals, swing, scale, noise, "inertia"))
-    grid = grid_excess(signals, law, scale, noise, "inertia")
     common = {
-        "place of the encoder's grid": float(np.sqrt(max(grid, 0.0))),
+        "place of the encoder's grid": grid_spread(signals, law, scale, noise, "inertia"),
         "timing of the turning points": timing_spread(law, choice.impulse),
         "drift with the length of the windows": drift_with_length(choice, scale, noise),
     }
-    return _Estimate(law, tried, swing, even, choice.friction, common, min(grid, 0.0), turning_rows)
+    return _Estimate(law, tried, swing, even, choice.friction, common, turning_rows)
 
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
@@ -206,7 +203,7 @@ def _type_b(parameter: str, source: str, shift: float, std: float, shared_id: st
 def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
     """Type A entries of the inertia: scatter, drift with the windows' length, disagreement of the kinds."""
     law = estimate.law
-    entries = [_scatter("inertia", float(np.sqrt(max(law.u**2 + estimate.less, 0.0))))]
+    entries = [_scatter("inertia", law.u)]
     for source, spread in estimate.common.items():
         if spread > NEGLIGIBLE * law.u:
             entries.append(BudgetEntry(source, "A", "inertia", spread))

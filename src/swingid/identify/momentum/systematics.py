@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,9 +15,6 @@ Array = NDArray[np.float64]
 
 SHIFTS = (np.arange(8) / 8 + 0.5) % 1 - 0.5
 """Of the grid in `Signals.grid_errors`, in steps."""
-
-TOLD = 0.7
-"""Relative standard deviation of the variance that eight places of a smoothed angle tell."""
 
 
 def timing_spread(fit: WindowFit, impulse: float) -> float:
@@ -48,12 +43,7 @@ def angle_weights(signals: Signals, fit: WindowFit, scale: Scale, unknown: str) 
 
 
 def grid_spread(signals: Signals, fit: WindowFit, scale: Scale, noise: Noise, unknown: str) -> float:
-    """Standard deviation by which the place of the encoder's grid moves an unknown beyond white noise."""
-    return float(np.sqrt(max(grid_excess(signals, fit, scale, noise, unknown), 0.0)))
-
-
-def grid_excess(signals: Signals, fit: WindowFit, scale: Scale, noise: Noise, unknown: str) -> float:
-    """Variance of an unknown by the encoder's steps less what counts of them as white noise, see `counted`.
+    """What the place of the encoder's grid does to an unknown beyond what counts as white noise: a standard deviation.
 
     An encoder errs alike wherever the same angle comes again, so its error does not average out over the swings as
     white noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step, and with it the
@@ -65,17 +55,7 @@ def grid_excess(signals: Signals, fit: WindowFit, scale: Scale, noise: Noise, un
     shifts = noise.resolution * SHIFTS * float(signals.nodes.flat[1] @ weights)
     effects = signals.grid_errors(noise.resolution) @ weights + shifts
     white = noise.resolution**2 / 12 * noise.step * float(signals.nodes.flat[1] @ weights**2)
-    return float(counted(np.mean(effects**2), white))
-
-
-def counted(steps: Any, white: Any) -> Any:
-    """What the variance by an encoder's `steps` differs from that by `white` noise, by how sure that is.
-
-    More than white where errors come again, less in a quick motion, where they cancel. As in `fits.with_excess` a
-    difference e counts as e²/(e² + s²) of it, with s the standard deviation of what is told.
-    """
-    excess = steps - white
-    return excess * (excess**2 / np.maximum(excess**2 + (TOLD * white) ** 2, 1e-300))
+    return float(np.sqrt(max(float(np.mean(effects**2)) - white, 0.0)))
 
 
 def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit, scale: Scale, noise: Noise) -> float:

@@ -281,7 +281,7 @@ def test_intervals_cover():
     import encoders
 
     rows = [
-        encoders.on_one_draw(encoders.MOTIONS["one log, 8.5 rad/s"], "Stribeck", True, seed)[1] for seed in range(60)
+        encoders.on_one_draw(encoders.MOTIONS["one log, 8.5 rad/s"], "Stribeck", True, seed)[-1] for seed in range(60)
     ]
     errors, says, _ = np.array(rows, dtype=float).T
     assert np.mean(np.abs(errors) <= 1.96 * says) > 0.95 - 3 * np.sqrt(0.95 * 0.05 / 60)

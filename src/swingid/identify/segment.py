@@ -27,8 +27,9 @@ def usable_part(
     Raises UnanswerableError where fewer than four turning points are found.
     """
     if len(motion.turning_times) < FEWEST_TURNS:
+        found = len(motion.turning_times)
         raise UnanswerableError(
-            f"the angle shows {len(motion.turning_times)} turning points from {start:.6g} to {stop:.6g} s, "
+            f"the angle shows {found} turning point{'' if found == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
             f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro.",
             code="no-turning-points",
         )

@@ -136,6 +136,11 @@ def test_median_and_quantile_are_those_of_numpy(values, share):
     assert quantile(values, share) == pytest.approx(np.quantile(values, share), rel=1e-12, abs=1e-15 * size)
 
 
+def test_median_and_quantile_of_nothing_are_no_number():
+    assert np.isnan(median(np.empty(0)))
+    assert np.isnan(quantile(np.empty(0), 0.5))
+
+
 @given(seeds, st.sampled_from(["even", "uneven", "crowded", "repeated"]))
 @CASES
 def test_rows_before_an_instant_are_those_of_a_bisection(seed, kind):

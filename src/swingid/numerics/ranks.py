@@ -9,7 +9,9 @@ Array = NDArray[np.float64]
 
 
 def median(values: Array) -> float:
-    """As `np.median` of one or more values."""
+    """As `np.median`; NaN of no value."""
+    if len(values) == 0:
+        return float("nan")
     middle = len(values) // 2
     parted = np.partition(values, middle)
     high = float(parted[middle])
@@ -17,7 +19,9 @@ def median(values: Array) -> float:
 
 
 def quantile(values: Array, share: float) -> float:
-    """As `np.quantile` of one or more values: between two ranks by a straight line."""
+    """As `np.quantile`: between two ranks by a straight line; NaN of no value."""
+    if len(values) == 0:
+        return float("nan")
     place = share * (len(values) - 1)
     rank = int(place)
     parted = np.partition(values, rank)

@@ -105,8 +105,7 @@ def _calibrated(
         return result
     from swingid.identify.encoder_calibration.undeclared import calibrated_by_itself
 
-    read = [one for one in logs if isinstance(one, Recording)]
-    return calibrated_by_itself(result, ask, [without_pushes(one, rig) for one in read], rig)
+    return calibrated_by_itself(result, ask, [one for one in logs if isinstance(one, Recording)], rig)
 
 
 def _named(error: UnanswerableError, path: str | None) -> UnanswerableError:

@@ -40,6 +40,11 @@ def usable_part(
     return *used, Message("segment", f"{text}." if whole else f"{text}: {reason}.")
 
 
+def part_of(log: Recording, motion: Motion, drive: str) -> tuple[float, float, Message]:
+    """`usable_part` of a log and what was left out of it."""
+    return usable_part(motion, drive, float(log.time[0]), float(log.time[-1]), log.left_out)
+
+
 def longest_run(log: Recording) -> Recording:
     """The longest run of rows between parts that are left out, for methods that go on from row to row."""
     if len(log.left_out) == 0:

@@ -31,7 +31,7 @@ from swingid.identify.noise import channel_noise
 from swingid.identify.provenance import add_findings, provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import longest_run, usable_part
+from swingid.identify.segment import longest_run, part_of
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -128,8 +128,7 @@ def _require_gravity(rig: Rig, scale: Scale) -> None:
 def _used_part(log: Recording, rig: Rig, noise: float) -> tuple[Recording, Motion, Message]:
     """The whole log of a driven axis, for a transient feeds the adaptation; a free decay from its release."""
     whole = find_motion(log.time, log.angle, noise)
-    limits = float(log.time[0]), float(log.time[-1])
-    start, stop, note = usable_part(whole, rig.drive.kind, *limits, log.left_out)
+    start, stop, note = part_of(log, whole, rig.drive.kind)
     if rig.drive.kind != "none":
         start, stop = float(log.time[0]), float(log.time[-1])
         note = Message(

@@ -18,7 +18,7 @@ from swingid.identify.momentum.windows import law_windows
 from swingid.identify.motion import find_motion
 from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import part_of
 from swingid.model.rig import Rig
 from swingid.numerics.test_functions import project
 from swingid.recording.encoders import straightened
@@ -82,7 +82,7 @@ class CalibrationLog:
         require_channels(log, rig)
         noise = channel_noise(log, rig)
         whole = find_motion(log.time, log.angle, noise.angle)
-        start, stop, _ = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+        start, stop, _ = part_of(log, whole, rig.drive.kind)
         used = log.segment(start, stop)
         motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(
             log.time, log.angle, whole.speed.half_width

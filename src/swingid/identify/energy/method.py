@@ -40,7 +40,7 @@ from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.provenance import add_findings, provenance
 from swingid.identify.result import Message, Result
 from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import part_of
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -179,7 +179,7 @@ def _used_part(log: Recording, rig: Rig, noise: Noise, *, keep_all: bool) -> _Pa
     start, stop = float(log.time[0]), float(log.time[-1])
     note = Message("segment", f"used the nodes given, of a log from {start:.4g} to {stop:.4g} s.")
     if not keep_all:
-        start, stop, note = usable_part(whole, rig.drive.kind, start, stop, log.left_out)
+        start, stop, note = part_of(log, whole, rig.drive.kind)
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     period = motion.half_period if len(motion.turning_times) > 1 else stop - start

@@ -23,7 +23,7 @@ from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import Noise
 from swingid.identify.result import Message
 from swingid.identify.scale import Scale
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import part_of
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -58,8 +58,7 @@ class Part:
     def of(cls, log: Recording, rig: Rig, noise: Noise) -> Part:
         """The part after the transient (or of the decay), see `identify/segment.py`."""
         found = find_motion(log.time, log.angle, noise.angle)
-        limits = float(log.time[0]), float(log.time[-1])
-        start, stop, note = usable_part(found, rig.drive.kind, *limits, log.left_out)
+        start, stop, note = part_of(log, found, rig.drive.kind)
         used = log.segment(start, stop)
         span = float(used.time[0]), float(used.time[-1])
         motion = found.within(*span)

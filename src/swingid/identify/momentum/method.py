@@ -35,7 +35,7 @@ from swingid.identify.noise import Noise, channel_noise
 from swingid.identify.provenance import add_findings, exact_in_row_one, provenance
 from swingid.identify.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
 from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import part_of
 from swingid.model.rig import Rig
 from swingid.numerics.ranks import median
 from swingid.numerics.test_functions import CURVATURE_POWER
@@ -78,8 +78,7 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     require_channels(log, rig)
     noise = channel_noise(log, rig)
     whole = find_motion(log.time, log.angle, noise.angle)
-    limits = float(log.time[0]), float(log.time[-1])
-    start, stop, segment_note = usable_part(whole, rig.drive.kind, *limits, log.left_out)
+    start, stop, segment_note = part_of(log, whole, rig.drive.kind)
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(log.time, log.angle, whole.speed.half_width)
     seen = Seen(used, motion, rig, scale, noise)

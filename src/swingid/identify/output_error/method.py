@@ -31,7 +31,7 @@ from swingid.identify.output_error.unknowns import Unknowns, unknowns_of
 from swingid.identify.provenance import add_findings, provenance
 from swingid.identify.result import Result
 from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import part_of
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
@@ -79,8 +79,7 @@ def output_error(
     source = input_of(input, log, rig, scale)
     noise = channel_noise(log, rig)
     whole = find_motion(log.time, log.angle, noise.angle)
-    limits = float(log.time[0]), float(log.time[-1])
-    start, stop, note = usable_part(whole, rig.drive.kind, *limits, log.left_out)
+    start, stop, note = part_of(log, whole, rig.drive.kind)
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     opinion = second_opinion(used, rig, motion, scale, noise)

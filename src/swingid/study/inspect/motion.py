@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from swingid.errors import UnanswerableError
 from swingid.identify.motion import Motion, find_motion
 from swingid.identify.noise import Noise
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import part_of
 from swingid.recording.inspect import Check
 from swingid.recording.recording import Recording
 
@@ -61,8 +61,7 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
     unit = "m" if linear else "rad"
     try:
         motion = find_motion(log.time, log.angle, noise.angle)
-        limits = float(log.time[0]), float(log.time[-1])
-        start, stop, note = usable_part(motion, drive, *limits, log.left_out)
+        start, stop, note = part_of(log, motion, drive)
     except UnanswerableError as error:
         return None, [Check("motion", "motion", "fault", error.message)]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))

@@ -25,7 +25,7 @@ from swingid.identify.output_error.problem import Problem, problem_of
 from swingid.identify.provenance import constants
 from swingid.identify.result import Result
 from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import usable_part
+from swingid.identify.segment import part_of
 from swingid.identify.speed import smooth_speed
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened
@@ -191,7 +191,7 @@ def _of_log(log: Recording, rig: Rig, p: Array, wanted: Literal["voltage", "whee
     source = drive_of(log, rig, wanted)
     noise = channel_noise(log, rig)
     motion = find_motion(log.time, log.angle, noise.angle)
-    start, stop, _ = usable_part(motion, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
+    start, stop, _ = part_of(log, motion, rig.drive.kind)
     used = log.segment(start, stop)
     whole = motion.within(start, stop)
     if len(whole.turning_times) > 1:

@@ -19,7 +19,7 @@ import numpy as np
 from swingid.control.compensator import Compensator
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
-from swingid.simulate import simulate_run, twin
+from swingid.simulation import simulate_run, twin
 
 DURATION, RATE, REPEATS = 25.0, 1000.0, 20
 LAWS = {

@@ -89,8 +89,8 @@ def work_of(kind: str, size: int) -> Callable[[], object]:
 
 def many(count: int, identified: bool) -> Callable[[], object]:
     """`count` runs in an ensemble, of different inertias, and momentum on them where wanted."""
-    from swingid.identify.batch import momentum_batch, plan_batch
-    from swingid.simulate.ensemble import simulate_ensemble
+    from swingid.batch import momentum_batch, plan_batch
+    from swingid.simulation.ensemble import simulate_ensemble
 
     def simulated(runs: int, record: str = "measured") -> object:
         values = {"axis.inertia": 302.2e-5 * np.linspace(0.8, 1.3, runs)}

@@ -20,7 +20,7 @@ import numpy as np
 
 import swingid as sw
 from accuracy import STRIBECK, TRUTH, Case, logged, over_seeds, rigs
-from swingid.identify.encoder_calibration import calibrate_encoders
+from swingid.calibration.encoders import calibrate_encoders
 from swingid.recording.repairs import notes_of
 
 BENT = "0.1 deg"

@@ -22,8 +22,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import swingid as sw
-from swingid.identify import METHODS
-from swingid.simulate.ensemble import simulate_ensemble
+from swingid.identification import METHODS
+from swingid.simulation.ensemble import simulate_ensemble
 from swingid.study.compare import compare
 from swingid.study.rehearse import Expectation
 from swingid.study.rehearse.trial import encoder_places, through_file

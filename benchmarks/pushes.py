@@ -20,7 +20,7 @@ import swingid as sw
 from accuracy import STRIBECK, TRUTH, rigs
 from swingid.control.compensator import Compensator
 from swingid.errors import SwingidError
-from swingid.identify.push import find_pushes
+from swingid.preparation.push import find_pushes
 from swingid.recording.recording import CHANNELS
 
 GRAVITY = 78e-3

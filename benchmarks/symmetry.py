@@ -22,10 +22,10 @@ import numpy as np
 import swingid as sw
 from swingid.control.compensator import Compensator
 from swingid.errors import UnanswerableError
-from swingid.identify.energy import method
-from swingid.identify.energy.symmetry import asymmetry_bound
+from swingid.methods.energy import method
+from swingid.methods.energy.symmetry import asymmetry_bound
 from swingid.model.friction import static_curve
-from swingid.simulate import simulate_run
+from swingid.simulation import simulate_run
 
 PAPER = sw.Rig.builtin("paper")
 

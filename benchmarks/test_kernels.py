@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import swingid as sw
-from swingid.identify.batch import energy_batch, momentum_batch, plan_batch
-from swingid.simulate.ensemble import simulate_ensemble
+from swingid.batch import energy_batch, momentum_batch, plan_batch
+from swingid.simulation.ensemble import simulate_ensemble
 
 DURATION, RATE = 25.0, 1000.0
 PAPER = sw.Rig.builtin("paper")

@@ -15,12 +15,12 @@ from dataclasses import replace
 import numpy as np
 
 import swingid as sw
-from swingid.identify.momentum.balance import Signals, Windows, rows_of
-from swingid.identify.momentum.fits import BASIS, Noise, WindowFit, fit_rows
-from swingid.identify.momentum.windows import law_windows
-from swingid.identify.motion import find_motion, sample_noise
-from swingid.identify.scale import Scale
-from swingid.identify.segment import usable_part
+from swingid.balance.fits import BASIS, Noise, WindowFit, fit_rows
+from swingid.balance.rows import Signals, Windows, rows_of
+from swingid.balance.windows import law_windows
+from swingid.preparation.motion import find_motion, sample_noise
+from swingid.preparation.scale import Scale
+from swingid.preparation.segment import usable_part
 
 HALVES = (0.0183, 0.0303, 0.0305, 0.0507, 0.1007, 0.2007, 0.3007)
 

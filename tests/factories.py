@@ -6,7 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.identify.result import (
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording, Source
+from swingid.result.result import (
     BudgetEntry,
     Details,
     FrictionCurve,
@@ -15,8 +17,6 @@ from swingid.identify.result import (
     Result,
     SwingSeries,
 )
-from swingid.model.rig import Rig
-from swingid.recording.recording import Recording, Source
 
 ROTARY = """
 name = "bench"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.model.rig import Rig
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 PAPER = Rig.builtin("paper")
 ETA, GEAR = 0.9, 4.4

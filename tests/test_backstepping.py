@@ -15,7 +15,7 @@ from swingid.errors import UsageError
 from swingid.model.parameters import rig_vector
 from swingid.model.printed import alphas
 from swingid.model.rig import Rig
-from swingid.simulate import simulate_run
+from swingid.simulation import simulate_run
 
 PAPER = Rig.builtin("paper")
 IDEAL = PAPER.changed({"sensors.counts_per_turn": None})

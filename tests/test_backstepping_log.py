@@ -11,10 +11,10 @@ from scipy.integrate import solve_ivp
 from swingid.control.backstepping import Backstepping
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify import identify
-from swingid.identify.backstepping.adaptation import Gains, adapted
-from swingid.identify.backstepping.curve import Curve, remaining, scatter_of_mean, settled_part
-from swingid.identify.backstepping.signals import (
+from swingid.identification import identify
+from swingid.methods.backstepping.adaptation import Gains, adapted
+from swingid.methods.backstepping.curve import Curve, remaining, scatter_of_mean, settled_part
+from swingid.methods.backstepping.signals import (
     Channels,
     Signals,
     Widths,
@@ -26,7 +26,7 @@ from swingid.identify.backstepping.signals import (
 from swingid.model.parameters import rig_vector
 from swingid.model.printed import alphas
 from swingid.model.rig import Rig
-from swingid.simulate import simulate, simulate_run
+from swingid.simulation import simulate, simulate_run
 from twin_logs import INERTIA, PAPER, error, given, logged, twin
 
 ALPHA = alphas(rig_vector(PAPER))

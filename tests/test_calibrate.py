@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from motor_logs import BLANK, ETA, OFF, PAPER, PRODUCTS, TRUE, clamped, given, multisine
+from swingid.calibration.motor import calibrate
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify import identify
-from swingid.identify.motor_calibration import calibrate
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 from twin_logs import INERTIA
 
 BIT14 = {"counts_per_turn": 16384}

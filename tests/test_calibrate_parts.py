@@ -10,9 +10,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from motor_logs import BLANK, PAPER, TRUE, clamped, given, multisine
+from swingid.calibration.motor.products import COUPLING, products_of
+from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
 from swingid.cli.app import run
-from swingid.identify.motor_calibration.products import COUPLING, products_of
-from swingid.identify.motor_calibration.wheel_motion import STATES, simulate_wheel
 from swingid.model.rig import Rig
 from swingid.model.rig.edit import edited
 from swingid.units import Quantity

@@ -109,7 +109,7 @@ def test_refusal_is_alone_on_standard_output(run: Run, tmp_path: Path) -> None:
 
 
 def test_methods_of_the_command_are_those_of_the_library() -> None:
-    from swingid.identify import METHODS
+    from swingid.identification import METHODS
 
     assert [method.value for method in Method] == list(METHODS)
 
@@ -319,7 +319,7 @@ def test_our_own_bug_is_70_with_a_file_to_report(
 
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
-    monkeypatch.setattr("swingid.identify.momentum.method.momentum", broken)
+    monkeypatch.setattr("swingid.methods.momentum.method.momentum", broken)
     done = run("identify", log, "--rig", "paper", "--json", tmp_path / "r.json")
     assert done.code == 70
     (kept,) = tmp_path.glob("swingid-bug-*.txt")

@@ -7,10 +7,10 @@ import pytest
 
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.output_error.bound import cramer_rao
-from swingid.identify.run import identify
+from swingid.identification import identify
+from swingid.methods.output_error.bound import cramer_rao
 from swingid.model.rig import Rig
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 SIGMA = 1e-3
 PAPER = Rig.builtin("paper").changed({"sensors.counts_per_turn": None, "sensors.noise": SIGMA})

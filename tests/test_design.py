@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 import swingid as sw
+from swingid.balance.motor import motor_torque
 from swingid.cli.app import run
 from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify import identify
-from swingid.identify.motor_balance import motor_torque
+from swingid.identification import identify
 from swingid.recording.recording import Recording
 from swingid.study.design import design
 from swingid.study.design.candidates import Limits, candidates

@@ -9,7 +9,7 @@ import pytest
 
 import swingid as sw
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.result import BudgetEntry, Message, Parameter, Result, combined, refusal
+from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined, refusal
 
 Shared = tuple[str, float, float]
 WHEEL = {"drive.wheel.inertia": {"value": 1e-4, "std": 1e-6}, "drive.motor.rotor_inertia": {"value": 0.0, "std": None}}

@@ -21,7 +21,7 @@ from swingid.cli import main
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, SwingidError
-from swingid.identify.result_file import load_result
+from swingid.result.file import load_result
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "balanced_pendulum.py"
 TARE, BODY = sw.Rig.builtin("paper"), sw.Rig.builtin("paper-body")

@@ -23,15 +23,15 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from swingid.calibration.encoders import calibrate_encoders
 from swingid.control.references import parse_reference
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify import identify
-from swingid.identify.encoder_calibration import calibrate_encoders
-from swingid.identify.online import swing_estimates
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.encoders import straightened, true_angles
 from swingid.recording.recording import Recording
-from swingid.simulate.draws import draw
+from swingid.recursive import swing_estimates
+from swingid.simulation.draws import draw
 from twin_logs import error, given, logged, twin, without
 
 TIME = np.arange(8_001) / 1000

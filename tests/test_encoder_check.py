@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from swingid.identify import identify
+from swingid.identification import identify
 from twin_logs import INERTIA, given, logged, result_of, twin, without
 
 UNTOLD = {"sensors.nonlinearity": None}

@@ -22,7 +22,7 @@ from closed_form_logs import (
     integrals,
 )
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 

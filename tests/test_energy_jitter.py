@@ -8,11 +8,11 @@ from scipy.interpolate import CubicSpline
 
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
-from swingid.identify import identify
-from swingid.identify.energy.jitter import find_jitter
-from swingid.identify.noise import channel_noise
+from swingid.identification import identify
+from swingid.methods.energy.jitter import find_jitter
+from swingid.preparation.noise import channel_noise
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 from twin_logs import INERTIA, PAPER, error, given, logged, twin
 
 TIME = np.arange(0, 20, 1e-3)

@@ -7,8 +7,8 @@ import pytest
 
 from closed_form_logs import ONE_TONE, direct_log, direct_rig
 from swingid.errors import UsageError
-from swingid.identify import identify
-from swingid.identify.energy.chain import Chain, filtered_drive, held_between
+from swingid.identification import identify
+from swingid.methods.energy.chain import Chain, filtered_drive, held_between
 from swingid.numerics.quadrature import GaussNodes
 from swingid.recording.recording import Recording
 from twin_logs import INERTIA, PAPER, error, given, logged, twin

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from closed_form_logs import ONE_TONE, TWO_TONES
-from swingid.identify.energy.balance import between_rows
-from swingid.identify.energy.fit import block_covariance, influence_of, slope_overlap
-from swingid.identify.energy.passes import mirrored_passes
-from swingid.identify.motion import find_motion
-from swingid.identify.noise import uneven_noise
+from swingid.methods.energy.balance import between_rows
+from swingid.methods.energy.fit import block_covariance, influence_of, slope_overlap
+from swingid.methods.energy.passes import mirrored_passes
 from swingid.numerics.cumulative import running_hats, running_integrals
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import local_cubic
+from swingid.preparation.motion import find_motion
+from swingid.preparation.noise import uneven_noise
 
 IRREGULAR = np.cumsum(np.random.default_rng(1).uniform(0.5, 1.5, 60)) * 0.02
 

@@ -7,10 +7,10 @@ import pytest
 
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 PAPER = Rig.builtin("paper")
 TRUTH = PAPER.axis.inertia.value

@@ -8,8 +8,8 @@ import pytest
 from swingid.control.compensator import Compensator
 from swingid.errors import UsageError
 from swingid.model.rig import Rig
-from swingid.simulate import simulate
-from swingid.simulate.ensemble import ensemble_chunks, simulate_ensemble
+from swingid.simulation import simulate
+from swingid.simulation.ensemble import ensemble_chunks, simulate_ensemble
 
 LAWS = {
     "viscous": {},

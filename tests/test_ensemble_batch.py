@@ -6,13 +6,13 @@ import numba
 import numpy as np
 import pytest
 
+from swingid.batch import energy_batch, momentum_batch, plan_batch
+from swingid.batch.projections import window_weights
+from swingid.batch.speeds import kinked, signs, slopes, smoothing
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.batch import energy_batch, momentum_batch, plan_batch
-from swingid.identify.batch.projections import window_weights
-from swingid.identify.batch.speeds import kinked, signs, slopes, smoothing
 from swingid.model.rig import Rig
-from swingid.simulate.ensemble import simulate_ensemble
-from swingid.simulate.ensemble.lane_functions import decay, sine_cosine
+from swingid.simulation.ensemble import simulate_ensemble
+from swingid.simulation.ensemble.lane_functions import decay, sine_cosine
 from twin_logs import given
 
 

@@ -20,17 +20,17 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from swingid.balance.fits import Noise
+from swingid.balance.rows import Signals
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify import identify
-from swingid.identify.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff, choose_cutoff, lowpass
-from swingid.identify.equation_error.estimate import Part, estimate
-from swingid.identify.equation_error.grid import curvature, slope
-from swingid.identify.momentum.balance import Signals
-from swingid.identify.momentum.fits import Noise
-from swingid.identify.noise import channel_noise
-from swingid.identify.scale import Scale
-from swingid.identify.speed import smooth_speed
+from swingid.identification import identify
+from swingid.methods.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff, choose_cutoff, lowpass
+from swingid.methods.equation_error.estimate import Part, estimate
+from swingid.methods.equation_error.grid import curvature, slope
 from swingid.numerics.regression import hac_covariance, parzen
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.scale import Scale
+from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 
 TIME = np.arange(0, 12, 1e-3)

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swingid.identify.format import interval, number, percent, plus_minus, pretty_unit, rounded, span
+from swingid.format import interval, number, percent, plus_minus, pretty_unit, rounded, span
 
 values = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e30, max_value=1e30)
 spreads = st.floats(min_value=1e-30, max_value=1e30)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from swingid.control.references import Multisine, Sine
-from swingid.identify import identify
+from swingid.identification import identify
 from twin_logs import INERTIA, given, logged, twin
 
 TONES = Multisine((Sine(0.5, 5.0), Sine(0.3, 8.5)))

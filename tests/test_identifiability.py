@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from swingid.balance.identifiability import examine, examine_information, require_seen, second_frequency
 from swingid.control.references import Multisine, Sine
 from swingid.errors import UnanswerableError
-from swingid.identify import identify
-from swingid.identify.identifiability import examine, examine_information, require_seen, second_frequency
+from swingid.identification import identify
 from twin_logs import PAPER, given, logged
 
 TIME = np.linspace(0, 20, 4001)

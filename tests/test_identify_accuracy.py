@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from swingid.control.references import Multisine, Sine
-from swingid.identify import identify
+from swingid.identification import identify
 from twin_logs import INERTIA, LAWS, PAPER, error, given, logged, result_of, twin
 
 STRIBECK = "Stribeck"

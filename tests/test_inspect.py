@@ -13,7 +13,7 @@ from recording_cases import write_columns
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
 from swingid.errors import InputError
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 from swingid.study.inspect import Inspection, inspect_log
 from swingid.study.inspect.motion import independent, spectrum
 from twin_logs import GIVEN, PAPER, twin

@@ -8,7 +8,7 @@ import pytest
 
 from swingid.numerics.compiled import CACHE, PACKAGE, kernel_hash
 
-KERNELS = ["model/friction.py", "model/integrator.py", "model/motion.py", "simulate/loop.py", "control/law.py"]
+KERNELS = ["model/friction.py", "model/integrator.py", "model/motion.py", "simulation/loop.py", "control/law.py"]
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from closed_form_logs import INERTIA, ONE_TONE, TWO_TONES, direct_log, direct_rig, exact_rig, wheel_log
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.recording.recording import Recording
 from swingid.study.inspect import inspect_log
 from twin_logs import PAPER, given, logged, twin, without

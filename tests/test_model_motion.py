@@ -16,7 +16,7 @@ from swingid.model.integrator import FIRST, NEW, NOW, Q1, ROWS, STATES, V1, V2, 
 from swingid.model.motion import COUNTS, EVENTS, GUARDED, MANY_EVENTS, advance
 from swingid.model.parameters import STATIC_N, STATIC_P, WHEEL_STATIC, rig_vector
 from swingid.model.sticking import choose_mode, dip, wheel_margin
-from swingid.simulate import simulate_run
+from swingid.simulation import simulate_run
 from twin_cases import body_of, direct_rig, first_call_compiles, free_rig, paper_rig
 
 FRICTIONLESS = {

@@ -21,7 +21,7 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 from twin_logs import without

@@ -21,11 +21,11 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
-from swingid.identify import identify
-from swingid.identify.momentum.fits import with_excess
+from swingid.balance.fits import with_excess
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 from twin_logs import without
 
 TIME = np.arange(20_001) / 1000

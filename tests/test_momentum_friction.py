@@ -8,18 +8,18 @@ import numpy as np
 import pytest
 
 from closed_form_logs import INERTIA, ONE_TONE, TWO_TONES, Sines, encoded, exact_rig, wheel_log
-from swingid.identify import identify
-from swingid.identify.friction_laws import law_columns, stribeck_slope
-from swingid.identify.momentum.balance import Signals, rows_of
-from swingid.identify.momentum.delays import late_reversals, lateness, share_seen
-from swingid.identify.momentum.friction_rows import FrictionRows
-from swingid.identify.momentum.windows import law_windows
-from swingid.identify.motion import find_motion
-from swingid.identify.noise import channel_noise
+from swingid.balance.delays import late_reversals, lateness, share_seen
+from swingid.balance.friction_laws import law_columns, stribeck_slope
+from swingid.balance.friction_rows import FrictionRows
+from swingid.balance.rows import Signals, rows_of
+from swingid.balance.windows import law_windows
+from swingid.identification import identify
 from swingid.numerics.spline import kinked_slopes
 from swingid.numerics.test_functions import phi
+from swingid.preparation.motion import find_motion
+from swingid.preparation.noise import channel_noise
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 from twin_logs import given, twin
 
 TIME = np.arange(20_001) / 1000

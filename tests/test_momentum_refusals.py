@@ -24,10 +24,10 @@ from closed_form_logs import (
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 TIME = np.arange(15_001) / 1000
 PAPER = Rig.builtin("paper")

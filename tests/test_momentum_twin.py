@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from swingid.control.references import Multisine, Sine
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 from twin_logs import DRY, INERTIA, LAWS, PAPER, error, given, logged, result_of, static_friction, twin
 
 MEMORYLESS = [

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from swingid.errors import UnanswerableError
-from swingid.identify.motion import find_motion, grid_step, sample_noise
-from swingid.identify.segment import usable_part
-from swingid.identify.speed import smooth_speed
 from swingid.numerics.test_functions import project_steps
+from swingid.preparation.motion import find_motion, grid_step, sample_noise
+from swingid.preparation.segment import usable_part
+from swingid.preparation.speed import smooth_speed
 
 OMEGA, AMPLITUDE = 8.5, 0.8
 TIME = np.arange(20_001) / 1000

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from swingid.balance.motor import FEWEST_ROWS, _Reading
+from swingid.checks.answer import CLEARLY
 from swingid.errors import UnanswerableError
-from swingid.identify import identify
-from swingid.identify.momentum.checks import CLEARLY
-from swingid.identify.motor_balance import FEWEST_ROWS, _Reading
+from swingid.identification import identify
 from swingid.recording.recording import Recording
 from twin_logs import GIVEN, logged, twin
 

@@ -24,10 +24,10 @@ from closed_form_logs import (
     wheel_log,
 )
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.online import swing_estimates
-from swingid.identify.online.buffer import SwingBuffer
-from swingid.identify.online.samples import TOO_MANY_BAD
 from swingid.recording.recording import Recording
+from swingid.recursive import swing_estimates
+from swingid.recursive.buffer import SwingBuffer
+from swingid.recursive.samples import TOO_MANY_BAD
 from twin_logs import given, logged, twin
 
 TIME = np.arange(0, 12, 1e-3)

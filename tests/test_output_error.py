@@ -18,17 +18,17 @@ from closed_form_logs import (
     free_rig,
     wheel_log,
 )
+from swingid.balance.rows import moved
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify import identify
-from swingid.identify.momentum.balance import moved
-from swingid.identify.noise import channel_noise
-from swingid.identify.output_error.problem import problem_of
-from swingid.identify.output_error.solver import loss_of, reduce
-from swingid.identify.output_error.unknowns import friction_unknowns, unknowns_of
-from swingid.identify.scale import Scale
-from swingid.simulate import simulate
+from swingid.identification import identify
+from swingid.methods.output_error.problem import problem_of
+from swingid.methods.output_error.solver import loss_of, reduce
+from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.scale import Scale
+from swingid.simulation import simulate
 from twin_logs import GIVEN, given, twin
 
 TIME = np.arange(2501) / 250

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 

@@ -9,14 +9,14 @@ import pytest
 
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
-from swingid.identify import identify
-from swingid.identify.noise import channel_noise
-from swingid.identify.output_error.problem import problem_of
-from swingid.identify.output_error.resolution import grid_covariance
-from swingid.identify.output_error.solver import influence_of, solve
-from swingid.identify.output_error.unknowns import ZERO, unknowns_of
-from swingid.identify.scale import Scale
-from swingid.simulate import simulate
+from swingid.identification import identify
+from swingid.methods.output_error.problem import problem_of
+from swingid.methods.output_error.resolution import grid_covariance
+from swingid.methods.output_error.solver import influence_of, solve
+from swingid.methods.output_error.unknowns import ZERO, unknowns_of
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.scale import Scale
+from swingid.simulation import simulate
 from twin_logs import INERTIA, given, twin
 
 RATE = 500.0

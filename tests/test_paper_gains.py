@@ -10,7 +10,7 @@ import pytest
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
 from swingid.model.rig import Rig
-from swingid.simulate.twin import simulate
+from swingid.simulation.twin import simulate
 
 RIG = Rig.builtin("paper")
 SINE = parse_reference("sine 0.8 rad 8.5 rad/s")

@@ -11,12 +11,12 @@ import pytest
 from closed_form_logs import ONE_TONE, exact_rig
 from swingid.control.compensator import Compensator
 from swingid.errors import InputError
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.dynamics import accelerations
 from swingid.model.motor import ideal_torque, motor_torque
 from swingid.model.parameters import A11, A12, A22, C1, C2, D1, D2, ETA, F2, F3, GEAR, VISCOUS_P, B, rig_vector
 from swingid.model.printed import alphas, state_space
-from swingid.simulate import simulate_run
+from swingid.simulation import simulate_run
 from swingid.study.reproduce import published
 from test_energy import LAWS, SMOOTH_MOTOR, TIME, motor_log
 from twin_logs import INERTIA, PAPER

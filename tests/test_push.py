@@ -12,14 +12,14 @@ from swingid.cli import main
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
 from swingid.errors import UsageError
-from swingid.identify import identify
-from swingid.identify.motion import find_motion
-from swingid.identify.push import find_pushes, without_pushes
-from swingid.identify.segment import longest_run
+from swingid.identification import identify
 from swingid.model.rig import Rig
+from swingid.preparation.motion import find_motion
+from swingid.preparation.push import find_pushes, without_pushes
+from swingid.preparation.segment import longest_run
 from swingid.recording.recording import Finding, Recording
-from swingid.simulate import simulate
-from swingid.simulate.twin import simulate_run
+from swingid.simulation import simulate
+from swingid.simulation.twin import simulate_run
 from twin_logs import INERTIA, given, twin
 
 GRAVITY = 78e-3

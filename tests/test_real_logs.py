@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from swingid.errors import UnanswerableError
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 

@@ -23,7 +23,7 @@ from swingid.control.references import (
 )
 from swingid.errors import InputError, UsageError
 from swingid.model.rig import Rig
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 amplitudes = st.floats(0.05, 3.0)
 frequencies = st.floats(0.5, 20.0)

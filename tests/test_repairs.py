@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from recording_cases import columns_of, rig_with, swing, write_columns
 from swingid.cli import main
 from swingid.errors import InputError, UsageError
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.recording import Recording
 from swingid.recording.clock import even_clock
 from swingid.recording.repairs import REPAIRS

@@ -17,12 +17,12 @@ import pytest
 
 import factories
 from swingid.errors import InputError
-from swingid.identify.result import BudgetEntry, Message, Result
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording, Source
 from swingid.report import write_report
 from swingid.report.html import render
 from swingid.report.style import house_style
+from swingid.result.result import BudgetEntry, Message, Result
 
 VOID = {"meta", "br", "hr", "img", "input", "link"}
 Case = tuple[Result, Recording | None, Rig | None]
@@ -245,7 +245,7 @@ def test_the_users_matplotlib_is_left_alone() -> None:
 
 
 def test_importing_costs_no_matplotlib() -> None:
-    code = "import sys, swingid.report, swingid.identify.plot; print({'matplotlib', 'jinja2'} & set(sys.modules))"
+    code = "import sys, swingid.report, swingid.result.plot; print({'matplotlib', 'jinja2'} & set(sys.modules))"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"
 

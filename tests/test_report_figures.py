@@ -13,8 +13,6 @@ from matplotlib.figure import Figure
 
 import factories
 from swingid.errors import UsageError
-from swingid.identify.plot import plot_result
-from swingid.identify.result import COVERAGE_FACTOR
 from swingid.report.figures.budget import draw_budget
 from swingid.report.figures.friction import draw_friction
 from swingid.report.figures.kinds import _in_percent, draw_kinds
@@ -24,6 +22,8 @@ from swingid.report.figures.swings import draw_swings
 from swingid.report.figures.turning_points import sides_of
 from swingid.report.style import envelope, house_style, new_figure, prefixed, to_svg
 from swingid.report.tables import swings_off
+from swingid.result.plot import plot_result
+from swingid.result.result import COVERAGE_FACTOR
 
 
 @given(

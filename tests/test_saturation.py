@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.recording.recording import Recording
 from twin_logs import INERTIA, error, given, logged, twin
 

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.combine.consistency import FALSE_ALARMS, deviations, outliers
-from swingid.identify.combine.pooling import pool
-from swingid.identify.combine.several import combine, identify_several
-from swingid.identify.combine.shares import Estimate, Share, covariance, sum_of
-from swingid.identify.result import BudgetEntry, Message, Parameter, Result, combined, refusal
+from swingid.pooling.consistency import FALSE_ALARMS, deviations, outliers
+from swingid.pooling.pooling import pool
+from swingid.pooling.several import combine, identify_several
+from swingid.pooling.shares import Estimate, Share, covariance, sum_of
+from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined, refusal
 
 BCG = """4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 47 5761; 180 1361 372 1079; 8 2537 10 619
 505 87886 499 87892; 29 7470 45 7232; 17 1699 65 1600; 186 50448 141 27197; 5 2493 3 2338; 27 16886 29 17825"""

@@ -42,25 +42,25 @@ def test_momentum_imports_only_what_it_needs(tmp_path: Path) -> None:
     assert main(["simulate", "--rig", "paper", *LOG, "--out", str(log)]) == 0
     code = f"from swingid.cli import main; assert main(['identify', {str(log)!r}, '--rig', 'paper']) == 0"
     loaded = imported(code, tmp_path)
-    assert "swingid.identify.momentum" in loaded
+    assert "swingid.methods.momentum" in loaded
     assert (
-        loaded & {"scipy.signal", "scipy.optimize", "pandas", "matplotlib", "jinja2", "pint", "swingid.identify.energy"}
+        loaded & {"scipy.signal", "scipy.optimize", "pandas", "matplotlib", "jinja2", "pint", "swingid.methods.energy"}
         == set()
     )
 
 
-def test_verbs_are_functions_and_packages_in_any_order_of_imports(tmp_path: Path) -> None:
-    for first in ("import swingid.identify.run", "from swingid.simulate import simulate", "pass"):
+def test_verbs_are_functions_in_any_order_of_imports(tmp_path: Path) -> None:
+    for first in ("import swingid.identification", "from swingid.simulation import simulate", "pass"):
         code = f"""
 {first}
 import pickle, inspect
 import swingid as sw
-import swingid.identify.run as run, swingid.simulate.twin as twin
+import swingid.identification as run, swingid.simulation.twin as twin
 assert callable(sw.identify) and callable(sw.simulate)
 assert inspect.signature(sw.identify) == inspect.signature(run.identify)
 assert inspect.signature(sw.simulate) == inspect.signature(twin.simulate)
 assert pickle.loads(pickle.dumps(sw.simulate)) is sw.simulate
-assert sw.identify.METHODS is run.METHODS
+assert type(sw.identify).__name__ == type(sw.simulate).__name__ == "function"
 try:
     sw.identify(None, None, method="magic")
 except sw.errors.UsageError as error:

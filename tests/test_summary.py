@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 import factories
-from swingid.identify.result import BudgetEntry, Message, Parameter, Result
-from swingid.identify.summary import folded, segment_text, summarise, value_text
+from swingid.result.result import BudgetEntry, Message, Parameter, Result
+from swingid.result.summary import folded, segment_text, summarise, value_text
 
 
 def sections(text: str) -> dict[str, list[str]]:

@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from swingid.identify import identify
-from swingid.identify.energy import method
-from swingid.identify.energy.balance import Course, states_at
-from swingid.identify.energy.passes import mirrored_passes
-from swingid.identify.energy.printed import DEPTHS, chosen_nodes, printed_fit, states_of_pairs
-from swingid.identify.energy.symmetry import Profile, asymmetry_bound, friction_profile
-from swingid.identify.momentum.fits import Noise
-from swingid.identify.motion import find_motion
-from swingid.identify.scale import Scale
+from swingid.balance.fits import Noise
+from swingid.identification import identify
+from swingid.methods.energy import method
+from swingid.methods.energy.balance import Course, states_at
+from swingid.methods.energy.passes import mirrored_passes
+from swingid.methods.energy.printed import DEPTHS, chosen_nodes, printed_fit, states_of_pairs
+from swingid.methods.energy.symmetry import Profile, asymmetry_bound, friction_profile
 from swingid.model.rig import Rig
+from swingid.preparation.motion import find_motion
+from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from twin_logs import GIVEN, INERTIA, given, logged, twin
 

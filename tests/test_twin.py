@@ -11,7 +11,7 @@ from swingid.control.compensator import Compensator
 from swingid.errors import InputError, UsageError
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate, simulate_run
+from swingid.simulation import simulate, simulate_run
 from twin_cases import direct_rig, free_rig, paper_rig, sine, warm_compensator
 
 IMPERFECT = {"sensors.nonlinearity": 0.01, "sensors.noise": 1e-3, "sensors.jitter": 1e-4, "sensors.dropouts": 0.01}

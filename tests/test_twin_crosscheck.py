@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from motion_by_events import motion
-from swingid.simulate import simulate_run
+from swingid.simulation import simulate_run
 from twin_cases import body_of, direct_rig, paper_rig, sine, warm_compensator
 
 RATE = 100.0

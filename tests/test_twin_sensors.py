@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from swingid.model.sensors import Encoder, counts, wrapped
-from swingid.simulate import simulate, simulate_run
-from swingid.simulate.draws import draw_constants
+from swingid.simulation import simulate, simulate_run
+from swingid.simulation.draws import draw_constants
 from twin_cases import first_call_compiles, free_rig, paper_rig, sine, warm_compensator
 
 STEP = 2 * math.pi / 16384

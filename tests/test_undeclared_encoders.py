@@ -8,7 +8,7 @@ from scipy.interpolate import CubicSpline
 
 from closed_form_logs import TWO_TONES, direct_log, direct_rig, exact_rig, wheel_log
 from swingid.control.references import Multisine, Sine
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.recording.recording import Recording
 from test_repairs import LOG, RIG
 from twin_logs import INERTIA, error, given, logged, twin, without

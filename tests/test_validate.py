@@ -14,10 +14,10 @@ from hypothesis.extra.numpy import arrays
 from swingid.cli import main
 from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify import identify
-from swingid.identify.result import Parameter
-from swingid.identify.result_file import load_result
+from swingid.identification import identify
 from swingid.report.figures.validation import draw_validation
+from swingid.result.file import load_result
+from swingid.result.result import Parameter
 from swingid.study.validate import validate
 from swingid.study.validate.validation import fit_percent
 from twin_logs import given, logged, twin

@@ -8,11 +8,11 @@ import pytest
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.numerics.spline import spline_slopes
 from swingid.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 from twin_logs import INERTIA, error, given, twin
 
 COUNTS = 4096

@@ -8,11 +8,11 @@ import numpy as np
 
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
-from swingid.identify import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 from swingid.recording.repairs import notes_of
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 INERTIA = 302.2e-5
 PAPER = Rig.builtin("paper")

@@ -25,11 +25,11 @@ import numpy as np
 from swingid.control.compensator import Compensator
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
-from swingid.simulate import simulate
-from swingid.simulate.ensemble import simulate_ensemble
-from swingid.simulate.ensemble.block import move_all
-from swingid.simulate.ensemble.lanes import LANES
-from swingid.simulate.ensemble.lanes import ROWS as ROWS_OF_BLOCK
+from swingid.simulation import simulate
+from swingid.simulation.ensemble import simulate_ensemble
+from swingid.simulation.ensemble.block import move_all
+from swingid.simulation.ensemble.lanes import LANES
+from swingid.simulation.ensemble.lanes import ROWS as ROWS_OF_BLOCK
 
 DURATION, RATE, RUNS, REPEATS = 25.0, 1000.0, 128, 5
 ROWS = round(DURATION * RATE) + 1

@@ -14,9 +14,9 @@ import time
 
 import numpy as np
 
-from swingid.identify.batch import Batch, energy_batch, momentum_batch, plan_batch
+from swingid.batch import Batch, energy_batch, momentum_batch, plan_batch
 from swingid.model.rig import Rig
-from swingid.simulate.ensemble import Ensemble, simulate_ensemble
+from swingid.simulation.ensemble import Ensemble, simulate_ensemble
 
 DURATION, RATE, RUNS, REPEATS = 25.0, 1000.0, 256, 5
 

@@ -24,8 +24,8 @@ import numpy as np
 import problem
 
 import swingid as sw
-from swingid.simulate import simulate_run
-from swingid.simulate.ensemble import simulate_ensemble
+from swingid.simulation import simulate_run
+from swingid.simulation.ensemble import simulate_ensemble
 
 FITS = ("fit_scipy", "fit_casadi", "fit_diffrax", "fit_pysindy")
 LOOPS = ("loop_control", "loop_mujoco")

@@ -11,27 +11,24 @@ Everything here is imported on first use, so that ``import swingid`` costs nothi
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from inspect import Signature, signature
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from swingid import errors as errors
+    from swingid.calibration.encoders import calibrate_encoders as calibrate_encoders
+    from swingid.calibration.motor import calibrate as calibrate
     from swingid.control.backstepping import Backstepping as Backstepping
     from swingid.control.compensator import Compensator as Compensator
     from swingid.control.references import parse_reference as parse_reference
-    from swingid.identify import identify as identify
-    from swingid.identify.combine import difference as difference
-    from swingid.identify.encoder_calibration import calibrate_encoders as calibrate_encoders
-    from swingid.identify.motor_calibration import calibrate as calibrate
-    from swingid.identify.online import online as online
-    from swingid.identify.result import Result as Result
+    from swingid.identification import identify as identify
     from swingid.model.rig import Rig as Rig
+    from swingid.pooling import difference as difference
     from swingid.recording.large import LargeLog as LargeLog
     from swingid.recording.recording import Recording as Recording
-    from swingid.simulate import simulate as simulate
+    from swingid.recursive import online as online
+    from swingid.result.result import Result as Result
+    from swingid.simulation import simulate as simulate
     from swingid.study.compare import compare as compare
     from swingid.study.design import design as design
     from swingid.study.rehearse import rehearse as rehearse
@@ -44,20 +41,20 @@ _HOMES = {
     "Compensator": "swingid.control.compensator",
     "LargeLog": "swingid.recording.large",
     "Recording": "swingid.recording.recording",
-    "Result": "swingid.identify.result",
+    "Result": "swingid.result.result",
     "Rig": "swingid.model.rig",
-    "online": "swingid.identify.online",
-    "calibrate": "swingid.identify.motor_calibration",
-    "calibrate_encoders": "swingid.identify.encoder_calibration",
+    "online": "swingid.recursive",
+    "calibrate": "swingid.calibration.motor",
+    "calibrate_encoders": "swingid.calibration.encoders",
     "compare": "swingid.study.compare",
     "design": "swingid.study.design",
-    "difference": "swingid.identify.combine",
+    "difference": "swingid.pooling",
+    "identify": "swingid.identification",
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
+    "simulate": "swingid.simulation",
     "validate": "swingid.study.validate",
 }
-_VERBS = ("identify", "simulate")
-_PACKAGES = ("errors", *_VERBS)
 
 __all__ = [
     "Backstepping",
@@ -81,47 +78,13 @@ __all__ = [
 ]
 
 
-class _Verb(ModuleType):
-    """A package that is called as the function of its own name: ``swingid.identify(log, rig)``.
-
-    `identify` and `simulate` are each a function of the interface and the package that holds it. Python binds
-    the package to the name as soon as any of its modules is imported, so the package answers calls itself.
-    """
-
-    def __call__(self, *arguments: Any, **options: Any) -> Any:
-        return self._function(*arguments, **options)
-
-    @property
-    def __signature__(self) -> Signature:
-        return signature(self._function)
-
-    @property
-    def _function(self) -> Any:
-        return getattr(self, self.__name__.rpartition(".")[2])
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return import_module, (self.__name__,)
-
-
-class _Package(ModuleType):
-    """The type of this package; makes the packages in `_VERBS` callable when they are bound to it."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in _VERBS and type(value) is ModuleType:
-            value.__class__ = _Verb
-        super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package
-
-
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         from importlib.metadata import version
 
         value: Any = version("swingid")
-    elif name in _PACKAGES:
-        value = import_module(f"swingid.{name}")
+    elif name == "errors":
+        value = import_module("swingid.errors")
     elif name in _HOMES:
         value = getattr(import_module(_HOMES[name]), name)
     else:

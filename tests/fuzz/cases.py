@@ -119,7 +119,7 @@ def _read_log(content: bytes, name: str, draw: random.Random) -> None:
 
 def _read_columns(draw: random.Random, *, identified: bool) -> None:
     """Columns in memory with faults, read; identified or inspected, too."""
-    from swingid.identify import identify
+    from swingid.identification import identify
     from swingid.model.rig import Rig
 
     columns, texts = draw.choice(motions())
@@ -145,7 +145,7 @@ def _read_rig(content: bytes) -> None:
 
 
 def _read_result(content: bytes) -> None:
-    from swingid.identify.result_file import load_result
+    from swingid.result.file import load_result
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "result.json"

@@ -12,8 +12,8 @@ from swingid.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from swingid.identify.encoder_calibration import EncoderCalibration
-    from swingid.identify.motor_calibration import Calibration
+    from swingid.calibration.encoders import EncoderCalibration
+    from swingid.calibration.motor import Calibration
 
 
 def calibrate(
@@ -80,9 +80,9 @@ def _calibrate(
     from swingid.cli.output import check_writable, write_file
 
     check_writable(out, json, report)
+    from swingid.calibration.encoders import calibrate_encoders
+    from swingid.calibration.motor import calibrate as of_motor
     from swingid.cli.kernels import announce_compilation
-    from swingid.identify.encoder_calibration import calibrate_encoders
-    from swingid.identify.motor_calibration import calibrate as of_motor
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
 

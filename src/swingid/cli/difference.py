@@ -31,7 +31,7 @@ def difference(
     check_targets({"--json": json}, {tare: "the tare result", loaded: "the loaded result"})
     try:
         check_writable(json)
-        from swingid.identify.combine import difference as subtract
+        from swingid.pooling import difference as subtract
 
         result = subtract(tare, loaded, mass=mass, distance=distance, known=known)
     except Exception as error:

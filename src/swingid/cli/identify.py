@@ -14,10 +14,10 @@ import typer
 from swingid.errors import SwingidError, UsageError
 
 if TYPE_CHECKING:
-    from swingid.identify.result import Result
     from swingid.model.rig import Rig
     from swingid.recording.large import LargeLog
     from swingid.recording.recording import Recording
+    from swingid.result.result import Result
 
 Provenance = dict[str, object]
 
@@ -173,7 +173,7 @@ def _identify(
 
     check_writable(json, report)
     from swingid.cli.kernels import announce_compilation
-    from swingid.identify import identify as run
+    from swingid.identification import identify as run
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
     from swingid.recording.repairs import switched_off
@@ -230,7 +230,7 @@ def _report_refusal(target: str, method: str, error: Exception, provenance: Prov
 
 def _refused(method: str, error: Exception, provenance: Provenance) -> Result:
     import swingid
-    from swingid.identify.result import refusal
+    from swingid.result.result import refusal
 
     if not isinstance(error, SwingidError):
         error = SwingidError(f"a bug of swingid: {type(error).__name__}", code="bug")

@@ -105,7 +105,7 @@ def simulate(
     writer_for(Path(out))
     check_target(Path(out))
     from swingid.model.rig import Rig
-    from swingid.simulate import simulate as run
+    from swingid.simulation import simulate as run
     from swingid.units import Quantity
 
     plant = Rig.load(rig)

@@ -34,9 +34,9 @@ def validate(
     check_writable(json, report)
     check_once(logs)
     from swingid.cli.kernels import announce_compilation
-    from swingid.identify.result_file import load_result
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
+    from swingid.result.file import load_result
     from swingid.study.validate import validate as run
 
     plant, found = Rig.load(rig), load_result(result)

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swingid.identify.format import interval
-from swingid.identify.result import Result
-from swingid.identify.summary import log_row, relative, segment_text, value_text, why_unknown
+from swingid.format import interval
 from swingid.recording.save import write_whole
 from swingid.report import tables
 from swingid.report.words import DRIVES, KINDS, parameter_word
+from swingid.result.result import Result
+from swingid.result.summary import log_row, relative, segment_text, value_text, why_unknown
 
 if TYPE_CHECKING:
     import jinja2

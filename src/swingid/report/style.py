@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.format import RAISED
-from swingid.identify.plot import GREY, INK, PALE
+from swingid.format import RAISED
+from swingid.result.plot import GREY, INK, PALE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.format import interval, number, percent, plus_minus, span
-from swingid.identify.result import Result
-from swingid.identify.summary import relative, sorted_budget, value_text, why_unknown
+from swingid.format import interval, number, percent, plus_minus, span
 from swingid.report.words import EXTRA, NOT_USED, RIG, SENSORS, Word, parameter_word
+from swingid.result.result import Result
+from swingid.result.summary import relative, sorted_budget, value_text, why_unknown
 from swingid.units import Quantity
 
 if TYPE_CHECKING:

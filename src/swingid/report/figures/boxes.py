@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.identify.plot import BLUE, GREEN, INK, SKY
-from swingid.identify.result import COVERAGE_FACTOR
 from swingid.report.style import new_figure, plain_powers
+from swingid.result.plot import BLUE, GREEN, INK, SKY
+from swingid.result.result import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,11 +5,11 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from swingid.identify.format import percent
-from swingid.identify.plot import BLUE, GREY, INK, ORANGE
-from swingid.identify.result import Result, combined
-from swingid.identify.summary import folded, sorted_budget
+from swingid.format import percent
 from swingid.report.style import new_figure
+from swingid.result.plot import BLUE, GREY, INK, ORANGE
+from swingid.result.result import Result, combined
+from swingid.result.summary import folded, sorted_budget
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

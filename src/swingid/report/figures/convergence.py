@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.format import common_exponent, power_of_ten, pretty_unit
-from swingid.identify.plot import BLUE, GREEN, GREY, PALE
-from swingid.identify.result import Result
+from swingid.format import common_exponent, power_of_ten, pretty_unit
 from swingid.report.style import legend_above, new_figure
+from swingid.result.plot import BLUE, GREEN, GREY, PALE
+from swingid.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

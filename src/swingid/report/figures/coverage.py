@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from swingid.identify.plot import BLUE, GREEN
 from swingid.report.figures.levels import LEGEND_COLUMNS, MANY_LOOKS, METHOD, ROW, name_rows, shift
 from swingid.report.style import legend_above, new_figure
+from swingid.result.plot import BLUE, GREEN
 from swingid.study.campaign.text import cell_name
 
 if TYPE_CHECKING:

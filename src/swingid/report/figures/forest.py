@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, file_label
-from swingid.identify.result import COVERAGE_FACTOR
 from swingid.report.style import legend_above, new_figure
+from swingid.result.plot import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, file_label
+from swingid.result.result import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

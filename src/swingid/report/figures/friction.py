@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.plot import BLUE, GREY, VERMILION
-from swingid.identify.result import COVERAGE_FACTOR, FrictionCurve
 from swingid.report.style import legend_above, new_figure, prefixed
+from swingid.result.plot import BLUE, GREY, VERMILION
+from swingid.result.result import COVERAGE_FACTOR, FrictionCurve
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.format import power_of_ten
-from swingid.identify.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, VERMILION
+from swingid.format import power_of_ten
 from swingid.report.figures.log import speed_of, wheel_span
 from swingid.report.style import WIDTH, envelope, prefixed
+from swingid.result.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.format import last_place, plus_minus
-from swingid.identify.plot import BLUE, GREEN
-from swingid.identify.result import COVERAGE_FACTOR, Result, combined
+from swingid.format import last_place, plus_minus
 from swingid.report.style import new_figure
+from swingid.result.plot import BLUE, GREEN
+from swingid.result.result import COVERAGE_FACTOR, Result, combined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.identify.plot import GREEN, GREY, INK, PALE
 from swingid.report.figures.forest import LOOKS
 from swingid.report.style import legend_above, new_figure, plain_powers
+from swingid.result.plot import GREEN, GREY, INK, PALE
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, VERMILION
 from swingid.recording.recording import Recording
 from swingid.report.style import envelope, new_figure, prefixed
+from swingid.result.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

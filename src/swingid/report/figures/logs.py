@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from swingid.identify.plot import plot_result
-from swingid.identify.result import Result
 from swingid.report.style import new_figure
+from swingid.result.plot import plot_result
+from swingid.result.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.identify.plot import INK, PALE, VERMILION
 from swingid.report.style import new_figure
+from swingid.result.plot import INK, PALE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

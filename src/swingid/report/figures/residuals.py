@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.plot import BLUE, GREY, INK
-from swingid.identify.result import Details
 from swingid.report.style import WIDTH, legend_above, prefixed
+from swingid.result.plot import BLUE, GREY, INK
+from swingid.result.result import Details
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

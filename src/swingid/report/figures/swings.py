@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.plot import GREEN, draw_swing_points, plot_result
-from swingid.identify.result import COVERAGE_FACTOR, Result
 from swingid.report.style import new_figure
+from swingid.result.plot import GREEN, draw_swing_points, plot_result
+from swingid.result.result import COVERAGE_FACTOR, Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

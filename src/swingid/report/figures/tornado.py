@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.format import percent
-from swingid.identify.plot import BLUE, INK, ORANGE
+from swingid.format import percent
 from swingid.report.style import legend_above, new_figure
+from swingid.result.plot import BLUE, INK, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.plot import GREY, PALE, SIDES, SKY
-from swingid.identify.result import Details
 from swingid.recording.recording import Recording
 from swingid.report.style import envelope, legend_above, new_figure, prefixed
+from swingid.result.plot import GREY, PALE, SIDES, SKY
+from swingid.result.result import Details
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.identify.plot import BLUE, GREY, ORANGE
 from swingid.report.style import envelope, legend_above, new_figure, prefixed
+from swingid.result.plot import BLUE, GREY, ORANGE
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

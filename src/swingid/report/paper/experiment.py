@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.plot import BLUE, GREY, INK, PALE, VERMILION
 from swingid.report.style import envelope, legend_above, new_figure
+from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from swingid.simulate.twin import Run
+    from swingid.simulation.twin import Run
 
 Array = NDArray[np.float64]
 Runs = Mapping[str, "Run"]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from swingid.identify.plot import GREY, INK, PALE, VERMILION
 from swingid.report.style import envelope, legend_above, new_figure
+from swingid.result.plot import GREY, INK, PALE, VERMILION
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

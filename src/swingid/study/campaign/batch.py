@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.batch import energy_batch, momentum_batch, plan_batch
 from swingid.errors import SwingidError
-from swingid.identify.batch import energy_batch, momentum_batch, plan_batch
-from swingid.identify.result import Parameter
-from swingid.simulate.draws import draw_constants
-from swingid.simulate.ensemble import simulate_ensemble
+from swingid.result.result import Parameter
+from swingid.simulation.draws import draw_constants
+from swingid.simulation.ensemble import simulate_ensemble
 from swingid.study.campaign.trial import (
     FAILED,
     REFUSED,
@@ -35,8 +35,8 @@ from swingid.study.campaign.trial import (
 from swingid.study.rehearse.trial import encoder_places, through_file
 
 if TYPE_CHECKING:
-    from swingid.identify.batch import Batch, Plan
-    from swingid.simulate.ensemble import Ensemble
+    from swingid.batch import Batch, Plan
+    from swingid.simulation.ensemble import Ensemble
     from swingid.study.campaign.experiment import Experiment
     from swingid.study.campaign.plan import Plan as CampaignPlan
 

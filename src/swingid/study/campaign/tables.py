@@ -7,10 +7,10 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
+from swingid.balance.friction_laws import friction_units
 from swingid.errors import UsageError
-from swingid.identify.friction_laws import friction_units
-from swingid.identify.output_error.unknowns import friction_unknowns
-from swingid.identify.run import METHODS
+from swingid.identification import METHODS
+from swingid.methods.output_error.unknowns import friction_unknowns
 from swingid.model.rig.fields import Column, Table, refuse
 
 Design = Literal["grid", "one-at-a-time", "random", "latin-hypercube", "sobol"]
@@ -24,7 +24,7 @@ PLAIN_KEYS = ("rig", "reference", "duration", "rate", "initial_angle")
 KEYS_IN_WORDS = f"give {', '.join(PLAIN_KEYS)}, or a key that begins with {', '.join(f'{p}.' for p in PREFIXES)}"
 
 BATCHED = ("momentum-batch", "energy-batch")
-"""Methods that read all runs of a point together, `swingid.identify.batch`."""
+"""Methods that read all runs of a point together, `swingid.batch`."""
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 MOST_TRIALS = 10_000_000

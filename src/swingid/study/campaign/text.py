@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from swingid.identify.format import percent
+from swingid.format import percent
 from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:

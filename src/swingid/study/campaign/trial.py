@@ -12,16 +12,16 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from swingid.errors import SwingidError
-from swingid.identify.output_error.bound import cramer_rao
-from swingid.identify.run import identify
+from swingid.identification import identify
+from swingid.methods.output_error.bound import cramer_rao
 from swingid.study.campaign.experiment import Experiment, experiment_of
 from swingid.study.campaign.kernels import ensure_compiled
 from swingid.study.campaign.loop import Loop, loop_of
 from swingid.study.rehearse.trial import drawn_log, through_file
 
 if TYPE_CHECKING:
-    from swingid.identify.result import Parameter, Result
     from swingid.recording.recording import Recording
+    from swingid.result.result import Parameter, Result
     from swingid.study.campaign.plan import Plan
 
 Row = dict[str, Any]

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from swingid.identify.combine.shares import Identity, estimate_of, sum_of
-from swingid.identify.result import Result
+from swingid.pooling.shares import Identity, estimate_of, sum_of
+from swingid.result.result import Result
 
 if TYPE_CHECKING:
     from swingid.study.compare.comparison import Trial

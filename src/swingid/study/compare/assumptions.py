@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from swingid.identify.result import Result
 from swingid.model.rig import Rig
+from swingid.result.result import Result
 
 
 @dataclass(frozen=True)

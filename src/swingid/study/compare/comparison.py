@@ -8,10 +8,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.result import Result, refusal
-from swingid.identify.run import METHODS, identify
+from swingid.identification import METHODS, identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+from swingid.result.result import Result, refusal
 from swingid.study.compare.agreement import Verdict, verdict
 from swingid.study.compare.assumptions import Assumptions, assumptions
 

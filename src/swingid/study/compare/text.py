@@ -5,11 +5,11 @@ from __future__ import annotations
 import textwrap
 from typing import TYPE_CHECKING
 
-from swingid.identify.format import number, percent, plus_minus
+from swingid.format import number, percent, plus_minus
 from swingid.study.terminal import NO_BREAK, WIDTH, aligned
 
 if TYPE_CHECKING:
-    from swingid.identify.result import Result
+    from swingid.result.result import Result
     from swingid.study.compare.comparison import Comparison, Trial
 
 

@@ -6,10 +6,10 @@ import math
 
 from swingid.control.references import Multisine, Sine
 from swingid.errors import UnanswerableError
-from swingid.identify.format import percent
-from swingid.identify.result import combined
-from swingid.identify.summary import sorted_budget
+from swingid.format import percent
 from swingid.model.rig import Rig
+from swingid.result.result import combined
+from swingid.result.summary import sorted_budget
 from swingid.study.design.candidates import candidates
 from swingid.study.design.course import course_of, parts_of
 from swingid.study.design.information import predict

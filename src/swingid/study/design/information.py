@@ -12,24 +12,24 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.balance.choice import choose
+from swingid.balance.fits import BASIS, columns_of
+from swingid.balance.friction_laws import friction_units
+from swingid.balance.identifiability import Identifiability, examine, examine_information
+from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.rows import Rows, Signals, rows_of
+from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
-from swingid.identify.friction_laws import friction_units
-from swingid.identify.identifiability import Identifiability, examine, examine_information
-from swingid.identify.momentum.balance import Rows, Signals, rows_of
-from swingid.identify.momentum.choice import choose
-from swingid.identify.momentum.fits import BASIS, columns_of
-from swingid.identify.momentum.imperfections import Imperfection, imperfections
-from swingid.identify.momentum.windows import law_windows
-from swingid.identify.motion import find_motion
-from swingid.identify.noise import channel_noise
-from swingid.identify.result import BudgetEntry, Parameter, combined
-from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import CURVATURE_POWER, superpose
+from swingid.preparation.motion import find_motion
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
+from swingid.result.result import BudgetEntry, Parameter, combined
 
 Array = NDArray[np.float64]
 

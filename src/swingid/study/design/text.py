@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from swingid.identify.format import interval, number, percent, plus_minus
-from swingid.identify.summary import folded, sorted_budget
+from swingid.format import interval, number, percent, plus_minus
+from swingid.result.summary import folded, sorted_budget
 from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ import numpy as np
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
 from swingid.errors import SwingidError
-from swingid.identify.run import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 if TYPE_CHECKING:
     from swingid.study.design.candidates import Limits

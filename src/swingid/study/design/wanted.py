@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from swingid.balance.identifiability import HOPELESS
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.identifiability import HOPELESS
 from swingid.model.rig import Rig
 from swingid.study.design.candidates import Limits
 from swingid.units import Quantity, parse_quantity

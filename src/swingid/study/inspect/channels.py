@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.identify.motion import sample_noise
-from swingid.identify.noise import EVEN, uneven_noise
+from swingid.preparation.motion import sample_noise
+from swingid.preparation.noise import EVEN, uneven_noise
 from swingid.recording.inspect import Check, Column, Level
 from swingid.recording.inspect.grid import is_decimal
 from swingid.recording.recording import Recording
@@ -141,7 +141,7 @@ def _steps(channel: Channel, step: float, values: dict[str, object]) -> str:
 
 
 def _size(value: float, unit: str) -> str:
-    from swingid.identify.format import number
+    from swingid.format import number
 
     return number(value, unit, 3)
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import SwingidError
-from swingid.identify.format import percent
-from swingid.identify.noise import channel_noise
+from swingid.format import percent
 from swingid.model.rig import Rig
+from swingid.preparation.noise import channel_noise
 from swingid.recording.conventions import SECONDS
 from swingid.recording.formats.table import Table
 from swingid.recording.inspect import Check, Column

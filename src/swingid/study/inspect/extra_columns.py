@@ -19,11 +19,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.identify.momentum.balance import Rows, Signals
-from swingid.identify.momentum.fits import LAG, WindowFit, columns_of, known_side
-from swingid.identify.scale import Scale
+from swingid.balance.fits import LAG, WindowFit, columns_of, known_side
+from swingid.balance.rows import Rows, Signals
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
+from swingid.preparation.scale import Scale
 
 Array = NDArray[np.float64]
 

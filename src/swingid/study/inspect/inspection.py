@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from swingid.errors import SwingidError
-from swingid.identify.noise import channel_noise
-from swingid.identify.push import without_pushes
 from swingid.model.rig import Rig
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.push import without_pushes
 from swingid.recording.conventions import SECONDS, Conventions
 from swingid.recording.formats import read_table
 from swingid.recording.formats.table import Table

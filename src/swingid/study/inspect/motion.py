@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
-from swingid.identify.motion import Motion, find_motion
-from swingid.identify.noise import Noise
-from swingid.identify.segment import part_of
+from swingid.preparation.motion import Motion, find_motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.segment import part_of
 from swingid.recording.inspect import Check
 from swingid.recording.recording import Recording
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.identify.format import number, percent, plus_minus
-from swingid.identify.momentum.balance import Signals
-from swingid.identify.momentum.checks import check_motor, check_sign
-from swingid.identify.momentum.choice import choose
-from swingid.identify.momentum.fits import WindowFit
-from swingid.identify.momentum.gravity import check_gravity
-from swingid.identify.motor_balance import motor_balance
-from swingid.identify.noise import Noise
-from swingid.identify.scale import Scale, require_channels
+from swingid.balance.choice import choose
+from swingid.balance.fits import WindowFit
+from swingid.balance.motor import motor_balance
+from swingid.balance.rows import Signals
+from swingid.checks.answer import check_motor, check_sign
+from swingid.checks.gravity import check_gravity
+from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale, require_channels
 from swingid.recording.encoders import straightened
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.identify.run import METHODS
+from swingid.identification import METHODS
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 from swingid.study.inspect.motion import Swings

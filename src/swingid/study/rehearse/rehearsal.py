@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.identify.run import METHODS, check_options, method_function
+from swingid.identification import METHODS, check_options, method_function
 from swingid.model.rig import Rig
 from swingid.study.rehearse.trial import Outcome, Plan, run_once
 

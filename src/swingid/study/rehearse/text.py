@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from swingid.identify.format import percent
+from swingid.format import percent
 from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.run import identify
+from swingid.identification import identify
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate import simulate
+from swingid.simulation import simulate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

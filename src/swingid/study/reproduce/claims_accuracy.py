@@ -8,8 +8,8 @@ import numpy as np
 
 from swingid.control.references import Multisine, Sine, Strokes, Triangle
 from swingid.control.references.base import Reference
-from swingid.identify.motion import find_motion
-from swingid.identify.noise import channel_noise
+from swingid.preparation.motion import find_motion
+from swingid.preparation.noise import channel_noise
 from swingid.study.reproduce.claims import BAR, Claim, judged
 from swingid.study.reproduce.estimates import each_interval, error_by, intervals, reference_nodes, result_by
 from swingid.study.reproduce.experiment import settled_within, viscous

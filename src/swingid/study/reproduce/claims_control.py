@@ -10,9 +10,9 @@ import numpy as np
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
-from swingid.identify.scale import Scale
 from swingid.model.rig import Rig
-from swingid.simulate.twin import Run
+from swingid.preparation.scale import Scale
+from swingid.simulation.twin import Run
 from swingid.study.design.course import course_of
 from swingid.study.reproduce import published
 from swingid.study.reproduce.claims import BAR, Claim, judged

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.energy.balance import Course
-from swingid.identify.energy.passes import mirrored_passes
-from swingid.identify.energy.printed import (
+from swingid.identification import identify
+from swingid.methods.energy.balance import Course
+from swingid.methods.energy.passes import mirrored_passes
+from swingid.methods.energy.printed import (
     DEPTHS,
     Nodes,
     chosen_nodes,
@@ -22,11 +23,10 @@ from swingid.identify.energy.printed import (
     states_of_pairs,
     trapezoid_work,
 )
-from swingid.identify.motion import find_motion
-from swingid.identify.noise import channel_noise
-from swingid.identify.result import Result
-from swingid.identify.run import identify
-from swingid.identify.scale import Scale
+from swingid.preparation.motion import find_motion
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.scale import Scale
+from swingid.result.result import Result
 from swingid.study.reproduce.runs import Log
 
 Array = NDArray[np.float64]

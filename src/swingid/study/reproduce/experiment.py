@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.identify.combine.difference import difference
-from swingid.identify.result import Result
 from swingid.model.rig import Rig
-from swingid.simulate.twin import Run
+from swingid.pooling.difference import difference
+from swingid.result.result import Result
+from swingid.simulation.twin import Run
 from swingid.study.reproduce import published
 from swingid.study.reproduce.estimates import WAYS, Answer, each_interval, error_by, result_by
 from swingid.study.reproduce.published import J_E

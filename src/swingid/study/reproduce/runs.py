@@ -16,7 +16,7 @@ from swingid.control.references import Sine
 from swingid.control.references.base import Reference
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
-from swingid.simulate.twin import Run, simulate_run
+from swingid.simulation.twin import Run, simulate_run
 from swingid.study.reproduce import published
 
 HIDDEN: Mapping[str, object] = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3}

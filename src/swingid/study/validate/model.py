@@ -8,13 +8,13 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.balance.friction_laws import friction_units
 from swingid.errors import InputError, UnanswerableError
-from swingid.identify.friction_laws import friction_units
-from swingid.identify.output_error.problem import Input
-from swingid.identify.result import Result
+from swingid.methods.output_error.problem import Input
 from swingid.model.parameters import constants, vector
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
+from swingid.result.result import Result
 
 Array = NDArray[np.float64]
 

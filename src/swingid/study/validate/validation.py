@@ -14,22 +14,22 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.balance.fits import BASIS, fit_rows
+from swingid.balance.rows import Signals, rows_of
+from swingid.balance.windows import law_windows
+from swingid.checks.answer import check_sign
 from swingid.errors import UnanswerableError
-from swingid.identify.momentum.balance import Signals, rows_of
-from swingid.identify.momentum.checks import check_sign
-from swingid.identify.momentum.fits import BASIS, fit_rows
-from swingid.identify.momentum.windows import law_windows
-from swingid.identify.motion import Motion, find_motion
-from swingid.identify.noise import Noise, channel_noise
-from swingid.identify.output_error.problem import Problem, problem_of
-from swingid.identify.provenance import constants
-from swingid.identify.result import Result
-from swingid.identify.scale import Scale, require_channels
-from swingid.identify.segment import part_of
-from swingid.identify.speed import smooth_speed
+from swingid.methods.output_error.problem import Problem, problem_of
 from swingid.model.rig import Rig
+from swingid.preparation.motion import Motion, find_motion
+from swingid.preparation.noise import Noise, channel_noise
+from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.segment import part_of
+from swingid.preparation.speed import smooth_speed
 from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
+from swingid.result.provenance import constants
+from swingid.result.result import Result
 from swingid.study.validate.model import drive_of, model_vector, with_found_gain
 from swingid.study.validate.text import fit_text
 

@@ -1,0 +1,66 @@
+"""Declared imperfections in a fit: encoders calibrate themselves, constants are passed on.
+
+A once-per-turn nonlinearity enters the rows linearly, and its standard deviation is declared: its amplitudes join the
+unknowns with that normal prior (one row more each), and the data take back what they can (THEORY 4, self-calibration).
+So does a latency. Constants are not told from the data but passed on to the unknowns as they are declared.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from swingid.balance.fits import LAG, Effect, WindowFit, columns_of, covariance_of, known_side
+from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.rows import Signals
+from swingid.model.rig import Rig
+from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+
+
+def with_declared(fit: WindowFit, rig: Rig, signals: Signals, scale: Scale, noise: Noise) -> WindowFit:
+    """The fit with encoder nonlinearities and latencies calibrated and the effect of every declared imperfection."""
+    b = fit.value("gravity_torque") if scale.b is None else scale.b
+    items = imperfections(rig, signals, fit.rows, fit.a11, b)
+    if not items:
+        return fit
+    own = [item for item in items if item.calibrates]
+    if own:
+        fit, effects = _calibrated(fit, own, scale, noise)
+    else:
+        effects = []
+    passed = [
+        Effect(item.source, item.std, fit.fit.influence @ item.rows * item.std, item.direct, item.shared_id)
+        for item in items
+        if not item.calibrates
+    ]
+    return replace(fit, declared=(*effects, *passed))
+
+
+def _calibrated(
+    fit: WindowFit, items: list[Imperfection], scale: Scale, noise: Noise
+) -> tuple[WindowFit, list[Effect]]:
+    """Fit with one more unknown per imperfection, in units of its standard deviation, with a standard normal prior."""
+    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
+    _, columns = columns_of(fit.rows, scale, friction)
+    target = known_side(fit.rows, scale)
+    rows, unknowns = columns.shape
+    amplitudes = -np.column_stack([item.rows * item.std for item in items])
+    residuals = fit.fit.residuals
+    for _ in range(2):
+        # rows share data, so each of them tells less than its residual says
+        error = np.sqrt(LAG / 2 * np.mean(residuals**2))
+        prior = np.hstack([np.zeros((len(items), unknowns)), error * np.eye(len(items))])
+        solved = fit_linear(
+            np.vstack([np.hstack([columns, amplitudes]), prior]), np.append(target, np.zeros(len(items)))
+        )
+        residuals = solved.residuals[:rows]
+    data = LinearFit(solved.values[:unknowns], residuals, solved.influence[:unknowns, :rows], fit.fit.condition)
+    covariance = covariance_of(data, fit.rows, fit.unknowns, scale, noise)
+    effects = [
+        Effect(item.source, item.std, solved.influence[:unknowns, rows + k] * error, item.direct, item.shared_id)
+        for k, item in enumerate(items)
+    ]
+    return replace(fit, fit=data, covariance=covariance), effects

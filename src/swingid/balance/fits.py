@@ -1,0 +1,171 @@
+"""Least-squares fits of the balance on windows, with uncertainties that know of overlap and sensor noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.rows import Rows, Windows
+from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.test_functions import CURVATURE_POWER, overlaps
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+
+Array = NDArray[np.float64]
+
+BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
+"""Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|.
+
+The even terms live on even harmonics of the motion, where the inertia is not, so they cost nothing. A richer odd
+basis would be nearly collinear.
+"""
+
+LAG = 4
+"""Neighbouring rows that share data (windows of length 2L, one every L/2), and so are correlated."""
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one standard deviation of a declared imperfection does to the unknowns of a fit.
+
+    shifts (unknowns,): in the units of the unknowns. source, std, shared_id, direct: as in `Imperfection`.
+    """
+
+    source: str
+    std: float
+    shifts: Array
+    direct: float
+    shared_id: str | None
+
+
+@dataclass(frozen=True)
+class WindowFit:
+    """A fit of the balance on windows of one kind.
+
+    unknowns names the columns ("inertia" first); a11 and its uncertainties are for the whole axis. covariance is of
+    type A; `declared` holds what each declared imperfection of the rig does to every unknown, in its units.
+    """
+
+    rows: Rows
+    unknowns: tuple[str, ...]
+    fit: LinearFit
+    covariance: Array
+    half: float
+    declared: tuple[Effect, ...] = ()
+
+    def value(self, name: str) -> float:
+        """Fitted value of an unknown, 0 where it was not fitted."""
+        return float(self.fit.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
+
+    def uncertainty(self, name: str) -> float:
+        """Type A standard uncertainty of an unknown."""
+        k = self.unknowns.index(name)
+        return float(np.sqrt(self.covariance[k, k]))
+
+    @property
+    def a11(self) -> float:
+        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
+        return float(self.fit.values[0])
+
+    @property
+    def u(self) -> float:
+        """Type A standard uncertainty of a11."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def total(self) -> float:
+        """Standard uncertainty of a11 with the declared imperfections."""
+        return float(np.sqrt(self.covariance[0, 0] + sum(effect.shifts[0] ** 2 for effect in self.declared)))
+
+
+def known_side(rows: Rows, scale: Scale) -> Array:
+    """What the balance knows of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1."""
+    return -scale.a12 * rows.wheel + rows.torque - (scale.b or 0.0) * rows.gravity
+
+
+def columns_of(rows: Rows, scale: Scale, friction: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
+    """Names and columns of the unknowns."""
+    named = {"inertia": rows.inertia}
+    if scale.b is None:
+        named["gravity_torque"] = rows.gravity
+    named |= {name: rows.friction[name] for name in friction}
+    return tuple(named), np.array(list(named.values())).T
+
+
+def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> WindowFit | None:
+    """Fit the balance; None where there are too few rows for the unknowns."""
+    unknowns, columns = columns_of(rows, scale, friction)
+    if len(rows.windows) < 2 * LAG or len(rows.windows) / (LAG / 2) <= len(unknowns):
+        return None
+    fit = fit_linear(columns, known_side(rows, scale))
+    covariance = covariance_of(fit, rows, unknowns, scale, noise)
+    return WindowFit(rows, unknowns, fit, covariance, rows.windows.middle)
+
+
+def covariance_of(fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise) -> Array:
+    """Type A covariance of the unknowns: sensor noise, what the rows scatter beyond it, and the bias of attenuation."""
+    covariance = fit.covariance(LAG)
+    a11 = float(fit.values[0])
+    b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
+    sensor, seen = sensor_variance(rows, fit.influence[0], a11, b, scale, noise)
+    scatter = float(covariance[0, 0])
+    if scatter > 0:
+        covariance = covariance * (with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns)) / scatter)
+    bias = _attenuation(rows.windows, fit, noise)
+    result: Array = covariance + bias[:, None] * bias
+    return result
+
+
+def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
+    """Variance of a11 by sensor noise and by what the rows scatter beyond it; of one fit or of many (arrays).
+
+    sensor: variance by sensor noise. seen: what Newey and West's sum makes of that noise alone, which is more, for its
+    weights let through some of the fast noise of φ''. scatter: that sum for the rows. spare: rows less unknowns.
+
+    The sum of a few dozen rows is itself uncertain by tens of per cent: an excess counts by how sure it is, as
+    e²/(e² + s²) of it, with s the standard deviation of the sum for sensor noise alone (for Bartlett's weights s² is
+    4/3 (LAG + 1) / rows of the square).
+    """
+    # as shares of the scatter, whose squares neither overflow nor vanish
+    noise = np.minimum(seen / np.maximum(scatter, 1e-300), 1.0)
+    excess = 1.0 - noise
+    return sensor + scatter * excess**3 / (excess**2 + noise**2 * (4 / 3) * (LAG + 1) / spare)
+
+
+def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:
+    """What a fit would leave with these columns (rows, m) more, free of any bound; quick, without their values."""
+    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
+    columns = columns_of(fit.rows, scale, friction)[1]
+    free = more - columns @ np.linalg.lstsq(columns, more, rcond=1e-10)[0]
+    left: Array = fit.fit.residuals - free @ np.linalg.lstsq(free, fit.fit.residuals, rcond=1e-10)[0]
+    return left
+
+
+def sensor_variance(
+    rows: Rows, influence: Array, a11: float, b: float, scale: Scale, noise: Noise
+) -> tuple[float, float]:
+    """Variance of an unknown from white noise of both angles, and what Newey and West's sum sees of it.
+
+    influence (windows,): of the rows on the unknown. The noise comes through φ'', and that of the axis through the
+    gravity b as well.
+    """
+    windows = rows.windows
+    gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * windows.middle**2 / a11
+    axis, wheel = (a11 * noise.angle) ** 2 * noise.step, (scale.a12 * noise.wheel) ** 2 * noise.step
+    sums = overlaps(influence * windows.loudness, windows.centres, windows.half, 2 * LAG, LAG, gravity)
+    true, tapered = (max(of_axis, 0.0) * axis + max(of_wheel, 0.0) * wheel for of_axis, of_wheel in sums)
+    return true, tapered
+
+
+def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
+    """Bias of all unknowns by noise in the column ∫φ'' q1 of a11 (errors in variables), to first order.
+
+    It moves what is nearly collinear with a11 along: at one frequency an unknown gravity torque.
+    """
+    column_variance = noise.angle**2 * noise.step * CURVATURE_POWER
+    column_variance *= float(windows.loudness @ windows.loudness)
+    result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
+    return result

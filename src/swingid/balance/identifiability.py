@@ -1,0 +1,188 @@
+"""What the data cannot see: rank, condition, and what the wanted unknown cannot be told from, in words.
+
+Shared by every method whose answer is linear in its unknowns: from the columns of its equations, or from the
+information matrix (the inverse of the covariance). Columns are scaled to unit length, so that neither units nor sizes
+matter (Belsley, Kuh, Welsch: Regression diagnostics, 1980, ch. 3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UnanswerableError
+from swingid.format import number, percent
+
+Array = NDArray[np.float64]
+
+HOPELESS = 0.3
+"""Relative standard uncertainty of the inertia above which there is no answer."""
+
+SINGULAR = 1e-9
+"""Singular value of the scaled columns, in shares of the largest, below which a direction is not seen at all."""
+
+HARDLY = 1.1
+"""Inflation below which it is not worth a number."""
+
+BLIND = 1e-3
+"""Share in an unseen direction above which an unknown takes part in it."""
+
+TRADES = 0.5
+"""Squared correlation with the unknown that is wanted above which another unknown is said to move with it."""
+
+NAMES = {
+    "inertia": "inertia",
+    "gravity_torque": "gravity torque",
+    "viscous": "viscous friction",
+    "coulomb": "Coulomb friction",
+    "quadratic": "quadratic friction",
+    "cubic": "cubic friction",
+    "viscous_even": "direction-dependent friction",
+    "offset": "a constant torque",
+    "memory": "friction's memory",
+}
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """How well the unknowns are seen, and what the unknown `wanted` (the first of `names`) trades with.
+
+    rank: number of directions seen. condition: of the columns scaled to unit length, infinite where one is not seen.
+    covariance (unknowns, unknowns): that of the seen directions. blind (unknowns,): how far each unknown takes part in
+    directions that are not seen at all (0 … 1). inflation: how many times more certain `wanted` would be if all
+    others were known, infinite where it is not seen.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    rank: int
+    condition: float
+    covariance: Array
+    blind: Array
+    inflation: float
+
+    @property
+    def wanted(self) -> str:
+        """The unknown that the question is about."""
+        return self.names[0]
+
+    @property
+    def answerable(self) -> bool:
+        """Whether no unseen direction moves the unknown that is wanted."""
+        return bool(self.blind[0] < BLIND)
+
+    @property
+    def together(self) -> tuple[str, ...]:
+        """The wanted unknown and those that move with it, by what they cost it."""
+        if not self.answerable:
+            order = np.argsort(-self.blind[1:], kind="stable") + 1
+            return (self.wanted, *(self.names[k] for k in order if self.blind[k] >= BLIND))
+        variances = np.maximum(np.diag(self.covariance), 1e-300)
+        squared = self.covariance[0] ** 2 / (variances[0] * variances)
+        order = np.argsort(-squared[1:], kind="stable") + 1
+        return (self.wanted, *(self.names[k] for k in order if squared[k] > TRADES))
+
+    @property
+    def price(self) -> str:
+        """What it costs in certainty that others are unknown too, in words."""
+        if self.inflation < HARDLY:
+            return f"what is unknown beside the {self.wanted} makes it hardly less certain"
+        return f"what is unknown beside the {self.wanted} makes it {self.inflation:.2g} times less certain"
+
+    def relative(self, value: float) -> float:
+        """Standard uncertainty of the wanted unknown as a share of its `value`, infinite where it is not seen."""
+        return float(np.sqrt(self.covariance[0, 0])) / max(abs(value), 1e-300) if self.answerable else float("inf")
+
+    def scaled_to(self, uncertainty: float) -> Identifiability:
+        """The same with the rows' error set so that the wanted unknown has this standard uncertainty."""
+        variance = float(self.covariance[0, 0])
+        if not (self.answerable and variance > 0 and np.isfinite(uncertainty)):
+            return self
+        return replace(self, covariance=self.covariance * (uncertainty**2 / variance))
+
+    def combination(self, values: Mapping[str, float]) -> str:
+        """What the wanted unknown trades with, in words: a clause without a full stop. `values` of the unknowns."""
+        together = [NAMES.get(name, name) for name in self.together]
+        if len(together) == 1:
+            return f"{together[0]} stands alone" if self.answerable else f"{together[0]} does not show"
+        text = f"{', '.join(together[:-1])} and {together[-1]} move together"
+        if not self.answerable:
+            return text
+        moves = self.covariance[0] / np.sqrt(self.covariance[0, 0])
+        sizes = []
+        for name in self.together:
+            k, value = self.names.index(name), values.get(name, 0.0)
+            unit = self.units[k]
+            sizes.append(percent(moves[k] / value, sign=True) if value else number(moves[k], unit, 2))
+        return f"{text} ({' with '.join(sizes)} is one standard uncertainty)"
+
+
+def examine(names: Sequence[str], units: Sequence[str], columns: Array, noise: float = 1.0) -> Identifiability:
+    """Judge linear equations: columns (rows, unknowns), and the standard deviation of one row's error.
+
+    The first unknown is the one that is wanted. The errors of rows are independent: give rows divided by their errors
+    where these differ, and the information matrix to `examine_information` where they are correlated.
+    """
+    sizes = np.linalg.norm(columns, axis=0)
+    scale = np.where(sizes > 0, sizes, 1.0)
+    missing = max(len(scale) - len(columns), 0)  # rows of zeros: every direction then has a singular value
+    _, s, vt = np.linalg.svd(np.vstack([columns / scale, np.zeros((missing, len(scale)))]), full_matrices=False)
+    seen = s > SINGULAR * max(float(s[0]), 1e-300)
+    half = vt[seen] / s[seen, None]
+    covariance = (half.T @ half) * noise**2 / np.outer(scale, scale)
+    blind = np.sqrt((vt[~seen] ** 2).sum(axis=0))
+    return Identifiability(
+        names=tuple(names),
+        units=tuple(units),
+        rank=int(seen.sum()),
+        condition=float(s[0] / s[-1]) if seen[-1] else float("inf"),
+        covariance=covariance,
+        blind=blind,
+        inflation=float(np.linalg.norm(half[:, 0])) if blind[0] < BLIND else float("inf"),
+    )
+
+
+def examine_information(names: Sequence[str], units: Sequence[str], information: Array) -> Identifiability:
+    """Judge an information matrix (unknowns, unknowns): the inverse of the covariance of the unknowns.
+
+    It holds the square of the columns, so directions below 1e-8 of the largest drown in rounding and count as unseen.
+    """
+    diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
+    scale = np.where(diagonal > 0, diagonal, 1.0)
+    powers, directions = np.linalg.eigh(information / np.outer(scale, scale))
+    roots = np.sqrt(np.where(powers > 1e-16 * max(float(powers[-1]), 1e-300), powers, 0.0))
+    return examine(names, units, (directions * roots).T * scale)
+
+
+def second_frequency(frequency: float, natural: float) -> float:
+    """A frequency (rad/s) to add to a motion of `frequency`: well away from it and from the free swing's, `natural`."""
+    lower = frequency / 1.7
+    chosen = lower if lower > 1.4 * natural else max(frequency * 1.7, 1.4 * natural)
+    return float(f"{chosen:.2g}")
+
+
+def advice(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> str:
+    """What to do for the wanted unknown; frequency: the motion's main one (rad/s), natural: the free swing's."""
+    if {"inertia", "gravity_torque"} <= set(seen.together):
+        return advice_on_gravity(frequency, natural)
+    return "record larger or faster swings, or more of them"
+
+
+def advice_on_gravity(frequency: float | None = None, natural: float = 0.0) -> str:
+    """How to tell inertia from gravity torque."""
+    such = "" if frequency is None else f", such as {second_frequency(frequency, natural):g} rad/s"
+    return f"add a second frequency{such}, or give axis.gravity_torque"
+
+
+def require_seen(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> None:
+    """Raise UnanswerableError where a direction that moves the wanted unknown is not seen at all."""
+    if seen.answerable:
+        return
+    raise UnanswerableError(
+        f"{NAMES.get(seen.wanted, seen.wanted)} is not identifiable: in this motion {seen.combination({})}; "
+        f"{advice(seen, frequency, natural)}.",
+        code="not-identifiable",
+    )

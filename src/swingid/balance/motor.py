@@ -1,0 +1,221 @@
+"""Row (II), the motor's balance, on test functions: a second opinion on what the wheel angle is.
+
+a12 ∫φ'' q1 + a22 ∫φ'' q2 = N ∫φ (M(u, q2') − f2 N q2' − f3 sgn q2')
+
+While the wheel rests, friction is any torque up to f3, and the balance is told only to within that.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.format import left
+from swingid.model.rig import Rig
+from swingid.model.rig.tables import Motor
+from swingid.numerics.compiled import njit
+from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.numerics.test_functions import CURVATURE_POWER, project
+from swingid.preparation.speed import Speed, smooth_speed
+from swingid.recording.recording import Recording
+from swingid.result.result import Message
+
+if TYPE_CHECKING:
+    from swingid.balance.rows import Signals, Windows
+    from swingid.preparation.noise import Noise
+
+Array = NDArray[np.float64]
+
+SLOW = 4.0
+"""Standard deviations of the wheel's speed below which it cannot be told from rest."""
+
+RESTLESS = 0.05
+"""Windows whose rest leaves more than this share of the typical row open tell nothing of the motor."""
+
+FEWEST_ROWS = 12
+
+SWINGS = 16
+"""The first swings of a log, on which the balance is weighed: no check of a reading needs more."""
+
+GOOD = 0.05
+"""Relative residual below which nobody asks whether the voltage is turned."""
+
+FINE = 0.005
+"""Relative residual below which nobody asks whether the voltage was held."""
+
+SURE = 3.0
+"""Standard uncertainties of a latency that count as possible."""
+
+HELD = 0.4
+"""Share of the residual that the voltage read the other way between the rows may leave to be believed. One that is a
+row late leaves half when it is read as measured."""
+
+
+@dataclass(frozen=True)
+class MotorBalance:
+    """Relative residuals of row (II): wheel angle as stated, wheel angle read the other way, voltage turned
+    (infinite where it was not asked), and voltage between the rows read the other way (likewise): held is as stated.
+
+    refitted, refitted_otherwise: the first two with the motor's strength c1 and friction f2, f3 left free, so that
+    constants that are off do not speak for either reading; None where too few windows tell. rests: share of the time in
+    which the wheel cannot be told from rest.
+    """
+
+    as_stated: float
+    otherwise: float
+    turned: float
+    is_relative: bool
+    refitted: float | None = None
+    refitted_otherwise: float | None = None
+    rests: float = 0.0
+    held: bool = True
+    held_otherwise: float = np.inf
+
+    def hold_doubt(self, *, harm: str) -> list[Message]:
+        """One message where the voltage between the rows is not what drive_held says; harm: what that does."""
+        if self.held_otherwise > HELD * self.as_stated:
+            return []
+        held, measured = "held from each row to the next", "measured at each row"
+        stated, other = (held, measured) if self.held else (measured, held)
+        text = (
+            f"the voltage is not {stated}: the motor's balance leaves {left(self.as_stated)} so, and "
+            f"{left(self.held_otherwise)} with it {other}; set drive_held = {str(not self.held).lower()} under [log], "
+            "unless the angles are read half a row late or early"
+        )
+        return [Message("drive-held", f"{text}; {harm}.")]
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Row (II) under one reading of the channels, one value per window.
+
+    inertial: left side; driven: right side, friction at rest taken as 0; open: what it may be at rest, ±. free:
+    derivatives of the right side for c1 (relative), f2 and f3 (windows, 3).
+    """
+
+    inertial: Array
+    driven: Array
+    open: Array
+    free: Array
+
+    def residual(self, expected: float) -> float:
+        """What is left, relative to the left side; `expected`: mean square that noise leaves by itself."""
+        left = np.maximum(np.abs(self.inertial - self.driven) - self.open, 0.0)
+        unexplained = max(float(np.mean(left**2)) - 2 * expected, 0.0)
+        return float(np.sqrt(unexplained / self._power))
+
+    def refitted(self, tells: NDArray[np.bool_], expected: float) -> float:
+        """What is left with c1, f2 and f3 free, of the windows that tell; noise included.
+
+        At least what noise may leave (`expected` as above): few windows that noise alone moves tell no reading apart.
+        """
+        missing, free = (self.inertial - self.driven)[tells], self.free[tells]
+        free = free / np.maximum(np.sqrt(np.mean(free**2, axis=0)), 1e-300)
+        left = missing - free @ np.linalg.lstsq(free, missing, rcond=1e-10)[0]
+        return float(np.sqrt(max(float(np.mean(left**2)), 2 * expected) / self._power))
+
+    @property
+    def _power(self) -> float:
+        return max(float(np.mean(self.inertial**2)), 1e-300)
+
+
+def motor_torque(motor: Motor, voltage: Array, wheel_speed: Array) -> Array:
+    """M of (8), corrected: the motor's torque on its shaft after the dead zone, N m."""
+    low, high = motor.dead_zone
+    constants = (motor.efficiency.value, motor.torque_per_volt.value, motor.back_emf.value, low, high)
+    return _after_dead_zone(voltage.ravel(), wheel_speed.ravel(), *constants).reshape(wheel_speed.shape)
+
+
+@njit
+def _after_dead_zone(
+    voltage: Array, rate: Array, efficiency: float, per_volt: float, back_emf: float, low: float, high: float
+) -> Array:
+    result = np.empty(len(voltage))
+    for k in range(len(voltage)):
+        ideal = efficiency * (per_volt * voltage[k] - back_emf * rate[k])
+        result[k] = max(ideal - high, 0.0) + min(ideal - low, 0.0)
+    return result
+
+
+def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, noise: Noise) -> MotorBalance | None:
+    """Residuals of row (II) on `windows` over the first swings; None without voltage or motor constants."""
+    motor, wheel = rig.drive.motor, signals.wheel
+    if motor is None or wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
+        return None
+    turning = signals.motion.turning_times
+    nodes = signals.nodes.until(turning[SWINGS]) if len(turning) > SWINGS else signals.nodes
+    blocks, stamps = len(nodes.rows) - 1, nodes.stamps
+    windows = windows.select(windows.centres + windows.half <= nodes.time[-1])
+    assert signals.wheel_values is not None
+    speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
+    # the dead zone bends, so the torque is taken row by row, held in between, and only then gathered into blocks
+    middles = (stamps[1:] + stamps[:-1]) / 2
+    wheel_speed, voltage = speed.at(middles), _voltage(log, rig, middles, held=log.drive_held)
+    is_relative = rig.log.wheel_angle_is == "relative"
+    sign = -1.0 if is_relative else 1.0
+    other_speed = wheel_speed + sign * signals.motion.speed.at(middles)
+    slow, other_slow = _slow(speed, 0.0), _slow(speed, signals.motion.speed.noise)
+    terms = np.stack([*_terms(motor, voltage, wheel_speed, slow), *_terms(motor, voltage, other_speed, other_slow)])
+    columns = [(signals.angle[:blocks], 2), (wheel[:blocks], 2), *((x, 0) for x in nodes.held(terms))]
+    part = project(nodes, columns, windows.centres, windows.half)
+    a12, a22 = rig.drive.a12, rig.drive.a22
+    angle, turn = part[:, 0], part[:, 1]
+    stated = _Reading(a12 * angle + a22 * turn, part[:, 2], part[:, 3], part[:, 4:7])
+    other = _Reading(a12 * angle + a22 * (turn + sign * angle), part[:, 7], part[:, 8], part[:, 9:12])
+    # what white noise of the angles leaves of row (II) by itself
+    power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
+    expected = power * CURVATURE_POWER * float(np.mean(windows.half**-3.0))
+    tells = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
+    enough = int(np.count_nonzero(tells)) >= FEWEST_ROWS
+
+    def under(voltage: Array) -> float:
+        driven = _terms(motor, voltage, wheel_speed, slow)[0]
+        against = project(nodes, [(nodes.held(driven[None])[0], 0)], windows.centres, windows.half)[:, 0]
+        return replace(stated, driven=against).residual(expected)
+
+    as_stated = stated.residual(expected)
+    # half a row is what both readings differ by, and a latency of it looks alike
+    unsure = max(rig.sensors.of("angle").latency.std or 0.0, rig.sensors.of("wheel").latency.std or 0.0)
+    asked = as_stated > FINE and SURE * unsure < noise.step / 2
+    return MotorBalance(
+        as_stated=as_stated,
+        otherwise=other.residual(expected),
+        turned=under(-voltage) if as_stated > GOOD else np.inf,
+        held=log.drive_held,
+        held_otherwise=under(_voltage(log, rig, middles, held=not log.drive_held)) if asked else np.inf,
+        is_relative=is_relative,
+        refitted=stated.refitted(tells, expected) if enough else None,
+        refitted_otherwise=other.refitted(tells, expected) if enough else None,
+        rests=float(np.mean(np.abs(wheel_speed) < slow)),
+    )
+
+
+def _voltage(log: Recording, rig: Rig, middles: Array, *, held: bool) -> Array:
+    """The voltage between the rows, on the clock of the angle: an angle that is read late meets a later voltage."""
+    assert log.voltage is not None
+    late, count = rig.sensors.of("angle").latency.value, len(middles)
+    if held:
+        moved = log.voltage[:, None] if late == 0.0 else GaussNodes(log.time, 2).hold(log.voltage, late)
+        means: Array = moved[:count].mean(axis=1)
+        return means
+    return spline_at(log.time, log.voltage, spline_slopes(log.time, log.voltage), middles + late, 0)
+
+
+def _slow(speed: Speed, more: float) -> float:
+    """Speed in rad/s that cannot be told from rest; `more`: standard deviation of a speed that is added."""
+    return SLOW * float(np.hypot(speed.noise, more))
+
+
+def _terms(motor: Motor, voltage: Array, rate: Array, slow: float) -> tuple[Array, ...]:
+    """Between the rows: right side of (II), what friction at rest may add to it, and its derivatives for c1, f2, f3."""
+    gear, coulomb = motor.gear_ratio.value, motor.coulomb.value
+    rests = (np.abs(rate) < slow).astype(np.float64)
+    direction: Array = np.sign(rate) * (1.0 - rests)
+    torque = motor_torque(motor, voltage, rate)
+    strength: Array = motor.efficiency.value * motor.torque_per_volt.value * voltage * (torque != 0.0)
+    driven: Array = gear * (torque - motor.viscous.value * gear * rate - coulomb * direction)
+    return driven, gear * coulomb * rests, gear * strength, rate, direction

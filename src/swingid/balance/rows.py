@@ -1,0 +1,285 @@
+"""The balance of terms on test functions: row (I) of the model, or its form for direct drive and free decay.
+
+    a11 ∫φ'' q1 + b ∫φ sin q1 + ∫φ F = −a12 ∫φ'' q2    (reaction wheel; THEORY: the momentum projection)
+    a11 ∫φ'' q1 + b ∫φ sin q1 + ∫φ F = ∫φ τ            (direct drive)
+    a11 ∫φ'' q1 + ∫φ F = −b ∫φ sin q1                  (free decay)
+
+Only angles enter; the speed is needed only inside the friction terms.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.model.rig import Rig
+from swingid.numerics.blocks import BlockNodes
+from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.ranks import quantile
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.numerics.test_functions import project_impulses, project_stacked, project_steps
+from swingid.preparation.motion import Motion
+from swingid.preparation.speed import speed_on_grid
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+BLOCK = 1 / 8
+"""Length of the blocks of rows, of the time in which the quickest turn of the motion passes."""
+
+FEWEST_BLOCKS = 4
+"""Blocks that half a window holds, at least."""
+
+FINE = 1 / 6
+"""Length of the blocks on which the friction near rest is seen, of those of the signals."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Test functions: centres and half-lengths in s."""
+
+    centres: Array
+    half: Array
+
+    def __len__(self) -> int:
+        return len(self.centres)
+
+    def select(self, keep: NDArray[np.bool_]) -> Windows:
+        """The windows where `keep` is true."""
+        return Windows(self.centres[keep], self.half[keep])
+
+    @cached_property
+    def middle(self) -> float:
+        """The median half-length, or the one above it, of few."""
+        return float(np.sort(self.half)[len(self.half) // 2])
+
+    @cached_property
+    def loudness(self) -> Array:
+        """By what white noise enters ∫φ'' of each window: half^(−3/2)."""
+        result: Array = 1.0 / (self.half * np.sqrt(self.half))
+        return result
+
+
+@dataclass(frozen=True)
+class Signals:
+    """What the balance is made of, at the Gauss nodes of blocks of rows; computed once for all windows."""
+
+    nodes: BlockNodes
+    angle: Array
+    angle_values: Array
+    sine: Array
+    speed: Array
+    wheel: Array | None
+    wheel_values: Array | None
+    wheel_slopes: Array | None
+    torque: Array | None
+    edges: Array
+    directions: Array
+    motion: Motion
+    linear: bool
+    source: tuple[Recording, Rig]
+    longest: float
+
+    @cached_property
+    def stacked(self) -> tuple[Array, NDArray[np.int64]]:
+        """Columns of the balance for `project_stacked` and the derivatives of φ that they meet."""
+        columns = [(self.angle, 2), (self.sine, 0), (-self.angle, 1)]
+        size = np.abs(self.speed)
+        columns += [(self.speed * size, 0), (self.speed * size * size, 0), (size, 0)]
+        if self.wheel is not None:
+            columns.append((self.wheel, 2))
+        elif self.torque is not None:
+            columns.append((self.torque, 0))
+        return np.stack([x.ravel() for x, _ in columns]), np.array([order for _, order in columns])
+
+    def earlier(self, late: Array) -> Signals:
+        """The same signals with every turning point `late` seconds earlier (one value each)."""
+        motion = self.motion.earlier(late)
+        edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
+        moved = replace(self, motion=motion, edges=edges, directions=directions)
+        # what does not depend on the turning points is computed once
+        for name in ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness"):
+            moved.__dict__[name] = getattr(self, name)
+        return moved
+
+    @cached_property
+    def longest_step(self) -> float:
+        """Longest interval between stamps (s)."""
+        return float(np.max(np.diff(self.nodes.stamps)))
+
+    def gaps(self, least: float) -> Array:
+        """Intervals between stamps that are longer than `least` (s): their begins and ends, (gaps, 2)."""
+        if self.longest_step <= least:
+            return np.empty((0, 2))
+        k = np.nonzero(np.diff(self.nodes.stamps) > least)[0]
+        return np.column_stack([self.nodes.stamps[k], self.nodes.stamps[k + 1]])
+
+    @cached_property
+    def wheel_rate(self) -> Array | None:
+        """Speed of the wheel as its angle shows it, at the nodes."""
+        if self.wheel_values is None or self.wheel_slopes is None:
+            return None
+        return self.nodes.cubics(self.wheel_values, self.wheel_slopes, derivative=1)
+
+    @cached_property
+    def fastest(self) -> float:
+        """Speed that is exceeded for a thousandth of the time only."""
+        return quantile(np.abs(self.speed).ravel(), 0.999)
+
+    @cached_property
+    def finely(self) -> tuple[GaussNodes, Array]:
+        """Nodes of shorter blocks and the speed at them, for functions of the speed that change quickly near rest."""
+        nodes = GaussNodes(BlockNodes.of(self.nodes.stamps, FINE * self.longest).time, 3)
+        return nodes, self.motion.speed.at_nodes(nodes)
+
+    @cached_property
+    def cosine(self) -> Array:
+        """Cos q1 at the nodes."""
+        result: Array = np.cos(self.angle)
+        return result
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Mean of cos q1."""
+        return float(np.mean(self.cosine))
+
+    @cached_property
+    def kept(self) -> dict[tuple[str, float], Array]:
+        """What was computed of the angle and the speed once and is needed again, by name and number."""
+        return {}
+
+    def grid_errors(self, resolution: float) -> Array:
+        """Errors of the angle on grids of this step shifted by eighths of it, times the nodes' weights: (8, nodes)."""
+        key = ("grid errors", resolution)
+        if key not in self.kept:
+            # at the instants of the rows: where their rate is near a multiple of the motion's, errors come again;
+            # and smoothed over many steps, for an angle that keeps to the grid at every turn errs alike there; what
+            # that takes off the motion is smoothed and added (Tukey's twicing)
+            stamps, width = self.nodes.stamps, 0.75 * self.motion.speed.half_width
+            once = speed_on_grid(stamps, self.angle_values, 0.0, width, 1.5).angle_at(stamps)
+            rows = once + speed_on_grid(stamps, self.angle_values - once, 0.0, width, 1.5).angle_at(stamps)
+            self.kept[key] = self.nodes.rounded(rows[:-1] / resolution) * (self.nodes.flat[1] * resolution)
+        return self.kept[key]
+
+    def suited(self, half: float) -> Signals:
+        """These signals, or on shorter blocks where half-lengths of `half` (s) need them."""
+        if half >= FEWEST_BLOCKS * self.longest:
+            return self
+        return Signals.of(*self.source, self.motion, longest=half / (2 * FEWEST_BLOCKS))
+
+    @classmethod
+    def of(cls, log: Recording, rig: Rig, motion: Motion, *, longest: float | None = None) -> Signals:
+        """Signals of a log at the nodes of blocks no longer than `longest` (s).
+
+        By default they are short beside the quickest turn of the motion.
+        """
+        longest = BLOCK * motion.quickest if longest is None else longest
+        nodes = BlockNodes.of(log.time, longest)
+        late = rig.sensors.of("angle").latency.value
+        angle = nodes.spline(log.angle)
+        wheel = wheel_values = wheel_slopes = None
+        if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
+            wheel_values = moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value - late)
+            wheel_slopes = spline_slopes(log.time, wheel_values)
+            wheel = nodes.cubics(wheel_values, wheel_slopes)
+        torque = None
+        if rig.drive.kind == "direct" and log.torque is not None:
+            # on the angle's clock: a torque that acts at t is met by the angle in the row stamped t − late
+            measured = moved(log.time, log.torque, -late)
+            torque = nodes.hold(log.torque, late) if log.drive_held else nodes.spline(measured)
+        edges, directions = motion.directions(log.time[0], log.time[-1])
+        return cls(
+            nodes=nodes,
+            angle=angle,
+            angle_values=log.angle,
+            sine=np.sin(angle) if rig.axis.kind == "rotary" else np.zeros_like(angle),
+            speed=motion.speed.at_nodes(nodes),
+            wheel=wheel,
+            wheel_values=wheel_values,
+            wheel_slopes=wheel_slopes,
+            torque=torque,
+            edges=edges,
+            directions=directions,
+            motion=motion,
+            linear=rig.axis.kind == "linear",
+            source=(log, rig),
+            longest=longest,
+        )
+
+
+def moved(time: Array, values: Array, late: float) -> Array:
+    """A channel read `late` seconds after its stamps, on the stamps (declared latencies only; usually 0)."""
+    if late == 0.0:
+        return values
+    return spline_at(time, values, spline_slopes(time, values), time - late, 0)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """One equation per window: the integrals of every term, each of shape (windows,).
+
+    inertia ∫φ'' q1 (= ∫φ q1''), gravity ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction terms coulomb ∫φ sgn v,
+    viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction.
+    stiffness: mean of cos q1, by which noise of the angle enters the gravity.
+    """
+
+    windows: Windows
+    inertia: Array
+    gravity: Array
+    wheel: Array
+    torque: Array
+    friction: dict[str, Array]
+    stiffness: float = 1.0
+
+    def select(self, keep: NDArray[np.bool_]) -> Rows:
+        """The rows where `keep` is true."""
+        return Rows(
+            self.windows.select(keep),
+            self.inertia[keep],
+            self.gravity[keep],
+            self.wheel[keep],
+            self.torque[keep],
+            {name: column[keep] for name, column in self.friction.items()},
+            self.stiffness,
+        )
+
+
+def rows_of(signals: Signals, windows: Windows) -> Rows:
+    """Project the balance on `windows`, which must lie inside the log."""
+    stacked, orders = signals.stacked
+    integrals = project_stacked(signals.nodes, stacked, orders, windows.centres, windows.half)
+    zero, drive = np.zeros(len(windows)), integrals[:, -1]
+    friction = {
+        "viscous": integrals[:, 2],
+        "quadratic": integrals[:, 3],
+        "cubic": integrals[:, 4],
+        "offset": windows.half * (32 / 35),
+        "viscous_even": integrals[:, 5],
+        **_at_reversals(signals, windows),
+    }
+    has_wheel, has_torque = signals.wheel is not None, signals.torque is not None
+    return Rows(
+        windows,
+        integrals[:, 0],
+        integrals[:, 1],
+        drive if has_wheel else zero,
+        drive if has_torque and not has_wheel else zero,
+        friction,
+        signals.stiffness,
+    )
+
+
+def retimed(rows: Rows, signals: Signals) -> Rows:
+    """The rows with what happens at the turning points as `signals` have them now."""
+    return replace(rows, friction=rows.friction | _at_reversals(signals, rows.windows))
+
+
+def _at_reversals(signals: Signals, windows: Windows) -> dict[str, Array]:
+    motion = signals.motion
+    return {
+        "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
+        "memory": project_impulses(motion.turning_times, -motion.sides, windows.centres, windows.half),
+    }

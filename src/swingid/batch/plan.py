@@ -1,0 +1,98 @@
+"""What is chosen once for many logs, from a few of them, and what an estimator gives back for all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import InputError
+from swingid.methods.energy.balance import SHARE
+from swingid.methods.momentum.method import momentum
+from swingid.model.rig import Rig
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.scale import Scale
+from swingid.preparation.speed import smooth_speed
+from swingid.recording.recording import Recording
+from swingid.result.result import Details
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is chosen once for all logs.
+
+    start, stop: the part used, s from the first row. half: half-length of the windows of momentum (s). width,
+    wheel_width: half-widths of the local cubics that give the energy method its speeds (s). turns: turning points to
+    expect. noise, wheel_noise: standard deviations of one sample (rad).
+    """
+
+    start: float
+    stop: float
+    half: float
+    width: float
+    wheel_width: float
+    turns: int
+    noise: float
+    wheel_noise: float
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Estimates of n logs: inertia J1 (n,) (kg m^2) with its standard uncertainty of type A `u` (n,).
+
+    Terms of friction are fitted with it to free it of them, and are not told: on a periodic motion they are nearly
+    one another's sums, and what an encoder's zero, its steps and a smoothed speed do to each is not in their scatter.
+    Who wants friction takes `identify`.
+    """
+
+    inertia: Array
+    u: Array
+
+
+def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
+    """The plan for logs like these few, from what `momentum` and `energy` choose for each.
+
+    The part common to all, the median length of windows and the narrowest smoothing, whose bias grows with the fourth
+    power of its width: give logs that differ as those to come will. Errors as `momentum`.
+    """
+    noises = [channel_noise(log, rig) for log in logs]
+    details: list[Details] = []
+    widths, wheel_widths = [], []
+    for log, noise in zip(logs, noises, strict=True):
+        found = momentum(log, rig).details
+        assert found is not None
+        details.append(found)
+        used = log.segment(found.start, found.stop)
+        widths.append(SHARE * smooth_speed(used.time, used.angle, noise.angle).half_width)
+        if used.wheel_angle is not None:
+            wheel_widths.append(SHARE * smooth_speed(used.time, used.wheel_angle, noise.wheel).half_width)
+    return Plan(
+        start=float(max(found.start - log.time[0] for found, log in zip(details, logs, strict=True))),
+        stop=float(min(found.stop - log.time[0] for found, log in zip(details, logs, strict=True))),
+        half=float(np.median([found.window or 0.0 for found in details])),
+        width=float(min(widths)),
+        wheel_width=float(min(wheel_widths or widths)),
+        turns=max(len(found.turning_times) for found in details),
+        noise=float(np.median([noise.angle for noise in noises])),
+        wheel_noise=float(np.median([noise.wheel for noise in noises])),
+    )
+
+
+def require_batch(rig: Rig, scale: Scale) -> None:
+    """Raise InputError for what the estimators of many logs cannot do."""
+    if scale.drive == "direct" or scale.b is None or scale.linear:
+        raise InputError(
+            f"rig {rig.name}: many logs at once need a rotary axis with a known gravity torque and no direct drive; "
+            "identify these logs one by one.",
+            code="not-for-batches",
+        )
+    if any(part.value for name in ("angle", "wheel") for part in rig.sensors.of(name).parts.values()):
+        raise InputError(
+            f"rig {rig.name}: many logs at once are taken as read, but sensors states a nonlinearity; "
+            "identify these logs one by one.",
+            code="not-for-batches",
+        )

@@ -1,0 +1,109 @@
+"""Speeds of logs with one even step by fixed weights, and their signs with every reversal in its place.
+
+A cubic over both sides of a reversal sees it late where friction makes the acceleration jump. One with a kink does not,
+but is four times as noisy; so it is asked for the mean over the log (`identify.momentum.delays` has the theory).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.batch.projections import njit_sums_threads
+from swingid.numerics.spline import kinked_slopes, local_cubic
+
+Array = NDArray[np.float64]
+
+FEWEST = 4
+"""Samples on each side that a cubic with a kink needs."""
+
+FARTHEST = 0.25
+"""Delay of a reversal, in half-widths, beyond which the axis may rest as well: it is taken as it is found."""
+
+
+def smoothing(half_width: float, step: float) -> Array:
+    """Weights (2, m) of samples 0 ... m - 1 steps away: of the angle (even) and, odd, of the speed, by local cubics."""
+    reach = int(np.floor(half_width / step * (1.0 - 1e-9)))
+    time: Array = step * np.arange(-reach, reach + 1, dtype=np.float64)
+    rows = []
+    for k in range(2 * reach + 1):
+        unit = np.zeros(2 * reach + 1)
+        unit[k] = 1.0
+        rows.append(local_cubic(time, unit, np.zeros(1), half_width)[0, :2])
+    return np.ascontiguousarray(np.array(rows)[reach:].T)
+
+
+def kinked(half_width: float, step: float) -> Array:
+    """Weights (m,) of differences of samples 0 ... m - 1 steps to both sides: speed of a cubic with a kink between."""
+    reach = max(FEWEST, int(np.floor(half_width / step * (1.0 - 1e-9))))
+    time: Array = step * np.arange(-reach, reach + 1, dtype=np.float64)
+    weights = np.zeros(reach + 1)
+    for k in range(1, reach + 1):
+        unit = np.zeros(2 * reach + 1)
+        unit[reach + k] = 1.0
+        weights[k] = kinked_slopes(time, unit, np.zeros(1), reach * step)[0]
+    return weights
+
+
+@njit_sums_threads
+def slopes(values: Array, weights: Array, result: Array) -> None:
+    """Speeds at all samples of `values` (rows,) into result (rows,), 0 where the window reaches over an end."""
+    rows, reach = len(values), len(weights) - 1
+    result[:] = 0.0
+    for i in range(1, reach + 1):
+        weight = weights[i]
+        for j in range(reach, rows - reach):
+            result[j] += weight * (values[j + i] - values[j - i])
+
+
+@njit_sums_threads
+def too_fast(angle: Array, v: Array, weights: Array) -> tuple[float, float]:
+    """(How much faster than nothing the axis is where v passes zero, its standard uncertainty), rad/s.
+
+    Mean over the reversals of a log in the direction of their acceleration, by which they are weighted: where the axis
+    rests, v passes zero by chance. weights: `kinked`.
+    """
+    rows, reach = len(angle), len(weights) - 1
+    total = size = squares = 0.0
+    for twice in range(2):
+        mean = total / size if size > 0.0 else 0.0
+        for j in range(reach, rows - reach - 1):
+            if (v[j] < 0.0) == (v[j + 1] < 0.0):
+                continue
+            change = v[j + 1] - v[j]
+            near = j if abs(v[j]) < abs(v[j + 1]) else j + 1
+            speed = -v[near]
+            for i in range(1, reach + 1):
+                speed += weights[i] * (angle[near + i] - angle[near - i])
+            if twice == 0:
+                total += change * speed
+                size += abs(change)
+            else:
+                squares += (abs(change) * (np.sign(change) * speed - mean)) ** 2
+    return (total / size, np.sqrt(squares) / size) if size > 0.0 else (0.0, 0.0)
+
+
+@njit_sums_threads
+def signs(angle: Array, v: Array, weights: Array, result: Array, late: Array) -> None:
+    """Sign of the speed into result (rows,), as its mean over the step about each sample, so that reversals count.
+
+    late (rows,): what is added to it if all reversals are one standard uncertainty later. v: from `slopes`; weights:
+    `kinked`.
+    """
+    rows = len(v)
+    for j in range(rows):
+        result[j] = np.sign(v[j])
+    late[:] = 0.0
+    fast, u = too_fast(angle, v, weights)
+    most = FARTHEST * (len(weights) - 1)
+    for j in range(rows - 1):
+        if (v[j] < 0.0) == (v[j + 1] < 0.0):
+            continue
+        change = v[j + 1] - v[j]
+        found, way = j - v[j] / change, np.sign(change)
+        shift = fast / abs(change)
+        at = found - shift if abs(shift) < most else found
+        after = at + min(u / abs(change), most)
+        for i in range(max(int(min(at, found)) - 1, 0), min(int(max(after, found)) + 3, rows)):
+            result[i] = way * min(max(2.0 * (i - at), -1.0), 1.0)
+            late[i] = way * min(max(2.0 * (i - after), -1.0), 1.0) - result[i]

@@ -1,0 +1,1 @@
+"""Constants of the motor and errors of the encoders, from logs."""

@@ -1,0 +1,139 @@
+"""One log of a calibration: its windows, chosen once, and its rows with the encoders as they are known so far."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.choice import choose
+from swingid.balance.fits import WindowFit, columns_of, known_side, sensor_variance
+from swingid.balance.imperfections import constants
+from swingid.balance.rows import Rows, Signals, rows_of
+from swingid.balance.windows import law_windows
+from swingid.calibration.encoders.columns import encoder_columns
+from swingid.calibration.encoders.parts import bounded
+from swingid.checks.answer import check_sign
+from swingid.model.rig import Rig
+from swingid.numerics.test_functions import project
+from swingid.preparation.motion import find_motion
+from swingid.preparation.noise import Noise, channel_noise
+from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.segment import part_of
+from swingid.recording.encoders import straightened
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LogRows:
+    """The balance of one log, linear about the encoders as corrected so far.
+
+    own: names of the unknowns of this log alone (friction), common: inertia and, where unknown, the gravity torque.
+    columns (rows, common + own); parts: minus what a unit of each part adds to the rows, by key; constants: the same
+    of uncertain constants of the rig, per standard deviation. grid (8, rows): errors of the rows for eight places of
+    the encoder's grid, the same in every log, for the encoder knows its place in the turn. balance, scale, noise, a11,
+    b: of which these rows were made.
+    """
+
+    common: tuple[str, ...]
+    own: tuple[str, ...]
+    columns: Array
+    target: Array
+    parts: dict[str, Array]
+    constants: dict[str, Array]
+    grid: Array
+    balance: Rows
+    scale: Scale
+    noise: Noise
+    a11: float
+    b: float
+
+    def sensor_noise(self, influence: Array) -> tuple[float, float]:
+        """Variance of an unknown by the sensors' white noise, and what a sum over neighbours sees of it."""
+        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, self.noise)
+
+    def grid_noise(self, influence: Array) -> float:
+        """The same variance by the step of the angle's grid alone, were its errors white."""
+        noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0)
+        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, noise)[0]
+
+
+@dataclass(frozen=True)
+class CalibrationLog:
+    """A log as read, the part used, and the windows and friction terms that were chosen for it."""
+
+    log: Recording
+    noise: Noise
+    first: WindowFit
+    late: Array
+
+    @property
+    def name(self) -> str:
+        """The log's path, or words."""
+        return self.log.source.path or "the log"
+
+    @classmethod
+    def of(cls, log: Recording, rig: Rig) -> CalibrationLog:
+        """Find the useful part and the windows; raises as the method momentum."""
+        scale = Scale.of(rig)
+        require_channels(log, rig)
+        noise = channel_noise(log, rig)
+        whole = find_motion(log.time, log.angle, noise.angle)
+        start, stop, _ = part_of(log, whole, rig.drive.kind)
+        used = log.segment(start, stop)
+        motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(
+            log.time, log.angle, whole.speed.half_width
+        )
+        # the windows are those that tell most beside bent encoders, whatever is known of a latency already
+        choice = choose(Signals.of(used, rig, motion), bounded(rig), scale, noise)
+        check_sign(choice.law, scale, log.source.path or "the log")
+        late = motion.turning_times - choice.signals.motion.turning_times
+        return cls(used, noise, choice.law, late)
+
+    def signals(self, rig: Rig) -> Signals:
+        """The signals with the encoders as `rig` states them."""
+        log = straightened(self.log, rig)
+        motion = find_motion(log.time, log.angle, self.noise.angle)
+        motion = motion.reread(log.time, log.angle, motion.speed.half_width)
+        signals = Signals.of(log, rig, motion)
+        same = len(self.late) == len(motion.turning_times)
+        return signals.earlier(self.late) if same else signals
+
+    def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows:
+        """The balance on windows of `stretch` times the chosen length; a11, b as known so far."""
+        scale, signals = Scale.of(rig), signals.suited(stretch * self.first.half)
+        rows = rows_of(signals, law_windows(signals, stretch * self.first.half))
+        friction = tuple(name for name in self.first.unknowns if name in rows.friction)
+        names, columns = columns_of(rows, scale, friction)
+        common = names[: len(names) - len(friction)]
+        return LogRows(
+            common=common,
+            own=friction,
+            columns=columns,
+            target=known_side(rows, scale),
+            parts={key: -column for key, column in encoder_columns(rows, signals, scale, a11, b).items()},
+            constants={one.source: one.rows * one.std for one in constants(rig, rows) if one.std > 0},
+            grid=self._grid(signals, rows, a11, b),
+            balance=rows,
+            scale=scale,
+            noise=self.noise,
+            a11=a11,
+            b=b,
+        )
+
+    def _grid(self, signals: Signals, rows: Rows, a11: float, b: float) -> Array:
+        """What the encoder's grid does to the rows, for eight places of it; none without a grid."""
+        if self.noise.resolution == 0.0:
+            return np.zeros((0, len(rows.windows)))
+        nodes, windows = signals.nodes, rows.windows
+        shape = signals.angle.shape
+        errors = signals.grid_errors(self.noise.resolution) / nodes.flat[1]
+        cosine = signals.cosine
+        at_nodes = [error.reshape(shape) for error in errors]
+        first = project(nodes, [(error, 2) for error in at_nodes], windows.centres, windows.half)
+        second = project(nodes, [(error * cosine, 0) for error in at_nodes], windows.centres, windows.half)
+        result: Array = -(a11 * first + b * second).T
+        return result

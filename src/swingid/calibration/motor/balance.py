@@ -1,0 +1,217 @@
+"""Row (II) on test functions that stand where the wheel turns one way, with the branches of the dead zone.
+
+The balance is linear in the products as long as each instant keeps its branch of (8). M is continuous at the edges
+of the dead zone, so solving the linear balance and assigning the branches anew is Gauss–Newton's step on the
+balance as it is, with exact derivatives. The voltage is held, so the branch changes at samples, where a row of
+nodes ends, or by the slow change of the speed, where M has a mere kink.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.rows import Windows
+from swingid.calibration.motor.channels import WheelLog
+from swingid.calibration.motor.products import (
+    COULOMB,
+    COUNT,
+    COUPLING,
+    DAMPING,
+    EMF,
+    GAIN,
+    NEGATIVE,
+    POSITIVE,
+    allowed,
+    branches,
+)
+from swingid.errors import UnanswerableError
+from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.test_functions import project_stacked
+
+Array = NDArray[np.float64]
+
+LAG = 4
+"""Neighbouring windows (2L long, one every L/2) that share data."""
+
+FEWEST_ROWS, MOST_STEPS = 24, 40
+EMPTY = 4e-3
+"""A column of less than this share of what it would be at full strength shows nothing."""
+
+PARALLEL, SHARE = 1e-7, 0.05
+"""Singular values below this share of the largest mean that columns with such a share in the direction are parallel."""
+
+SHORTEST, LONGEST = 12, 1.0
+"""Half-lengths of the windows: at least so many samples, at most so many seconds."""
+
+
+@dataclass(frozen=True)
+class LogRows:
+    """One log on its windows: what does not depend on the branches is projected once.
+
+    target (w,): ∫φ q2''. fixed (w, 2): columns of DAMPING and COUPLING.
+    """
+
+    log: WheelLog
+    windows: Windows
+    voltage: Array
+    speed: Array
+    target: Array
+    fixed: Array
+
+    @classmethod
+    def of(cls, log: WheelLog, half: float) -> LogRows | None:
+        """Windows of half-length `half` (s) within the runs of a log; None where none fits."""
+        centres = [
+            np.linspace(a + half, b - half, max(1, round((b - a - 2 * half) / (half / 2)) + 1))
+            for a, b in log.runs
+            if b - a > 2 * half
+        ]
+        if not centres:
+            return None
+        where = np.concatenate(centres)
+        windows = Windows(where, np.full(len(where), half))
+        wheel, angle = log.nodes.spline(log.wheel), log.nodes.spline(log.angle)
+        stacked = np.stack([wheel.ravel(), wheel.ravel(), angle.ravel()])
+        part = project_stacked(log.nodes, stacked, np.array([2, 1, 2]), windows.centres, windows.half)
+        speed = log.speed.at_nodes(log.nodes)
+        fixed = np.column_stack([part[:, 1], -part[:, 2]])  # −∫φ q2' = ∫φ' q2
+        return cls(log, windows, log.voltage_at_nodes(), speed, part[:, 0], fixed)
+
+    def columns(self, values: Array) -> Array:
+        """Columns (w, 7) of the balance with the branches that `values` give."""
+        branch = branches(values, self.voltage, self.speed)
+        above, below = (branch > 0).astype(float), (branch < 0).astype(float)
+        signals = [
+            self.voltage * (branch != 0),
+            self.speed * (branch == 0),
+            -above,
+            below,
+            -(np.sign(self.speed) - above + below),
+        ]
+        stacked = np.stack([signal.ravel() for signal in signals])
+        part = project_stacked(
+            self.log.nodes, stacked, np.zeros(len(signals), np.int64), self.windows.centres, self.windows.half
+        )
+        result = np.empty((len(self.target), COUNT))
+        result[:, [GAIN, EMF, POSITIVE, NEGATIVE, COULOMB]] = part
+        result[:, [DAMPING, COUPLING]] = self.fixed
+        return result
+
+
+@dataclass(frozen=True)
+class BalanceFit:
+    """Products (7,) found by row (II), with the covariance (7, 7) of the free ones (zeros elsewhere).
+
+    free: which products were fitted; seen: whose columns are not empty. residual: left-over share of ∫φ q2''. half:
+    half-length of the windows in s.
+    """
+
+    values: Array
+    covariance: Array
+    free: NDArray[np.bool_]
+    seen: NDArray[np.bool_]
+    fit: LinearFit
+    rows: tuple[LogRows, ...]
+    half: float
+    residual: float
+
+
+def fit_balance(logs: Sequence[WheelLog], start: Array, free: NDArray[np.bool_]) -> BalanceFit:
+    """Fit the free products on windows of the length that tells them best; the others stay as in `start`.
+
+    Raises UnanswerableError where no length gives enough windows.
+    """
+    step = max(log.noise.step for log in logs)
+    longest = max(float(np.diff(log.runs, axis=1).max()) for log in logs)
+    half, found = SHORTEST * step, list[BalanceFit]()
+    while half < min(LONGEST, longest / 2) or not found:
+        rows = tuple(part for log in logs if (part := LogRows.of(log, half)) is not None)
+        if sum(len(part.target) for part in rows) >= FEWEST_ROWS:
+            found.append(_fit(rows, start, free, half))
+        elif half > longest / 2:
+            break
+        half *= 1.6
+    if not found:
+        raise UnanswerableError(
+            f"{logs[0].name}: the wheel turns one way for {longest:.3g} s at most, too short to weigh its motor; use "
+            "lower frequencies in the voltage, or more rows per second.",
+            code="too-short",
+        )
+    return min(found, key=_badness)
+
+
+def _badness(fit: BalanceFit) -> float:
+    """Product of the relative variances of what is always wanted, gain and damping."""
+    wanted = [k for k in (GAIN, DAMPING, POSITIVE, NEGATIVE) if fit.free[k]]
+    return float(np.sum(np.log(np.maximum(np.diag(fit.covariance)[wanted], 1e-300))))
+
+
+def _fit(rows: tuple[LogRows, ...], start: Array, free: NDArray[np.bool_], half: float) -> BalanceFit:
+    target = np.concatenate([part.target for part in rows])
+    sizes = [len(part.target) for part in rows]
+    weights = np.ones(len(target))
+    values = start
+    for _ in range(2 if len(rows) > 1 else 1):
+        values, columns, fit = _gauss_newton(rows, target, weights, values, free)
+        left = np.split(target - columns @ values, np.cumsum(sizes)[:-1])
+        level = [max(float(np.sqrt(np.mean(part**2))), 1e-300) for part in left]
+        weights = np.repeat([level[0] / own for own in level], sizes)
+    covariance = np.zeros((COUNT, COUNT))
+    covariance[np.ix_(free, free)] = fit.covariance(LAG)
+    power = float(np.sqrt(np.mean((target - columns @ values) ** 2) / np.mean(target**2)))
+    seen = _seen(columns, rows, free)
+    return BalanceFit(values, covariance, free, seen, fit, rows, half, power)
+
+
+def _seen(columns: Array, rows: tuple[LogRows, ...], free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which products the columns show: neither an empty column nor one that is a sum of others."""
+    sizes = np.linalg.norm(columns, axis=0)
+    whole = np.linalg.norm(np.concatenate([part.windows.half for part in rows])) * 32 / 35
+    volts = max(float(np.abs(part.voltage).max()) for part in rows)
+    full = np.array([whole * volts, sizes[DAMPING], sizes[DAMPING], whole, whole, whole, 0.0])
+    seen = np.asarray(sizes > EMPTY * full)
+    where = np.flatnonzero(seen & free)
+    _, s, directions = np.linalg.svd(columns[:, where] / sizes[where], full_matrices=False)
+    for k in np.flatnonzero(s < PARALLEL * s[0]):
+        seen[where[np.abs(directions[k]) > SHARE]] = False
+    return seen
+
+
+def _gauss_newton(
+    rows: tuple[LogRows, ...], target: Array, weights: Array, start: Array, free: NDArray[np.bool_]
+) -> tuple[Array, Array, LinearFit]:
+    """Products at which the branches that they give are those that they were fitted with."""
+
+    def stacked(values: Array) -> Array:
+        return np.concatenate([part.columns(values) for part in rows])
+
+    def loss(values: Array, columns: Array) -> float:
+        return float(np.sum((weights * (target - columns @ values)) ** 2))
+
+    values, columns = start.copy(), stacked(start)
+    least = loss(values, columns)
+    for _ in range(MOST_STEPS):
+        known = columns[:, ~free] @ values[~free]
+        fit = fit_linear(weights[:, None] * columns[:, free], weights * (target - known))
+        step = np.zeros(COUNT)
+        step[free] = fit.values - values[free]
+        for _ in range(6):
+            tried = allowed(values + step, free)
+            new = stacked(tried)
+            now = loss(tried, new)
+            if now <= least * (1 + 1e-12):
+                break
+            step = step / 2
+        else:
+            break
+        settled = bool(np.all(np.abs(tried - values) <= 1e-9 * np.abs(tried) + 1e-15))
+        values, columns, least = tried, new, now
+        if settled:
+            break
+    known = columns[:, ~free] @ values[~free]
+    fit = fit_linear(weights[:, None] * columns[:, free], weights * (target - known))
+    return values, columns, fit

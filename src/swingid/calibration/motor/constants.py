@@ -1,0 +1,201 @@
+"""From products to constants of rig.toml, with a budget of what is uncertain in them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.calibration.motor.channels import WheelLog
+from swingid.calibration.motor.output_error import OutputFit
+from swingid.calibration.motor.products import (
+    COULOMB,
+    COUNT,
+    COUPLING,
+    DAMPING,
+    EMF,
+    GAIN,
+    NEGATIVE,
+    POSITIVE,
+    products_of,
+)
+from swingid.calibration.motor.separation import Separation
+from swingid.model.rig import Rig
+from swingid.result.result import BudgetEntry
+from swingid.units import Quantity
+
+Array = NDArray[np.float64]
+
+UNITS = {
+    "motor.gain": "N m/V",
+    "motor.damping": "N m s",
+    "motor.breakaway_positive": "N m",
+    "motor.breakaway_negative": "N m",
+    "motor.torque_per_volt": "N m/V",
+    "motor.back_emf": "N m s",
+    "motor.viscous": "N m s",
+    "motor.coulomb": "N m",
+    "motor.dead_zone.positive": "N m",
+    "motor.dead_zone.negative": "N m",
+    "motor.rotor_inertia": "kg m^2",
+}
+"""Everything that a calibration can give: first the products that row (II) shows, then the constants of rig.toml."""
+
+SCATTER = "scatter of the shots and sensor noise"
+
+
+def constants(values: Array, rig: Rig, *, coupled: bool) -> Array:
+    """All of `UNITS`, in order, from products (7,); coupled: the rotor's inertia comes from the products."""
+    motor, wheel = rig.drive.motor, rig.drive.wheel
+    assert motor is not None
+    assert wheel is not None
+    gear, eta, rotor = motor.gear_ratio.value, motor.efficiency.value, motor.rotor_inertia.value
+    if coupled:
+        # ρ = (J2 + N Jr)/(J2 + N² Jr)
+        rho = values[COUPLING]
+        rotor = wheel.inertia.value * (1 - rho) / (gear * (gear * rho - 1))
+    scale = (wheel.inertia.value + gear**2 * rotor) / gear
+    g, v, e, p, n, f = scale * values[[GAIN, DAMPING, EMF, POSITIVE, NEGATIVE, COULOMB]]
+    return np.array([g, v, p, n, g / eta, e / eta, (v - e) / gear, f, max(p - f, 0.0), min(f - n, 0.0), rotor])
+
+
+@dataclass(frozen=True)
+class Change:
+    """One declared imperfection at one standard uncertainty: what it does to all constants (of `UNITS`)."""
+
+    source: str
+    std: float
+    shifts: Array
+    shared_id: str
+
+
+def budget_of(
+    fit: OutputFit, differences: Array, changes: list[Change], values: Array, rig: Rig, *, coupled: bool
+) -> list[BudgetEntry]:
+    """Type A of every constant from scatter and from what the two ways disagree by, type B from `changes`."""
+    jacobian = _jacobian(values, rig, coupled=coupled)
+    scatter = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, fit.covariance, jacobian), 0.0))
+    entries = []
+    for k, name in enumerate(UNITS):
+        entries.append(BudgetEntry(SCATTER, "A", name, float(scatter[k])))
+        if differences[k] > 0:
+            source = "disagreement of test functions and output error"
+            entries.append(BudgetEntry(source, "A", name, float(differences[k])))
+        for change in changes:
+            if change.shifts[k] != 0:
+                shift = float(change.shifts[k])
+                entries.append(BudgetEntry(change.source, "B", name, abs(shift), shift / change.std, change.shared_id))
+    return entries
+
+
+def disagreement(fit: OutputFit, other: Array, covariance: Array, rig: Rig, *, coupled: bool) -> Array:
+    """Uncertainty of each constant where output error and test functions differ beyond three standard deviations."""
+    jacobian = _jacobian(fit.values, rig, coupled=coupled)
+    gap = constants(other, rig, coupled=coupled) - constants(fit.values, rig, coupled=coupled)
+    variance = np.einsum("ij,jk,ik->i", jacobian, covariance + fit.covariance, jacobian)
+    return np.where(np.abs(gap) > 3 * np.sqrt(variance), np.sqrt(np.maximum(gap**2 - variance, 0.0)), 0.0)
+
+
+def _jacobian(values: Array, rig: Rig, *, coupled: bool) -> Array:
+    """Derivatives (11, 7) of the constants to the products, by central differences."""
+    result = np.zeros((len(UNITS), COUNT))
+    for k in range(COUNT):
+        step = np.zeros(COUNT)
+        step[k] = 1e-6 * max(abs(values[k]), 1e-3)
+        high, low = (constants(values + sign * step, rig, coupled=coupled) for sign in (1, -1))
+        result[:, k] = (high - low) / (2 * step[k])
+    return result
+
+
+def declared_changes(
+    fit: OutputFit, logs: list[WheelLog], rig: Rig, split: Separation, *, coupled: bool
+) -> list[Change]:
+    """What every declared uncertainty of the rig does to the constants, at one standard uncertainty each."""
+    base = constants(fit.values, rig, coupled=coupled)
+    found = [*_inertias(fit, rig, base, coupled=coupled), *_held(fit, rig, split, base, coupled=coupled)]
+    for source, std, shared, changes in _sensors(fit, logs, rig):
+        shifts = constants(fit.values + fit.shift(changes), rig, coupled=coupled) - base
+        found.append(Change(source, std, shifts, shared))
+    return found
+
+
+def _inertias(fit: OutputFit, rig: Rig, base: Array, *, coupled: bool) -> Iterator[Change]:
+    """Wheel, rotor and gear: they turn accelerations into torques, and set a12/a22 where it is not fitted."""
+    motor, wheel = rig.drive.motor, rig.drive.wheel
+    assert motor is not None
+    assert wheel is not None
+    keys = {"drive.wheel.inertia": wheel.inertia, "drive.motor.gear_ratio": motor.gear_ratio}
+    if not coupled:
+        keys["drive.motor.rotor_inertia"] = motor.rotor_inertia
+    for key, quantity in keys.items():
+        if not quantity.std:
+            continue
+        other = rig.changed({key: Quantity(quantity.value + quantity.std)})
+        values = fit.values.copy()
+        if not coupled:
+            change = products_of(other)[COUPLING] - values[COUPLING]
+            values = values + _shift_by(fit, COUPLING, change)
+        yield Change(key, quantity.std, constants(values, other, coupled=coupled) - base, key)
+
+
+def _held(fit: OutputFit, rig: Rig, split: Separation, base: Array, *, coupled: bool) -> Iterator[Change]:
+    """Constants that were held at what the rig states, with its uncertainty."""
+    motor = rig.drive.motor
+    assert motor is not None
+    for apart, key, place in ((split.emf, "back_emf", EMF), (split.coulomb, "coulomb", COULOMB)):
+        std = getattr(motor, key).std
+        if apart or not std:
+            continue
+        other = rig.changed({f"drive.motor.{key}": Quantity(getattr(motor, key).value + std)})
+        change = float(products_of(other)[place] - products_of(rig)[place])
+        values = fit.values + _shift_by(fit, place, change)
+        yield Change(f"drive.motor.{key}", std, constants(values, rig, coupled=coupled) - base, f"drive.motor.{key}")
+
+
+def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
+    """Change of all products when the held one at `place` changes by `change`."""
+    slopes = [shot.simulated(fit.values, x)[1][:, place] for shot, x in zip(fit.shots, fit.starts, strict=True)]
+    result = fit.shift([-change * slope for slope in slopes])
+    result[place] += change
+    return result
+
+
+def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[str, float, str, list[Array]]]:
+    """Declared imperfections of the encoders as changes of the logged wheel angle of every shot."""
+    wheel, angle = rig.sensors.of("wheel"), rig.sensors.of("angle")
+    if wheel.latency.std:
+        yield "wheel latency", wheel.latency.std, "sensors.wheel.latency", late_wheel(fit, wheel.latency.std)
+    for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+        if size := wheel.parts[name].std:
+            changes = [size * wave(shot.wheel) for shot in fit.shots]
+            yield f"wheel encoder nonlinearity ({name})", size, f"sensors.wheel.nonlinearity.{name}", changes
+    if all(log.kind == "clamped" for log in logs):
+        return
+    if late := angle.latency.std:
+        yield "angle latency", late, "sensors.latency", _by_axis(fit, lambda q, t: late * np.gradient(q, t))
+    for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+        if size := angle.parts[name].std:
+            changes = _by_axis(fit, partial(_scaled, wave=wave, size=size))
+            yield f"angle encoder nonlinearity ({name})", size, f"sensors.nonlinearity.{name}", changes
+
+
+def late_wheel(fit: OutputFit, late: float) -> list[Array]:
+    """Change of the logged wheel angle of every shot when it is read `late` (s) after its stamp: q' δ."""
+    return [late * np.gradient(shot.wheel, np.append(0.0, np.cumsum(shot.steps))) for shot in fit.shots]
+
+
+def _scaled(angle: Array, time: Array, *, wave: Callable[[Array], Array], size: float) -> Array:
+    return size * wave(angle)
+
+
+def _by_axis(fit: OutputFit, error: Callable[[Array, Array], Array]) -> list[Array]:
+    """An error of the axis' angle, of (angle, time), as a change of the wheel's: minus what the simulation does."""
+    result = []
+    for shot, start in zip(fit.shots, fit.starts, strict=True):
+        time = np.append(0.0, np.cumsum(shot.steps))
+        other = shot.simulated(fit.values, start, shot.angle - error(shot.angle, time))[0]
+        result.append(shot.simulated(fit.values, start)[0] - other)
+    return result

@@ -1,0 +1,1 @@
+"""What in a log contradicts the model of the rig: signs, gravity torque, zero, encoders."""

@@ -1,0 +1,258 @@
+"""Does the answer make sense? Signs, conditioning, and the motor's own balance as a second opinion on the wheel."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.fits import WindowFit, columns_of, known_side
+from swingid.balance.friction_laws import friction_units
+from swingid.balance.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
+from swingid.balance.motor import MotorBalance
+from swingid.balance.rows import Signals
+from swingid.errors import InputError, UnanswerableError
+from swingid.format import left, number
+from swingid.numerics.regression import fit_linear
+from swingid.preparation.scale import Scale
+from swingid.result.result import BudgetEntry, Message, Parameter
+
+Array = NDArray[np.float64]
+
+CLEARLY = 0.5
+"""A reading of the wheel fits clearly better when its residual is smaller by this factor."""
+
+LEAST = 1e-4
+"""Share of a11 below which a doubt is none: without noise, anything small looks like something."""
+
+BAD_MOTOR = 0.1
+"""Relative residual of row (II) above which the motor constants, or the wheel angle, are doubtful."""
+
+
+LARGEST_SWING = 2.5
+"""Amplitude in rad up to which the frequency of the free swing is told by its first correction."""
+
+
+def check_sign(law: WindowFit, scale: Scale, where: str) -> None:
+    """Raise InputError where a sign or the angle's zero is wrong, which row (I) shows by itself.
+
+    With the drive turned, or gravity, the balance must leave clearly less, or the inertia come out negative as it is.
+    """
+    key = {"reaction-wheel": "wheel_angle", "direct": "torque"}.get(scale.drive)
+    if key is None:
+        if law.a11 <= 0:
+            raise UnanswerableError(
+                f"{where}: the decay gives a negative inertia; is 0 the hanging position (angle_zero under [log])?",
+                code="negative-inertia",
+            )
+        return
+    if not np.any(scale.a12 * law.rows.wheel - law.rows.torque) and law.a11 < 3 * law.u:
+        raise UnanswerableError(
+            f"{where}: {key} is the same throughout, so nothing drives the axis that could tell its inertia; record a "
+            f"driven motion, or set {key} under [log] to the right column.",
+            code="no-drive",
+        )
+    culprit = _wrong_by_gravity_found(law) if scale.b is None else _wrong_by_residuals(law, scale)
+    if culprit is None:
+        return
+    sign = f"set {key}_sign = -1 under [log], or angle_sign = -1 where it is the angle's that is wrong"
+    zero = 'angle_zero = "up" where 0 is the top'
+    found = f"(the inertia would be {law.a11:.3g} {scale.unit})"
+    raise InputError(
+        f"{where}: "
+        + {
+            "drive": f"{key} has the wrong sign against the angle {found}; {sign} (+1 if it is -1 already).",
+            "zero": f"gravity pulls the wrong way, so 0 of the angle seems to be the top {found}; set angle_zero = "
+            '"up" under [log] ("down" if it is "up" already).',
+            "both": f"{key} has the wrong sign against the angle and gravity pulls the wrong way {found}; {sign}, and "
+            f"{zero}.",
+            "either": f"{key} has the wrong sign against the angle, or the angle's zero is wrong {found}; {sign}, or "
+            f"{zero}.",
+        }[culprit],
+        code="wrong-sign",
+    )
+
+
+def _wrong_by_residuals(law: WindowFit, scale: Scale) -> str | None:
+    """What is wrong where gravity is known: "drive", "zero", "both", "either", or None.
+
+    To turn gravity is to turn the drive, and inertia and friction with it, so one more fit tells all.
+    """
+    rows = law.rows
+    drive = -scale.a12 * rows.wheel + rows.torque
+    _, columns = columns_of(rows, scale, tuple(name for name in law.unknowns if name in rows.friction))
+    turned = fit_linear(columns, known_side(rows, scale) - 2 * drive)
+    ratio = float(turned.residuals @ turned.residuals) / max(float(law.fit.residuals @ law.fit.residuals), 1e-300)
+    if scale.b and ratio < 1 / 9:
+        return "drive" if turned.values[0] > 0 else "zero"
+    if law.a11 >= -3 * law.u:
+        return None
+    if not scale.b:
+        return "drive"
+    return "both" if ratio > 9 else "either"
+
+
+def _wrong_by_gravity_found(law: WindowFit) -> str | None:
+    """What is wrong where gravity was sought too: its sign and that of the inertia tell."""
+    gravity, spread = law.value("gravity_torque"), law.uncertainty("gravity_torque")
+    known = abs(gravity) > 3 * spread
+    if law.a11 < -3 * law.u:
+        return ("drive" if gravity < 0 else "both") if known else "either"
+    return "zero" if known and gravity < 0 and law.a11 > 3 * law.u else None
+
+
+def check_answer(
+    parameters: dict[str, Parameter],
+    budget: list[BudgetEntry],
+    law: WindowFit,
+    scale: Scale,
+    amplitude: float,
+) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes on the conditioning of the answer.
+
+    Raises UnanswerableError where the data do not determine the inertia.
+    """
+    inertia = parameters["inertia"]
+    relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
+    seen, motion = identifiability_of(law, scale), _main_frequency(law, scale, amplitude)
+    require_seen(seen, *motion)
+    if inertia.value <= 0 or relative > HOPELESS or not np.isfinite(relative):
+        raise UnanswerableError(_hopeless(inertia, relative, scale, motion), code="not-identifiable")
+    warnings: list[Message] = []
+    notes: list[Message] = [_how_identifiable(seen, law)]
+    if scale.b is None and _share(budget, inertia) > 0.02:
+        text = f"{seen.combination(_values(law))}; {advice(seen, *motion)}."
+        warnings.append(Message("gravity-and-inertia", text))
+    if scale.drive != "none" and scale.b:
+        lean = abs(float(law.fit.influence[0] @ law.rows.gravity)) * abs(scale.b) / law.a11
+        if lean > 0.8:
+            warnings.append(Message("near-resonance", _leaning(lean, amplitude, scale.b / law.a11)))
+    if scale.drive == "none":
+        notes.append(Message("scale-from-gravity", "the scale is that of axis.gravity_torque, in proportion."))
+    return warnings, notes
+
+
+def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
+    spread = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A")
+    return float(np.sqrt(spread)) / inertia.value
+
+
+def identifiability_of(law: WindowFit, scale: Scale) -> Identifiability:
+    """What the rows of a fit see of its unknowns, with its own uncertainty of the inertia."""
+    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    _, columns = columns_of(law.rows, scale, tuple(name for name in law.unknowns if name in law.rows.friction))
+    seen = examine(law.unknowns, [units.get(name, "") for name in law.unknowns], columns)
+    return seen.scaled_to(law.u)
+
+
+def _values(law: WindowFit) -> dict[str, float]:
+    return {name: law.value(name) for name in law.unknowns}
+
+
+def _how_identifiable(seen: Identifiability, law: WindowFit) -> Message:
+    text = (
+        f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}; "
+        f"{seen.combination(_values(law))}, and {seen.price}."
+    )
+    return Message("identifiability", text)
+
+
+def _main_frequency(law: WindowFit, scale: Scale, amplitude: float) -> tuple[float | None, float]:
+    """Main frequency of the motion and of the free swing at its amplitude, rad/s, as the rows show them."""
+    gravity = float(np.linalg.norm(law.rows.gravity))
+    b = law.value("gravity_torque") if scale.b is None else scale.b
+    if gravity == 0.0 or law.a11 <= 0:
+        return None, 0.0
+    amplitude = min(amplitude, LARGEST_SWING)
+    sine = 1 - amplitude**2 / 8
+    natural = np.sqrt(max(b, 0.0) / law.a11) * (1 - amplitude**2 / 16)
+    return float(np.sqrt(np.linalg.norm(law.rows.inertia) / gravity * max(sine, 0.3))), float(natural)
+
+
+def _hopeless(inertia: Parameter, relative: float, scale: Scale, motion: tuple[float | None, float]) -> str:
+    if inertia.value <= 0 and scale.b is not None:
+        return (
+            f"the balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; "
+            "check the signs and scales under [log] and drive.wheel.inertia."
+        )
+    spread = f"{100 * relative:.0f} %" if inertia.value > 0 and relative < 100 else "more than its value"
+    if scale.b is None:
+        return (
+            f"inertia and gravity torque move together in this motion (the inertia is uncertain by {spread}); "
+            f"{advice_on_gravity(*motion)}."
+        )
+    return (
+        f"the motion does not determine the inertia (it is uncertain by {spread}); "
+        "record larger or faster swings, or more of them."
+    )
+
+
+def _leaning(lean: float, amplitude: float, stiffness: float) -> str:
+    natural = np.sqrt(stiffness) * (1 - min(amplitude, LARGEST_SWING) ** 2 / 16)
+    reason = "the motion is near resonance" if lean < 1.5 else "the motion is slow against the free swing"
+    return (
+        f"{reason} ({natural:.2g} rad/s), so the inertia is mostly the gravity torque rescaled (1 % of "
+        f"axis.gravity_torque moves it by {lean:.2g} %); drive at {1.7 * natural:.2g} rad/s or more."
+    )
+
+
+def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Message], list[Message]]:
+    """What row (II) says of the wheel angle: warnings and notes.
+
+    An absolute wheel angle taken for a relative one cannot be seen in row (I); row (II) shows it. Motor constants some
+    per cent off leave as much, so the readings are compared with these left free too. Never refuses.
+    """
+    if signals.wheel is None:
+        return [], []
+    if balance is None:
+        text = "wheel_angle was taken as [log] says; without voltage and motor constants nothing checks that."
+        return [], [Message("wheel-angle-reading", text)]
+    if balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
+        text = (
+            f"voltage seems to have the wrong sign (the motor's balance leaves {left(balance.as_stated)}, with the "
+            f"sign turned {left(balance.turned)}); momentum does not use it, but set voltage_sign under [log]."
+        )
+        return [Message("voltage-sign", text)], []
+    stated, other = ("relative", "absolute") if balance.is_relative else ("absolute", "relative")
+    verdict = _reading(balance)
+    if verdict is not None:
+        text = f"{verdict.format(stated=stated, other=other)} ({_residuals(balance)}); " + (
+            f'set wheel_angle_is = "{other}" under [log] if the sensor says so, or check drive.motor.'
+        )
+        return [Message("wheel-angle-reading", text)], []
+    held = balance.hold_doubt(harm="momentum does not use it")
+    if balance.as_stated > BAD_MOTOR and not held:
+        text = (
+            f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or "
+            "the wheel angle is not what wheel_angle_unit and wheel_angle_is under [log] say; momentum does not use "
+            "the motor, but check both."
+        )
+        return [Message("motor-balance", text)], []
+    rest = f"; the wheel rests {balance.rests:.0%} of the time, and tells nothing then" if balance.rests > 0.05 else ""
+    text = f"wheel_angle taken as {stated} to the pendulum ({_residuals(balance)}{rest})."
+    return [], [Message("wheel-angle-reading", text), *held]
+
+
+def _reading(balance: MotorBalance) -> str | None:
+    """What to say where the other reading of the wheel angle fits clearly better, with {stated} and {other}."""
+    refitted, otherwise = balance.refitted, balance.refitted_otherwise
+    if refitted is None or otherwise is None:
+        refitted = otherwise = 1.0
+    if otherwise < CLEARLY * refitted and otherwise < BAD_MOTOR:
+        return "wheel_angle looks {other}, not {stated}, which motor constants that are off can hardly feign"
+    undecided = refitted > CLEARLY * otherwise
+    if undecided and balance.otherwise < CLEARLY * balance.as_stated and balance.otherwise < BAD_MOTOR:
+        return "either wheel_angle is {other}, not {stated}, or the motor constants are some per cent off"
+    return None
+
+
+def _residuals(balance: MotorBalance) -> str:
+    told = (
+        f"the motor's balance leaves {left(balance.as_stated)} with it and {left(balance.otherwise)} with the "
+        "other reading"
+    )
+    if balance.refitted is None or balance.refitted_otherwise is None:
+        return told
+    return (
+        f"{told}, {left(balance.refitted)} and {left(balance.refitted_otherwise)} with the motor's strength and "
+        "friction left free"
+    )

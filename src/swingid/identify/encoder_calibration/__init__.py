@@ -1,7 +1,0 @@
-"""Encoder calibration: latency and once-per-turn nonlinearity of the encoders from logs of the rig itself."""
-
-from __future__ import annotations
-
-from swingid.identify.encoder_calibration.method import EncoderCalibration, calibrate_encoders
-
-__all__ = ["EncoderCalibration", "calibrate_encoders"]

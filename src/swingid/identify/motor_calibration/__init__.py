@@ -1,7 +1,0 @@
-"""Motor calibration: the constants of the wheel's motor from voltage tests and free swings."""
-
-from __future__ import annotations
-
-from swingid.identify.motor_calibration.method import Calibration, calibrate
-
-__all__ = ["Calibration", "calibrate"]

@@ -1,0 +1,201 @@
+"""What the adaptation is driven by: speed, gravity and drive of a log, at the start, middle and end of each interval.
+
+u2 of (10) is what the motor does after its dead zone, its Coulomb friction taken off, for whatever controller made the
+voltage: c7 x4 − c4 u2 = −(a12/(a22 b)) N (M(u0, x4) − f2 N x4 − f3 sgn x4). With u1 and u3 exact it is u0 − u1 − u3.
+On a direct drive this term is τ/b, in a free decay 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.motor import motor_torque
+from swingid.control.observer import VelocityObserver
+from swingid.methods.energy.balance import motor_drag, narrowed
+from swingid.methods.energy.chain import held_between
+from swingid.model.rig import Rig
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.preparation.motion import Motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+from swingid.preparation.speed import NARROWEST, smooth_speed, speed_on_grid
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+VELOCITIES = ("smoothed", "observers")
+SHARE, SPACING = 0.7, 1.5
+
+SLOW = 4.0
+"""Standard deviations of the wheel's speed below which it may be rest."""
+
+
+@dataclass(frozen=True)
+class Channels:
+    """Angle, speed (rad or m, per s), wheel speed and held drive (V, N m or N), each (n − 1, 3): start, middle, end.
+
+    No constant of the rig has gone into them. rests: where the wheel stands still, with the axis' acceleration; None
+    where that is not told.
+    """
+
+    time: Array
+    angle: Array
+    speed: Array
+    wheel_speed: Array
+    drive: Array
+    rests: Bools | None = None
+    acceleration: Array | None = None
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Half-widths (s) of the local cubics that smooth axis and wheel; slow: wheel speed (rad/s) that may be rest."""
+
+    axis: float
+    wheel: float
+    slow: float = 0.0
+
+    def halved(self, step: float) -> Widths:
+        """Half as wide, as far as rows `step` (s) apart allow: what smoothing takes from the speeds it shows."""
+        least = NARROWEST * step
+        axis, wheel = max(self.axis / 2, least), max(self.wheel / 2, least)
+        # the noise of a slope grows with the width to the power of −3/2
+        return Widths(axis, wheel, self.slow * (self.wheel / wheel) ** 1.5)
+
+
+@dataclass(frozen=True)
+class Signals:
+    """time (n,) (s); speed x2, sine = sin x1 and phi, all (n − 1, 3): start, middle and end of each interval."""
+
+    time: Array
+    speed: Array
+    sine: Array
+    phi: Array
+
+
+def widths_of(log: Recording, motion: Motion, noise: Noise) -> Widths:
+    """The widths that `energy` takes: 0.7 of what is best for one speed, as noise averages out later."""
+    axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
+    if log.wheel_angle is None:
+        return Widths(axis.half_width, 0.0)
+    wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
+    return Widths(axis.half_width, wheel.half_width, SLOW * wheel.noise)
+
+
+def channels_of(log: Recording, widths: Widths | None) -> Channels:
+    """Speeds by local cubics of those widths, or by the observers (23) run causally with the paper's gains."""
+    axis, wheel = log.angle, log.wheel_angle
+    if widths is None:
+        angle, speed = _observed(log.time, axis)
+        wheel_speed = np.zeros_like(speed) if wheel is None else _observed(log.time, wheel)[1]
+        return Channels(log.time, angle, speed, wheel_speed, _drive(log))
+    smooth = speed_on_grid(log.time, axis, 0.0, widths.axis, SPACING)
+    angle, speed = _thrice(log.time, smooth.angle_at), _thrice(log.time, smooth.at)
+    if wheel is None:
+        return Channels(log.time, angle, speed, np.zeros_like(speed), _drive(log))
+    wheel_speed = _thrice(log.time, speed_on_grid(log.time, wheel, 0.0, widths.wheel, SPACING).at)
+    rests = resting(log.time, wheel_speed, widths)
+    return Channels(log.time, angle, speed, wheel_speed, _drive(log), rests, _thrice(log.time, smooth.acceleration))
+
+
+def resting(time: Array, wheel_speed: Array, widths: Widths) -> Bools:
+    """Where the wheel stands still: cannot be told from rest for longer than a reversal would take.
+
+    Smoothing makes a rest look shorter by half of its half-width at either end.
+    """
+    slow = np.concatenate([[False], np.abs(wheel_speed[:, 1]) < widths.slow, [False]])
+    begins, ends = np.nonzero(~slow[:-1] & slow[1:])[0], np.nonzero(slow[:-1] & ~slow[1:])[0]
+    moving = np.abs(np.diff(wheel_speed[:, 1]) / np.diff(time[:-1]))
+    passage = 2 * widths.slow / max(float(np.sqrt(np.mean(moving**2))), 1e-300)
+    rows = np.zeros(len(wheel_speed), dtype=bool)
+    for begin, end in zip(begins, ends, strict=True):
+        if time[end] - time[begin] > 3 * passage + 2 * widths.wheel:
+            first, last = np.searchsorted(time, [time[begin] - widths.wheel / 2, time[end] + widths.wheel / 2])
+            rows[first:last] = True
+    return np.repeat(rows[:, None], 3, axis=1)
+
+
+def _drive(log: Recording) -> Array:
+    drive = log.voltage if log.voltage is not None else log.torque
+    if drive is None:
+        return np.zeros((len(log) - 1, 3))
+    if log.drive_held:
+        return np.repeat(held_between(log.time, drive)[:, None], 3, axis=1)
+    bends = spline_slopes(log.time, drive)
+    return _thrice(log.time, lambda t: spline_at(log.time, drive, bends, t, 0))
+
+
+def _thrice(time: Array, function: Callable[[Array], Array]) -> Array:
+    instants = np.column_stack([time[:-1], (time[:-1] + time[1:]) / 2, time[1:]])
+    return function(instants.ravel()).reshape(instants.shape)
+
+
+def _observed(time: Array, angle: Array) -> tuple[Array, Array]:
+    """Straight lines between the samples, as the observers take the angle too."""
+    first = float((angle[1] - angle[0]) / (time[1] - time[0]))
+    return _on_lines(angle), _on_lines(VelocityObserver().run(time, angle, first))
+
+
+def _on_lines(values: Array) -> Array:
+    return np.column_stack([values[:-1], (values[:-1] + values[1:]) / 2, values[1:]])
+
+
+def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals:
+    """The signals of the adaptation, with the constants of a rig; its gravity torque b must be known and not 0.
+
+    sooner: the wheel turns around before its smoothed speed says so, by half a row's worth of its friction's jump. A
+    controller that compensates friction follows a reversal a row late, half of one on average; that is too short for
+    any smoothing to show, and whether this one compensates is not known.
+    """
+    gravity = rig.axis.gravity_torque
+    assert not isinstance(gravity, str)
+    sine = np.sin(channels.angle)
+    phi = -sine
+    if rig.drive.kind == "direct":
+        phi = phi + channels.drive / gravity.value
+    elif rig.drive.kind == "reaction-wheel":
+        motor = rig.drive.motor
+        assert motor is not None
+        wheel = channels.wheel_speed
+        torque = motor_torque(motor, channels.drive, wheel) - motor_drag(motor, wheel)
+        if sooner:
+            torque = torque + motor.coulomb.value * (np.sign(wheel) - np.sign(_ahead(channels, rig)))
+        pull = rig.drive.a12 / (rig.drive.a22 * gravity.value) * motor.gear_ratio.value * torque
+        if channels.rests is not None and channels.acceleration is not None:
+            # friction holds the wheel, whatever the motor does: row (II) then reads a12 q1'' = N (M − friction)
+            held = rig.drive.a12**2 / (rig.drive.a22 * gravity.value) * channels.acceleration
+            pull = np.where(channels.rests, held, pull)
+        phi = phi - pull
+    return Signals(channels.time, channels.speed, sine, phi)
+
+
+def _ahead(channels: Channels, rig: Rig) -> Array:
+    """The wheel's speed, ahead by what the jump of its friction makes in half a row."""
+    motor, wheel = rig.drive.motor, channels.wheel_speed
+    assert motor is not None
+    jump = 2 * motor.gear_ratio.value * motor.coulomb.value / rig.drive.a22
+    half = np.diff(channels.time)[:, None] / 2
+    result: Array = wheel + np.sign(np.gradient(wheel[:, 1]))[:, None] * jump * half
+    return result
+
+
+def inertia_of(alpha2: Array, rig: Rig) -> Array:
+    """J1^ (kg m²) of (22) for estimates of α2 (1/s²); without a wheel b/α2."""
+    gravity = rig.axis.gravity_torque
+    assert not isinstance(gravity, str)
+    whole = gravity.value / alpha2
+    if rig.drive.kind != "reaction-wheel":
+        return whole
+    return whole + rig.drive.a12**2 / rig.drive.a22 - Scale.of(rig).carried
+
+
+def viscous_of(alpha2: Array, alpha3: Array, rig: Rig) -> Array:
+    """f1^ N (N m s) of (22), with a wheel or without."""
+    gravity = rig.axis.gravity_torque
+    assert not isinstance(gravity, str)
+    return alpha3 * gravity.value / alpha2

@@ -1,0 +1,206 @@
+"""From a fit of energies to parameters, uncertainty budget and what the report draws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.agreement import SEEN
+from swingid.balance.friction_laws import friction_units
+from swingid.methods.energy.balance import Course, States
+from swingid.methods.energy.chain import Chain
+from swingid.methods.energy.effects import effects
+from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
+from swingid.model.rig import Rig
+from swingid.numerics.ranks import median
+from swingid.preparation.motion import Motion
+from swingid.preparation.scale import Scale
+from swingid.result.result import (
+    BudgetEntry,
+    Details,
+    FrictionCurve,
+    Message,
+    Parameter,
+    SwingSeries,
+    combined,
+)
+
+Array = NDArray[np.float64]
+
+CURVE_KNOTS = 8
+
+WORTH_A_WORD = 0.02
+"""Even friction below this share of the odd one is not reported by direction."""
+
+
+@dataclass(frozen=True)
+class EnergyEstimate:
+    """A fit and what judges it.
+
+    others: fits of the same log by other nodes or another law, which should agree. common: (parameter, source) and
+    standard uncertainty of errors that are alike at every swing. sensor: variance of a11 that the sensors' noise
+    predicts. each: a11 of every pair of passes ("printed"), None for "better".
+    """
+
+    variant: str
+    fit: NodeFit
+    states: States
+    turning: Array
+    sides: Array
+    others: dict[str, NodeFit]
+    common: dict[tuple[str, str], float]
+    sensor: float
+    each: Array | None
+    notes: tuple[Message, ...]
+
+
+def energy_answer(
+    estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course
+) -> tuple[list[BudgetEntry], dict[str, Parameter], dict[str, float]]:
+    """Budget, parameters, and the sensitivity of the inertia to each constant (by its key in the rig file)."""
+    fit = estimate.fit
+    weights, units = _sought(fit, scale, float(np.sqrt(np.mean(course.axis.speed**2))))
+    values = {name: float(own @ fit.values) for name, own in weights.items()}
+    values["inertia"] -= scale.carried
+    budget = _type_a(estimate, weights)
+    b = fit.value("gravity_torque") if scale.b is None else scale.b
+    sensitivities: dict[str, float] = {}
+    for item in effects(rig, course, estimate.states, scale, fit, b):
+        shifts = fit.influence @ item.rows
+        for name, own in weights.items():
+            slope = float(own @ shifts) + (item.direct if name == "inertia" else 0.0)
+            if name == "inertia" and item.source == item.shared_id:
+                sensitivities[item.source] = slope
+            if item.std > 0:
+                budget.append(BudgetEntry(item.source, "B", name, abs(slope) * item.std, slope, item.shared_id))
+    budget = [entry for entry in budget if entry.parameter in values]
+    parameters = {}
+    for name, value in values.items():
+        spread = None if fit.covariance is None else combined(budget, name)
+        parameters[name] = Parameter.of(value, spread, units[name])
+    return budget, parameters, sensitivities
+
+
+def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array], dict[str, str]]:
+    """Weights of each parameter on the unknowns, and the units; `speed`: root mean square of the motion's."""
+    unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
+    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    plain: dict[str, Array] = {
+        name: unit[name] for name in ("inertia", "gravity_torque", "coulomb", "viscous", "quadratic") if name in unit
+    }
+    if _depends_on_direction(fit, speed):
+        for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):
+            both = plain.pop(name)
+            plain |= {f"{name}_positive": both + unit[even], f"{name}_negative": both - unit[even]}
+    return plain, units
+
+
+def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
+    """Whether the even terms of friction are seen together (chi-square of two, 99.9 %) and are worth a word."""
+    if "viscous_even" not in fit.unknowns or fit.covariance is None:
+        return False
+    even = [fit.unknowns.index("offset"), fit.unknowns.index("viscous_even")]
+    values, covariance = fit.values[even], fit.covariance[np.ix_(even, even)]
+    odd = fit.value("coulomb") + fit.value("viscous") * speed + fit.value("quadratic") * speed**2
+    if max(abs(values[0]), abs(values[1]) * speed) < WORTH_A_WORD * abs(odd):
+        return False
+    return bool(values @ np.linalg.pinv(covariance) @ values > 13.8)
+
+
+def _type_a(estimate: EnergyEstimate, weights: dict[str, Array]) -> list[BudgetEntry]:
+    fit = estimate.fit
+    common = [BudgetEntry(source, "A", name, spread) for (name, source), spread in estimate.common.items()]
+    if fit.covariance is None:
+        return [BudgetEntry("sensor noise", "A", "inertia", float(np.sqrt(estimate.sensor))), *common]
+    widening = max(1.0, estimate.sensor / max(fit.covariance[0, 0], 1e-300)) if estimate.sensor > 0 else 1.0
+    entries = [
+        BudgetEntry(
+            "scatter of the swings and sensor noise", "A", name, float(np.sqrt(own @ fit.covariance @ own * widening))
+        )
+        for name, own in weights.items()
+    ]
+    u = fit.u() * np.sqrt(widening)
+    for name, other in estimate.others.items():
+        difference, variance = other.a11 - fit.a11, abs(other.u() ** 2 - u**2)
+        if abs(difference) > SEEN * np.sqrt(variance):
+            spread = float(np.sqrt(difference**2 - variance))
+            entries.append(BudgetEntry(f"disagreement: {name}", "A", "inertia", spread))
+    return entries + common
+
+
+def judged_chain(
+    estimate: EnergyEstimate, smoothed: EnergyEstimate, chain: Chain, scale: Scale
+) -> tuple[EnergyEstimate, list[Message]]:
+    """What observers and W_f moved, from what the default gives, as an uncertainty and, for W_f, in a warning."""
+    fit, other = estimate.fit, smoothed.fit
+    source = "what observers and filter move"
+    moves = {name: abs(fit.value(name) - other.value(name)) for name in ("inertia", "viscous", "coulomb", "quadratic")}
+    common = {(name, source): move for name, move in moves.items() if name in fit.unknowns}
+    judged = replace(estimate, common=estimate.common | common)
+    if chain.filter_time == 0 or scale.drive == "none":
+        return judged, []
+    share = (fit.a11 - other.a11) / (other.a11 - scale.carried)
+    text = (
+        f"W_f of {1e3 * chain.filter_time:g} ms takes a part of the drive; with the observers it moves this inertia by "
+        f"{share:+.2%} from that of smoothed speeds and the drive as it was held; filter_time=0 leaves the drive alone."
+    )
+    return judged, [Message("filtered-drive", text)]
+
+
+def energy_details(
+    estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course, motion: Motion, span: tuple[float, float]
+) -> Details:
+    """What the report draws."""
+    fit, states, carried = estimate.fit, estimate.states, scale.carried
+    travelled = np.abs(np.diff(states.angle, axis=1)).sum(axis=1)
+    estimates = {estimate.variant: (fit.a11 - carried, fit.u())}
+    estimates |= {name: (other.a11 - carried, other.u()) for name, other in estimate.others.items()}
+    better = estimate.each is None
+    return Details(
+        start=span[0],
+        stop=span[1],
+        turning_times=motion.turning_times,
+        turning_angles=motion.turning_angles,
+        swings=_per_swing(estimate, rig, scale),
+        friction=_curve(fit, float(np.max(np.abs(course.axis.speed)))) if better else None,
+        estimates=estimates,
+        residual_times=estimate.turning if better else np.empty(0),
+        residuals=(fit.residuals[:, -1] - fit.residuals[:, 0]) / travelled if better else np.empty(0),
+    )
+
+
+def _per_swing(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> SwingSeries:
+    """One inertia per turning point: that of its pair, or of its block with the fitted friction taken off."""
+    fit, states, values = estimate.fit, estimate.states, estimate.each
+    blocks = len(states.instants)
+    if values is None:
+        columns = columns_at(states, scale, tuple(name for name in fit.unknowns if name in states.friction))
+        left = states.known(rig, scale) - sum(fit.value(name) * columns[name] for name in fit.unknowns[1:])
+        energy, speed = (within_blocks(x).reshape(blocks, -1) for x in (left, columns["inertia"]))
+        values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
+    spread = 1.4826 * median(np.abs(values - median(values)))
+    expected = np.sqrt(estimate.sensor * blocks)
+    return SwingSeries(estimate.turning, estimate.sides, values - scale.carried, np.full(blocks, max(spread, expected)))
+
+
+def _curve(fit: NodeFit, fastest: float) -> FrictionCurve:
+    """The fitted terms as a curve, with their uncertainty."""
+    side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5
+    side[0] = 1e-6 * fastest
+    v = np.concatenate([-side[::-1], side])
+    shapes = {
+        "coulomb": np.sign(v),
+        "viscous": v,
+        "quadratic": v * np.abs(v),
+        "offset": np.ones_like(v),
+        "viscous_even": np.abs(v),
+    }
+    terms = [name for name in fit.unknowns if name in shapes]
+    at = [fit.unknowns.index(name) for name in terms]
+    columns = np.column_stack([shapes[name] for name in terms])
+    torques = columns @ fit.values[at]
+    covariance = np.zeros((len(at), len(at))) if fit.covariance is None else fit.covariance[np.ix_(at, at)]
+    spread = np.sqrt(np.einsum("ni,ij,nj->n", columns, covariance, columns))
+    return FrictionCurve(v, torques, spread, "coulomb + viscous + quadratic, direction-dependent", torques)

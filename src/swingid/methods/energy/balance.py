@@ -1,0 +1,230 @@
+"""The energy balance (1), (2) at any instant: what the rig holds, what was put in, and what friction took.
+
+    ½ a11 q1'² + ∫F q1' dt = W + b cos q1 − a12 q1' q2' − ½ a22 q2'² + constant
+    W = ∫N (M − f2 N q2' − f3 sgn q2') q2' dt    (reaction wheel)        W = ∫τ q1' dt    (direct drive)
+
+Between two instants the constant drops out: that is a pass of the paper. Velocities come from the angles by local
+cubics (`smooth_speed`, each channel with its own width). The work of the voltage, which is constant between
+two samples, is taken over the measured turn of the wheel, so it telescopes; a smoothed speed only tells in which
+branch of the dead zone the motor is, which way it turns, and what it loses to f2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.motor import motor_torque
+from swingid.methods.energy.chain import Chain, between_rows, filtered_drive, observed_speed
+from swingid.model.rig import Rig
+from swingid.model.rig.tables import Motor
+from swingid.numerics.compiled import njit
+from swingid.numerics.cumulative import antiderivatives
+from swingid.numerics.quadrature import GaussNodes, gauss_rule
+from swingid.preparation.motion import Motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+from swingid.preparation.speed import Speed, narrowest, smooth_speed, speed_on_grid
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+SHARE = 0.7
+"""Of the half-width that is best for one speed: over the nodes of all swings noise averages out, bias does not."""
+
+SMOOTHED = Chain()
+
+SPACING = 1.5
+"""Places per half-width at which speeds are computed; a spline runs through them."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Speeds and known powers of a log at its Gauss nodes, arrays (n−1, points).
+
+    axis: q1' smoothed. power: what the drive puts in (W), motor losses taken off. turn: q2' as the samples show it,
+    whose integral over an interval is the measured turn (or smoothed, see `of`); wheel_speed: q2' smoothed. voltage:
+    as held; active: 1 where the motor is outside its dead zone. Direct drive: turn is q1', voltage the torque, wheel
+    None. Free decay: power 0.
+    """
+
+    nodes: GaussNodes
+    axis: Speed
+    wheel: Speed | None
+    speed: Array
+    turn: Array
+    wheel_speed: Array
+    voltage: Array
+    active: Array
+    power: Array
+
+    @classmethod
+    def of(
+        cls, log: Recording, rig: Rig, motion: Motion, noise: Noise, chain: Chain = SMOOTHED, *, measured: bool = True
+    ) -> Course:
+        """The course of the part of a log that `motion` describes; angles at their stamps (latency taken off).
+
+        measured: whether work is taken over the turn as measured, not as smoothed (see `jitter`).
+        """
+        samples_per_swing = motion.half_period * log.rate if len(motion.turning_times) > 1 else len(log)
+        nodes = GaussNodes(log.time, 2 if samples_per_swing > 200 else 3)
+        if chain.observers:
+            axis = observed_speed(log.time, log.angle, noise.angle)
+        else:
+            axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
+        speed = axis.at_nodes(nodes)
+        nothing = np.zeros_like(speed)
+        if rig.drive.kind == "none":
+            return cls(nodes, axis, None, speed, nothing, nothing, nothing, nothing, nothing)
+        command = log.voltage if rig.drive.kind == "reaction-wheel" else log.torque
+        assert command is not None
+        if chain.filter_time > 0:
+            drive = filtered_drive(nodes, command, chain.filter_time, held=log.drive_held)
+        else:
+            drive = between_rows(nodes, command, held=log.drive_held)
+        if rig.drive.kind == "direct":
+            turn = speed if chain.observers or not measured else nodes.spline(log.angle, derivative=1)
+            return cls(nodes, axis, None, speed, turn, nothing, drive, nothing, drive * turn)
+        assert log.wheel_angle is not None
+        assert rig.drive.motor is not None
+        if chain.observers:
+            wheel = observed_speed(log.time, log.wheel_angle, noise.wheel)
+        else:
+            wheel = smooth_speed(log.time, log.wheel_angle, noise.wheel, spacing=SPACING, share=SHARE)
+        wheel_speed = wheel.at_nodes(nodes)
+        turn = wheel_speed if chain.observers or not measured else nodes.spline(log.wheel_angle, derivative=1)
+        motor = rig.drive.motor
+        torque = motor_torque(motor, drive, wheel_speed)
+        active = (torque != 0.0).astype(np.float64)
+        power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
+        return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power)
+
+
+def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:
+    """The speed of the axis again, over `SHARE` of the half-width."""
+    width = max(SHARE * speed.half_width, narrowest(time, angle, noise))
+    return speed_on_grid(time, angle, noise, width, SPACING)
+
+
+def motor_drag(motor: Motor, wheel_speed: Array) -> Array:
+    """f2 N q2' + f3 sgn q2' on the rotor, N m."""
+    slope, coulomb = motor.viscous.value * motor.gear_ratio.value, motor.coulomb.value
+    return _drag(wheel_speed.ravel(), slope, coulomb).reshape(wheel_speed.shape)
+
+
+@njit
+def _drag(rate: Array, slope: float, coulomb: float) -> Array:
+    result = np.empty(len(rate))
+    for k in range(len(rate)):
+        result[k] = slope * rate[k] + coulomb * np.sign(rate[k])
+    return result
+
+
+@dataclass(frozen=True)
+class States:
+    """Angles, speeds, accelerations and running integrals at the nodes of all passes; arrays (blocks, nodes).
+
+    height: cos q1, by which gravity's torque b enters (0 on a linear axis). work: W. friction: ∫f(q1') q1' dt of every
+    term f of friction (`TERMS`). motor: derivatives of W by the motor's constants but for constant factors (`MOTOR`).
+    Rising over the flattened array.
+    """
+
+    instants: Array
+    angle: Array
+    height: Array
+    speed: Array
+    acceleration: Array
+    wheel_speed: Array
+    wheel_acceleration: Array
+    work: Array
+    friction: dict[str, Array]
+    motor: dict[str, Array]
+
+    def known(self, rig: Rig, scale: Scale) -> Array:
+        """The known side of the balance: W + b cos q1 − a12 q1' q2' − ½ a22 q2'² (without b cos q1 if b is sought)."""
+        side = self.work + (scale.b or 0.0) * self.height
+        if scale.drive != "reaction-wheel":
+            return side
+        v1, v2 = self.speed, self.wheel_speed
+        result: Array = side - rig.drive.a12 * v1 * v2 - 0.5 * rig.drive.a22 * v2**2
+        return result
+
+
+TERMS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
+"""sgn v, v, v|v|; what depends on the direction: 1 and |v|."""
+
+MOTOR = ("voltage", "back_emf", "viscous", "coulomb")
+"""What c1, c2, f2 and f3 stand with: u q2' and q2'² outside the dead zone, q2'², |q2'|."""
+
+
+def running_powers(course: Course, instants: Array) -> Array:
+    """Integrals up to rising `instants` of the power, |v|, v², |v| v², |v| v and the terms of `MOTOR`, (9, instants).
+
+    As `running_integrals`, in one pass, for the powers together are more than a processor keeps at hand.
+    """
+    signals = (course.power, course.speed, course.active, course.voltage, course.wheel_speed, course.turn)
+    points = course.nodes.points
+    return _running_powers(course.nodes.time, signals, instants, antiderivatives(points), gauss_rule(points)[1]).T
+
+
+@njit
+def _running_powers(time: Array, signals: tuple[Array, ...], instants: Array, anti: Array, weights: Array) -> Array:
+    points = len(weights)
+    total, result = np.zeros(5 + len(MOTOR)), np.empty((len(instants), 5 + len(MOTOR)))
+    k = 0
+    for i in range(len(instants)):
+        while k < len(time) - 2 and time[k + 1] <= instants[i]:
+            for j in range(points):
+                _add_powers(total, (time[k + 1] - time[k]) * weights[j], signals, k, j)
+            k += 1
+        h = time[k + 1] - time[k]
+        s = (instants[i] - time[k]) / h
+        result[i] = total
+        for j in range(points):
+            weight, power = 0.0, s
+            for m in range(points):
+                weight += anti[j, m] * power
+                power *= s
+            _add_powers(result[i], h * weight, signals, k, j)
+    return result
+
+
+@njit
+def _add_powers(sums: Array, weight: float, signals: tuple[Array, ...], k: int, j: int) -> None:
+    """Add the powers at node j of interval k, times `weight`."""
+    power, speed, active, voltage, wheel_speed, turn = signals
+    v, rate = speed[k, j], wheel_speed[k, j]
+    size, path = weight * abs(v), weight * turn[k, j]
+    sums[0] += weight * power[k, j]
+    sums[1] += size
+    sums[2] += weight * v * v
+    sums[3] += size * v * v
+    sums[4] += size * v
+    sums[5] += active[k, j] * voltage[k, j] * path
+    sums[6] += active[k, j] * rate * path
+    sums[7] += rate * path
+    sums[8] += np.sign(rate) * path
+
+
+def states_at(course: Course, instants: Array, *, linear: bool) -> States:
+    """States at `instants` (blocks, nodes), rising when flattened and inside the log."""
+    flat, shape = instants.ravel(), instants.shape
+    axis = course.axis
+    terms = running_powers(course, flat).reshape(-1, *shape)
+    angle = axis.angle_at(flat).reshape(shape)
+    wheel = course.wheel
+    still = np.zeros(shape)
+    return States(
+        instants=instants,
+        angle=angle,
+        height=still if linear else np.cos(angle),
+        speed=axis.at(flat).reshape(shape),
+        acceleration=axis.acceleration(flat).reshape(shape),
+        wheel_speed=still if wheel is None else wheel.at(flat).reshape(shape),
+        wheel_acceleration=still if wheel is None else wheel.acceleration(flat).reshape(shape),
+        work=terms[0],
+        friction=dict(zip(TERMS, (*terms[1:4], angle, terms[4]), strict=True)),
+        motor=dict(zip(MOTOR, terms[5:], strict=True)),
+    )

@@ -1,0 +1,184 @@
+"""Does the energy method's answer make sense? Signs, conditioning, and the motor on which it stands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from swingid.balance.agreement import SEEN
+from swingid.balance.fits import BASIS, WindowFit, fit_rows
+from swingid.balance.motor import MotorBalance, motor_balance
+from swingid.balance.rows import Signals, rows_of
+from swingid.balance.windows import law_windows
+from swingid.checks.answer import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
+from swingid.checks.gravity import check_gravity
+from swingid.checks.zero import check_zero
+from swingid.errors import InputError, UnanswerableError
+from swingid.format import left
+from swingid.model.rig import Rig
+from swingid.numerics.ranks import median, quantile
+from swingid.preparation.motion import Motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+from swingid.recording.recording import Recording
+from swingid.result.provenance import exact_constants
+from swingid.result.result import BudgetEntry, Message, Parameter
+
+DISAGREES = "disagreement with the momentum balance"
+
+CLOSE = 0.003
+"""Relative difference to the momentum balance that is not worth a warning."""
+
+FEWEST_PER_SWING = 10
+"""Rows per swing below which smoothed speeds are per cents off, and the interval does not know of it."""
+
+SWINGS = 12
+"""Swings enough to see a wrong sign or a bad motor."""
+
+
+@dataclass(frozen=True)
+class SecondOpinion:
+    """Rows (I) and (II) on test functions, which show a wrong sign or a bad motor better than energies do.
+
+    scale: warnings where the balance contradicts the stated gravity torque, see `momentum.gravity`.
+    """
+
+    signals: Signals
+    windows: WindowFit | None
+    balance: MotorBalance | None
+    scale: tuple[Message, ...] = ()
+
+
+def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise) -> SecondOpinion:
+    """Fit row (I) and weigh row (II) on one set of windows over the first swings of a log.
+
+    Raises InputError where wheel, torque or voltage has the wrong sign.
+    """
+    if len(motion.turning_times) > SWINGS:
+        log = log.segment(float(log.time[0]), float(motion.turning_times[SWINGS]))
+        motion = motion.within(float(log.time[0]), float(log.time[-1]))
+    signals = Signals.of(log, rig, motion)
+    speed = motion.speed
+    quickest = quantile(np.abs(speed.acceleration(speed.grid)), 0.99)
+    length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
+    longest = min(length, log.duration / 20)
+    fit, shorter = (
+        fit_rows(rows_of(signals, law_windows(signals, half)), scale, noise, (*BASIS, "memory"))
+        for half in (longest, longest / np.sqrt(2))
+    )
+    where = log.source.path or "the log"
+    if fit is None:
+        return SecondOpinion(signals, None, None)
+    check_sign(fit, scale, where)
+    balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
+    if balance is not None and balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
+        raise InputError(
+            f"{where}: voltage has the wrong sign (the motor's balance leaves {left(balance.as_stated)}, with the "
+            f"sign turned {left(balance.turned)}); set voltage_sign = -1 under [log], or +1 if it is -1 already.",
+            code="wrong-sign",
+        )
+    others = () if shorter is None else (shorter,)
+    return SecondOpinion(
+        signals, fit, balance, tuple(check_gravity(fit, others, signals, rig, scale, noise, least=CLOSE))
+    )
+
+
+def check_energy(
+    parameters: dict[str, Parameter],
+    budget: list[BudgetEntry],
+    sensitivities: dict[str, float],
+    opinion: SecondOpinion,
+    rig: Rig,
+    scale: Scale,
+    motion: Motion,
+) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
+    inertia = parameters["inertia"]
+    per_swing = motion.half_period / median(np.diff(opinion.signals.nodes.stamps))
+    if per_swing < FEWEST_PER_SWING:
+        raise UnanswerableError(
+            f"the log has {per_swing:.1f} rows per swing, too few to tell speeds, on which energy stands; log at least "
+            f"{FEWEST_PER_SWING}, or use the momentum method.",
+            code="slow-rows",
+        )
+    if inertia.value <= 0:
+        raise UnanswerableError(
+            f"the energy balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; check "
+            "the signs and scales under [log] and the motor's constants, or use the momentum method.",
+            code="not-identifiable",
+        )
+    warnings = list(opinion.scale)
+    notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
+    if opinion.windows is not None and inertia.standard_uncertainty is not None:
+        amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
+        found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
+        warnings += found
+        notes += told
+        warnings += _against_momentum(inertia, budget, opinion.windows, scale)
+        warnings += check_zero(opinion.windows, opinion.signals, scale, inertia.standard_uncertainty)
+    motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
+    notes += [message for message in motor_notes if message.code != "drive-held"]
+    if scale.drive == "reaction-wheel":
+        notes.append(_leaning_on_motor(rig, sensitivities, inertia))
+        doubts = {warning.code for warning in warnings}
+        held = opinion.balance.hold_doubt(harm="this inertia stands on it") if opinion.balance is not None else []
+        warnings += held
+        if held or ("near-resonance" in doubts and "disagrees-with-momentum" not in doubts):
+            # it is due to that, or the wheel rests part of the time, where row (II) says nothing
+            motor_warnings = [message for message in motor_warnings if message.code != "motor-balance"]
+        warnings += [_for_energy(message, opinion.balance) for message in motor_warnings]
+    return warnings, notes
+
+
+def gap_to_momentum(value: float, uncertainty: float, windows: WindowFit, scale: Scale) -> float:
+    """Difference to the momentum balance on a few swings that the uncertainties do not explain, 0 where they do."""
+    difference = value - (windows.a11 - scale.carried)
+    variance = uncertainty**2 + windows.u**2
+    if abs(difference) < max(SEEN * np.sqrt(variance), CLOSE * abs(value)):
+        return 0.0
+    return float(np.copysign(np.sqrt(difference**2 - variance), difference))
+
+
+def _against_momentum(inertia: Parameter, budget: list[BudgetEntry], windows: WindowFit, scale: Scale) -> list[Message]:
+    """A warning where momentum says otherwise (found before, without a motor: it is in the budget then)."""
+    seen = any(entry.source == DISAGREES for entry in budget)
+    uncertainty = inertia.standard_uncertainty or 0.0
+    if not seen and (
+        scale.drive != "reaction-wheel" or not gap_to_momentum(inertia.value, uncertainty, windows, scale)
+    ):
+        return []
+    difference = inertia.value / (windows.a11 - scale.carried) - 1
+    cause = "motor constants that are off" if scale.drive == "reaction-wheel" else "friction that is not of speed alone"
+    text = (
+        f"this inertia is {abs(difference):.1%} {'more' if difference > 0 else 'less'} than the momentum balance of "
+        f"the same swings gives; the likely cause is {cause}, and the momentum method leans less on that."
+    )
+    return [Message("disagrees-with-momentum", text)]
+
+
+def _for_energy(message: Message, balance: MotorBalance | None) -> Message:
+    """What `check_motor` says, in the words of a method that uses the motor."""
+    if message.code != "motor-balance" or balance is None:
+        return message
+    text = (
+        f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or the "
+        "wheel angle is not what [log] says; this inertia stands on them and is wrong by several times as much, so use "
+        "the momentum method or calibrate the motor."
+    )
+    return Message("motor-balance", text)
+
+
+def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:
+    assert rig.drive.motor is not None
+    assert rig.drive.wheel is not None
+    motor = rig.drive.motor
+    shares = {
+        "drive.motor.torque_per_volt": motor.torque_per_volt.value,
+        "drive.motor.efficiency": motor.efficiency.value,
+        "drive.wheel.inertia": rig.drive.wheel.inertia.value,
+        "drive.motor.gear_ratio": motor.gear_ratio.value,
+    }
+    moves = [f"{key} by {sensitivities[key] * value / inertia.value:+.2g} %" for key, value in shares.items()]
+    text = f"1 % more of a constant moves this inertia: {', '.join(moves)}; momentum needs no motor constant."
+    return Message("leans-on-the-motor", text)

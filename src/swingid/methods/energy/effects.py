@@ -1,0 +1,157 @@
+"""What every constant and declared imperfection does to the known side of the energy balance.
+
+The answer is linear in the known side, so an effect per unit at the nodes, times the influence of the nodes, is the
+sensitivity of the answer, without a second fit (GUM, type B). The same idea as `imperfections`, for energies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.imperfections import Imperfection
+from swingid.balance.motor import motor_torque
+from swingid.methods.energy.balance import MOTOR, Course, States, motor_drag
+from swingid.methods.energy.fit import NodeFit
+from swingid.model.rig import Rig
+from swingid.model.rig.tables import Motor
+from swingid.numerics.cumulative import running_integrals
+from swingid.preparation.scale import Scale
+from swingid.units import Quantity
+
+Array = NDArray[np.float64]
+
+
+def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit, b: float) -> list[Imperfection]:
+    """All constants that the balance uses (std 0 where they count as exact) and all imperfections declared.
+
+    The rows of an `Imperfection` are here the nodes, flattened, in joules per unit of the source. b: gravity
+    torque, as known or as identified.
+    """
+    found = [*_gravity(rig, states), *_sensors(rig, course, states, fit, b)]
+    motor = rig.drive.motor
+    if scale.drive == "reaction-wheel" and motor is not None:
+        found = [*_inertias(rig, motor, states), *_motor(motor, states), *found]
+    elif scale.drive == "direct":
+        gain = rig.log.torque_gain
+        found = [_constant("log.torque_gain", gain, states.work / gain.value), *found]
+    return [item for item in found if item.std > 0 or item.shared_id == item.source]
+
+
+def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) -> Imperfection:
+    return Imperfection(key, quantity.std or 0.0, effect.ravel(), direct, key)
+
+
+def _gravity(rig: Rig, states: States) -> Iterator[Imperfection]:
+    gravity = rig.axis.gravity_torque
+    if not isinstance(gravity, str) and rig.axis.kind == "rotary":
+        yield _constant("axis.gravity_torque", gravity, states.height)
+
+
+def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
+    """J2 and Jr, which also stand between a11 and J1."""
+    assert rig.drive.wheel is not None
+    n, v2 = motor.gear_ratio.value, states.wheel_speed
+    product = states.speed * v2
+    yield _constant("drive.wheel.inertia", rig.drive.wheel.inertia, -product - 0.5 * v2**2, -1.0)
+    yield _constant("drive.motor.rotor_inertia", motor.rotor_inertia, -n * product - 0.5 * n**2 * v2**2, -1.0)
+
+
+def _motor(motor: Motor, states: States) -> Iterator[Imperfection]:
+    """N, c1, eta, c2, f2 and f3: partial derivatives of the work and, for N, of a12 and a22."""
+    n, c1, c2 = motor.gear_ratio.value, motor.torque_per_volt.value, motor.back_emf.value
+    eta, jr = motor.efficiency.value, motor.rotor_inertia.value
+    volts, back, squares, path = (states.motor[name] for name in MOTOR)
+    yield _constant("drive.motor.torque_per_volt", motor.torque_per_volt, n * eta * volts)
+    yield _constant("drive.motor.efficiency", motor.efficiency, n * (c1 * volts - c2 * back))
+    yield _constant("drive.motor.back_emf", motor.back_emf, -n * eta * back)
+    yield _constant("drive.motor.viscous", motor.viscous, -(n**2) * squares)
+    yield _constant("drive.motor.coulomb", motor.coulomb, -n * path)
+    kinetic = -jr * states.wheel_speed * (states.speed + n * states.wheel_speed)
+    work = states.work / n - n * motor.viscous.value * squares
+    yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
+
+
+def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
+    """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of each encoder."""
+    sensor, driven = rig.sensors.of("angle"), rig.drive.kind == "direct"
+    along = course.nodes.instants.ravel() if driven else np.empty(0)
+    if sensor.nonlinearity and rig.axis.kind == "rotary":
+        q, v = states.angle, states.speed
+        q_along = course.axis.angle_at(along).reshape(course.speed.shape) if driven else course.speed
+        shapes = {
+            "cosine": (np.cos(q), -np.sin(q) * v, -np.sin(q_along) * course.speed),
+            "sine": (np.sin(q), np.cos(q) * v, np.cos(q_along) * course.speed),
+        }
+        for name, (error, rate, rate_along) in shapes.items():
+            effect = _angle_effect(rig, course, states, fit.a11, b, error, rate, rate_along)
+            source = f"angle encoder nonlinearity ({name})"
+            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, f"sensors.nonlinearity.{name}")
+    if sensor.latency.std:
+        turning = course.axis.acceleration(along).reshape(course.speed.shape) if driven else course.speed
+        effect = _angle_effect(rig, course, states, fit.a11, b, states.speed, states.acceleration, turning)
+        effect = effect - friction_power(fit, states.speed).ravel()
+        yield Imperfection("angle latency", sensor.latency.std, effect, 0.0, "sensors.latency")
+    if course.wheel is not None:
+        yield from _wheel_sensor(rig, course, states)
+
+
+def friction_power(fit: NodeFit, v: Array) -> Array:
+    """F(q1') q1' of the fitted friction, W."""
+    size = np.abs(v)
+    odd = fit.value("coulomb") * size + fit.value("viscous") * v * v + fit.value("quadratic") * size * v * v
+    result: Array = odd + fit.value("offset") * v + fit.value("viscous_even") * size * v
+    return result
+
+
+def _angle_effect(
+    rig: Rig, course: Course, states: States, a11: float, b: float, error: Array, rate: Array, along: Array
+) -> Array:
+    """Effect of an error of the angle and its rate (also along the way) on gravity, kinetic terms, work of a torque.
+
+    That of an error of the rate on the friction's work is left out: it is second to these.
+    """
+    momentum = a11 * states.speed
+    if course.wheel is not None:
+        momentum = momentum + rig.drive.a12 * states.wheel_speed
+    effect = -(b * np.sin(states.angle) * error + momentum * rate)
+    if rig.drive.kind == "direct":
+        effect = effect + _integrals(course, states, (course.voltage * along)[None])[0]
+    result: Array = effect.ravel()
+    return result
+
+
+def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfection]:
+    """As for the angle; the motor's work feels q2' all along."""
+    motor, wheel, sensor = rig.drive.motor, course.wheel, rig.sensors.of("wheel")
+    assert motor is not None
+    assert wheel is not None
+    if not sensor.nonlinearity and not sensor.latency.std:
+        return
+    n, rate = motor.gear_ratio.value, course.wheel_speed
+    loss = motor.efficiency.value * motor.back_emf.value * course.active + motor.viscous.value * n
+    slope = n * (motor_torque(motor, course.voltage, rate) - motor_drag(motor, rate) - loss * rate)
+    momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
+    if sensor.nonlinearity:
+        at_nodes = wheel.angle_at(states.instants.ravel()).reshape(states.instants.shape)
+        along = wheel.angle_at(course.nodes.instants.ravel()).reshape(rate.shape)
+        shapes = (("cosine", -np.sin(at_nodes), -np.sin(along)), ("sine", np.cos(at_nodes), np.cos(along)))
+        for name, here, there in shapes:
+            (work,) = _integrals(course, states, (slope * there * rate)[None])
+            effect = (work - momentum * here * states.wheel_speed).ravel()
+            source = f"wheel encoder nonlinearity ({name})"
+            shared = f"sensors.wheel.nonlinearity.{name}"
+            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
+    if sensor.latency.std:
+        turning = wheel.acceleration(course.nodes.instants.ravel()).reshape(rate.shape)
+        (work,) = _integrals(course, states, (slope * turning)[None])
+        effect = (work - momentum * states.wheel_acceleration).ravel()
+        yield Imperfection("wheel latency", sensor.latency.std, effect, 0.0, "sensors.wheel.latency")
+
+
+def _integrals(course: Course, states: States, signals: Array) -> Array:
+    """Running integrals of signals (m, n−1, points) up to the states, (m, blocks, nodes)."""
+    shape = states.instants.shape
+    return running_integrals(course.nodes, signals, states.instants.ravel()).reshape(-1, *shape)

@@ -1,0 +1,108 @@
+"""Rows that are read early or late by chance: how much, as the noise that grows with the speed shows.
+
+A row read δ late shows q + q' δ. So the noise of a channel is σ0² + σj² q'², the same σj (s) in every channel. Two
+things follow for energies. Speeds are smoothed as the noise asks for, and its median, which is what a log is judged by
+elsewhere, is two thirds of its root mean square then. And a loop that acts on such readings makes a voltage that knows
+of δ, and so of the error of the wheel's turn in the same row: work taken over the measured turn is biased.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.numerics.ranks import median
+from swingid.preparation.motion import DIFFERENCES, sixth_differences
+from swingid.preparation.noise import EVEN, Noise
+from swingid.recording.recording import Recording
+from swingid.result.result import Message, Parameter
+
+Array = NDArray[np.float64]
+
+CLASSES = 8
+"""Classes of speed in which the noise is looked at."""
+
+STEPS_PER_ROW = 2.0
+"""Steps of an encoder's grid per row below which the noise of rounding depends on the speed as well."""
+
+LOUDER = 1.1
+"""Root mean square of the noise over what it was taken for, from which on jitter counts as seen."""
+
+SURE = 5.0
+"""Standard uncertainties of the square of the jitter beyond which it is seen."""
+
+AT_REST = 1e-9
+"""Share of the largest class' noise below which a class is a body at rest, on one step of its encoder."""
+
+
+@dataclass(frozen=True)
+class Jitter:
+    """Standard deviation of the instants of reading (s; 0: none seen), and the noise of the channels with it."""
+
+    spread: float
+    noise: Noise
+
+    def words(self, inertia: Parameter, measured: float) -> Message:
+        """A note that the rows jitter, or a warning where work over the measured turn says another inertia."""
+        low, high = inertia.interval95 or (-np.inf, np.inf)
+        text = f"the rows are read early or late by {1e3 * self.spread:.2g} ms by chance, as noise that grows with the "
+        text += "speed shows; work was taken over the smoothed turn of the drive"
+        if low <= measured <= high:
+            return Message("jitter", f"{text}.")
+        text += f", over the measured one the inertia would be {measured:.5g} {inertia.unit}; read both encoders at "
+        return Message("jitter-matters", f"{text}even instants, or use the momentum method.")
+
+
+def find_jitter(log: Recording, noise: Noise) -> Jitter:
+    """The jitter of a log and its noise, which is `noise` where none is seen.
+
+    Looked for where seven rows follow each other evenly: uneven stamps were recorded as they are.
+    """
+    steps = np.diff(log.time)
+    step = median(steps)
+    even = _even_stretches(steps, step)
+    if np.count_nonzero(even) < 50 * CLASSES:
+        return Jitter(0.0, noise)
+    rows = np.nonzero(even)[0]
+    rows = rows[:: max(1, len(rows) // DIFFERENCES)]
+    angle = _of_channel(log.angle, rows, step, noise.angle, noise.resolution)
+    wheel = (0.0, noise.wheel)
+    if log.wheel_angle is not None:
+        wheel = _of_channel(log.wheel_angle, rows, step, noise.wheel, noise.wheel_resolution)
+    # of two channels the wheel turns faster and tells more
+    return Jitter(wheel[0] or angle[0], replace(noise, angle=angle[1], wheel=wheel[1]))
+
+
+def _even_stretches(steps: Array, step: float) -> NDArray[np.bool_]:
+    """Whether the six steps from each row on are the typical one."""
+    odd = np.concatenate([[0], np.cumsum(np.abs(steps - step) > EVEN * step)])
+    result: NDArray[np.bool_] = odd[6:] == odd[:-6]
+    return result
+
+
+def _of_channel(
+    values: Array, rows: NDArray[np.int64], step: float, level: float, resolution: float
+) -> tuple[float, float]:
+    """Jitter (s) that a channel shows, and the root mean square of its noise; (0, level) where none is seen."""
+    seven = [values[rows + k] for k in range(7)]
+    speed = (seven[6] - seven[0]) / (6 * step)
+    if np.sqrt(np.mean(speed**2)) * step < STEPS_PER_ROW * resolution:
+        return 0.0, level
+    size = np.abs(sixth_differences(seven)) / np.sqrt(924)
+    order = np.array_split(np.argsort(np.abs(speed)), CLASSES)
+    power = np.array([(median(size[part]) / 0.6745) ** 2 for part in order])
+    square = np.array([np.mean(speed[part] ** 2) for part in order])
+    if not np.ptp(square) > 0 or not power.min() > AT_REST * power.max():
+        return 0.0, level
+    # the median of a class tells its variance to a share that is alike in all classes
+    columns = np.column_stack([np.ones(CLASSES), square]) / power[:, None]
+    inverse = np.linalg.pinv(columns.T @ columns)
+    still, moving = inverse @ columns.sum(axis=0)
+    left = 1 - columns @ np.array([still, moving])
+    spread = np.sqrt(inverse[1, 1] * (left @ left) / (CLASSES - 2))
+    total = np.sqrt(max(still, 0.0) + max(moving, 0.0) * np.mean(speed**2))
+    if moving < SURE * spread or total < LOUDER * level:
+        return 0.0, level
+    return float(np.sqrt(moving)), float(total)

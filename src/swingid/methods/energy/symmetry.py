@@ -1,0 +1,142 @@
+"""How far the inertia can be off because the two passes are no exact mirror images: a bound from the log itself.
+
+The inertia is linear in the energies at the nodes, a11 = Σ K_n (W + …)(t_n), so friction F(q1') adds
+E[F] = Σ K_n ∫^t_n F q1' dt to it. Between exact mirror images every F odd in speed drops out. With s = |q1'| and
+F(s) = F(0+) + ∫F' ds,
+
+    E[F] = F(0+) T(0) + ∫ F'(s) T(s) ds,      T(s) = Σ K_n ∫^t_n [|q1'| > s] |q1'| dt:
+
+T, which only the measured motion enters, is the asymmetry of the passes at speeds above s; friction enters by its slope
+alone, for T(0) = 0 at equal angles. So |error| ≤ ∫ max|F'| |T| ds, with the slope that the log's own friction shows, at
+its 95 % limit. What a method fits beside the inertia it annihilates (E = 0), so that there only the slope of the rest
+counts. The paper says that the accuracy "can be estimated by analyzing the tracking error": this is that estimate.
+
+Not for friction with memory (bristles, sticking), which has no slope to bound.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.format import percent
+from swingid.methods.energy.balance import Course, States
+from swingid.methods.energy.fit import NodeFit, block_covariance, columns_at, influence_of, within_blocks
+from swingid.model.rig import Rig
+from swingid.numerics.cumulative import running_hats
+from swingid.preparation.scale import Scale
+from swingid.result.result import Message
+
+Array = NDArray[np.float64]
+
+SOURCE = "asymmetry of the passes"
+
+SPEEDS = np.array([0.12, 0.25, 0.4, 0.6, 0.8, 1.0])
+"""Knots of the friction profile, in shares of the highest speed; below the first the energies hardly show a slope."""
+
+EVEN = ("offset", "viscous_even")
+"""What depends on the direction: between mirror images it does not drop out, only between upper and lower ones."""
+
+LIMIT = 1.959963984540054
+"""Standard uncertainties that the 95 % limit of a slope is away."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Friction of the log: torques at rising speeds (knots,), the coefficients of `EVEN`, and their covariance.
+
+    The covariance (knots + 2, knots + 2) is that of the torques, then of the coefficients.
+    """
+
+    speeds: Array
+    torques: Array
+    even: Array
+    covariance: Array
+
+
+@dataclass(frozen=True)
+class Symmetry:
+    """Bound of the error of a11 (kg m² or kg), and what it is made of.
+
+    speeds (knots,): between which friction is a line. asymmetry (knots,): T(0), then T averaged from each speed to the
+    next. steps (knots,): limit of friction at the first speed, then of its rise from each speed to the next, N m (N).
+    mirror_error: root mean square of |q1'| on the way in less that on the way out at equal angles, over the speed's.
+    """
+
+    bound: float
+    speeds: Array
+    asymmetry: Array
+    steps: Array
+    mirror_error: float
+
+    def entry(self) -> dict[tuple[str, str], float]:
+        """Standard uncertainty of the inertia: that of an error anywhere within the bound (rectangular, GUM 4.3.7)."""
+        return {("inertia", SOURCE): self.bound / np.sqrt(3.0)}
+
+    def note(self, inertia: float) -> Message:
+        """The bound in words."""
+        text = (
+            f"on the way in and out of the turning points the speeds differ by {percent(self.mirror_error)}; with the "
+            f"slope of this log's friction that can move the inertia by {percent(self.bound / abs(inertia))} at most."
+        )
+        return Message("symmetry-bound", text)
+
+
+def friction_profile(course: Course, states: States, rig: Rig, scale: Scale) -> Profile:
+    """Friction as the energies at mirrored nodes show it, a line from speed to speed; the inertia is fitted beside."""
+    speeds = SPEEDS * np.max(np.abs(states.speed))
+    named = columns_at(states, scale, ())
+    works = [*_hat_works(course, states.instants, speeds), *(states.friction[name] for name in EVEN)]
+    matrix = within_blocks(np.array([*named.values(), *works])).T
+    target = within_blocks(states.known(rig, scale))
+    influence = influence_of(matrix)
+    values = influence @ target
+    scores = (influence * (target - matrix @ values)).reshape(len(values), len(states.instants), -1).sum(axis=2)
+    covariance = block_covariance(scores, len(values))
+    first, knots = len(named), len(speeds)
+    return Profile(speeds, values[first : first + knots], values[first + knots :], covariance[first:, first:])
+
+
+def asymmetry_bound(fit: NodeFit, states: States, course: Course, profile: Profile) -> Symmetry:
+    """Bound of what friction and the asymmetry of the passes do to the inertia of a fit at `states`."""
+    weights = fit.influence[0].reshape(states.instants.shape)
+    hats = (_hat_works(course, states.instants, profile.speeds) * weights).sum(axis=(1, 2))
+    # a rise from one speed to the next moves all the hats above it
+    ramps = np.cumsum(hats[::-1])[::-1]
+    knots = len(profile.speeds)
+    rises = np.eye(knots) - np.eye(knots, k=-1)
+    steps = rises @ (profile.torques - _fitted(fit, profile.speeds))
+    spread = np.sqrt(np.diag(rises @ profile.covariance[:knots, :knots] @ rises.T))
+    limits = np.abs(steps) + LIMIT * spread
+    bound = float(np.sum(limits * np.abs(ramps)))
+    if "offset" not in fit.unknowns:
+        even = np.array([float((states.friction[name] * weights).sum()) for name in EVEN])
+        spread = np.sqrt(np.diag(profile.covariance)[knots:])
+        bound += float(np.sum((np.abs(profile.even) + LIMIT * spread) * np.abs(even)))
+    return Symmetry(bound, profile.speeds, ramps, limits, _mirror_error(states))
+
+
+def _fitted(fit: NodeFit, speeds: Array) -> Array:
+    """Odd friction that a fit has beside the inertia, at `speeds`; 0 for (6), which has none."""
+    if "coulomb" not in fit.unknowns:
+        return np.zeros_like(speeds)
+    return fit.value("coulomb") + fit.value("viscous") * speeds + fit.value("quadratic") * speeds**2
+
+
+def _hat_works(course: Course, instants: Array, speeds: Array) -> Array:
+    """∫Λ_k(|q1'|) |q1'| dt up to each instant, (knots, *instants); the outermost hats go on flat."""
+    size = np.abs(course.speed)
+    order = np.argsort(instants.ravel(), kind="stable")
+    found = np.empty((len(speeds), instants.size))
+    found[:, order] = running_hats(course.nodes, size, size, speeds, instants.ravel()[order])
+    return found.reshape(len(speeds), *instants.shape)
+
+
+def _mirror_error(states: States) -> float:
+    """Difference of the speeds' sizes at mirrored nodes, as a share of the speed (both root mean square)."""
+    size = np.abs(states.speed)
+    nodes = size.shape[1] // 2
+    before, after = size[:, :nodes], size[:, -nodes:][:, ::-1]
+    return float(np.sqrt(np.mean((before - after) ** 2) / np.mean(size**2)))

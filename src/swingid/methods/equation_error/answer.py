@@ -1,0 +1,93 @@
+"""From fits of filtered rows to parameters, uncertainty budget and what the report draws."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.fits import columns_of, known_side
+from swingid.balance.friction_laws import friction_units, law_columns, parameter_weights, stribeck_slope
+from swingid.methods.equation_error.effects import effects
+from swingid.methods.equation_error.judges import Judged
+from swingid.model.rig import Rig
+from swingid.preparation.scale import Scale
+from swingid.result.result import BudgetEntry, Details, FrictionCurve, Parameter, SwingSeries, combined
+
+Array = NDArray[np.float64]
+
+SCATTER = "scatter of the rows and sensor noise"
+CURVE_KNOTS = 8
+
+
+def answer(judged: Judged, rig: Rig, scale: Scale) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
+    """Budget and parameters: type A first, then every declared imperfection."""
+    chosen, fit, law = judged.chosen, judged.chosen.fit, judged.law
+    unit = np.eye(len(fit.unknowns))
+    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    body = [name for name in fit.unknowns if name in ("inertia", "gravity_torque")]
+    sought = {name: unit[fit.unknowns.index(name)] for name in body}
+    friction = [fit.unknowns.index(name) for name in law.unknowns]
+    sought |= {name: own @ unit[friction] for name, own in parameter_weights(law.unknowns).items()}
+    values = {name: float(own @ fit.fit.values) for name, own in sought.items()}
+    values["inertia"] -= scale.carried
+    if "stribeck" in law.terms:
+        values["stribeck_speed"] += law.stribeck_speed  # the fit knows its change only
+    budget = [BudgetEntry(SCATTER, "A", name, float(np.sqrt(chosen.variance(own)))) for name, own in sought.items()]
+    budget += judged.entries
+    for item in effects(rig, chosen.row_filter, chosen.rows, fit.a11, chosen.stiffness):
+        shifts = fit.fit.influence @ item.rows
+        for name, own in sought.items():
+            slope = float(own @ shifts) + (item.direct if name == "inertia" else 0.0)
+            budget.append(BudgetEntry(item.source, "B", name, abs(slope) * item.std, slope, item.shared_id))
+    return budget, {name: Parameter.of(value, combined(budget, name), units[name]) for name, value in values.items()}
+
+
+def details(judged: Judged, scale: Scale, span: tuple[float, float]) -> Details:
+    """What the report draws."""
+    fit, row_filter, motion, carried = judged.chosen.fit, judged.chosen.row_filter, judged.motion, scale.carried
+    own = f"cut-off {row_filter.cutoff.frequency:.3g} Hz"
+    estimates = {own: (fit.a11 - carried, fit.u)}
+    estimates |= {name: (other.fit.a11 - carried, other.fit.u) for name, other in judged.cutoffs.items()}
+    estimates |= {law.name: (other.fit.a11 - carried, other.fit.u) for law, other, _ in judged.laws}
+    used = fit.weights > 0
+    return Details(
+        start=span[0],
+        stop=span[1],
+        turning_times=motion.turning_times,
+        turning_angles=motion.turning_angles,
+        swings=_per_swing(judged, scale),
+        friction=_curve(judged, float(np.max(np.abs(motion.speed.speed)))),
+        estimates=estimates,
+        residual_times=row_filter.instants[used],
+        residuals=fit.fit.residuals[used],
+        extra={"cutoff": row_filter.cutoff.frequency},
+    )
+
+
+def _per_swing(judged: Judged, scale: Scale) -> SwingSeries:
+    """One inertia per turning point: from the rows within a quarter period, with the fitted friction taken off."""
+    fit, rows, motion = judged.chosen.fit, judged.chosen.rows, judged.motion
+    _, columns = columns_of(rows, scale, tuple(name for name in fit.unknowns if name in rows.friction))
+    left = known_side(rows, scale) - columns[:, 1:] @ fit.fit.values[1:]
+    nearest = np.searchsorted((motion.turning_times[1:] + motion.turning_times[:-1]) / 2, rows.windows.centres)
+    count = len(motion.turning_times)
+    power = np.bincount(nearest, fit.weights * rows.inertia**2, count)
+    work = np.bincount(nearest, fit.weights * rows.inertia * left, count)
+    full = power > 0.5 * np.median(power)
+    values = work[full] / power[full] - scale.carried
+    spread = 1.4826 * float(np.median(np.abs(values - np.median(values)))) if len(values) else 0.0
+    return SwingSeries(motion.turning_times[full], motion.sides[full], values, np.full(len(values), spread))
+
+
+def _curve(judged: Judged, fastest: float) -> FrictionCurve:
+    """The fitted law as a curve, with its uncertainty."""
+    side = fastest * np.linspace(0, 1, CURVE_KNOTS)[1:] ** 1.5
+    speeds = np.concatenate([-side[::-1], side])
+    fit, law = judged.chosen.fit, judged.law
+    own = [fit.unknowns.index(name) for name in law.unknowns]
+    slopes = columns = law_columns(law.terms, speeds, law.stribeck_speed)
+    if "stribeck" in law.terms:
+        slopes = np.column_stack([columns, law.peak * stribeck_slope(speeds, law.stribeck_speed)])
+    torques = slopes @ fit.fit.values[own]
+    variance = np.einsum("ni,ij,nj->n", slopes, fit.covariance[np.ix_(own, own)], slopes)
+    return FrictionCurve(speeds, torques, np.sqrt(np.maximum(variance, 0.0)), law.name, torques)

@@ -1,0 +1,145 @@
+"""Weighted least squares or instrumental variables on filtered rows, with uncertainties that know of the filter.
+
+Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration.
+Instruments take it away: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The lag
+is longer than the filter remembers, so noise of the sensors is in one of the two only, and it points to the past, so
+that the motion's own answer to that noise, through a controller, is not in the instruments either. Of such lags the
+one that tells most is taken. What the direction of the motion makes, such as Coulomb friction, has no noise and is its
+own instrument. (Delayed signals as instruments: Söderström and Stoica 1983, "Instrumental Variable
+Methods for System Identification". The robotics form, Janot, Vandanjon and Gautier 2014, simulates the instruments;
+for row (I) that takes a controller or the noisy wheel angle as input, which are not known or not independent of the
+noise.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.fits import columns_of, known_side
+from swingid.balance.rows import Rows
+from swingid.errors import UnanswerableError
+from swingid.numerics.regression import LinearFit, hac_covariance
+from swingid.preparation.scale import Scale
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+ROBUST = 5.0
+"""Robust standard deviations of a residual beyond which its row weighs less (Huber)."""
+
+ROUNDS = 4
+
+LAGS_TRIED = 40
+
+OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", "memory")
+"""Regressors that the direction of the motion makes: free of noise but at the reversals, so their own instruments."""
+
+
+@dataclass(frozen=True)
+class RowFit:
+    """A fit of filtered rows: unknowns by name ("inertia" first), type A covariance, weights of the rows (0 unused).
+
+    inverse (p, p): of Z'W X, by which sums over the rows become values.
+    """
+
+    unknowns: tuple[str, ...]
+    fit: LinearFit
+    covariance: Array
+    weights: Array
+    inverse: Array
+
+    @property
+    def a11(self) -> float:
+        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
+        return float(self.fit.values[0])
+
+    @property
+    def u(self) -> float:
+        """Type A standard uncertainty of a11."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    def value(self, name: str) -> float:
+        """Value of an unknown, 0 where it was not sought."""
+        return float(self.fit.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
+
+
+def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, reach: int, lag: int) -> RowFit:
+    """Fit the rows by least squares (lag 0), or with the regressors `lag` rows earlier as instruments.
+
+    usable (rows,): which to use. reach: rows over which the covariance looks for correlation.
+    Raises UnanswerableError where too few rows are left.
+    """
+    unknowns, columns = columns_of(rows, scale, terms)
+    target = known_side(rows, scale)
+    instruments, usable = lagged(columns, usable, lag, unknowns)
+    if usable.sum() < 5 * len(unknowns):
+        raise UnanswerableError(
+            f"{usable.sum()} filtered rows are left, too few for {len(unknowns)} unknowns; record a longer run, "
+            "or give a higher cutoff.",
+            code="too-short",
+        )
+    weights = usable.astype(np.float64)
+    for _ in range(ROUNDS):
+        fit, inverse = _solve(columns, target, instruments, weights)
+        weights = usable * _huber(fit.residuals, usable)
+    covariance = hac_covariance(fit.influence * fit.residuals, reach, len(unknowns), int(usable.sum()))
+    return RowFit(unknowns, fit, covariance, weights, inverse)
+
+
+def lagged(columns: Array, usable: Bools, lag: int, unknowns: tuple[str, ...]) -> tuple[Array, Bools]:
+    """The columns `lag` rows earlier, but for those of the direction, and the rows that are usable with them."""
+    if lag == 0:
+        return columns, usable
+    earlier, sound = np.zeros_like(columns), np.zeros_like(usable)
+    earlier[lag:] = columns[:-lag]
+    kept = [k for k, name in enumerate(unknowns) if name in OF_DIRECTION]
+    earlier[:, kept] = columns[:, kept]
+    sound[lag:] = usable[lag:] & usable[:-lag]
+    return earlier, sound
+
+
+def best_lag(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, shortest: int, longest: int) -> int:
+    """The lag of the instruments, in rows, that gives the inertia the least variance under white residuals."""
+    unknowns, columns = columns_of(rows, scale, terms)
+    columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    best, least = 0, np.inf
+    for lag in range(shortest, longest + 1, max(1, (longest - shortest) // LAGS_TRIED)):
+        earlier, sound = lagged(columns, usable, lag, unknowns)
+        z, x = earlier[sound], columns[sound]
+        if len(z) < 5 * x.shape[1]:
+            break
+        inverse = np.linalg.pinv(z.T @ x, rcond=1e-12)
+        variance = float(inverse[0] @ (z.T @ z) @ inverse[0])
+        if variance < least:
+            best, least = lag, variance
+    if best == 0:
+        raise UnanswerableError(
+            "the log is too short for instruments from an earlier swing; record a longer run, or leave them out.",
+            code="too-short",
+        )
+    return best
+
+
+def _solve(columns: Array, target: Array, instruments: Array, weights: Array) -> tuple[LinearFit, Array]:
+    """Solution of Z'W (y − X θ) = 0 with its condition for columns of unit length, and the inverse of Z'W X."""
+    used = np.sqrt(weights)[:, None]
+    scale = np.linalg.norm(columns * used, axis=0)
+    scale[scale == 0] = 1.0
+    weighted = (instruments / scale).T * weights
+    gram = weighted @ (columns / scale)
+    spread = np.linalg.svd(gram, compute_uv=False)
+    inverse = np.linalg.pinv(gram, rcond=1e-14) / scale[:, None]
+    influence = inverse @ weighted
+    values = influence @ target
+    condition = float(np.sqrt(spread[0] / spread[-1])) if spread[-1] > 0 else float("inf")
+    return LinearFit(values, target - columns @ values, influence, condition), inverse / scale
+
+
+def _huber(residuals: Array, usable: Bools) -> Array:
+    """Huber's weights from the robust spread of the usable residuals."""
+    spread = 1.4826 * float(np.median(np.abs(residuals[usable])))
+    size = np.abs(residuals) / max(ROBUST * spread, 1e-300)
+    return np.asarray(1 / np.maximum(size, 1.0))

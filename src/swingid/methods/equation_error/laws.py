@@ -1,0 +1,138 @@
+"""The friction law of the rows: chosen by the criterion of the project, and those that may be as well.
+
+All laws are compared on the Gram matrix of the filtered rows (`momentum/law_choice.py`). The likeliest is taken. What
+the others would say of the inertia, each as likely as its criterion says, is an uncertainty (Bayesian model averaging;
+Hoeting, Madigan, Raftery and Volinsky 1999).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.fits import columns_of, known_side
+from swingid.balance.friction_laws import STRIBECK_SHARES, law_columns, law_terms
+from swingid.balance.friction_rows import EXACT, KNOTS, FrictionRows, speed_knots
+from swingid.balance.law_choice import LawChoice, Trial, slowest_peak
+from swingid.balance.rows import Rows
+from swingid.methods.equation_error.rows import RowFilter
+from swingid.preparation.motion import Motion
+from swingid.preparation.scale import Scale
+
+Array = NDArray[np.float64]
+
+POSSIBLE = 1e-3
+"""Probability below which a law is not looked at."""
+
+FINER = 4
+"""Grids of Stribeck speeds for a given law, each between the neighbours of the best of the one before."""
+
+
+@dataclass(frozen=True)
+class Law:
+    """A friction law with the coefficients of its terms; stribeck_speed: 1.0 where it has no peak."""
+
+    name: str
+    terms: tuple[str, ...]
+    coefficients: Array
+    stribeck_speed: float
+
+    @property
+    def unknowns(self) -> tuple[str, ...]:
+        """What is sought beside the inertia: the terms, and the speed of Stribeck's peak."""
+        return (*self.terms, "stribeck_speed") if "stribeck" in self.terms else self.terms
+
+    @property
+    def peak(self) -> float:
+        """Height of Stribeck's peak, 0 without one."""
+        return float(self.coefficients[self.terms.index("stribeck")]) if "stribeck" in self.terms else 0.0
+
+    def torque(self, speeds: Array) -> Array:
+        """Friction torque at `speeds`."""
+        result: Array = law_columns(self.terms, speeds, self.stribeck_speed) @ self.coefficients
+        return result
+
+
+@dataclass(frozen=True)
+class Laws:
+    """The laws that these rows allow, by how likely each is; the likeliest first."""
+
+    tried: tuple[tuple[Law, float], ...]
+
+    @property
+    def best(self) -> Law:
+        """The likeliest law."""
+        return self.tried[0][0]
+
+    @property
+    def likely(self) -> tuple[tuple[Law, float], ...]:
+        """The laws worth a look, with their probabilities."""
+        total = sum(weight for _, weight in self.tried)
+        return tuple((law, weight / total) for law, weight in self.tried if weight > POSSIBLE * total)
+
+    def where(self, sound: Callable[[Law], bool]) -> Laws:
+        """The laws that are sound, of those worth a look and those without Stribeck's peak."""
+        worth = {law.name for law, _ in self.likely}
+        plain = [(law, weight) for law, weight in self.tried if "stribeck" not in law.terms]
+        kept = [(law, weight) for law, weight in self.tried if law.name in worth and law.peak and sound(law)]
+        return Laws(tuple(sorted([*kept, *plain], key=lambda item: -item[1])))
+
+
+class LawTable:
+    """Filtered columns of every function of the speed, for the choice of a law.
+
+    What the direction of the motion makes is filtered anew when the turning points move, the rest once.
+    """
+
+    def __init__(self, row_filter: RowFilter, motion: Motion, noise: float) -> None:
+        grid, speed = row_filter.grid, motion.speed
+        smooth = speed.at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
+        self.row_filter = row_filter
+        self.fastest = float(np.quantile(np.abs(smooth), 0.999))
+        self.knots = speed_knots(self.fastest, KNOTS)
+        self.slowest = slowest_peak(motion, noise)
+        columns = [np.interp(smooth, self.knots, unit) for unit in np.eye(len(self.knots))]
+        self.hats = np.column_stack([row_filter(column)[0] for column in columns])
+
+    def choose(self, rows: Rows, weights: Array, scale: Scale) -> Laws:
+        """The laws for these rows, each row as heavy as it was found to be; rows must hold all terms of `EXACT`."""
+        friction, body, target = self._columns(rows, weights, scale)
+        choice = LawChoice(friction, body, target, slowest=self.slowest)
+        ranked = sorted(choice.weights.items(), key=lambda item: -item[1])
+        return Laws(tuple((law_of(name, choice.trials[name]), weight) for name, weight in ranked))
+
+    def fitted(self, name: str, rows: Rows, weights: Array, scale: Scale) -> Law:
+        """The law of this name with the coefficients, and the Stribeck speed, that fit the rows best."""
+        friction, body, target = self._columns(rows, weights, scale)
+        terms = law_terms(name)
+        best, least = Law(name, terms, np.zeros(len(terms)), 1.0), np.inf
+        speeds = self.fastest * STRIBECK_SHARES if "stribeck" in terms else np.ones(1)
+        for _ in range(FINER if "stribeck" in terms else 1):
+            for speed in speeds:
+                columns = np.column_stack([friction.columns @ friction.law(terms, speed), body])
+                values = np.linalg.lstsq(columns, target, rcond=1e-12)[0]
+                lost = float(np.sum((target - columns @ values) ** 2))
+                if lost < least:
+                    coefficients = np.asarray(values[: len(terms)], dtype=np.float64)
+                    best, least = Law(name, terms, coefficients, float(speed)), lost
+            ratio = speeds[-1] / speeds[-2] if len(speeds) > 1 else 1.0
+            speeds = best.stribeck_speed * np.geomspace(1 / ratio, ratio, len(speeds))
+        return best
+
+    def _columns(self, rows: Rows, weights: Array, scale: Scale) -> tuple[FrictionRows, Array, Array]:
+        used = weights > 0
+        root = np.sqrt(weights[used])
+        exact = np.column_stack([rows.friction[name] for name in EXACT])
+        columns = np.column_stack([exact, self.hats])[used] * root[:, None]
+        _, body = columns_of(rows, scale, ())
+        friction = FrictionRows(rows.select(used), self.fastest, self.knots, columns)
+        return friction, body[used] * root[:, None], known_side(rows, scale)[used] * root
+
+
+def law_of(name: str, trial: Trial) -> Law:
+    """A law tried, with its coefficients; its speed 1 where it has no peak."""
+    speed = trial.stribeck_speed if "stribeck" in trial.terms else 1.0
+    return Law(name, trial.terms, trial.values, speed)

@@ -1,0 +1,178 @@
+"""Equation error, the standard of robotics: row (I) pointwise, filtered, differentiated, by weighted least squares.
+
+    a11 q1'' + b sin q1 + F(q1') = −a12 q2''    (direct drive: τ on the right; free decay: b known sets the scale)
+
+Zero-phase Butterworth filter (see `cutoff` for the rule), central differences, every term through the same filter,
+decimation, then least squares or instrumental variables (see `fit`). It needs a friction law and smooth sensors, which
+`momentum` does not; it is here because the field uses it. (Gautier 1997; Khalil and Dombre 2002, ch. 12; Janot,
+Vandanjon and Gautier 2014.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from swingid.balance.fits import BASIS, WindowFit
+from swingid.balance.fits import fit_rows as fit_windows
+from swingid.balance.friction_laws import DIRECTIONS, LAWS
+from swingid.balance.imperfections import sensitivities
+from swingid.balance.motor import motor_balance
+from swingid.balance.rows import Signals, rows_of
+from swingid.balance.windows import law_windows
+from swingid.checks.answer import check_answer, check_motor, check_sign
+from swingid.checks.gravity import check_gravity
+from swingid.errors import UnanswerableError, UsageError
+from swingid.methods.energy.checks import CLOSE
+from swingid.methods.equation_error.answer import answer, details
+from swingid.methods.equation_error.cutoff import Cutoff, choose_cutoff
+from swingid.methods.equation_error.estimate import Part, estimate
+from swingid.methods.equation_error.fit import RowFit
+from swingid.methods.equation_error.judges import Judged
+from swingid.methods.equation_error.laws import Laws
+from swingid.methods.equation_error.scatter import Fitted
+from swingid.model.rig import Rig
+from swingid.preparation.noise import Noise, channel_noise
+from swingid.preparation.scale import Scale, require_channels
+from swingid.recording.recording import Recording
+from swingid.result.provenance import add_findings, exact_in_row_one, provenance
+from swingid.result.result import Message, Result
+
+
+def equation_error(
+    log: Recording,
+    rig: Rig,
+    *,
+    cutoff: float | None = None,
+    friction: str = "auto",
+    instruments: bool = False,
+) -> Result:
+    """Identify inertia, friction and, where it is "unknown", the gravity torque by inverse dynamics.
+
+    cutoff: of the low-pass in Hz; left out, the rule of `cutoff.choose_cutoff`. friction: a name of
+    `friction_laws.LAWS`, also with ", offset" or ", direction-dependent", or "auto", the likeliest of them.
+    instruments: instrumental variables against the bias of noisy regressors, for noise that is independent from swing
+    to swing.
+
+    Raises UsageError for unknown options, InputError where a channel is missing or has the wrong sign,
+    UnanswerableError where the motion cannot tell. Prefer `momentum` for coarse, noisy or slow sensors.
+    """
+    if friction != "auto":
+        _require_law(friction)
+    scale = Scale.of(rig)
+    require_channels(log, rig)
+    noise = channel_noise(log, rig)
+    part = Part.of(log, rig, noise)
+    if len(part.motion.turning_times) < 2:
+        message = "the part of the log that can be used holds no whole swing; record a longer motion to and fro."
+        raise UnanswerableError(message, code="no-turning-points")
+    signals = Signals.of(part.log, rig, part.motion)
+    doubts = _second_opinion(part, signals, rig, scale, noise)
+    cut = choose_cutoff(part.motion.speed, *part.span, noise, cutoff)
+    judged, laws = estimate(part, signals, scale, cut, None if friction == "auto" else friction, instruments)
+    chosen = judged.chosen
+    budget, parameters = answer(judged, rig, scale)
+    amplitude = float(np.max(np.abs(part.motion.turning_angles)))
+    warnings, notes = check_answer(parameters, budget, _as_windows(chosen), scale, amplitude)
+    how = _how(part, cut, judged, laws, given=friction != "auto")
+    notes = [part.note, *how, *exact_in_row_one(rig), *notes, *doubts[1]]
+    warnings = [*warnings, *_unlikely(judged, laws, scale), *doubts[0]]
+    add_findings(log, warnings, notes)
+    options: dict[str, object] = {"friction": judged.law.name, "instruments": instruments, "cutoff": cut.frequency}
+    return Result(
+        method="equation-error",
+        status="warning" if warnings else "ok",
+        parameters=parameters,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+        budget=tuple(budget),
+        provenance=provenance(log, rig, options),
+        details=details(judged, scale, part.span),
+        sensitivities=sensitivities(rig, chosen.rows, chosen.fit.fit.influence[0]),
+        covariance=_covariance(chosen.fit) if scale.b is None else {},
+    )
+
+
+def _covariance(fit: RowFit) -> dict[str, dict[str, float]]:
+    """Type A covariance of inertia and gravity torque, the first two unknowns."""
+    names = fit.unknowns[:2]
+    return {one: {other: float(fit.covariance[i, j]) for j, other in enumerate(names)} for i, one in enumerate(names)}
+
+
+def _require_law(friction: str) -> None:
+    odd, comma, direction = friction.partition(",")
+    if odd not in LAWS or comma + direction not in DIRECTIONS:
+        raise UsageError(
+            f"unknown friction law {friction!r}; choose one of {', '.join(LAWS)}, also with "
+            f"{' or '.join(repr(name) for name in DIRECTIONS if name)} behind it, or 'auto'.",
+            code="unknown-friction",
+        )
+
+
+def _as_windows(one: Fitted) -> WindowFit:
+    """The rows used and their fit as one on windows, for the checks that both methods share."""
+    used = one.fit.weights > 0
+    fit = replace(one.fit.fit, residuals=one.fit.fit.residuals[used], influence=one.fit.fit.influence[:, used])
+    half = 1 / one.row_filter.cutoff.frequency
+    return WindowFit(one.rows.select(used), one.fit.unknowns, fit, one.fit.covariance, half)
+
+
+def _second_opinion(
+    part: Part, signals: Signals, rig: Rig, scale: Scale, noise: Noise
+) -> tuple[list[Message], list[Message]]:
+    """What test functions say of signs (raises InputError), and what row (II) says of the wheel angle.
+
+    Windows over half a swing are calm where filtered rows may be mostly noise.
+    """
+    windows = law_windows(signals, part.motion.half_period / 4)
+    fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
+    doubts: list[Message] = []
+    if fit is not None:
+        check_sign(fit, scale, part.log.source.path or "the log")
+        # an impulse at each reversal is let in, for friction with a memory looks like another gravity without it
+        lengths = (part.motion.half_period / 4, part.motion.half_period / 6)
+        terms = (*BASIS, "memory")
+        fits = [fit_windows(rows_of(signals, law_windows(signals, half)), scale, noise, terms) for half in lengths]
+        longest, *others = [one for one in fits if one is not None] or [fit]
+        doubts = check_gravity(longest, others, signals, rig, scale, noise, least=CLOSE)
+    balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
+    warnings, notes = check_motor(balance, signals)
+    own = [
+        [replace(m, message=m.message.replace("momentum", "this method")) for m in side] for side in (warnings, notes)
+    ]
+    return [*doubts, *own[0]], own[1]
+
+
+def _how(part: Part, cutoff: Cutoff, judged: Judged, laws: Laws, *, given: bool) -> list[Message]:
+    """Notes on what was done to the log."""
+    text = f"low-pass at {cutoff.frequency:.3g} Hz ({cutoff.reason}), zero phase, every term alike."
+    notes = [Message("cutoff", text)]
+    law = f"the friction law was taken as {judged.law.name}"
+    if given:
+        law += ", as given"
+    else:
+        law += f", the likeliest of those tried ({laws.likely[0][1]:.0%})"
+    if "memory" in judged.chosen.fit.unknowns:
+        law += ", with an impulse at each reversal (friction with a memory)"
+    notes.append(Message("friction-law", f"{law}; a wrong one biases the inertia."))
+    if part.grid.resampled:
+        notes.append(Message("resampled", "the stamps are uneven, so splines carried the log to an even grid first."))
+    lag = judged.chosen.lag * judged.chosen.row_filter.row_step
+    if lag > 0:
+        text = f"instruments: the regressors {lag:.3g} s earlier, which takes noise so far apart as independent."
+        notes.append(Message("instruments", text))
+    return notes
+
+
+def _unlikely(judged: Judged, laws: Laws, scale: Scale) -> list[Message]:
+    """A warning where the given law is none that the log allows, and the inertia suffers."""
+    if judged.law.name in {law.name for law, _ in laws.likely}:
+        return []
+    own = np.eye(len(judged.chosen.fit.unknowns))[0]
+    if judged.between_laws < np.sqrt(judged.chosen.variance(own)):
+        return []
+    other = next(fit for law, fit, _ in judged.laws if law.name == laws.best.name)
+    text = f"the log speaks against the friction law {judged.law.name!r}: with {laws.best.name!r} the inertia is "
+    text += f"{other.fit.a11 - scale.carried:.6g} {scale.unit}; leave friction out, or give that one."
+    return [Message("unlikely-friction-law", text)]

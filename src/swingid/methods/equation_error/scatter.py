@@ -1,0 +1,161 @@
+"""What scatters in a fit of filtered rows: the sensors' noise, known through filter and fit, and what is beyond it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.agreement import SEEN
+from swingid.balance.rows import Rows
+from swingid.methods.equation_error.cutoff import SETTLING
+from swingid.methods.equation_error.fit import RowFit
+from swingid.methods.equation_error.grid import STENCIL, curvature
+from swingid.methods.equation_error.rows import RowFilter
+from swingid.numerics.regression import parzen
+from swingid.preparation.motion import Motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+
+Array = NDArray[np.float64]
+
+GRID_PLACES = 8
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fit of filtered rows with its filter, its rows, and what it takes to judge them.
+
+    lag: of the instruments in rows (0: least squares). reach: rows over which correlation was looked for. stiffness: b,
+    known or fitted, N m (0 on a linear axis).
+    """
+
+    fit: RowFit
+    row_filter: RowFilter
+    rows: Rows
+    lag: int
+    reach: int
+    stiffness: float
+    scale: Scale
+    noise: Noise
+
+    def variance(self, own: Array) -> float:
+        """Type A variance of a combination of the unknowns: of white noise of both angles, and what is beyond it.
+
+        The scatter of the rows, looked at over a finite time, also holds power of the differentiated noise from
+        frequencies beside the motion's; what noise puts there is known and taken off, and counts as it is. So is what
+        chance puts there, one standard deviation of such a scatter: the rest is never negative, and would widen by it.
+        """
+        weights = own @ self.fit.fit.influence
+        seen = float(own @ self.fit.covariance @ own)
+        lags = zip(parzen(self.reach), self._autocovariance, strict=True)
+        smeared = sum(
+            (1.0 if k == 0 else 2.0) * kernel * noise * float(weights[k:] @ weights[: len(weights) - k])
+            for k, (kernel, noise) in enumerate(lags)
+        )
+        # a Parzen kernel takes as many independent stretches from n rows as `hac_covariance` says
+        chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.fit.weights)))
+        return float(self._white(weights) + max(seen - smeared - chance, 0.0))
+
+    def _white(self, weights: Array) -> float:
+        """Variance of Σ weights · row from white noise of both angles."""
+        axis, wheel = self._per_sample(weights)
+        return float(axis @ axis + wheel @ wheel)
+
+    def _per_sample(self, weights: Array) -> tuple[Array, Array]:
+        """What the noise of each sample of the angle, and of the wheel's, makes of Σ weights · row, as deviations."""
+        grid = self.row_filter.grid
+        spread = self.row_filter.adjoint(weights)
+        bent = curvature(spread, grid.step)
+        axis = self.fit.a11 * bent + self.stiffness * np.cos(grid.angle) * spread
+        return axis * self.noise.angle, bent * (self.scale.a12 * self.noise.wheel)
+
+    @cached_property
+    def _autocovariance(self) -> Array:
+        """Covariance of rows 0 to `reach` apart that white noise of both angles makes."""
+        grid, every = self.row_filter.grid, self.row_filter.every
+        spread, bent = self._responses
+        axis = self.fit.a11 * bent + self.stiffness * float(np.mean(np.cos(grid.angle))) * spread
+        result = np.zeros(self.reach + 1)
+        for k in range(min(self.reach, len(bent) // every) + 1):
+            late = slice(k * every, None), slice(None, len(bent) - k * every)
+            wheel = (self.scale.a12 * self.noise.wheel) ** 2 * float(bent[late[0]] @ bent[late[1]])
+            result[k] = wheel + self.noise.angle**2 * float(axis[late[0]] @ axis[late[1]])
+        return result
+
+    @property
+    def _responses(self) -> tuple[Array, Array]:
+        """What one row takes from each sample of an angle around it, and from its second derivative."""
+        row_filter = self.row_filter
+        weights = np.zeros(len(row_filter.instants))
+        weights[len(weights) // 2] = 1.0
+        spread = row_filter.adjoint(weights)
+        bent = curvature(spread, row_filter.grid.step)
+        middle = STENCIL + len(weights) // 2 * row_filter.every
+        reach = int(2 * SETTLING / (row_filter.cutoff.frequency * row_filter.grid.step))
+        near = slice(max(middle - reach, 0), middle + reach)
+        return spread[near], bent[near]
+
+    def common(self, motion: Motion) -> dict[str, float]:
+        """Errors of the inertia that are alike in all rows, by source."""
+        found = {}
+        if self.lag == 0:
+            found["noise in the acceleration (least squares)"] = abs(self.fit.a11) * self.attenuation
+        if self.noise.resolution > 0:
+            found["place of the encoder's grid"] = rms(self.grid_effects(motion))
+        return found
+
+    @property
+    def attenuation(self) -> float:
+        """Share by which white noise of the angle in its own regressor lowers the inertia of least squares."""
+        _, response = self._responses
+        variance = self.noise.angle**2 * float(response @ response)
+        return float(variance * self.fit.weights.sum() * self.fit.inverse[0, 0])
+
+    def grid_effects(self, motion: Motion, unknown: str = "inertia") -> Array:
+        """What the encoder's grid does to an unknown, on shifts of it by eighths of a step (`systematics.grid_spread`).
+
+        The steps come again at every swing, so those in the instruments meet those in the row.
+        """
+        grid, speed, step = self.row_filter.grid, motion.speed, self.noise.resolution
+        k = self.fit.unknowns.index(unknown)
+        smooth = speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
+        shifted = smooth / step + np.arange(GRID_PLACES)[:, None] / GRID_PLACES
+        errors = self.row_filter(*(curvature(x, grid.step) for x in (np.round(shifted) - shifted) * step))
+        effects = errors @ self.fit.fit.influence[k]
+        if self.lag > 0:
+            pairs = self.fit.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
+            effects = effects + self.fit.inverse[k, 0] * pairs.sum(axis=1)
+        result: Array = abs(self.fit.a11) * effects
+        return result
+
+    def total(self, motion: Motion) -> float:
+        """Type A standard uncertainty of a11 but for disagreement with other fits."""
+        own = np.eye(len(self.fit.unknowns))[0]
+        return float(np.sqrt(self.variance(own) + sum(spread**2 for spread in self.common(motion).values())))
+
+    def contradicted(self, other: Fitted, motion: Motion) -> float:
+        """Part of the difference to another fit of the same log that the sensors do not explain, 0 where they do."""
+        variance = self.variance_of_difference(other, motion)
+        difference = other.fit.a11 - self.fit.a11
+        return float(np.sqrt(difference**2 - variance)) if abs(difference) > SEEN * np.sqrt(variance) else 0.0
+
+    def variance_of_difference(self, other: Fitted, motion: Motion) -> float:
+        """Variance of the difference of a11 to another fit of the same log, from the sensors.
+
+        Both fits are linear in the same noise, so what it makes of their difference is known, grid and all.
+        """
+        mine, theirs = (one._per_sample(one.fit.fit.influence[0]) for one in (self, other))
+        variance = sum(float((a - b) @ (a - b)) for a, b in zip(mine, theirs, strict=True))
+        if self.lag == 0:
+            variance += (self.fit.a11 * (self.attenuation - other.attenuation)) ** 2
+        if self.noise.resolution > 0:
+            variance += rms(self.grid_effects(motion) - other.grid_effects(motion)) ** 2
+        return variance
+
+
+def rms(values: Array) -> float:
+    """Root of the mean square."""
+    return float(np.sqrt(np.mean(values**2)))

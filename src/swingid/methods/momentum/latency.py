@@ -1,0 +1,226 @@
+"""A channel that is read later than the other: what the balance tells of it, beyond first order.
+
+A latency δ enters the rows as q' δ to first order, which a fit with its prior takes up. Its square does not: a wheel
+late by δ looks weaker by (ω δ)²/2, 0.1 % for 5 ms at 8.5 rad/s. So the channel is moved by what the balance tells, and
+the rest is first order again. A latency that nobody declared shows in the same way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.choice import Choice, choose
+from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, residuals_beside, sensor_variance
+from swingid.balance.imperfections import Imperfection, imperfections, late_channel
+from swingid.balance.rows import Signals
+from swingid.format import percent, plus_minus
+from swingid.model.rig import Rig
+from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.preparation.motion import Motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+from swingid.recording.recording import Recording
+from swingid.result.result import Message
+
+Array = NDArray[np.float64]
+
+LATEST = 0.01
+"""Standard deviation (s) that an undeclared latency is allowed: no knowledge, but ten times what a rig has."""
+
+STEPS = 3
+"""Times a channel is moved, at most."""
+
+SMALL = 0.1
+"""Share of the inertia's uncertainty up to which what is left of second order does no harm."""
+
+CERTAIN = 5.0
+"""Standard uncertainties that an undeclared latency must exceed to be one."""
+
+BETTER = 0.85
+"""Share of the residuals that may be left with the latency, for it to be there."""
+
+MATTERS = 2.0
+"""Standard uncertainties of the inertia by which it must move to be worth a warning."""
+
+SHARP = 3.0
+"""Windows of other lengths are heard where they tell the latency at most so many times worse."""
+
+FEWEST = 20
+"""Rows of windows of another length that may be heard."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a fit begins with: the part of the log used, its motion as found in the angle, the rig."""
+
+    log: Recording
+    motion: Motion
+    rig: Rig
+    scale: Scale
+    noise: Noise
+
+    def moved(self, by: float) -> Choice:
+        """The choice with the late channel moved `by` (s) beyond what the rig file says."""
+        rig = self.rig.changed({_key(self.rig): _declared(self.rig) + by})
+        return choose(Signals.of(self.log, rig, self.motion), self.rig, self.scale, self.noise)
+
+
+@dataclass(frozen=True)
+class Latency:
+    """How late (s) the wheel is read after the angle, or the angle after the torque acts, with its uncertainty."""
+
+    value: float
+    u: float
+
+
+def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message]]:
+    """The choice with a channel moved by the declared latency that the balance tells, and what to say of it.
+
+    Where it tells nothing, the uncertainty that stays is of first order; a warning where its square matters as well.
+    """
+    rig, scale = seen.rig, seen.scale
+    if not _spread(rig):
+        return choice, []
+    moved, found = 0.0, latency_of(choice.law, choice.signals, rig, scale, seen.noise)
+    for _ in range(STEPS):
+        if _second_order(choice.signals, found.value) < SMALL * choice.law.total / abs(choice.law.a11):
+            break
+        moved += found.value
+        choice = seen.moved(moved)
+        found = latency_of(choice.law, choice.signals, rig, scale, seen.noise)
+    messages = []
+    if moved:
+        text = (
+            f"the balance tells that {_channel(rig)} {plus_minus(1e3 * (moved + found.value), 1e3 * found.u, 'ms')} "
+            "later than the rig file says, within what it allows; it was moved by that."
+        )
+        messages.append(Message("latency-told", text))
+    left = _second_order(choice.signals, found.u)
+    if left > choice.law.total / abs(choice.law.a11):
+        text = (
+            f"the log tells the latency to within {1e3 * found.u:.2g} ms only; its square, {percent(left)} of the "
+            "inertia, is not in the uncertainty: measure the latency, or record two motions of different frequency and "
+            "calibrate it."
+        )
+        messages.append(Message("latency-squared", text))
+    return choice, messages
+
+
+def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Message]:
+    """A warning where the balance shows a latency that the rig file does not declare, and the inertia suffers by it.
+
+    uncertainty: the inertia's, with all declared imperfections.
+    """
+    rig, scale = seen.rig, seen.scale
+    if scale.drive == "none" or _spread(rig) or not _may_show(choice, rig, scale):
+        return []
+    allowed = _allowed(rig)
+    best, moved = choice, 0.0
+    for _ in range(STEPS):
+        moved += latency_of(best.law, best.signals, allowed, scale, seen.noise).value
+        best = seen.moved(moved)
+    law, found = best.law, latency_of(best.law, best.signals, allowed, scale, seen.noise)
+    moved += found.value
+    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals, allowed, seen)))
+    if abs(moved) < CERTAIN * u:
+        return []
+    # what a latency leaves of the balance widens the interval as well, and would then hide it
+    if abs(law.a11 - choice.law.a11) < MATTERS * min(uncertainty, law.u):
+        return []
+    text = (
+        f"{_channel(rig)} {plus_minus(1e3 * moved, 1e3 * u, 'ms')} later than the rig file says; moved by that the "
+        f"inertia would be {plus_minus(law.a11 - scale.carried, None, scale.unit)}. State "
+        f'{_key(rig)} = "{1e3 * (_declared(rig) + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
+    )
+    return [Message("late-channel", text)]
+
+
+def latency_of(law: WindowFit, signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Latency:
+    """The latency within what `rig` declares, found beside inertia, friction and the declared nonlinearities.
+
+    Its uncertainty is what the rows scatter, and no less than what noise of the sensors makes of it.
+    """
+    b = law.value("gravity_torque") if scale.b is None else scale.b
+    items = [item for item in imperfections(rig, signals, law.rows, law.a11, b) if item.calibrates]
+    _, columns = columns_of(law.rows, scale, _friction(law))
+    rows, unknowns = columns.shape
+    wide = np.hstack([columns, *(item.rows[:, None] * item.std for item in items)])
+    residuals = law.fit.residuals
+    for _ in range(2):
+        error = float(np.sqrt(LAG / 2 * np.mean(residuals**2)))
+        prior = np.hstack([np.zeros((len(items), unknowns)), error * np.eye(len(items))])
+        solved = fit_linear(np.vstack([wide, prior]), np.append(known_side(law.rows, scale), np.zeros(len(items))))
+        residuals = solved.residuals[:rows]
+    weights = np.zeros((1, unknowns + len(items)))
+    for k, item in enumerate(items, start=unknowns):
+        weights[0, k] = _counts(item, rig) * item.std
+    influence = weights @ solved.influence
+    data = LinearFit(solved.values, residuals, influence[:, :rows], 1.0).covariance(LAG)
+    sensor, _ = sensor_variance(law.rows, influence[0, :rows], law.a11, b, scale, noise)
+    from_prior = float(np.sum((influence[:, rows:] * error) ** 2))
+    return Latency(float(weights[0] @ solved.values), float(np.sqrt(max(data[0, 0], sensor) + from_prior)))
+
+
+def _counts(item: Imperfection, rig: Rig) -> float:
+    """+1 for the channel that is read late, −1 for the one that it is compared with, 0 for what is no latency."""
+    if rig.drive.kind == "reaction-wheel":
+        return {"wheel latency": 1.0, "angle latency": -1.0}.get(item.source, 0.0)
+    return {"angle latency": 1.0}.get(item.source, 0.0)
+
+
+def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig, seen: Seen) -> float:
+    """How far windows of other lengths, which tell the latency about as well, lie from each other."""
+    found = [latency_of(fit, signals, rig, seen.scale, seen.noise) for fit in fits if len(fit.rows.windows) >= FEWEST]
+    least = min((one.u for one in found), default=0.0)
+    values = [one.value for one in found if one.u < SHARP * least]
+    return float(np.std(values)) if len(values) > 1 else 0.0
+
+
+def _may_show(choice: Choice, rig: Rig, scale: Scale) -> bool:
+    """Whether one column more, without a bound, lets the residuals fall enough: quick, and true wherever it shows."""
+    law = choice.law
+    late = late_channel(choice.signals, law.rows, rig.drive.a12 if rig.drive.kind == "reaction-wheel" else 0.0)
+    left = residuals_beside(law, scale, late[:, None])
+    return float(left @ left) < BETTER**2 * float(law.fit.residuals @ law.fit.residuals)
+
+
+def _second_order(signals: Signals, late: float) -> float:
+    """(ω δ)²/2, what a latency does to the inertia by its square, as a share."""
+    speed = signals.motion.speed
+    power = np.mean(speed.acceleration(speed.grid) ** 2) / max(float(np.mean(speed.speed**2)), 1e-300)
+    return float(power * late**2 / 2)
+
+
+def _friction(law: WindowFit) -> tuple[str, ...]:
+    return tuple(name for name in law.unknowns if name in law.rows.friction)
+
+
+def _key(rig: Rig) -> str:
+    return "sensors.wheel.latency" if rig.drive.kind == "reaction-wheel" else "sensors.latency"
+
+
+def _declared(rig: Rig) -> float:
+    return rig.sensors.of("wheel" if rig.drive.kind == "reaction-wheel" else "angle").latency.value
+
+
+def _spread(rig: Rig) -> float:
+    """Declared standard deviation (s) of the latency that the balance feels; 0 in a free decay."""
+    if rig.drive.kind == "none":
+        return 0.0
+    sensors = [rig.sensors.of("angle")]
+    if rig.drive.kind == "reaction-wheel":
+        sensors.append(rig.sensors.of("wheel"))
+    return float(np.hypot.reduce([sensor.latency.std or 0.0 for sensor in sensors]))
+
+
+def _allowed(rig: Rig) -> Rig:
+    """The rig as if it said that its latency may be off by LATEST."""
+    return rig.changed({_key(rig): {"value": _declared(rig), "std": LATEST}})
+
+
+def _channel(rig: Rig) -> str:
+    return "the wheel angle is read" if rig.drive.kind == "reaction-wheel" else "the angle is read"

@@ -1,0 +1,259 @@
+"""The symmetric momentum method: inertia and friction from angles alone; no motor constant, no speed, no law.
+
+Row (I) holds no motor torque. Multiplied by a test function with compact support and integrated by parts twice it
+reads a11 ∫φ'' q1 + a12 ∫φ'' q2 + b ∫φ sin q1 + ∫φ F = 0: linear in a11 and in the terms of friction, with
+nothing but angles. The paper's mirror motions (3) are its even windows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.agreement import JUDGE, disagreement, drift_with_length
+from swingid.balance.choice import Choice, choose
+from swingid.balance.declared import with_declared
+from swingid.balance.fits import BASIS, WindowFit, fit_rows, known_side
+from swingid.balance.friction import FrictionLaw
+from swingid.balance.friction_laws import friction_units, parameter_weights
+from swingid.balance.imperfections import imperfections, sensitivities
+from swingid.balance.motor import motor_balance
+from swingid.balance.rows import Rows, Signals, rows_of
+from swingid.balance.systematics import grid_spread, timing_spread
+from swingid.balance.windows import even_windows, swing_windows
+from swingid.checks.answer import check_answer, check_motor, check_sign
+from swingid.checks.encoders import check_encoders
+from swingid.checks.gravity import check_gravity
+from swingid.checks.zero import check_zero
+from swingid.errors import UnanswerableError
+from swingid.methods.momentum.latency import Seen, check_latency, with_latency
+from swingid.methods.momentum.loss import loss_unexplained
+from swingid.model.rig import Rig
+from swingid.numerics.ranks import median
+from swingid.numerics.test_functions import CURVATURE_POWER
+from swingid.preparation.motion import Motion, find_motion
+from swingid.preparation.noise import Noise, channel_noise
+from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.segment import part_of
+from swingid.recording.recording import Recording
+from swingid.result.provenance import add_findings, exact_in_row_one, provenance
+from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
+
+Array = NDArray[np.float64]
+
+NEGLIGIBLE = 1e-3
+"""Share of the scatter's uncertainty below which another of type A is left out of the budget."""
+
+
+@dataclass(frozen=True)
+class _Estimate:
+    """All fits of one log: the chosen law windows, those of other lengths, the other kinds, the friction.
+
+    common: errors that the scatter of the rows does not show, by source.
+    """
+
+    law: WindowFit
+    tried: dict[float, WindowFit]
+    swing: WindowFit | None
+    even: WindowFit | None
+    friction: FrictionLaw
+    common: dict[str, float]
+    turning_rows: Rows
+
+
+def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
+    """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
+
+    The answer is that of the "law" windows (see `windows`); "swing" and "even" windows judge it. Type A comes from
+    the scatter of the rows, from the declared sensors and from disagreement between windows; type B from rig.toml.
+
+    alone: False for one of several logs, which together may tell an inertia and an unknown gravity torque that this
+    one cannot: where it cannot, that is a warning instead of a refusal.
+
+    Raises InputError where a channel is missing, UnanswerableError where the motion cannot tell.
+    """
+    scale = Scale.of(rig)
+    require_channels(log, rig)
+    noise = channel_noise(log, rig)
+    whole = find_motion(log.time, log.angle, noise.angle)
+    start, stop, segment_note = part_of(log, whole, rig.drive.kind)
+    used = log.segment(start, stop)
+    motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(log.time, log.angle, whole.speed.half_width)
+    seen = Seen(used, motion, rig, scale, noise)
+    choice, late = with_latency(choose(Signals.of(used, rig, motion), rig, scale, noise), seen)
+    signals, motion = choice.signals, choice.signals.motion
+    estimate = _estimate(choice, rig, scale, noise)
+    check_sign(estimate.law, scale, log.source.path or "the log")
+    budget, parameters = _answer(estimate, rig, signals, scale)
+    amplitude = float(np.max(np.abs(motion.turning_angles)))
+    try:
+        warnings, notes = check_answer(parameters, budget, estimate.law, scale, amplitude)
+    except UnanswerableError as error:
+        if alone or scale.b is not None or error.code != "not-identifiable":
+            raise
+        warnings, notes = [Message(error.code, error.message)], []
+    balance = motor_balance(used, rig, signals, estimate.law.rows.windows, noise)
+    motor_warnings, motor_notes = check_motor(balance, signals)
+    extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
+    lost = loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
+    if lost is not None:
+        extra["loss_unexplained"] = lost
+    notes = [segment_note, *exact_in_row_one(rig), *notes, *motor_notes]
+    u = parameters["inertia"].standard_uncertainty or 0.0
+    off = check_zero(estimate.law, signals, scale, u)
+    if not off:  # a zero that is off bends the gravity torque, too
+        off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
+    off += check_encoders(estimate.law, rig, signals, scale, noise)
+    off += check_latency(choice, seen, u)
+    off += [message for message in late if message.code != "latency-told"]
+    notes += [message for message in late if message.code == "latency-told"]
+    warnings = [*warnings, *off, *motor_warnings]
+    add_findings(log, warnings, notes)
+    return Result(
+        method="momentum",
+        status="warning" if warnings else "ok",
+        parameters=parameters,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+        budget=tuple(budget),
+        provenance=provenance(log, rig),
+        details=replace(_details(estimate, signals, scale, noise, motion, (start, stop)), extra=extra),
+        sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0]),
+        covariance=_covariance(estimate.law) if scale.b is None else {},
+    )
+
+
+def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
+    """Type A covariance of inertia and gravity torque, which move together at one frequency."""
+    names = ("inertia", "gravity_torque")
+    at = [law.unknowns.index(name) for name in names]
+    return {
+        one: {other: float(law.covariance[i, j]) for other, j in zip(names, at, strict=True)}
+        for one, i in zip(names, at, strict=True)
+    }
+
+
+def _estimate(choice: Choice, rig: Rig, scale: Scale, noise: Noise) -> _Estimate:
+    law, tried, signals = choice.law, choice.tried, choice.signals
+    swing = fit_rows(rows_of(signals, swing_windows(signals)), scale, noise, BASIS)
+    turning_rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
+    even = fit_rows(turning_rows, scale, noise, ("offset",))
+    if even is not None:
+        even = with_declared(even, rig, signals, scale, noise)
+        even = _with(even, _asymmetry(even, law), grid_spread(signals, even, scale, noise, "inertia"))
+    if swing is not None:
+        swing = with_declared(swing, rig, signals, scale, noise)
+        swing = _with(swing, grid_spread(signals, swing, scale, noise, "inertia"))
+    common = {
+        "place of the encoder's grid": grid_spread(signals, law, scale, noise, "inertia"),
+        "timing of the turning points": timing_spread(law, choice.impulse),
+        "drift with the length of the windows": drift_with_length(choice, scale, noise),
+    }
+    return _Estimate(law, tried, swing, even, choice.friction, common, turning_rows)
+
+
+def _asymmetry(even: WindowFit, law: WindowFit) -> float:
+    """Bias of the even fit that friction causes because the real motion is not quite symmetric, from the fitted law."""
+    torque = sum(law.value(name) * even.rows.friction[name] for name in ("coulomb", "viscous", "quadratic", "memory"))
+    return float(even.fit.influence[0] @ torque)
+
+
+def _with(fit: WindowFit, *more: float) -> WindowFit:
+    """The fit with more standard uncertainties of a11 added."""
+    covariance = fit.covariance.copy()
+    covariance[0, 0] += sum(extra**2 for extra in more)
+    return replace(fit, covariance=covariance)
+
+
+def _answer(
+    estimate: _Estimate, rig: Rig, signals: Signals, scale: Scale
+) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
+    """Parameters with their budgets: type A first, then every declared imperfection."""
+    law, friction = estimate.law, estimate.friction
+    values = {"inertia": (law.a11 - scale.carried, scale.unit)}
+    budget = _type_a(estimate)
+    if scale.b is None:
+        values["gravity_torque"] = law.value("gravity_torque"), scale.torque_unit
+        budget.append(_scatter("gravity_torque", law.uncertainty("gravity_torque")))
+    for name in values:
+        k = law.unknowns.index(name)
+        for effect in law.declared:
+            shift = float(effect.shifts[k]) + (effect.direct * effect.std if name == "inertia" else 0.0)
+            budget.append(_type_b(name, effect.source, shift, effect.std, effect.shared_id))
+    units = friction_units(scale.linear)
+    b = law.value("gravity_torque") if scale.b is None else scale.b
+    declared = imperfections(rig, signals, friction.rows, law.a11, b)
+    for name, own in parameter_weights(friction.unknowns).items():
+        values[name] = float(own @ friction.values), units[name]
+        budget.append(_scatter(name, float(np.sqrt(own @ friction.covariance @ own))))
+        for item in declared:
+            shift = float(own @ friction.influence @ item.rows) * item.std
+            budget.append(_type_b(name, item.source, shift, item.std, item.shared_id))
+    parameters = {name: Parameter.of(value, combined(budget, name), unit) for name, (value, unit) in values.items()}
+    return budget, parameters
+
+
+def _type_b(parameter: str, source: str, shift: float, std: float, shared_id: str | None) -> BudgetEntry:
+    return BudgetEntry(source, "B", parameter, abs(shift), shift / std, shared_id)
+
+
+def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
+    """Type A entries of the inertia: scatter, drift with the windows' length, disagreement of the kinds."""
+    law = estimate.law
+    entries = [_scatter("inertia", law.u)]
+    for source, spread in estimate.common.items():
+        if spread > NEGLIGIBLE * law.u:
+            entries.append(BudgetEntry(source, "A", "inertia", spread))
+    for name, other in (("swing", estimate.swing), ("even", estimate.even)):
+        gap = disagreement(law, other)
+        if gap > 0:
+            entries.append(BudgetEntry(f'disagreement of "{name}" windows', "A", "inertia", gap))
+    return entries
+
+
+def _scatter(parameter: str, uncertainty: float) -> BudgetEntry:
+    return BudgetEntry("scatter of the windows and sensor noise", "A", parameter, uncertainty)
+
+
+def _details(
+    estimate: _Estimate,
+    signals: Signals,
+    scale: Scale,
+    noise: Noise,
+    motion: Motion,
+    part: tuple[float, float],
+) -> Details:
+    law = estimate.law
+    kinds = {"law": law, "swing": estimate.swing, "even": estimate.even}
+    return Details(
+        start=part[0],
+        stop=part[1],
+        turning_times=motion.turning_times,
+        turning_angles=motion.turning_angles,
+        window=law.half,
+        swings=_per_swing(estimate, signals, scale, noise),
+        friction=estimate.friction.curve,
+        estimates={
+            name: (fit.a11 - scale.carried, fit.u)
+            for name, fit in kinds.items()
+            if fit is not None and fit.u < JUDGE * abs(law.a11)
+        },
+        residual_times=law.rows.windows.centres,
+        residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
+    )
+
+
+def _per_swing(estimate: _Estimate, signals: Signals, scale: Scale, noise: Noise) -> SwingSeries:
+    """One inertia per turning point: its even window with the fitted friction taken off."""
+    law = estimate.law
+    rows = estimate.turning_rows
+    others = sum((law.value(name) * rows.friction[name] for name in law.unknowns if name in rows.friction), 0.0)
+    known = known_side(rows, scale) - law.value("gravity_torque") * rows.gravity - others
+    values = known / rows.inertia - scale.carried
+    power = (law.a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
+    sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows.inertia)
+    spread = 1.4826 * median(np.abs(values - median(values))) if len(values) else 0.0
+    sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
+    return SwingSeries(rows.windows.centres, sides, values, np.maximum(sensor, spread))

@@ -1,0 +1,220 @@
+"""The axis alone, row (I), driven by the measured wheel, by a known torque, or by nothing; with exact sensitivities.
+
+With κ = a12/a11 and z = q1 + κ q2, row (I) reads a11 z'' = τ − b sin q1 − F(q1'), q1 = z − κ q2, q1' = z' − κ q2': the
+measured wheel enters by its angle, never by its acceleration (but for an axis at rest). State (z, z'), classical
+Runge–Kutta steps; a step ends where q1' passes zero. There z'' jumps by the Coulomb friction, and the sensitivities
+with it, as in `motor_motion`; an axis whose friction can hold it rests until it is released.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.methods.output_error.axis_step import (
+    SPEED,
+    TORQUE,
+    WHEEL,
+    acceleration,
+    axis_speed,
+    course_at,
+    one_step,
+    side_from_rest,
+    step_length,
+    turning_at,
+    until_release,
+    until_reversal,
+)
+from swingid.methods.output_error.partials import axis_row, friction_slope
+from swingid.model.friction import sliding_friction
+from swingid.model.parameters import A11, A12, SIZE, B
+from swingid.numerics.compiled import njit
+from swingid.numerics.inlined import njit_inlined
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+GAIN = SIZE
+"""Place of the gain of the torque (1), behind those of the rig's vector."""
+
+MOST_STEPS = 5_000
+
+
+@njit_inlined
+def _slopes_at(
+    at: int,
+    z: float,
+    w: float,
+    s: int,
+    courses: Array,
+    k: int,
+    x: float,
+    p: Array,
+    row: Array,
+    entries: tuple[Ints, Ints, Array],
+    ratio: Array,
+    slopes: tuple[Array, Array],
+) -> None:
+    """∂z''/∂(z, z') into jacobian[at] (2,) and ∂z''/∂θ into known[at] (m,); ratio (m,) is ∂κ/∂θ."""
+    jacobian, known = slopes
+    kappa, wheel, turn = p[A12] / p[A11], course_at(courses, k, WHEEL, x), course_at(courses, k, SPEED, x)
+    q, v = z - kappa * wheel, w - kappa * turn
+    torque = course_at(courses, k, TORQUE, x)
+    axis_row(q, v, s, p, row)
+    row[A11] = -(torque - p[B] * math.sin(q) - sliding_friction(v, s, 0.0, p)) / p[A11]
+    row[GAIN] = torque
+    swing, drag = -p[B] * math.cos(q) / p[A11], -friction_slope(v, s, p) / p[A11]
+    jacobian[at, 0], jacobian[at, 1] = swing, drag
+    for c in range(known.shape[1]):
+        known[at, c] = -(swing * wheel + drag * turn) * ratio[c]
+    places, columns, weights = entries
+    for e in range(len(places)):
+        known[at, columns[e]] += weights[e] * row[places[e]] / p[A11]
+
+
+@njit_inlined
+def _carry(h: float, sensitivity: Array, slopes: tuple[Array, Array]) -> None:
+    """S (2, m) over a step of h (s): the derivative of the step itself, from its four stages."""
+    jacobian, known = slopes
+    for c in range(sensitivity.shape[1]):
+        z, w = sensitivity[0, c], sensitivity[1, c]
+        k1 = jacobian[0, 0] * z + jacobian[0, 1] * w + known[0, c]
+        w2 = w + 0.5 * h * k1
+        k2 = jacobian[1, 0] * (z + 0.5 * h * w) + jacobian[1, 1] * w2 + known[1, c]
+        w3 = w + 0.5 * h * k2
+        k3 = jacobian[2, 0] * (z + 0.5 * h * w2) + jacobian[2, 1] * w3 + known[2, c]
+        w4 = w + h * k3
+        k4 = jacobian[3, 0] * (z + h * w3) + jacobian[3, 1] * w4 + known[3, c]
+        sensitivity[0, c] = z + h / 6.0 * (w + 2.0 * w2 + 2.0 * w3 + w4)
+        sensitivity[1, c] = w + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+
+
+@njit_inlined
+def _fill_ratio(p: Array, entries: tuple[Ints, Ints, Array], ratio: Array) -> None:
+    """∂κ/∂θ (m,) of κ = a12/a11."""
+    places, columns, weights = entries
+    for e in range(len(places)):
+        if places[e] == A12:
+            ratio[columns[e]] += weights[e] / p[A11]
+        elif places[e] == A11:
+            ratio[columns[e]] -= weights[e] * p[A12] / p[A11] / p[A11]
+
+
+@njit_inlined
+def _freed(
+    q: float, courses: Array, k: int, x: float, p: Array, rest: Array, ratio: Array, sensitivity: Array
+) -> tuple[float, float]:
+    """State (z, z') of an axis that has rested at q, and its S from that of q, `rest` (m,)."""
+    wheel, turn = course_at(courses, k, WHEEL, x), course_at(courses, k, SPEED, x)
+    for c in range(len(rest)):
+        sensitivity[0, c], sensitivity[1, c] = rest[c] + ratio[c] * wheel, ratio[c] * turn
+    return q + p[A12] / p[A11] * wheel, p[A12] / p[A11] * turn
+
+
+@njit_inlined
+def _reversed(
+    z: float,
+    w: float,
+    s: int,
+    courses: Array,
+    k: int,
+    x: float,
+    p: Array,
+    rest: Array,
+    ratio: Array,
+    sensitivity: Array,
+) -> tuple[float, float, int]:
+    """Angle, z' and new side where the speed has passed zero; S jumps with z'', and `rest` (m,) becomes that of q1."""
+    kappa, wheel, turn = p[A12] / p[A11], course_at(courses, k, WHEEL, x), course_at(courses, k, SPEED, x)
+    before = acceleration(z, w, s, courses, k, x, p)
+    q, w = z - kappa * wheel, kappa * turn
+    s = side_from_rest(q, courses, k, x, p)
+    after = before if s == 0 else acceleration(z, w, s, courses, k, x, p)
+    slowing = before - kappa * turning_at(courses, k, x)
+    for c in range(len(rest)):
+        rest[c] = sensitivity[0, c] - ratio[c] * wheel
+        if slowing != 0.0:
+            sensitivity[1, c] += (after - before) / slowing * (sensitivity[1, c] - ratio[c] * turn)
+    return q, w, s
+
+
+@njit
+def axis_motion(
+    knots: Array,
+    courses: Array,
+    flags: Ints,
+    bounds: Ints,
+    states: Array,
+    p: Array,
+    entries: tuple[Ints, Ints, Array],
+    longest: float,
+    found: tuple[Array, Array, Array],
+) -> bool:
+    """Angle of the axis, segment by segment, and its derivatives.
+
+    knots (n,): instants, s. courses (n, 3, 4): from each knot on, coefficients of rising powers of the time since; see
+    `COURSES`. flags (n,): 1 where the angle is read. bounds (k + 1,): first knot of each segment. states (k, 2):
+    (q1, q1') at a segment's first knot. p (SIZE,), entries: as in `motor_motion`, with the place `GAIN`. longest:
+    longest step, s. found: outputs (r,), rates (r,), slopes (r, m): derivatives by the two initial values, then by the
+    unknowns. Returns whether the motion stayed finite.
+    """
+    outputs, rates, derivatives = found
+    m = derivatives.shape[1]
+    stages, sensitivity, rest = np.zeros((5, 2)), np.zeros((2, m)), np.zeros(m)
+    row, slopes, ratio = np.zeros(SIZE + 1), (np.zeros((4, 2)), np.zeros((4, m))), np.zeros(m)
+    kappa = p[A12] / p[A11]
+    _fill_ratio(p, entries, ratio)
+    r = 0
+    for segment in range(len(bounds) - 1):
+        k = bounds[segment]
+        z, w = states[segment, 0], states[segment, 1] + kappa * courses[k, SPEED, 0]
+        z += kappa * courses[k, WHEEL, 0]
+        for c in range(m):
+            sensitivity[0, c] = ratio[c] * courses[k, WHEEL, 0] + (1.0 if c == 0 else 0.0)
+            sensitivity[1, c] = ratio[c] * courses[k, SPEED, 0] + (1.0 if c == 1 else 0.0)
+        speed = states[segment, 1]
+        s = 1 if speed > 0.0 else (-1 if speed < 0.0 else side_from_rest(states[segment, 0], courses, k, 0.0, p))
+        q = states[segment, 0]
+        if s == 0:
+            for c in range(m):
+                rest[c] = 1.0 if c == 0 else 0.0
+        for k in range(bounds[segment], bounds[segment + 1]):
+            wheel, turn = courses[k, WHEEL, 0], courses[k, SPEED, 0]
+            if flags[k] != 0:
+                outputs[r], rates[r] = (q, 0.0) if s == 0 else (z - kappa * wheel, w - kappa * turn)
+                for c in range(m):
+                    derivatives[r, c] = rest[c] if s == 0 else sensitivity[0, c] - ratio[c] * wheel
+                r += 1
+            if k + 1 == bounds[segment + 1]:
+                break
+            left, x, steps = knots[k + 1] - knots[k], 0.0, 0
+            while left > 0.0:
+                steps += 1
+                if s == 0:
+                    h = until_release(q, left, courses, k, x, p)
+                    x, left = x + h, left - h
+                    if left > 0.0:
+                        s = side_from_rest(q, courses, k, x, p)
+                        z, w = _freed(q, courses, k, x, p, rest, ratio, sensitivity)
+                    if steps > MOST_STEPS:
+                        return False
+                    continue
+                stages[0, 0], stages[0, 1] = z, w
+                h = step_length(left, longest, z, w, s, courses, k, x, p)
+                one_step(x, h, s, courses, k, p, stages)
+                reversed_ = s * axis_speed(stages[4, 1], courses, k, x + h, p) < 0.0
+                if reversed_:
+                    h = until_reversal(x, h, s, courses, k, p, stages)
+                for i in range(4):
+                    at = x + (0.0 if i == 0 else (h if i == 3 else 0.5 * h))
+                    _slopes_at(i, stages[i, 0], stages[i, 1], s, courses, k, at, p, row, entries, ratio, slopes)
+                _carry(h, sensitivity, slopes)
+                x, left = x + h, (left - h if left - h > 1e-15 else 0.0)
+                z, w = stages[4, 0], stages[4, 1]
+                if reversed_:
+                    q, w, s = _reversed(z, w, s, courses, k, x, p, rest, ratio, sensitivity)
+                if steps > MOST_STEPS or not abs(w) < 1e6:
+                    return False
+    return True

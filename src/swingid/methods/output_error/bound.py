@@ -1,0 +1,65 @@
+"""The Cramér–Rao bound: the least variance of any unbiased estimate from angles with white noise.
+
+The voltage (torque) is what it was in the log. It may depend on noise through the controller, but only on noise that
+was measured before; then the likelihood of the angles factors into that of each sample given the earlier ones, and the
+information is that of the simulation under the held voltage: I = Sᵀ S / σ² with S the sensitivities of the angles.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import InputError, UnanswerableError
+from swingid.methods.output_error.problem import Input, problem_of
+from swingid.methods.output_error.solver import reduce
+from swingid.methods.output_error.unknowns import unknowns_of
+from swingid.model.parameters import rig_vector
+from swingid.model.rig import Rig
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+INPUTS: dict[str, Input] = {"reaction-wheel": "voltage", "direct": "torque", "none": "none"}
+
+SINGULAR = 1e-12
+"""Least eigenvalue of the information, scaled to a diagonal of ones, below which it tells no answer."""
+
+
+def cramer_rao(
+    log: Recording, rig: Rig, law: str = "viscous", *, free: Sequence[str] = (), start: Sequence[float] | None = None
+) -> dict[str, float]:
+    """Least standard deviations of inertia, friction of a known law, and the constants `free`, by name.
+
+    log: gives the instants, the voltage (torque) and, without `start`, the initial values; only the voltage's values
+    matter beside them. rig: the truth, with inertia, friction and the white noise of its sensors; quantisation is not
+    counted. start: true angle, speed and, with a wheel, its angle and speed at the first row. They count as unknown;
+    all other constants as known. Use it beside estimates from many runs, not for a log of unknown truth.
+
+    Raises InputError for a rig without inertia or noise, UnanswerableError where the unknowns cannot be told apart.
+    """
+    scale, source = Scale.of(rig), INPUTS[rig.drive.kind]
+    noise = Noise(rig.sensors.of("angle").noise, rig.sensors.of("wheel").noise, 1 / log.rate)
+    if rig.axis.inertia is None or noise.angle == 0.0:
+        missing = "axis.inertia" if rig.axis.inertia is None else "sensors.noise"
+        raise InputError(f"rig {rig.name}: {missing} is missing, but the bound needs it; give it.", code="missing-key")
+    duration = float(log.time[-1] - log.time[0])
+    problem = problem_of(log, rig, noise, source, 2 * duration, np.inf)
+    # only bounds of a search are made of the last two, and nothing is searched here
+    unknowns = unknowns_of(rig, scale, law, tuple(free), 1.0, 1.0)
+    states = problem.starts if start is None else np.array([start], dtype=np.float64)
+    prediction = problem.predict(rig_vector(rig), unknowns.entries(problem.states), states, len(unknowns))
+    if not (prediction.finite and np.isfinite(prediction.slopes).all()):
+        raise UnanswerableError("the motion under the log's voltage runs away.", code="not-finite")
+    count = len(problem.measured)
+    information = reduce(problem, prediction.slopes, np.zeros(count), np.ones(count)).matrix
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scaled = information / np.outer(size, size)
+    if np.linalg.eigvalsh(scaled)[0] < SINGULAR:
+        raise UnanswerableError(f"the log cannot tell {', '.join(unknowns.names)} apart.", code="not-identifiable")
+    deviations: Array = np.sqrt(np.diag(np.linalg.inv(scaled))) / size
+    return dict(zip(unknowns.names, deviations.tolist(), strict=True))

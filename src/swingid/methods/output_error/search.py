@@ -1,0 +1,258 @@
+"""Where the search begins, and which friction law it ends with.
+
+The start comes from the log itself: the linear fit of row (I) on test functions over its first swings. Other starts,
+well off it, are followed on a few segments, so that a better minimum elsewhere does not go unseen.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.fits import WindowFit
+from swingid.balance.friction_laws import DIRECTIONS, LAWS
+from swingid.methods.output_error.constants import free_start
+from swingid.methods.output_error.problem import Problem
+from swingid.methods.output_error.readings import as_read
+from swingid.methods.output_error.solver import Fit, reduce, solve
+from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
+from swingid.model.parameters import STRIBECK_SPEED
+from swingid.model.rig import Rig
+from swingid.preparation.scale import Scale
+
+Array = NDArray[np.float64]
+
+OFF = ((1.6, 3.0), (0.6, 0.3))
+"""Factors of inertia and friction of the other starts."""
+
+FEW = 2
+"""Segments on which other starts are followed."""
+
+ROUGH, NEAR = 1e-3, 1e-4
+"""How closely (see `solve`) other starts are followed, and the first fit of all segments."""
+
+SAME = 0.01
+"""How near in inertia starts count as having ended alike."""
+
+RICHEST = "coulomb + viscous + quadratic, direction-dependent"
+"""The law about whose motion all laws are compared."""
+
+PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
+"""Stribeck speeds tried, in shares of the highest speed."""
+
+
+@dataclass(frozen=True)
+class Searched:
+    """The fit, of how many starts how many ended at its inertia, and the laws tried with their BIC above the best.
+
+    law: that of a rough fit. spread: standard deviation of the inertia over these laws by their likelihoods; 0 where
+    one law was asked for. drift: change of the inertia since segments of twice the length, where these were shortened.
+    """
+
+    unknowns: Unknowns
+    fit: Fit
+    starts: int
+    agreeing: int
+    candidates: dict[str, float]
+    law: str = ""
+    spread: float = 0.0
+    drift: float = 0.0
+
+
+def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale, fastest: float) -> Array:
+    """Values to begin with: the linear fit's, the rig's for freed constants, of friction at least a bit."""
+    torque = max(abs(windows.value("coulomb")) + abs(windows.value("viscous")) * fastest, 1e-6 * windows.a11 * fastest)
+    even = windows.value("offset"), windows.value("viscous_even")
+    known = {
+        "inertia": windows.a11 - scale.carried,
+        "coulomb": windows.value("coulomb"),
+        "coulomb_positive": windows.value("coulomb") + even[0],
+        "coulomb_negative": windows.value("coulomb") - even[0],
+        "viscous": windows.value("viscous"),
+        "viscous_positive": windows.value("viscous") + even[1],
+        "viscous_negative": windows.value("viscous") - even[1],
+        "quadratic": windows.value("quadratic"),
+    }
+    least = {"viscous": torque / fastest, "quadratic": torque / fastest**2, "cubic": torque / fastest**3}
+    values = []
+    for item in unknowns.items:
+        if item.name == "gravity_torque" and scale.b is None:
+            value = max(windows.value("gravity_torque"), 1e-3 * windows.a11)
+        elif item.name == "inertia":
+            value = known["inertia"] if known["inertia"] > 0 else 0.1 * abs(windows.a11)
+        elif item.name == "stribeck_speed":
+            value = PEAKS[2] * fastest
+        elif item.name == "offset":
+            value = even[0]
+        elif not item.is_sought:
+            value = 0.0
+        elif item.name in FRICTION:
+            value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))
+        else:
+            value = free_start(rig, item.name)
+        values.append(value)
+    return np.array(values)
+
+
+def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> Searched:
+    """Rough fit from the best of several starts: `values` (m,), and `starts` − 1 off it, tried on a few segments."""
+    chosen = list(np.unique(np.linspace(0, len(problem.bounds) - 2, FEW).astype(int)))
+    some = problem.part(chosen)
+    tried = [solve(some, unknowns, values, some.starts, loss, ROUGH)] if starts > 1 else []
+    for k in range(starts - 1):
+        inertia, friction = OFF[k % len(OFF)]
+        power = 1 + k // len(OFF)
+        factors = [
+            inertia**power if name == "inertia" else friction**power if name in FRICTION else 1.0
+            for name in unknowns.names
+        ]
+        tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH))
+    agreeing = 1
+    if tried:
+        best = min(tried, key=lambda fit: fit.cost)
+        spread = SAME * abs(best.values[0])
+        agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)
+        values = best.values if np.isfinite(best.cost) else values
+    fit = solve(problem, unknowns, values, problem.starts, loss, NEAR)
+    return Searched(unknowns, fit, max(len(tried), 1), agreeing, {})
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """Gram matrix of every friction term beside inertia and other unknowns, and the residuals, about one motion.
+
+    values (n,): what each unknown is where the columns were taken, so that a law's own values can be told.
+    """
+
+    names: tuple[str, ...]
+    gram: Array
+    values: Array
+    peak: float
+
+
+@dataclass(frozen=True)
+class Choice:
+    """A friction law, values of the unknowns with it, the criteria of all laws above its own, and their spread."""
+
+    law: str
+    values: dict[str, float]
+    candidates: dict[str, float]
+    spread: float
+
+
+@dataclass(frozen=True)
+class _Verdict:
+    """Bayesian and Akaike information criterion of a law (up to the same constant), and its values to first order."""
+
+    bayes: float
+    akaike: float
+    values: dict[str, float]
+
+
+_NOTHING = _Verdict(np.inf, np.inf, {})
+
+
+def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float, law: str) -> Choice:
+    """Choose the friction law of least Bayesian information criterion; with a `law` other than "auto" only its values.
+
+    unknowns, fit: those of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
+    the best one is fitted anew. independent: number of readings that count as independent. The spread is that of the
+    inertia over all laws with Akaike's weights (Burnham and Anderson 2002, 4.3), which do not favour the smaller laws.
+    """
+    tried: dict[str, _Verdict] = {}
+    for share in PEAKS:
+        columns = _columns(problem, unknowns, fit, share * fastest)
+        for odd in LAWS:
+            for direction in DIRECTIONS:
+                if law not in ("auto", odd + direction) or ("stribeck" not in LAWS[odd] and share != PEAKS[0]):
+                    continue
+                if law == "auto" and direction.endswith("dependent") and "viscous" not in LAWS[odd]:
+                    # a viscous friction of each direction is the same law as that with a viscous term
+                    continue
+                verdict = _judge(columns, odd + direction, independent, forced=law != "auto")
+                if verdict is not None and verdict.bayes < tried.get(odd + direction, _NOTHING).bayes:
+                    tried[odd + direction] = verdict
+    ranked = sorted(tried, key=lambda name: tried[name].bayes)
+    least = min(verdict.akaike for verdict in tried.values())
+    weights = np.exp([-0.5 * (verdict.akaike - least) for verdict in tried.values()])
+    best = tried[ranked[0]]
+    off = np.array([verdict.values["inertia"] for verdict in tried.values()]) - best.values["inertia"]
+    spread = float(np.sqrt(weights @ off**2 / weights.sum()))
+    scores = {name: tried[name].bayes - best.bayes for name in ranked} if law == "auto" else {}
+    return Choice(ranked[0], best.values, scores, spread)
+
+
+def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Columns:
+    p = unknowns.vector(fit.values)
+    body = tuple(k for k, name in enumerate(unknowns.names) if name not in FRICTION)
+    names = ("coulomb", "viscous", "quadratic", "cubic", "stribeck", "offset", "coulomb_positive", "viscous_positive")
+    places = [unknowns.items[k].places for k in body] + [FRICTION[name] for name in names]
+    # the height of Stribeck's peak is 0 here, so its speed moves nothing but its own column
+    p[STRIBECK_SPEED] = peak
+    bare = Unknowns((), unknowns.base)
+    entries = bare.entries(problem.states, places)
+    prediction = problem.predict(p, entries, fit.states, len(places))
+    at = dict(zip(unknowns.names, fit.values, strict=True))
+    own = [unknowns.names[k] for k in body]
+    prediction = as_read(prediction, problem, (*own, *names), np.array([at.get(name, 0.0) for name in (*own, *names)]))
+    extended = np.column_stack([prediction.slopes, problem.sigma * fit.residuals])
+    reduced = reduce(problem, extended, fit.residuals, fit.weights)
+    values = [at[name] for name in own]
+    friction = {"coulomb": at["coulomb_negative"], "viscous": at["viscous_negative"], "quadratic": at["quadratic"]}
+    for name in ("coulomb", "viscous"):
+        friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
+    values += [friction.get(name, 0.0) for name in names]
+    gram = reduced.matrix
+    for column, k in enumerate(body):
+        if (power := unknowns.power[k]) > 0:
+            # what is known beforehand, as one more residual
+            gram[column, column] += power
+            gram[column, -1] -= power * fit.values[k]
+            gram[-1, column] -= power * fit.values[k]
+            gram[-1, -1] += power * fit.values[k] ** 2
+    return _Columns((*own, *names), gram, np.array(values), peak)
+
+
+def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Verdict | None:
+    """Judge a law; None where it is no law of friction (negative beyond its uncertainty), unless forced."""
+    odd, _, direction = law.partition(", ")
+    wanted = list(LAWS[odd])
+    if direction:
+        wanted.append("offset" if direction == "offset" or "coulomb" not in wanted else "coulomb_positive")
+    if direction.startswith("direction"):
+        wanted.append("viscous_positive")
+        if "viscous" not in wanted:
+            wanted.append("viscous")
+    n = len(columns.names)
+    own = [k for k, name in enumerate(columns.names) if name in wanted or name not in FRICTION]
+    # the law's residual: what is left now plus what its unknowns must undo of the terms that it lacks
+    blend = np.zeros((n + 1, len(own) + 1))
+    blend[own, np.arange(len(own))] = 1.0
+    blend[n, -1] = 1.0
+    for k in range(n):
+        if k not in own:
+            blend[k, -1] = columns.values[k]
+    gram = blend.T @ columns.gram @ blend
+    inner, right, total = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
+    scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    inverse = np.linalg.inv(inner * np.outer(scale, scale) + 1e-12 * np.eye(len(own))) * np.outer(scale, scale)
+    change = inverse @ right
+    lost = max(float(total - change @ right), 1e-300)
+    values = columns.values[own] + change
+    spread = np.sqrt(np.maximum(np.diag(inverse) * lost / independent, 0.0))
+    for k, value, u in zip(own, values, spread, strict=True):
+        free = (
+            columns.names[k] in ("offset", "coulomb_positive", "viscous_positive") or columns.names[k] not in FRICTION
+        )
+        if not free and value < -2 * u and law != "viscous" and not forced:
+            return None
+    count = len(friction_unknowns(law))
+    likelihood = float(independent * np.log(lost))
+    named = {columns.names[k]: float(value) for k, value in zip(own, values, strict=True)}
+    named["stribeck_speed"] = columns.peak
+    for name in ("coulomb", "viscous"):
+        named[f"{name}_negative"] = named.get(name, 0.0)
+        named[f"{name}_positive"] = named.get(name, 0.0) + named.get(f"{name}_positive", 0.0)
+    return _Verdict(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named)

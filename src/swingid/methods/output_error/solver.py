@@ -1,0 +1,242 @@
+"""Gauss–Newton with Levenberg and Marquardt's damping on a `Problem`: bounds, robust loss, initial values eliminated.
+
+Each segment's initial values stand in its own rows only, so they leave the normal equations by a Schur complement:
+what is solved has the size of the unknowns however long the log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UsageError
+from swingid.methods.output_error.problem import Prediction, Problem
+from swingid.methods.output_error.readings import as_read
+from swingid.methods.output_error.unknowns import Ints, Unknowns
+from swingid.numerics.compiled import njit
+
+Array = NDArray[np.float64]
+
+LOSSES = ("linear", "huber", "soft_l1")
+
+BEND = 3.0
+"""Residual, in standard deviations as the fit leaves them, from which on a robust loss counts a reading less."""
+
+CLOSE_ENOUGH = 1e-7
+"""The search ends when a step promises to lower the cost by less than this share of it."""
+
+EXACT = 1e-6
+"""Mean squared residual, in those of the sensors, below which nothing is left to gain."""
+
+STALLED = 1e-9
+"""Share of the cost that a step must have gained for the search to go on."""
+
+LEAP = 0.4
+"""Share of itself to which the inertia may fall in one step, and rise by its inverse."""
+
+MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
+HARDEST = 1e10
+
+SINGULAR = 1e-12
+"""Relative damping of a segment's own initial values."""
+
+
+@dataclass(frozen=True)
+class Reduced:
+    """Normal equations without the initial values: matrix (m, m), right side (m,), and what brings those back.
+
+    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment.
+    """
+
+    matrix: Array
+    right: Array
+    own: Array
+    cross: Array
+    right_own: Array
+
+    def states(self, step: Array) -> Array:
+        """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""
+        right = self.right_own - self.cross @ step
+        solved: Array = np.asarray(np.linalg.solve(self.own, right[..., None])[..., 0], dtype=np.float64)
+        return solved
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Where the search ended: values (m,) of the unknowns, initial values (k, s), and the prediction there.
+
+    residuals (r,) in standard deviations of the sensor, weights (r,) of the robust loss, cost the mean of the loss.
+    converged: whether the last step promised nothing more.
+    """
+
+    values: Array
+    states: Array
+    prediction: Prediction
+    residuals: Array
+    weights: Array
+    cost: float
+    reduced: Reduced
+    converged: bool
+
+
+def inverse_of(reduced: Reduced) -> Array:
+    """Pseudo-inverse (m, m) of the normal equations' matrix, unknowns scaled alike."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+    inverse = np.linalg.pinv(reduced.matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
+    result: Array = inverse * np.outer(scale, scale)
+    return result
+
+
+def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduced) -> Array:
+    """Influence (m, r) of residuals (in standard deviations of the sensor) on the unknowns."""
+    s = problem.states
+    root: Array = weights / problem.sigma
+    body: Array = slopes[:, s:] * root[:, None]
+    held: Array = np.asarray(np.linalg.solve(reduced.own, reduced.cross), dtype=np.float64)
+    _take_held(body, slopes, root, held, problem.rows)
+    result: Array = inverse_of(reduced) @ body.T
+    return result
+
+
+@njit
+def _take_held(body: Array, slopes: Array, root: Array, held: Array, rows: Ints) -> None:
+    """Take from the rows of `body` (r, m) what their segment's initial values, `held` (k, s, m), follow of them."""
+    for k in range(len(rows) - 1):
+        for r in range(rows[k], rows[k + 1]):
+            for i in range(held.shape[1]):
+                weighted = root[r] * slopes[r, i]
+                for c in range(held.shape[2]):
+                    body[r, c] -= weighted * held[k, i, c]
+
+
+@njit
+def _grams(slopes: Array, residuals: Array, weights: Array, scale: Array, rows: Ints) -> Array:
+    """Weighted products of all columns and the residuals (k, m + 1, m + 1), segment by segment.
+
+    Compiled, as for so few columns the threads of a matrix product cost more than they save.
+    """
+    m = slopes.shape[1]
+    grams = np.zeros((len(rows) - 1, m + 1, m + 1))
+    line = np.empty(m + 1)
+    for k in range(len(rows) - 1):
+        for r in range(rows[k], rows[k + 1]):
+            for c in range(m):
+                line[c] = slopes[r, c] * scale[r]
+            line[m] = residuals[r]
+            for i in range(m + 1):
+                weighted = weights[r] * line[i]
+                for j in range(i + 1):
+                    grams[k, i, j] += weighted * line[j]
+        for i in range(m + 1):
+            for j in range(i):
+                grams[k, j, i] = grams[k, i, j]
+    return grams
+
+
+def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Reduced:
+    """Normal equations of weighted residuals with every segment's initial values eliminated."""
+    s, m = problem.states, slopes.shape[1] - problem.states
+    grams = _grams(slopes, residuals, weights, 1 / problem.sigma, problem.rows)
+    own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
+    # a wheel that rests at once forgets a mix of its initial speeds, and the block is singular
+    sizes = np.diagonal(own, axis1=1, axis2=2)
+    own = own + np.eye(s) * (SINGULAR * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
+    held = np.linalg.solve(own, grams[:, :s, s:])
+    left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
+    return Reduced(left[:, :m], left[:, m], own, cross, right_own)
+
+
+def informed(reduced: Reduced, unknowns: Unknowns, values: Array) -> Reduced:
+    """The normal equations with what is known of the unknowns (m,) beforehand."""
+    return replace(
+        reduced,
+        matrix=reduced.matrix + np.diag(unknowns.power),
+        right=reduced.right - unknowns.power * values,
+    )
+
+
+def loss_of(residuals: Array, loss: str) -> tuple[float, Array]:
+    """Mean loss and weights of residuals; a robust loss bends at `BEND` of their median size, at least the sensor's.
+
+    Raises UsageError for an unknown loss.
+    """
+    if loss not in LOSSES:
+        raise UsageError(f"unknown loss {loss!r}; choose one of {', '.join(LOSSES)}.", code="unknown-loss")
+    squares = residuals**2
+    if loss == "linear":
+        return float(np.mean(squares)), np.ones_like(residuals)
+    bend = BEND * max(1.0, 1.4826 * float(np.median(np.abs(residuals))))
+    x = squares / bend**2
+    if loss == "soft_l1":
+        root = np.sqrt(1 + x)
+        return float(np.mean(2 * bend**2 * (root - 1))), 1 / root
+    size = np.sqrt(np.maximum(x, 1.0))
+    return float(np.mean(bend**2 * np.where(x <= 1, x, 2 * size - 1))), 1 / size
+
+
+def solve(
+    problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str, enough: float = CLOSE_ENOUGH
+) -> Fit:
+    """Least squares from `values` (m,) and `states` (k, s); the best point found, converged or not.
+
+    enough: share of the cost that a step must promise for the search to go on.
+    """
+    low, high = unknowns.bounds
+    here = _at(problem, unknowns, np.clip(values, low, high), states, loss)
+    if not np.isfinite(here.cost):
+        return here
+    damping = 1e-4
+    inertia = unknowns.names.index("inertia")
+    for _ in range(MOST_STEPS if enough <= CLOSE_ENOUGH else MOST_ROUGH_STEPS):
+        step, promised = _step(here, low, high, damping)
+        if promised <= enough * max(here.cost, EXACT) and damping <= 1e-2:
+            return replace(here, converged=bool(np.isfinite(here.cost)))
+        trial = np.clip(here.values + step, low, high)
+        trial[inertia] = np.clip(trial[inertia], here.values[inertia] * LEAP, here.values[inertia] / LEAP)
+        moved = here.states + here.reduced.states(trial - here.values)
+        there = _at(problem, unknowns, trial, moved, loss)
+        if there.cost < here.cost:
+            gained, here, damping = here.cost - there.cost, there, max(damping / 10, 1e-12)
+            if gained <= STALLED * there.cost:
+                return replace(here, converged=True)
+        elif damping > HARDEST or (promised <= 1e-4 * here.cost and there.cost - here.cost <= 1e-9 * here.cost):
+            return replace(here, converged=promised <= 1e-4 * here.cost or here.cost <= EXACT)
+        else:
+            damping *= 10
+    return replace(here, converged=here.cost <= EXACT)
+
+
+def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
+    entries = unknowns.entries(problem.states)
+    prediction = problem.predict(unknowns.vector(values), entries, states, len(unknowns))
+    prediction = as_read(prediction, problem, unknowns.names, values)
+    residuals = (problem.measured - prediction.outputs) / problem.sigma
+    if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
+        empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))
+        return Fit(values, states, prediction, residuals, residuals, np.inf, empty, converged=False)
+    cost, weights = loss_of(residuals, loss)
+    cost += float(unknowns.power @ values**2) / len(residuals)
+    reduced = informed(reduce(problem, prediction.slopes, residuals, weights), unknowns, values)
+    return Fit(values, states, prediction, residuals, weights, cost, reduced, converged=False)
+
+
+def _step(fit: Fit, low: Array, high: Array, damping: float) -> tuple[Array, float]:
+    """Damped step of the unknowns, those at a bound that it would leave held, and the promised fall of the cost."""
+    matrix, right = fit.reduced.matrix, fit.reduced.right
+    free = np.ones(len(right), dtype=bool)
+    step = np.zeros(len(right))
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    for _ in range(len(right)):
+        at = np.nonzero(free)[0]
+        inner = matrix[np.ix_(at, at)] * np.outer(scale[at], scale[at]) + damping * np.eye(len(at))
+        step[:] = 0.0
+        step[at] = scale[at] * np.linalg.lstsq(inner, scale[at] * right[at], rcond=1e-14)[0]
+        pushed = free & (((fit.values <= low) & (step < 0)) | ((fit.values >= high) & (step > 0)))
+        if not pushed.any():
+            break
+        free &= ~pushed
+    own = np.linalg.solve(fit.reduced.own, fit.reduced.right_own[..., None])[..., 0]
+    fall = float(2 * step @ right - step @ matrix @ step + np.sum(own * fit.reduced.right_own))
+    return step, fall / max(len(fit.residuals), 1)

@@ -1,0 +1,274 @@
+"""The unknowns of a fit, and how each stands in the rig's vector of constants.
+
+Every unknown θ moves some places of the vector linearly, p = base + D θ: the Coulomb friction stands in four places,
+the wheel's inertia in a11, a12 and a22. Friction is a law of `identify.friction_laws`; Stribeck's peak is sought as its
+height over the Coulomb friction, so that plain bounds keep the law one of friction. A constant that rig.toml states
+with an uncertainty is an unknown too, as its deviation from what is stated, known beforehand to within that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.friction_laws import DIRECTIONS, LAWS, friction_units, law_terms
+from swingid.errors import UsageError
+from swingid.methods.output_error.constants import (
+    SCALE,
+    Places,
+    constant_places,
+    constant_value,
+    free_key,
+    free_name,
+    scaled_places,
+    unit_of,
+)
+from swingid.model.parameters import (
+    A11,
+    AXIS_STICKS,
+    COULOMB_N,
+    COULOMB_P,
+    CUBIC,
+    OFFSET,
+    QUADRATIC,
+    SIZE,
+    STATIC_N,
+    STATIC_P,
+    STRIBECK_SPEED,
+    VISCOUS_N,
+    VISCOUS_P,
+    vector,
+)
+from swingid.model.rig import Rig
+from swingid.preparation.scale import Scale
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Entries = tuple[Ints, Ints, Array]
+
+FRICTION: dict[str, Places] = {
+    "viscous": ((VISCOUS_P, 1.0), (VISCOUS_N, 1.0)),
+    "viscous_positive": ((VISCOUS_P, 1.0),),
+    "viscous_negative": ((VISCOUS_N, 1.0),),
+    "coulomb": ((COULOMB_P, 1.0), (COULOMB_N, 1.0), (STATIC_P, 1.0), (STATIC_N, 1.0)),
+    "coulomb_positive": ((COULOMB_P, 1.0), (STATIC_P, 1.0)),
+    "coulomb_negative": ((COULOMB_N, 1.0), (STATIC_N, 1.0)),
+    "stribeck": ((STATIC_P, 1.0), (STATIC_N, 1.0)),
+    "stribeck_speed": ((STRIBECK_SPEED, 1.0),),
+    "quadratic": ((QUADRATIC, 1.0),),
+    "cubic": ((CUBIC, 1.0),),
+    "offset": ((OFFSET, 1.0),),
+}
+"""Places of the friction unknowns; "stribeck" is the static less the Coulomb friction."""
+
+POWERS = {"viscous": 1, "quadratic": 2, "cubic": 3}
+"""Power of the speed that a coefficient of friction stands before, where not 0."""
+
+NEVER_FREE = ("drive.motor.gear_ratio", "log.torque_gain")
+"""Constants whose places are those of small deviations only, or that nothing but another constant tells."""
+
+ZERO = "angle_zero"
+"""What the angle's encoder reads at angle 0: unknown within a step of its grid. It moves readings, not the motion."""
+
+
+FARTHEST_ZERO = 0.1
+"""Angle (rad) within which the zero of the angle is looked for where that within its grid does not explain the log."""
+
+NOTHING: Mapping[str, float] = {}
+
+ANY_SCALE = 1.0
+"""Standard deviation of the motor's scale: so wide that it tells nothing."""
+
+FARTHEST = 30.0
+"""Standard deviations within which a constant is looked for about what is stated."""
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """One unknown: name, unit, bounds, and the places of the vector that it moves with their weights.
+
+    std: standard deviation about 0 that is known beforehand, finite for what is not asked for: the angle's zero, and
+    the deviation of a constant from what rig.toml states, whose name is its key.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    places: Places
+    std: float = np.inf
+
+    @property
+    def is_sought(self) -> bool:
+        """Whether it is asked for, rather than known beforehand to within its std."""
+        return not np.isfinite(self.std)
+
+
+@dataclass(frozen=True)
+class Unknowns:
+    """The unknowns in order ("inertia" first), and the vector with all of them at zero."""
+
+    items: tuple[Unknown, ...]
+    base: Array
+
+    def __len__(self) -> int:
+        return len(self.items)
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the unknowns."""
+        return tuple(item.name for item in self.items)
+
+    @cached_property
+    def bounds(self) -> tuple[Array, Array]:
+        """Lowest and highest values."""
+        return np.array([item.low for item in self.items]), np.array([item.high for item in self.items])
+
+    @cached_property
+    def zero(self) -> int | None:
+        """Place of the angle's zero among the unknowns, where it is one."""
+        return self.names.index(ZERO) if ZERO in self.names else None
+
+    @cached_property
+    def power(self) -> Array:
+        """What is known of each unknown beforehand: 1/std² about 0."""
+        return np.array([item.std**-2.0 for item in self.items])
+
+    def with_free_zero(self) -> Unknowns:
+        """The same with the angle's zero anywhere within `FARTHEST_ZERO`."""
+        return self._with_zero(_zero_within(FARTHEST_ZERO)) if self.zero else self
+
+    def zero_bound(self, values: Array) -> bool:
+        """Whether `values` (m,) have the angle's zero at its bound."""
+        return self.zero is not None and abs(values[self.zero]) >= self.items[self.zero].high
+
+    def with_zero_of(self, other: Unknowns) -> Unknowns:
+        """The same with the angle's zero bounded and known as in `other`."""
+        return self._with_zero(other.items[other.zero]) if self.zero and other.zero else self
+
+    def _with_zero(self, zero: Unknown) -> Unknowns:
+        return replace(self, items=tuple(zero if item.name == ZERO else item for item in self.items))
+
+    def entries(self, states: int, more: Sequence[Places] = ()) -> Entries:
+        """(place, column, weight) of every unknown, then of `more`; columns count from `states`."""
+        flat = [
+            (place, states + column, weight)
+            for column, places in enumerate([*(item.places for item in self.items), *more])
+            for place, weight in places
+        ]
+        places, columns, weights = zip(*flat, strict=True)
+        return np.array(places, dtype=np.int64), np.array(columns, dtype=np.int64), np.array(weights, dtype=np.float64)
+
+    def vector(self, values: Array) -> Array:
+        """The rig's vector (SIZE,) for values of the unknowns."""
+        p = np.append(self.base, 1.0)
+        for item, value in zip(self.items, values, strict=True):
+            for place, weight in item.places:
+                p[place] += weight * value
+        p[AXIS_STICKS] = float(max(p[STATIC_P], p[STATIC_N]) > 0.0)
+        return p[:SIZE]
+
+
+def _zero_within(width: float) -> Unknown:
+    """A zero of the angle that lies anywhere within ± width (rad) / 2, and beyond by noise only."""
+    return Unknown(ZERO, "rad", -width, width, (), width / np.sqrt(12))
+
+
+def friction_unknowns(law: str) -> tuple[str, ...]:
+    """Names of the unknowns of a friction law. Raises UsageError for an unknown law."""
+    odd, comma, direction = law.partition(",")
+    if odd not in LAWS or comma + direction not in DIRECTIONS:
+        text = f'unknown friction law {law!r}; choose "auto" or one of {", ".join(LAWS)}'
+        raise UsageError(f'{text}, each also with ", offset" or ", direction-dependent".', code="unknown-law")
+    terms = law_terms(law)
+    directed = "viscous_even" in terms
+    names: list[str] = []
+    for term in terms:
+        if directed and term in ("coulomb", "viscous"):
+            names += [f"{term}_positive", f"{term}_negative"]
+        elif not (term == "viscous_even" or (term == "offset" and directed and "coulomb" in terms)):
+            names.append(term)
+    if directed and "viscous" not in terms:
+        names += ["viscous_positive", "viscous_negative"]
+    return (*names, "stribeck_speed") if "stribeck" in terms else tuple(names)
+
+
+def unknowns_of(
+    rig: Rig,
+    scale: Scale,
+    law: str,
+    free: Sequence[str],
+    fastest: float,
+    strongest: float,
+    resolution: float = 0.0,
+    uncertain: Sequence[str] = (),
+    readings: Mapping[str, float] = NOTHING,
+) -> Unknowns:
+    """Inertia, gravity torque where it is "unknown" or asked for, the friction law, and the constants asked for.
+
+    fastest: highest speed of the motion (rad/s); strongest: a torque (N m) that no friction exceeds. A Stribeck speed
+    is sought below the one, coefficients below what makes the other at that speed. resolution: step of the angle's
+    grid (rad). Who sets an encoder to 0 where the body hangs errs by up to half a step, which gravity shows. uncertain:
+    keys of constants that may deviate from what is stated, within their uncertainty; readings: the same of the sensors,
+    with the standard deviations.
+    Raises UsageError for an unknown law or constant.
+    """
+    places = constant_places(rig, scale)
+    units = friction_units(scale.linear)
+    items = [Unknown("inertia", scale.unit, 1e-12, np.inf, ((A11, 1.0),))]
+    for name in dict.fromkeys((*(("gravity_torque",) if scale.b is None else ()), *free)):
+        key = free_key(name)
+        offered = [other for other in places if other not in NEVER_FREE]
+        if key not in offered:
+            has = ", ".join(free_name(other) for other in offered)
+            raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
+        items.append(Unknown(name, unit_of(key, scale), 0.0, np.inf, places[key]))
+    for name in friction_unknowns(law):
+        low = -strongest if name == "offset" else 0.0
+        high = strongest / fastest ** POWERS.get(name.partition("_")[0], 0)
+        if name == "stribeck_speed":
+            low, high = 0.003 * fastest, fastest
+        unit = units["coulomb" if name == "stribeck" else name]
+        items.append(Unknown(name, unit, low, high, FRICTION[name]))
+    asked = {free_key(item.name) for item in items if item.name not in FRICTION}
+    items += [_about_stated(rig, scale, key, places[key]) for key in uncertain if key in places and key not in asked]
+    if SCALE in uncertain:
+        items.append(Unknown(SCALE, "1", -0.9, FARTHEST * ANY_SCALE, scaled_places(rig), ANY_SCALE))
+    for key, std in readings.items():
+        unit = "s" if key.endswith("latency") else "rad"
+        items.append(Unknown(key, unit, -FARTHEST * std, FARTHEST * std, (), std))
+    if resolution > 0 and not scale.linear and scale.b != 0:
+        items.append(_zero_within(resolution))
+    return Unknowns(tuple(items), _base(rig, scale, items))
+
+
+def _about_stated(rig: Rig, scale: Scale, key: str, places: Places) -> Unknown:
+    """The deviation of a constant from what is stated; one that is above 0 stays so."""
+    value, std = constant_value(rig, key)
+    assert std
+    widest = FARTHEST * std
+    low = -widest if value <= 0 else -min(widest, 0.9 * value)
+    return Unknown(key, unit_of(key, scale), low, widest, places, std)
+
+
+def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
+    """The vector of the rig's constants with every unknown at zero (and every deviation from what is stated)."""
+    stated: dict[str, float] = {"axis.inertia": 1.0, "axis.gravity_torque": scale.b or 0.0}
+    for key in constant_places(rig, scale):
+        if key.startswith("drive."):
+            stated[key] = constant_value(rig, key)[0]
+    if rig.drive.motor is not None:
+        stated["drive.motor.dead_zone.negative"], stated["drive.motor.dead_zone.positive"] = rig.drive.motor.dead_zone
+    base = vector(stated, scale.drive)
+    base[A11] -= 1.0
+    for item in items:
+        if item.name == "inertia" or item.name in FRICTION or not item.is_sought:
+            continue
+        value = stated.get(free_key(item.name), 0.0)
+        for place, weight in item.places:
+            base[place] -= weight * value
+    return base

@@ -1,0 +1,8 @@
+"""Several results into one: the pooled answer of several logs, and the inertia of an added body."""
+
+from __future__ import annotations
+
+from swingid.pooling.difference import difference
+from swingid.pooling.several import identify_several
+
+__all__ = ["difference", "identify_several"]

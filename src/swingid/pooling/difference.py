@@ -1,0 +1,201 @@
+"""The inertia of an added body: what the axis has with it less what it has without."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.format import plus_minus
+from swingid.pooling.known_body import calibrated
+from swingid.pooling.runs import Runs
+from swingid.pooling.shares import Estimate, Share, sum_of
+from swingid.result.result import Message, Parameter, Result
+from swingid.units import Quantity, parse_quantity
+
+HOPELESS = 0.3
+"""Relative standard uncertainty above which the difference says nothing of the body."""
+
+GIVEN = str | float | Quantity
+
+
+def difference(
+    tare: Result | str | Path,
+    loaded: Result | str | Path,
+    *,
+    mass: GIVEN | None = None,
+    distance: GIVEN | None = None,
+    known: GIVEN | None = None,
+) -> Result:
+    """Inertia of the body that `loaded` has and `tare` has not, from two results of one method on one rig.
+
+    tare, loaded: results, or the JSON files that hold them. What both runs share (the wheel's inertia, encoders)
+    enters with the difference of its sensitivities and so partly cancels; scatter and what differs add in squares.
+
+    mass, distance: of the body and of its centre from the axis, numbers in SI or text such as "68.0 ± 0.1 g"; with them
+    `inertia` is about the body's own centre, J_c = J_e − m d² (Huygens–Steiner), and `inertia_about_axis` is J_e.
+
+    known: the body's inertia as known otherwise (about the axis; about its own centre where mass and distance are
+    given). It then calibrates the scale, see `known_body`: `scale_factor`, the constant that it corrects,
+    `tare_inertia` and `loaded_inertia` are parameters too. `inertia` stays what was measured with the scale of the rig.
+
+    Raises InputError for files that hold no inertia or do not belong together, UnanswerableError where the difference
+    is lost in its uncertainty, UsageError for options that do not fit. Do not use it where the body also changes the
+    friction law at standstill or the way the axis is held: such changes are taken for inertia.
+    """
+    runs = Runs.of(tare, loaded)
+    body = _body(runs, mass, distance)
+    first, second = runs.estimates("inertia")
+    about_axis = sum_of([second, first], [1.0, -1.0])
+    _require_seen(about_axis, runs, calibrating=known is not None)
+    estimates = {"inertia": about_axis}
+    if body is not None:
+        estimates = {"inertia": _about_own_centre(about_axis, *body, runs.unit), "inertia_about_axis": about_axis}
+    if all("gravity_torque" in result.parameters for result in (runs.tare, runs.loaded)):
+        pair = runs.estimates("gravity_torque")
+        estimates["gravity_torque"] = sum_of([pair[1], pair[0]], [1.0, -1.0])
+    warnings = _warnings(runs)
+    notes = [Message("difference", f"{runs.names[1]} less {runs.names[0]}.")]
+    parameters = _parameters(estimates, runs)
+    notes += [*_exact(mass=body and body[0], distance=body and body[1]), *_exact_in(runs), *runs.notes]
+    budget = [entry for name, estimate in estimates.items() for entry in estimate.entries(name)]
+    if known is not None:
+        what = _quantity(known, _si(runs.unit), "known")
+        target = Estimate(what.value, {"known": _share("inertia of the known body", 1.0, what)})
+        if body is not None:
+            target = _about_axis(target, *body)
+        scale = calibrated(runs, (first, second), target)
+        parameters |= scale.parameters
+        budget += scale.budget
+        warnings += scale.warnings
+        notes += [*scale.notes, *_exact(known=what)]
+    return Result(
+        method="difference",
+        status="warning" if warnings else "ok",
+        parameters=parameters,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+        budget=tuple(budget),
+        provenance=_provenance(runs, {"mass": mass, "distance": distance, "known": known}),
+    )
+
+
+def _si(unit: str) -> str:
+    """Unit of an inertia as `units` reads it."""
+    return "kg" if unit == "kg" else "kg*m^2"
+
+
+def _quantity(given: GIVEN, unit: str, key: str) -> Quantity:
+    """A positive quantity from an option; UsageError where it is none."""
+    try:
+        found = parse_quantity(given, unit, key)
+    except InputError as error:
+        raise UsageError(error.message, code=error.code) from None
+    if found.value < 0 or (found.value == 0 and key != "distance"):
+        raise UsageError(f"{key} is {found.value:g}, but must be positive.", code="out-of-range")
+    return found
+
+
+def _body(runs: Runs, mass: GIVEN | None, distance: GIVEN | None) -> tuple[Quantity, Quantity] | None:
+    """Mass (kg) and distance (m) of the body, None where not given."""
+    if mass is None and distance is None:
+        return None
+    if mass is None or distance is None:
+        raise UsageError("mass and distance go together; give both or none.", code="mass-and-distance")
+    if runs.unit == "kg":
+        raise UsageError("mass and distance have no meaning on a linear axis; leave them out.", code="linear-axis")
+    return _quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance")
+
+
+def _require_seen(found: Estimate, runs: Runs, *, calibrating: bool) -> None:
+    """Raise where there is no body to be seen: the results are swapped, or the difference is lost.
+
+    A known body may calibrate a scale that is too uncertain to measure it by.
+    """
+    text = plus_minus(found.value, found.u, runs.unit)
+    if found.value < -2 * found.u:
+        raise InputError(
+            f"{runs.names[1]} shows less inertia than {runs.names[0]} ({text}); give the run without the body first.",
+            code="swapped",
+        )
+    if found.value <= 0 or (found.u > HOPELESS * found.value and not calibrating):
+        raise UnanswerableError(
+            f"the difference of {runs.names[1]} and {runs.names[0]}, {text}, is lost in its uncertainty; the body is "
+            "too light for these runs.",
+            code="not-identifiable",
+        )
+
+
+def _share(source: str, slope: float, quantity: Quantity) -> Share:
+    std = quantity.std or 0.0
+    return Share(source, "B", slope * std, std or None, source)
+
+
+def _about_own_centre(about_axis: Estimate, mass: Quantity, distance: Quantity, unit: str) -> Estimate:
+    """J_c = J_e − m d²."""
+    found = _moved(about_axis, -1.0, mass, distance)
+    if found.value <= 0:
+        moved = plus_minus(about_axis.value - found.value, None, unit)
+        raise InputError(
+            f"mass and distance make m d^2 = {moved}, more than the body's inertia about the axis, "
+            f"{plus_minus(about_axis.value, about_axis.u, unit)}; check both.",
+            code="parallel-axis",
+        )
+    return found
+
+
+def _about_axis(own: Estimate, mass: Quantity, distance: Quantity) -> Estimate:
+    """J_e = J_c + m d²."""
+    return _moved(own, 1.0, mass, distance)
+
+
+def _moved(inertia: Estimate, sign: float, mass: Quantity, distance: Quantity) -> Estimate:
+    m, d = mass.value, distance.value
+    shares = {
+        "body.mass": _share("body.mass", sign * d**2, mass),
+        "body.distance": _share("body.distance", sign * 2 * m * d, distance),
+    }
+    shares = {key: share for key, share in shares.items() if share.u}
+    return Estimate(inertia.value + sign * m * d**2, inertia.shares | shares)
+
+
+def _parameters(estimates: dict[str, Estimate], runs: Runs) -> dict[str, Parameter]:
+    """Unknown where one of the runs has no uncertainty."""
+    found = {}
+    for name, estimate in estimates.items():
+        source = "inertia" if name.startswith("inertia") else name
+        pair = [result.parameters[source] for result in (runs.tare, runs.loaded)]
+        known = all(parameter.standard_uncertainty is not None for parameter in pair)
+        found[name] = Parameter.of(estimate.value, estimate.u if known else None, pair[0].unit)
+    return found
+
+
+def _warnings(runs: Runs) -> list[Message]:
+    """Those of the two runs, each with the name of its file."""
+    both = zip((runs.tare, runs.loaded), runs.names, strict=True)
+    return [Message(m.code, f"{name}: {m.message}") for result, name in both for m in result.warnings]
+
+
+def _exact_in(runs: Runs) -> list[Message]:
+    """Which constants of the rig the two runs took as exact."""
+    codes = ("exact-constants", "no-uncertainty-inertia")
+    return list(dict.fromkeys(m for result in (runs.tare, runs.loaded) for m in result.notes if m.code in codes))
+
+
+def _exact(**given: Quantity | None) -> list[Message]:
+    names = [name for name, quantity in given.items() if quantity is not None and not quantity.std]
+    if not names:
+        return []
+    return [Message("exact-constants", f"taken as exact, because no uncertainty was given: {', '.join(names)}.")]
+
+
+def _provenance(runs: Runs, options: dict[str, GIVEN | None]) -> dict[str, object]:
+    kept = ("log", "log_sha256", "logs", "logs_sha256", "rig", "rig_source", "rig_sha256")
+    found: dict[str, object] = {}
+    for role, result, name in zip(("tare", "loaded"), (runs.tare, runs.loaded), runs.names, strict=True):
+        found[role] = {"result": name} | {key: result.provenance[key] for key in kept if key in result.provenance}
+    return found | {
+        "method": runs.tare.method,
+        "rig": runs.loaded.provenance.get("rig"),
+        "options": {name: str(value) for name, value in options.items() if value is not None},
+        "versions": runs.loaded.provenance.get("versions"),
+    }

@@ -1,0 +1,283 @@
+"""The parts of one large log into one answer: pooled as several logs are, with the scatter between them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swingid.errors import SwingidError
+from swingid.format import percent
+from swingid.pooling.consistency import outliers
+from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair, pool_pair
+from swingid.pooling.pooling import BETWEEN, Pooled, pool
+from swingid.pooling.several import estimates_of
+from swingid.pooling.shares import Estimate, sum_of
+from swingid.pooling.verdicts import SINGLE, conditioning
+from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries
+
+BETWEEN_PARTS = "scatter between the parts"
+AVERAGED = "averaging of rows"
+
+AVERAGE_OUT = ("momentum",)
+"""Methods whose scatter falls with the number of parts. Energy's smoothed speeds err alike in all of them, at the level
+of one part's scatter, so there its scatter counts as shared."""
+
+OFTEN = 0.1
+"""Share of the parts from which on what they doubt is a doubt of the whole; below it is told in a note."""
+
+JUDGED = 48
+"""Groups of successive parts, at most, of which each is held against the others."""
+
+OF_A_PART = ("segment", "friction-per-log")
+"""Notes that say nothing of the whole."""
+
+DRAWN = 2000
+"""Swings, at most, that the result keeps for drawing."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a log: begin and end (s), rows of the log, rows averaged into one, its result or why it has none.
+
+    smear: relative error of the inertia, at most, by what does not average exactly (see `smear`).
+    """
+
+    start: float
+    stop: float
+    rows: int
+    averaged: int
+    result: Result | SwingidError
+    smear: float = 0.0
+
+    @property
+    def name(self) -> str:
+        """'30 s to 60 s'."""
+        return f"{self.start:.6g} s to {self.stop:.6g} s"
+
+
+def combine_parts(parts: Sequence[Part]) -> Result:
+    """The common answer of the parts of one log, by one method; inertia, gravity torque and friction are pooled.
+
+    Friction is that of the parts that chose the commonest law. What few parts doubt is a note. Raises the error of the
+    first part where none has a number, UnanswerableError where all together do not tell inertia from gravity torque.
+    """
+    found = [(part, part.result) for part in parts if isinstance(part.result, Result)]
+    certain = [(part, result) for part, result in found if result.inertia.standard_uncertainty is not None]
+    if not found:
+        raise next(part.result for part in parts if isinstance(part.result, SwingidError))
+    kept = certain or found[:1]
+    results = [result for _, result in kept]
+    if certain:
+        pooled = _pooled(results)
+        units = {name: parameter.unit for result in results for name, parameter in result.parameters.items()}
+        parameters = {name: one.parameter(units[name]) for name, one in pooled.items()}
+        budget = tuple(entry for name, one in pooled.items() for entry in _entries(name, one))
+        budget, parameters = _with_averaging(budget, parameters, max(part.smear for part, _ in kept))
+    else:
+        pooled, parameters, budget = {}, results[0].parameters, results[0].budget
+    joint = bool(results[0].covariance)
+    warnings = conditioning(parameters["inertia"], budget) if joint and len(results) > 1 else []
+    said, notes = _said(results, len(parts), settled=joint and len(results) > 1)
+    warnings += [*said, *_apart(kept, joint=joint)]
+    notes = [_note(parts, kept, pooled), *notes, *_without(parts)]
+    return Result(
+        method=results[0].method,
+        status="warning" if warnings else "ok",
+        parameters=parameters,
+        warnings=tuple(warnings),
+        notes=tuple(notes),
+        budget=budget,
+        provenance=_provenance(parts, results),
+        details=_details(kept),
+        sensitivities={} if joint or not pooled else _sensitivities(results, pooled["inertia"]),
+        covariance=Pairs.of(results, estimates_of(results, "per-log")).common_covariance() if joint else {},
+    )
+
+
+def _pooled(results: Sequence[Result]) -> dict[str, Pooled]:
+    """Inertia and gravity torque of all parts, friction of those with the commonest law."""
+    estimates = _estimates(results, "per-log")
+    pooled = {name: pool(each) for name, each in estimates.items()}
+    if is_joint(results):
+        pooled |= pool_pair(Pairs.of(results, estimates))
+    laws = Counter(tuple(name for name in result.parameters if name not in PAIR) for result in results)
+    law = laws.most_common(1)[0][0]
+    alike = [result for result in results if tuple(name for name in result.parameters if name not in PAIR) == law]
+    friction = {name: each for name, each in _estimates(alike, "shared").items() if name not in PAIR}
+    return pooled | {name: pool(each) for name, each in friction.items()}
+
+
+def _estimates(results: Sequence[Result], friction: str) -> dict[str, list[Estimate]]:
+    return estimates_of(results, friction, scatter_is_shared=results[0].method not in AVERAGE_OUT)
+
+
+def _with_averaging(
+    budget: tuple[BudgetEntry, ...], parameters: dict[str, Parameter], smear: float
+) -> tuple[tuple[BudgetEntry, ...], dict[str, Parameter]]:
+    """Budget and parameters with what averaging rows does to the inertia: anywhere within ± smear (GUM 4.3.7)."""
+    inertia = parameters["inertia"]
+    if smear == 0.0 or inertia.standard_uncertainty is None or inertia.interval95 is None:
+        return budget, parameters
+    entry = BudgetEntry(AVERAGED, "A", "inertia", float(abs(inertia.value) * smear / 3**0.5))
+    reach = (inertia.interval95[1] - inertia.interval95[0]) / 2 / inertia.standard_uncertainty
+    u = float(np.hypot(inertia.standard_uncertainty, entry.standard_uncertainty))
+    interval = (inertia.value - reach * u, inertia.value + reach * u)
+    return (*budget, entry), parameters | {"inertia": replace(inertia, standard_uncertainty=u, interval95=interval)}
+
+
+def _entries(name: str, pooled: Pooled) -> list[BudgetEntry]:
+    """The budget of one parameter, the scatter named for what it is here."""
+    entries = pooled.estimate.entries(name)
+    return [replace(entry, source=BETWEEN_PARTS) if entry.source == BETWEEN else entry for entry in entries]
+
+
+def _said(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
+    """What the parts say, each kind once: as a warning where many parts warn of it, else as a note."""
+    left_out = SINGLE if settled else ()
+    warnings: list[Message] = []
+    notes: list[Message] = []
+    for code, texts in _kinds([result.warnings for result in results]).items():
+        if code not in left_out:
+            message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
+            (warnings if len(texts) >= OFTEN * count else notes).append(message)
+    for code, texts in _kinds([result.notes for result in results]).items():
+        if code not in OF_A_PART:
+            alike = len(texts) == len(results) and len(set(texts)) == 1
+            text = texts[0] if alike else f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}"
+            notes.append(Message(code, text))
+    return warnings, notes
+
+
+def _kinds(said: Sequence[Sequence[Message]]) -> dict[str, list[str]]:
+    """By code: the first message of each part that has one."""
+    kinds: dict[str, list[str]] = {}
+    for messages in said:
+        for code in dict.fromkeys(message.code for message in messages):
+            kinds.setdefault(code, []).append(next(m.message for m in messages if m.code == code))
+    return kinds
+
+
+def _apart(kept: Sequence[tuple[Part, Result]], *, joint: bool) -> list[Message]:
+    """A warning that names the parts that disagree with the rest in the inertia (in the pair, where that is sought)."""
+    advice = "look at the log there, or leave it out with --part; the uncertainty holds the scatter"
+    if joint:
+        found = outlying_pair(Pairs.of([r for _, r in kept], estimates_of([r for _, r in kept], "per-log")))
+        if found is None:
+            return []
+        text = f"the part from {kept[found[0]][0].name} stands apart in inertia and gravity torque together; {advice}."
+        return [Message("parts-disagree", text)]
+    size = -(-len(kept) // JUDGED)
+    groups = [kept[k : k + size] for k in range(0, len(kept), size)]
+    if any(result.inertia.standard_uncertainty is None for _, result in kept):
+        return []
+    all_of_them = estimates_of([result for _, result in kept], "per-log")["inertia"]
+    estimates = [_mean(all_of_them[k : k + size]) for k in range(0, len(kept), size)]
+    named = outliers(estimates)
+    if not named:
+        return []
+    told = ", ".join(
+        f"{groups[d.log][0][0].start:.6g} s to {groups[d.log][-1][0].stop:.6g} s "
+        f"({percent(d.value / (estimates[d.log].value - d.value), sign=True)})"
+        for d in named[:5]
+    )
+    more = f" and {len(named) - 5} more" if len(named) > 5 else ""
+    return [Message("parts-disagree", f"the inertia stands apart in the part from {told}{more}; {advice}.")]
+
+
+def _mean(estimates: Sequence[Estimate]) -> Estimate:
+    return estimates[0] if len(estimates) == 1 else sum_of(estimates, pool(estimates).weights)
+
+
+def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], pooled: dict[str, Pooled]) -> Message:
+    """How the log was read, and how its parts scatter."""
+    blocks = sorted({part.averaged for part in parts})
+    text = f"the log was read in {len(parts)} parts, {len(kept)} of which have a number"
+    if blocks != [1]:
+        lengths = f"{blocks[0]}" if len(blocks) == 1 else f"{blocks[0]} to {blocks[-1]}"
+        text += f"; {lengths} rows were averaged into one, which shortens no swing to less than 300 of them"
+    inertia = pooled.get("inertia")
+    if inertia is not None and len(kept) > 1:
+        scatter = "no scatter between the parts beyond that within them"
+        if inertia.between > 0:
+            scatter = f"scatter between the parts {percent(inertia.between / abs(inertia.estimate.value))}"
+        text += f"; {scatter}"
+    return Message("read-in-parts", f"{text}; what the parts share does not average out.")
+
+
+def _without(parts: Sequence[Part]) -> list[Message]:
+    """One note for each reason why parts have no number."""
+    reasons: dict[str, list[Part]] = {}
+    for part in parts:
+        if isinstance(part.result, SwingidError):
+            reasons.setdefault(part.result.code, []).append(part)
+    return [
+        Message(
+            "parts-without-number",
+            f"{len(alike)} of {len(parts)} parts have no number, such as that from {alike[0].name}: "
+            f"{alike[0].result.message if isinstance(alike[0].result, SwingidError) else ''}",
+        )
+        for alike in reasons.values()
+    ]
+
+
+def _provenance(parts: Sequence[Part], results: Sequence[Result]) -> dict[str, object]:
+    """That of the first part, with the rows and the repairs of all and a line for each."""
+    lines = []
+    for part in parts:
+        line: dict[str, object] = {"start": part.start, "stop": part.stop, "rows": part.rows, "averaged": part.averaged}
+        if isinstance(part.result, Result):
+            inertia = part.result.inertia
+            line |= {"inertia": inertia.value, "standard_uncertainty": inertia.standard_uncertainty}
+        else:
+            line |= {"refused": part.result.code}
+        lines.append(line)
+    whole: dict[str, object] = {"rows": sum(part.rows for part in parts), "repairs": _repairs(results), "parts": lines}
+    return results[0].provenance | whole
+
+
+def _repairs(results: Sequence[Result]) -> list[dict[str, object]]:
+    """Every repair once, with the number of parts in which it was made."""
+    found: dict[tuple[object, object], list[object]] = {}
+    for result in results:
+        repairs = result.provenance.get("repairs")
+        own = {(one["repair"], one["done"]): one["what"] for one in repairs} if isinstance(repairs, list) else {}
+        for key, what in own.items():
+            found.setdefault(key, []).append(what)
+    return [
+        {"repair": name, "done": done, "what": f"in {len(whats)} of {len(results)} parts, such as: {whats[0]}"}
+        for (name, done), whats in found.items()
+    ]
+
+
+def _details(kept: Sequence[tuple[Part, Result]]) -> Details | None:
+    """Turning points and swings of all parts, the friction of the one in the middle of their inertias."""
+    found = [result.details for _, result in kept if result.details is not None]
+    if not found:
+        return None
+    values = [result.inertia.value for _, result in kept if result.details is not None]
+    middle = found[int(np.argsort(values)[len(values) // 2])]
+    swings = [details.swings for details in found if details.swings is not None]
+    series = None
+    if swings:
+        every = -(-sum(len(one.times) for one in swings) // DRAWN)
+        names = ("times", "sides", "values", "uncertainties")
+        series = SwingSeries(*(np.concatenate([getattr(one, name) for one in swings])[::every] for name in names))
+    return Details(
+        start=found[0].start,
+        stop=found[-1].stop,
+        turning_times=np.concatenate([details.turning_times for details in found]),
+        turning_angles=np.concatenate([details.turning_angles for details in found]),
+        window=middle.window,
+        swings=series,
+        friction=middle.friction,
+    )
+
+
+def _sensitivities(results: Sequence[Result], inertia: Pooled) -> dict[str, float]:
+    keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
+    return {
+        key: float(sum(w * r.sensitivities[key] for w, r in zip(inertia.weights, results, strict=True))) for key in keys
+    }

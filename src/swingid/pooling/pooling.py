@@ -1,0 +1,122 @@
+"""The common value of one parameter in several logs: weights, scatter between the logs, and what does not average out.
+
+The logs' values are x_i = θ + (what all logs share) + b_i + e_i: e_i has the standard uncertainty that log i states on
+its own, b_i the variance τ² of whatever differs from run to run and no budget knows. τ² is Paule and Mandel's (1982, J.
+Res. NBS 87, 377), the choice of consensus building among laboratories (Koepke, Lafarge, Possolo and Toman 2017,
+Metrologia 54, S34; Veroniki et al. 2016, Res. Synth. Methods 7, 55), with the shared sources taken off the observed
+scatter as in the general method of moments (DerSimonian and Kacker 2007, Contemp. Clin. Trials 28, 105). A Birge ratio
+would blame every log in proportion to what it states: right for wrong uncertainties, not for differing runs. Where
+τ > 0 the interval is Student's with n − 1 degrees of freedom (Hartung and Knapp 2001, Stat. Med. 20, 3875). Two or
+three logs hardly tell τ: where it is estimated as 0 by chance, the interval is that of the logs' own uncertainties.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.pooling.shares import Estimate, Share, covariance, sum_of
+from swingid.result.result import COVERAGE_FACTOR, Parameter
+
+Array = NDArray[np.float64]
+
+BETWEEN = "scatter between the logs"
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Common value of n logs: its estimate, the weights (n,), standard deviation τ between logs, degrees of freedom."""
+
+    estimate: Estimate
+    weights: Array
+    between: float
+    freedom: float
+
+    def parameter(self, unit: str) -> Parameter:
+        """Value with its interval."""
+        return student(self.estimate.value, self.estimate.u, self.freedom, unit)
+
+
+def pool(estimates: Sequence[Estimate]) -> Pooled:
+    """Pool the estimates of one parameter from several logs (at least one).
+
+    Weights are 1/(u_i² + τ²): u_i is what log i has on its own (type A), with what the type B shares of log i exceed
+    the least such share among the logs, so that a log that leans on a constant more than the others counts less.
+    """
+    whole = covariance(estimates)
+    values = np.array([estimate.value for estimate in estimates])
+    own = _weight_variances(estimates)
+    between = _between(values, own, whole)
+    weights = 1 / (own + between)
+    weights = weights / weights.sum()
+    pooled = sum_of(estimates, weights)
+    if between == 0:
+        return Pooled(pooled, weights, 0.0, math.inf)
+    extra = math.sqrt(between * float(weights @ weights))
+    pooled = replace(pooled, shares=pooled.shares | {BETWEEN: Share(BETWEEN, "A", extra)})
+    # τ is known from these logs alone, so what averages out over them has n − 1 degrees of freedom
+    averaged = between + np.array([_alone(estimates, k) for k in range(len(values))])
+    share = float(weights**2 @ averaged) / pooled.u**2
+    return Pooled(pooled, weights, math.sqrt(between), (len(values) - 1) / share**2)
+
+
+def _alone(estimates: Sequence[Estimate], k: int) -> float:
+    """Variance of log k by sources that no other log has."""
+    others = {key for j, estimate in enumerate(estimates) if j != k for key in estimate.shares}
+    return sum(share.u**2 for key, share in estimates[k].shares.items() if key not in others)
+
+
+def student(value: float, u: float, freedom: float, unit: str) -> Parameter:
+    """Parameter whose 95 % interval is Student's for effective degrees of freedom (Welch–Satterthwaite; GUM, G.4)."""
+    if not math.isfinite(freedom) or freedom > 1000:
+        return Parameter.of(value, u, unit)
+    from scipy.special import stdtrit
+
+    reach = float(stdtrit(max(freedom, 1.0), 0.975)) * u
+    assert reach >= COVERAGE_FACTOR * u * (1 - 1e-9)
+    return Parameter(value, u, (value - reach, value + reach), unit)
+
+
+def _weight_variances(estimates: Sequence[Estimate]) -> Array:
+    """Variance that the weights stand on, (n,), never zero."""
+    counts: dict[str, int] = {}
+    for estimate in estimates:
+        for key in estimate.shares:
+            counts[key] = counts.get(key, 0) + 1
+    common = [key for key, count in counts.items() if count == len(estimates)]
+    least = {key: min(abs(estimate.shares[key].u) for estimate in estimates) for key in common}
+    variances = [
+        sum((abs(share.u) - least.get(key, 0.0)) ** 2 for key, share in estimate.shares.items())
+        for estimate in estimates
+    ]
+    # below the rounding of a value no log is better than another
+    floor = (1e-9 * max(abs(estimate.value) for estimate in estimates)) ** 2
+    result: Array = np.array(variances) + max(floor, 1e-300)
+    return result
+
+
+def _between(values: Array, own: Array, whole: Array) -> float:
+    """τ²: where the weighted scatter of the values is what their covariance and τ² make one expect; 0 below."""
+
+    def excess(between: float) -> float:
+        weights = 1 / (own + between)
+        share = weights / weights.sum()
+        centred = values - share @ values
+        expected = weights @ np.diag(whole) - weights @ whole @ share + between * (weights.sum() - weights @ share)
+        return float(weights @ centred**2 - expected)
+
+    if len(values) < 2 or excess(0.0) <= 0:
+        return 0.0
+    low, high = 0.0, float(np.ptp(values)) ** 2
+    while excess(high) > 0:
+        high *= 4
+    for _ in range(200):
+        middle = (low + high) / 2
+        if middle in (low, high):
+            break
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return (low + high) / 2

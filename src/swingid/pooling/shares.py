@@ -1,0 +1,107 @@
+"""Values whose errors are sums of independent sources, so that sums of such values know what they have in common.
+
+The linear propagation of the GUM (JCGM 100, 5.2), source by source: two values that share a source are correlated by
+it, with the signs of their sensitivities.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.result.result import BudgetEntry, Result
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Share:
+    """What one source does to a value.
+
+    u: change of the value for one standard deviation of the source, with its sign where that is known. std: the
+    source's standard deviation in its own unit (None: type A). shared_id: the physical constant, as in `BudgetEntry`.
+    """
+
+    source: str
+    type: Literal["A", "B"]
+    u: float
+    std: float | None = None
+    shared_id: str | None = None
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value and its shares by identity of their source: equal keys are one and the same random quantity."""
+
+    value: float
+    shares: dict[str, Share]
+
+    @property
+    def u(self) -> float:
+        """Standard uncertainty."""
+        return math.sqrt(sum(share.u**2 for share in self.shares.values()))
+
+    def entries(self, parameter: str) -> list[BudgetEntry]:
+        """The budget of a parameter with this value; sources of one name and nature are one entry."""
+        merged: dict[tuple[str, str, str | None], list[Share]] = {}
+        for share in self.shares.values():
+            merged.setdefault((share.source, share.type, share.shared_id), []).append(share)
+        found = []
+        for shares in merged.values():
+            first, u = shares[0], math.sqrt(sum(share.u**2 for share in shares))
+            slope = first.u / first.std if len(shares) == 1 and first.std else None
+            found.append(BudgetEntry(first.source, first.type, parameter, u, slope, first.shared_id))
+        return found
+
+
+Identity = Callable[[BudgetEntry], str]
+"""From an entry of a result's budget to the identity of its source among all results that are combined."""
+
+
+def estimate_of(result: Result, parameter: str, identity: Identity) -> Estimate:
+    """Value and shares of a parameter from a result's budget."""
+    shares: dict[str, Share] = {}
+    for k, entry in enumerate(entry for entry in result.budget if entry.parameter == parameter):
+        u, std = entry.standard_uncertainty, None
+        if entry.sensitivity:
+            std = u / abs(entry.sensitivity)
+            u = math.copysign(u, entry.sensitivity)
+        key = identity(entry)
+        # two entries of one identity in one budget are two quantities
+        shares[key if key not in shares else f"{key} #{k}"] = Share(entry.source, entry.type, u, std, entry.shared_id)
+    return Estimate(result.parameters[parameter].value, shares)
+
+
+def sum_of(estimates: Sequence[Estimate], weights: Iterable[float], constant: float = 0.0) -> Estimate:
+    """Constant + Σ weight · estimate, source by source."""
+    shares: dict[str, Share] = {}
+    value = constant
+    for estimate, weight in zip(estimates, weights, strict=True):
+        value += weight * estimate.value
+        for key, share in estimate.shares.items():
+            u = weight * share.u + (shares[key].u if key in shares else 0.0)
+            shares[key] = Share(share.source, share.type, u, share.std, share.shared_id)
+    return Estimate(value, shares)
+
+
+def covariance(estimates: Sequence[Estimate]) -> Array:
+    """Covariance of the values, (n, n)."""
+    keys = list(dict.fromkeys(key for estimate in estimates for key in estimate.shares))
+    matrix = np.array([[e.shares[key].u if key in e.shares else 0.0 for key in keys] for e in estimates])
+    matrix = matrix.reshape(len(estimates), len(keys))
+    result: Array = matrix @ matrix.T
+    return result
+
+
+def scatters(entry: BudgetEntry) -> bool:
+    """Whether this type A source differs from log to log: scatter does, with the sensors' noise in it.
+
+    The others (drift with the length of windows, disagreement, the encoder's grid, timing, bias by noise) come from
+    motion, friction and sensors, which are alike in logs of one rig, so they do not average out.
+    """
+    return entry.type == "A" and entry.source.startswith(("scatter", "sensor noise"))

@@ -1,0 +1,218 @@
+"""The motion as the angles show it: turning points, swings, and the part worth using.
+
+Nothing here knows the reference or the controller; everything is found in the measured angle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UnanswerableError
+from swingid.numerics.compiled import njit
+from swingid.numerics.ranks import median, quantile
+from swingid.numerics.spline import local_cubic
+from swingid.preparation.speed import NARROWEST, Speed, smooth_speed, typical_step
+
+Array = NDArray[np.float64]
+
+FEWEST_ROWS = 20
+
+DIFFERENCES = 10_000
+"""Rows of seven samples, all over a signal, on which its noise is looked at: they tell it to 1 %."""
+
+SMALLEST_SWING = 0.02
+"""A swing below this share of the largest one is noise or rest, not a swing."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Speed, and the turning points between swings of some size: instants (s), angles, +1 upper / −1 lower.
+
+    `rests` (k, 2): begin and end of the intervals in which the axis stands still longer than a reversal takes.
+    `reach`: half-width (s) of the local cubics that the turning points are read off. `ripples`: instants (s) of the
+    other reversals, around swings that are larger than the noise but too small to be called so.
+    """
+
+    speed: Speed
+    turning_times: Array
+    turning_angles: Array
+    sides: Array
+    rests: Array
+    reach: float
+    ripples: Array
+
+    @property
+    def swing_sizes(self) -> Array:
+        """Angle covered between successive turning points."""
+        return np.abs(np.diff(self.turning_angles))
+
+    @cached_property
+    def half_period(self) -> float:
+        """Median time between turning points in s."""
+        return median(np.diff(self.turning_times))
+
+    @cached_property
+    def quickest(self) -> float:
+        """Time (s) in which the quickest turn of the motion passes: its speed through its acceleration; 1/ω of a sine.
+
+        The acceleration is that which a hundredth of the grid exceeds.
+        """
+        grid, speed = self.speed.grid, self.speed.speed
+        acceleration = quantile(np.abs(np.diff(speed) / np.diff(grid)), 0.99)
+        return float(np.max(np.abs(speed))) / max(acceleration, 1e-300)
+
+    def reread(self, time: Array, angle: Array, reach: float) -> Motion:
+        """The same motion with its turning points read off cubics over ±`reach` s, from samples of the whole log."""
+        reach = max(reach, NARROWEST * typical_step(time))
+        times, angles = _refined(time, angle, self.speed, self.turning_times, reach)
+        return replace(self, turning_times=times, turning_angles=angles, reach=reach)
+
+    def earlier(self, late: Array) -> Motion:
+        """The same motion with every turning point `late` seconds earlier (one value each)."""
+        return replace(self, turning_times=self.turning_times - late)
+
+    def within(self, start: float, stop: float) -> Motion:
+        """The same motion with the turning points and rests between two instants only."""
+        inside = (self.turning_times > start) & (self.turning_times < stop)
+        rests = self.rests[(self.rests[:, 1] > start) & (self.rests[:, 0] < stop)].clip(start, stop)
+        times, angles, sides = self.turning_times[inside], self.turning_angles[inside], self.sides[inside]
+        ripples = self.ripples[(self.ripples > start) & (self.ripples < stop)]
+        return Motion(self.speed, times, angles, sides, rests, self.reach, ripples)
+
+    def directions(self, start: float, stop: float) -> tuple[Array, Array]:
+        """Edges (s) of swings and ripples from `start` to `stop`, and the signs of the speed, for `project_steps`.
+
+        Intervals of rest carry 0: what friction does there is not told by the speed.
+        """
+        edges = np.concatenate([[start], np.sort(np.concatenate([self.turning_times, self.ripples])), [stop]])
+        if len(self.sides):
+            # the sign alternates from edge to edge, and rises to an upper turning point
+            place = np.arange(len(edges) - 1) - np.searchsorted(edges[1:], self.turning_times[0])
+            signs = self.sides[0] * (1.0 - 2.0 * (place % 2))
+        else:
+            signs = np.array([np.sign(np.mean(self.speed.speed))])
+        for begin, end in self.rests:
+            before = int(np.searchsorted(edges, begin, side="right")) - 1
+            after = int(np.searchsorted(edges, end, side="right")) - 1
+            edges = np.concatenate([edges[: before + 1], [begin, end], edges[after + 1 :]])
+            signs = np.concatenate([signs[: before + 1], [0.0], signs[after:]])
+        return edges, signs
+
+
+def sample_noise(values: Array) -> float:
+    """Standard deviation of white noise in a smooth sampled signal, from its sixth differences (robust).
+
+    From about `DIFFERENCES` of them, all over the signal.
+    """
+    if len(values) < 20:
+        return 0.0
+    every = max(1, (len(values) - 6) // DIFFERENCES)
+    sixth = sixth_differences([values[k : len(values) - 6 + k : every] for k in range(7)])
+    return float(median(np.abs(sixth)) / (0.6745 * np.sqrt(924)))
+
+
+def sixth_differences(seven: list[Array]) -> Array:
+    """Sixth differences of seven successive samples each; white noise makes √924 times its own of them."""
+    result: Array = seven[0] - 6 * (seven[1] + seven[5]) + 15 * (seven[2] + seven[4]) - 20 * seven[3] + seven[6]
+    return result
+
+
+def grid_step(values: Array) -> float:
+    """Step of the grid on which `values` lie, 0 where there is none: the change of which all are multiples."""
+    changes = np.abs(np.diff(values))
+    changes = changes[changes > 1e-7 * (np.ptp(values) + 1e-300)]
+    if len(changes) < 10:
+        return 0.0
+    smallest = float(changes.min())
+    multiples = changes[:2000] / smallest
+    return smallest if np.mean(np.abs(multiples - np.round(multiples)) < 0.01) > 0.99 else 0.0
+
+
+def find_motion(time: Array, angle: Array, noise: float) -> Motion:
+    """Speed and turning points of a log; noise: standard deviation of one angle sample.
+
+    A reversal counts as a turning point when the swings on both sides are larger than the noise and than
+    2 % of the largest swing, so that a noisy axis at rest has none. Raises UnanswerableError without motion.
+    """
+    if len(time) < FEWEST_ROWS:
+        raise UnanswerableError(
+            f"{len(time)} rows are too few to see a motion, at least {FEWEST_ROWS} are needed; log a longer run.",
+            code="too-short",
+        )
+    speed = smooth_speed(time, angle, noise)
+    fine = np.linspace(speed.grid[0], speed.grid[-1], 4 * len(speed.grid))
+    v = speed.at(fine)
+    q = speed.angle_at(fine)
+    size = float(q.max() - q.min())
+    if not size > 12 * noise or size == 0.0:
+        raise UnanswerableError(
+            f"the angle moves by {size:.2g} only, not more than its noise and resolution; record a swing.",
+            code="no-motion",
+        )
+    crossings = np.nonzero(np.sign(v[:-1]) * np.sign(v[1:]) < 0)[0]
+    instants = fine[crossings] + (fine[1] - fine[0]) * v[crossings] / (v[crossings] - v[crossings + 1])
+    reach = max(speed.half_width / 2, NARROWEST * typical_step(time))
+    instants, angles = _refined(time, angle, speed, instants, reach)
+    path = np.concatenate([[q[0]], angles, [q[-1]]])
+    keep = _inner(_extremes(path, max(SMALLEST_SWING * size, 8 * noise)), len(angles))
+    small = np.zeros(len(angles), dtype=bool)
+    small[_inner(_extremes(path, 8 * noise), len(angles))] = True
+    small[keep] = False
+    sides = np.sign(v[crossings[keep]])
+    return Motion(speed, instants[keep], angles[keep], sides, _rests(speed, fine, v), reach, instants[small])
+
+
+def _inner(extremes: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Indices into `count` reversals of extremes of the path that has its two ends beside them."""
+    return extremes[(extremes > 0) & (extremes <= count)] - 1
+
+
+def _refined(time: Array, angle: Array, speed: Speed, instants: Array, reach: float) -> tuple[Array, Array]:
+    """Turning points by one Newton step on a cubic over ±`reach`, and the angles there.
+
+    A jump of the acceleration there delays them (`momentum/delays.py`).
+    """
+    acceleration = speed.acceleration(instants)
+    fitted = local_cubic(time, angle, instants, reach)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shift = -fitted[:, 1] / acceleration
+    shift = np.where(np.isfinite(shift) & (np.abs(shift) < speed.half_width / 2), shift, 0.0)
+    refined = np.maximum.accumulate(instants + shift)
+    return refined, speed.angle_at(refined)
+
+
+@njit
+def _extremes(values: Array, threshold: float) -> NDArray[np.int64]:
+    """Indices of the alternating extremes of `values` that differ by more than `threshold` (hysteresis)."""
+    kept = np.empty(len(values), np.int64)
+    count = low = high = direction = 0
+    for k, value in enumerate(values):
+        if value > values[high]:
+            high = k
+        if value < values[low]:
+            low = k
+        if direction >= 0 and values[high] - value > threshold:
+            kept[count] = high
+            count += 1
+            direction, low, high = -1, k, k
+        elif direction <= 0 and value - values[low] > threshold:
+            kept[count] = low
+            count += 1
+            direction, high, low = 1, k, k
+    return kept[:count].copy()
+
+
+def _rests(speed: Speed, instants: Array, v: Array) -> Array:
+    """Intervals in which |v| stays within its noise for longer than three passages through zero take."""
+    threshold = max(4 * speed.noise, 2e-3 * float(np.abs(v).max()))
+    still = np.concatenate([[False], np.abs(v) < threshold, [False]])
+    begins, ends = np.nonzero(~still[:-1] & still[1:])[0], np.nonzero(still[:-1] & ~still[1:])[0] - 1
+    acceleration = np.sqrt(np.mean(np.gradient(v, instants[1] - instants[0]) ** 2))
+    passage = 2 * threshold / max(acceleration, 1e-300)
+    long = instants[ends] - instants[begins] > 3 * passage + 2 * speed.half_width
+    result: Array = np.column_stack([instants[begins[long]], instants[ends[long]]])
+    return result

@@ -1,0 +1,190 @@
+"""A hand's push, or a bump: a torque on the axis from outside, found in the balance of a driven log and left out.
+
+Row (I) holds at any motion, so the transient that a push leaves behind is as good as the rest; only while the torque
+acts do the rows say something else. A push is what the balance leaves once: what friction, wrong constants, latency or
+encoders do comes again with every swing and is none. See `quick_balance` for what is fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.format import number, percent
+from swingid.model.rig import Rig
+from swingid.recording.recording import CHANNELS, Finding, Recording
+
+if TYPE_CHECKING:
+    from swingid.preparation.quick_balance import QuickBalance
+
+Array = NDArray[np.float64]
+
+REPAIR = "push"
+LEFT_IN = "push-left"
+
+SCATTERS = 8.0
+"""Robust standard deviations of the windows that a push exceeds."""
+
+NOISES = 4.0
+"""Times the noise of the sensors that it exceeds, for windows so short hold few grains of a coarse encoder."""
+
+SHARE = 0.01
+"""Of the largest drive or gravity that it exceeds: constants and laws are no better."""
+
+SWINGS = 4.0
+"""Times the worst window of a swing, on two thirds of the swings, that it exceeds: that comes with every swing."""
+
+FRICTION, AT_REST = 0.4, 1.5
+"""Of the friction that it exceeds, in motion and near a reversal: friction of no known law may do as much once."""
+
+MOST = 6
+"""Pushes beyond which it is something else that the balance does not describe."""
+
+MOST_TIME = 0.25
+"""Share of the log that pushes may take."""
+
+BLUNT = 0.05
+"""Share of the largest drive or gravity: where a push may be as large and not be seen, there may be more of them."""
+
+BLIND = 0.15
+"""The same: where so large a push would not be seen, those that are seen are the least of it and stay in."""
+
+LEAST = 0.25
+"""Of the time of a swing that is left out at least, so that the gap is none that methods bridge."""
+
+OTHER = ("jumps", "spikes-left", "push", LEFT_IN)
+"""Findings of a log that is not searched: readings that are wrong look alike, or it was done before."""
+
+
+@dataclass(frozen=True)
+class Push:
+    """From when to when (s) a torque from outside acts, and its largest mean over a window (N m or N, signed).
+
+    unseen: a push so large, as a share of the largest drive or gravity, would not have been seen at that place.
+    """
+
+    start: float
+    stop: float
+    torque: float
+    unseen: float
+
+
+def without_pushes(log: Recording, rig: Rig) -> Recording:
+    """The log without the rows while a push acts, with a note among its findings; unchanged where there is none.
+
+    Where the repair "push" is switched off, or most pushes would not be seen, the rows stay, and a warning says what
+    was seen.
+    """
+    if any(finding.code in OTHER for finding in log.findings):
+        return log
+    pushes = find_pushes(log, rig)
+    if not pushes:
+        return log
+    text = _told(pushes, "N" if rig.axis.kind == "linear" else "N m")
+    if any(finding.code == "repair-off" and finding.repair == REPAIR for finding in log.findings):
+        message = f"{text}; these rows were used all the same, as wanted, and spoil the balance."
+        return replace(log, findings=(*log.findings, Finding(LEFT_IN, message, "warning")))
+    unseen = max(one.unseen for one in pushes)
+    gentler = f"pushes of less than {percent(unseen)} of the largest torque would not show"
+    if unseen > BLIND:
+        message = f"{text}; {gentler}, so nothing was left out: take a part without pushes (--part FROM:TO)."
+        return replace(log, findings=(*log.findings, Finding(LEFT_IN, message, "warning")))
+    acts = np.zeros(len(log), dtype=bool)
+    for one in pushes:
+        acts |= (log.time >= one.start) & (log.time <= one.stop)
+    message = f"{text}; {np.count_nonzero(acts)} of {len(log)} rows were left out, those after it were used"
+    if unseen > BLUNT:
+        message += f"; {gentler}, so rather take a part without pushes (--part FROM:TO)"
+    found = Finding(REPAIR, f"{message}.", "warning" if unseen > BLUNT else "note", REPAIR)
+    kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
+    spans = np.array([(one.start, one.stop) for one in pushes])
+    return replace(log, findings=(*log.findings, found), left_out=spans, **kept)
+
+
+def _told(pushes: list[Push], unit: str) -> str:
+    """When, and how strongly."""
+    said = [f"{one.start:.4g} to {one.stop:.4g} s ({number(one.torque, unit, digits=2)})" for one in pushes]
+    listed = said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
+    return f"a torque from outside acts on the axis, as of a hand, from {listed}"
+
+
+def find_pushes(log: Recording, rig: Rig) -> list[Push]:
+    """Pushes in a driven log, in the order of time; none where the balance cannot tell, or leaves too much."""
+    from swingid.preparation.quick_balance import quick_balance
+
+    balance = quick_balance(log, rig)
+    if balance is None:
+        return []
+    size, usual, expected = _sizes(balance)
+    found = np.flatnonzero(size > expected)
+    if len(found) == 0:
+        return []
+    quiet = _quiet(balance, max(usual, 3 * balance.scatter))
+    around = [_around(k, balance, quiet, float(expected[k]), log) for k in _peaks(found, size, quiet)]
+    pushes = _merged(around, balance.half)
+    time_lost = sum(one.stop - one.start for one in pushes)
+    return pushes if len(pushes) <= MOST and time_lost <= MOST_TIME * log.duration else []
+
+
+def _quiet(balance: QuickBalance, least: float) -> NDArray[np.bool_]:
+    """Windows at which a push ends: with less than this (N m or N) left, or beside a change of sign."""
+    quiet: NDArray[np.bool_] = np.abs(balance.torque) < least
+    turns = np.signbit(balance.torque[1:]) != np.signbit(balance.torque[:-1])
+    quiet[1:] |= turns
+    quiet[:-1] |= turns
+    return quiet
+
+
+def _sizes(balance: QuickBalance) -> tuple[Array, float, Array]:
+    """What the balance leaves of each window in motion, what it leaves at worst in most swings, and what is no push."""
+    moving = balance.usable & ~balance.rests
+    size = np.where(moving, np.abs(balance.torque), 0.0)
+    usual = _worst_of_swings(balance, size, moving)
+    chance = max(SCATTERS * balance.scatter, NOISES * balance.noise, SWINGS * usual)
+    law = balance.friction * np.where(balance.slow, AT_REST, FRICTION)
+    return size, usual, chance + np.maximum(law, SHARE * balance.largest)
+
+
+def _worst_of_swings(balance: QuickBalance, size: Array, moving: NDArray[np.bool_]) -> float:
+    """The largest value of a swing that two thirds of the swings do not exceed."""
+    width = balance.times[1] - balance.times[0]
+    bins = max(round(np.pi * balance.turn / width), 1)
+    swings = len(size) // bins
+    if swings == 0:
+        return 0.0
+    worst = size[: swings * bins].reshape(swings, bins).max(axis=1)
+    worst = worst[moving[: swings * bins].reshape(swings, bins).any(axis=1)]
+    return float(np.sort(worst)[2 * len(worst) // 3]) if len(worst) else 0.0
+
+
+def _peaks(found: NDArray[np.int64], size: Array, quiet: NDArray[np.bool_]) -> list[int]:
+    """The largest window of every run of `found` ones that no quiet one parts."""
+    runs = np.cumsum(quiet)[found]
+    return [int(own[np.argmax(size[own])]) for own in (found[runs == run] for run in np.unique(runs))]
+
+
+def _around(k: int, balance: QuickBalance, quiet: NDArray[np.bool_], unseen: float, log: Recording) -> Push:
+    """The push whose largest window is the k-th: to the first quiet window on each side, or the end of the log."""
+    before, after = np.flatnonzero(quiet[:k]), np.flatnonzero(quiet[k:])
+    start = float(balance.times[before[-1]]) if len(before) else float(log.time[0])
+    stop = float(balance.times[k + after[0]]) if len(after) else float(log.time[-1])
+    short = LEAST * np.pi * balance.turn - (stop - start)
+    if short > 0:
+        start, stop = start - short / 2, stop + short / 2
+    return Push(start, stop, float(balance.torque[k]), unseen / balance.largest)
+
+
+def _merged(pushes: list[Push], apart: float) -> list[Push]:
+    """Pushes in order; those less than `apart` (s) apart, which no window tells apart, as one."""
+    result: list[Push] = []
+    for one in sorted(pushes, key=lambda push: push.start):
+        if not result or one.start > result[-1].stop + apart:
+            result.append(one)
+            continue
+        last = result[-1]
+        torque, unseen = max(last.torque, one.torque, key=abs), max(last.unseen, one.unseen)
+        result[-1] = Push(last.start, max(last.stop, one.stop), torque, unseen)
+    return result

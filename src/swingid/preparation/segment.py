@@ -1,0 +1,109 @@
+"""The part of a log worth using: the steady motion of a driven axis, the free decay of a released one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import UnanswerableError
+from swingid.preparation.motion import Motion
+from swingid.recording.recording import Recording
+from swingid.result.result import Message
+
+Array = NDArray[np.float64]
+
+FEWEST_TURNS = 4
+
+
+def usable_part(
+    motion: Motion, drive: str, start: float, stop: float, left_out: Iterable[Iterable[float]] = ()
+) -> tuple[float, float, Message]:
+    """Start and stop (s) of the part to use, and a note that names it.
+
+    left_out: parts (s) without rows, of a push; what settles behind them is no transient at the beginning.
+    Raises UnanswerableError where fewer than four turning points are found.
+    """
+    if len(motion.turning_times) < FEWEST_TURNS:
+        found = len(motion.turning_times)
+        raise UnanswerableError(
+            f"the angle shows {found} turning point{'' if found == 1 else 's'} from {start:.6g} to {stop:.6g} s, "
+            f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro.",
+            code="no-turning-points",
+        )
+    used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop, left_out)
+    text = f"used the part from {used[0]:.4g} to {used[1]:.4g} s of a log from {start:.4g} to {stop:.4g} s"
+    reason = "the free decay" if drive == "none" else "after the transient"
+    whole = used[1] - used[0] > 0.98 * (stop - start)
+    return *used, Message("segment", f"{text}." if whole else f"{text}: {reason}.")
+
+
+def part_of(log: Recording, motion: Motion, drive: str) -> tuple[float, float, Message]:
+    """`usable_part` of a log and what was left out of it."""
+    return usable_part(motion, drive, float(log.time[0]), float(log.time[-1]), log.left_out)
+
+
+def longest_run(log: Recording) -> Recording:
+    """The longest run of rows between parts that are left out, for methods that go on from row to row."""
+    if len(log.left_out) == 0:
+        return log
+    edges = np.concatenate([log.time[:1], log.left_out.ravel(), log.time[-1:]]).reshape(-1, 2)
+    start, stop = max(edges, key=lambda run: float(run[1] - run[0]))
+    return log.segment(float(start), float(stop))
+
+
+def _steady(motion: Motion, start: float, stop: float, left_out: Iterable[Iterable[float]]) -> tuple[float, float]:
+    """From the first swing after which the sizes of swings keep within the range of the log's second half.
+
+    With parts left out, from where the first of the runs before, between and behind them settles, within the range of
+    the second half of the longest. The whole log where too few swings are left: a motion that only grows has no steady
+    part, and tells as much.
+    """
+    sizes, times = motion.swing_sizes, motion.turning_times
+    runs = _runs(motion, left_out)
+    first, last = max(runs, key=lambda run: run[1] - run[0])
+    settled = sizes[(first + last) // 2 : last] if last > first else sizes
+    low, high = settled.min(), settled.max()
+    margin = 0.05 * high
+    outside = (sizes < low - margin) | (sizes > high + margin)
+    for first, last in runs:
+        unsettled = first + np.flatnonzero(outside[first:last]) + 1
+        begin = int(unsettled[-1]) if len(unsettled) else first
+        if last - begin >= FEWEST_TURNS - 1:
+            return (float(times[begin]) if begin > 0 else start), stop
+    return start, stop
+
+
+def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[tuple[int, int]]:
+    """First swing and swing after the last, before, between and behind the parts left out; none holds one."""
+    first, runs = 0, []
+    for begin, end in left_out:
+        runs.append((first, max(int(np.searchsorted(motion.turning_times, begin)) - 1, first)))
+        first = int(np.searchsorted(motion.turning_times, end))
+    return [*runs, (first, max(len(motion.swing_sizes), first))]
+
+
+def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
+    """From the turning point after the release to where the swings end or something drives the axis again.
+
+    In a free decay each swing is smaller than the one before; the run of that kind with the most motion is it. At
+    its first turning point a hand may still hold the body, so the part starts when half of the first swing is done.
+    """
+    sizes, times = motion.swing_sizes, motion.turning_times
+    shrinking = np.concatenate([[False], sizes[1:] < 1.002 * sizes[:-1], [False]])
+    edges = np.nonzero(~shrinking[1:] | ~shrinking[:-1])[0]
+    begin, end = max(
+        pairwise(edges),
+        key=lambda run: float(sizes[run[0] : run[1]].sum()),
+        default=(0, len(sizes) - 1),
+    )
+    end = min(end, len(sizes) - 1)
+    if end - begin + 2 < FEWEST_TURNS:
+        raise UnanswerableError(
+            "no free decay of three shrinking swings or more was found; release the body and leave it alone.",
+            code="no-free-decay",
+        )
+    released = (times[begin] + times[begin + 1]) / 2
+    return max(start, float(released)), min(stop, float(times[end + 1]))

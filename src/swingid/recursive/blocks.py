@@ -1,0 +1,119 @@
+"""What one swing tells: rows of the balance around one turning point, from a piece of the log.
+
+Both methods give the same kind of rows, linear in inertia and friction, so one recursion serves them. momentum: windows
+of half a swing every quarter of a window, from the middle of the swing before to that after. energy: nodes mirrored
+about the turning point.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.fits import BASIS, columns_of, known_side
+from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.rows import Signals, Windows, rows_of
+from swingid.methods.energy.balance import Course, States, states_at
+from swingid.methods.energy.effects import effects
+from swingid.methods.energy.fit import BASIS as ENERGY_BASIS
+from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
+from swingid.methods.energy.method import LEVELS
+from swingid.methods.energy.needs import without_latency
+from swingid.methods.energy.passes import mirrored_passes
+from swingid.model.rig import Rig
+from swingid.preparation.motion import Motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+from swingid.recording.recording import Recording
+
+Array = NDArray[np.float64]
+
+PLACES = (-0.5, -0.25, 0.0, 0.25)
+"""Centres of the windows in swings from the turning point; the next block goes on where this one ends."""
+
+INSIDE = (0.44, 0.5, 0.56)
+"""Centres of the windows where the axis rests at its turning points: inside the swing that follows."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows of the balance around one turning point at `time` (s): columns (n, p), target (n,).
+
+    unknowns: "inertia" first; "memory", where it is among them, is only sought if it is seen. side: +1 upper, −1 lower.
+    windows: of momentum, for the noise that neighbours share. declared: from values of the unknowns to what rig.toml
+    declares as uncertain, as perturbations of the target.
+    """
+
+    time: float
+    side: float
+    unknowns: tuple[str, ...]
+    columns: Array
+    target: Array
+    windows: Windows | None
+    declared: Callable[[Array], list[Imperfection]]
+
+
+def momentum_block(log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, at: int) -> Block | None:
+    """Block of windows around turning point `at` of the piece; None where they do not fit in."""
+    windows = _windows(motion, at)
+    inside = (windows.centres - windows.half >= log.time[0]) & (windows.centres + windows.half <= log.time[-1])
+    for begin, end in motion.rests:
+        inside &= (windows.centres + windows.half <= begin) | (windows.centres - windows.half >= end)
+    if not inside.any():
+        return None
+    signals = Signals.of(log, rig, motion)
+    rows = rows_of(signals, windows.select(inside))
+    unknowns, columns = columns_of(rows, scale, (*BASIS, "memory"))
+
+    def declared(values: Array) -> list[Imperfection]:
+        b = values[unknowns.index("gravity_torque")] if scale.b is None else scale.b
+        return imperfections(rig, signals, rows, float(values[0]), float(b))
+
+    turning, side = float(motion.turning_times[at]), float(motion.sides[at])
+    return Block(turning, side, unknowns, columns, known_side(rows, scale), rows.windows, declared)
+
+
+def _windows(motion: Motion, at: int) -> Windows:
+    """Windows of half a swing, or inside the next swing where the axis rests."""
+    before, turning, after = motion.turning_times[at - 1 : at + 2]
+    if len(motion.rests):
+        places, half = np.array(INSIDE), 0.4 * (after - turning)
+    else:
+        places, half = np.array(PLACES), min(turning - before, after - turning) / 2
+    spans = np.where(places < 0, turning - before, after - turning)
+    return Windows(turning + spans * places, np.full(len(places), half))
+
+
+def energy_block(log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, at: int) -> Block | None:
+    """Block of mirrored nodes around turning point `at` of the piece; None where there is no whole pass."""
+    turning = float(motion.turning_times[at])
+    passes = mirrored_passes(motion, LEVELS, log.time, np.inf)
+    chosen = np.nonzero(passes.turning == turning)[0]
+    if len(chosen) != 1:
+        return None
+    log = without_latency(log, rig)
+    course = Course.of(log, rig, motion, noise)
+    states = states_at(course, passes.instants[chosen], linear=scale.linear)
+    named = columns_at(states, scale, ENERGY_BASIS)
+    columns = np.column_stack([within_blocks(column) for column in named.values()])
+    unknowns, target = tuple(named), within_blocks(states.known(rig, scale))
+
+    def declared(values: Array) -> list[Imperfection]:
+        return _energy_effects(rig, course, states, scale, unknowns, values)
+
+    return Block(turning, float(motion.sides[at]), unknowns, columns, target, None, declared)
+
+
+def _energy_effects(
+    rig: Rig, course: Course, states: States, scale: Scale, unknowns: tuple[str, ...], values: Array
+) -> list[Imperfection]:
+    """What rig.toml declares, on differences from the block's mean."""
+    nothing = np.zeros((len(unknowns), 0))
+    fit = NodeFit(unknowns, values, nothing, None, np.empty((0, 0)))
+    b = fit.value("gravity_torque") if scale.b is None else scale.b
+    found = effects(rig, course, states, scale, fit, b)
+    shape = states.instants.shape
+    return [replace(item, rows=within_blocks(item.rows.reshape(shape))) for item in found if item.std > 0]

@@ -1,0 +1,205 @@
+"""Least squares over the rows of all swings: once over everything, or swing by swing in constant memory.
+
+Both give the same values. The recursion keeps sums only: the information matrix X'X, X'y, and the second moments of the
+swings' own sums, from which the scatter of the swings follows for whatever values come out in the end. y is taken
+relative to a first solution, so that nothing of size cancels in those sums.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.balance.choice import DETECTED
+from swingid.balance.fits import Effect
+from swingid.balance.rows import Windows
+from swingid.numerics.regression import fit_linear
+from swingid.numerics.test_functions import curvature_overlap
+from swingid.preparation.noise import Noise
+from swingid.preparation.scale import Scale
+from swingid.recursive.blocks import Block
+
+Array = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+
+MEMORY = "memory"
+"""The unknown that is sought only where it is seen: an impulse of friction at each reversal."""
+
+SPARE = 3
+"""Swings beyond the number of unknowns from which their scatter tells an uncertainty."""
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Values of the unknowns (p,), type A covariance (None: too few swings), effects of what is declared."""
+
+    values: Array
+    covariance: Array | None
+    effects: tuple[Effect, ...]
+
+
+def first_solution(blocks: list[Block]) -> Array:
+    """Values from the first swings, from which the recursion starts; without a memory of friction."""
+    columns, target = _stacked(blocks)
+    return fit_linear(columns * _plain(blocks[0].unknowns), target).values
+
+
+def solve_all(blocks: list[Block], origin: Array, scale: Scale, noise: Noise) -> Solution:
+    """The solution over all swings at once, by orthogonal decomposition of all their rows.
+
+    origin: of `first_solution`; what is declared and the sensors' noise are taken at these values.
+    """
+    plain = _solve_stacked(blocks, _plain(blocks[0].unknowns), origin, scale, noise)
+    full = _solve_stacked(blocks, np.ones(len(origin), bool), origin, scale, noise)
+    return _chosen(plain, full, blocks[0].unknowns)
+
+
+def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, scale: Scale, noise: Noise) -> Solution:
+    """The solution for the unknowns `sought`, the others 0."""
+    columns, target = _stacked(blocks)
+    fit = fit_linear(columns * sought, target)
+    ends = np.cumsum([len(block.target) for block in blocks])[:-1]
+    pairs = zip(np.split(columns, ends), np.split(fit.residuals, ends), strict=True)
+    scores = np.array([part.T @ left for part, left in pairs])
+    cross = scores[1:].T @ scores[:-1]
+    sensor = np.zeros((len(origin), len(origin)))
+    for k, block in enumerate(blocks):
+        sensor += _sensor(block, blocks[k - 1] if k else None, origin, scale, noise)
+    declared = [block.declared(origin) for block in blocks]
+    effects = tuple(
+        Effect(
+            one.source,
+            one.std,
+            fit.influence @ np.concatenate([items[k].rows for items in declared]) * one.std,
+            one.direct,
+            one.shared_id,
+        )
+        for k, one in enumerate(declared[0])
+    )
+    scatter = scores.T @ scores + (cross + cross.T) / 2
+    covariance = _covariance(fit.influence @ fit.influence.T, scatter, sensor, len(blocks), int(sought.sum()))
+    return Solution(fit.values, covariance, effects)
+
+
+def _plain(unknowns: tuple[str, ...]) -> Bools:
+    """Which unknowns are sought in any case."""
+    return np.array([name != MEMORY for name in unknowns])
+
+
+def _chosen(plain: Solution, full: Solution, unknowns: tuple[str, ...]) -> Solution:
+    """The solution with a memory of friction where that is seen, as `momentum` decides; else the one without."""
+    if MEMORY not in unknowns or full.covariance is None:
+        return plain
+    k = unknowns.index(MEMORY)
+    variance = float(full.covariance[k, k])
+    # rounding alone, as exact data leave it, sees nothing, and its variance may come out below 0
+    return full if variance > 0 and abs(full.values[k]) > DETECTED * np.sqrt(variance) else plain
+
+
+def _stacked(blocks: list[Block]) -> tuple[Array, Array]:
+    return np.vstack([block.columns for block in blocks]), np.concatenate([block.target for block in blocks])
+
+
+def _sensor(block: Block, before: Block | None, origin: Array, scale: Scale, noise: Noise) -> Array:
+    """X' Ω X of a block and with the one before, Ω the covariance that white noise of both angles gives the rows."""
+    if block.windows is None:
+        return np.zeros((len(origin), len(origin)))
+    power = ((origin[0] * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2) * noise.step
+    own = block.columns.T @ _overlap(block.windows, block.windows) @ block.columns
+    if before is not None and before.windows is not None:
+        shared = before.columns.T @ _overlap(before.windows, block.windows) @ block.columns
+        own = own + shared + shared.T
+    result: Array = own * power
+    return result
+
+
+def _overlap(first: Windows, second: Windows) -> Array:
+    """Covariance of ∫φ'' n of windows for noise n of unit power density."""
+    half = (first.half[:, None] + second.half) / 2
+    return np.asarray(curvature_overlap((first.centres[:, None] - second.centres) / half) / half**3)
+
+
+def _covariance(inverse: Array, scores: Array, sensor: Array, swings: int, unknowns: int) -> Array | None:
+    """Covariance from the scatter of swings (neighbours may be correlated), or from sensor noise if that is more."""
+    if swings < unknowns + SPARE:
+        return None
+    seen = inverse @ scores @ inverse * (swings / (swings - unknowns))
+    expected = inverse @ sensor @ inverse
+    if seen[0, 0] <= 0:
+        return expected
+    result: Array = seen * max(1.0, expected[0, 0] / seen[0, 0])
+    return result
+
+
+@dataclass
+class Recursion:
+    """The same solution, swing by swing: sums of fixed size only.
+
+    origin (p,): values of the `unknowns` relative to which y is taken. moments: of the swings' sums [X'y, X'X] with
+    themselves; crossed: with those of the swing before.
+    """
+
+    unknowns: tuple[str, ...]
+    origin: Array
+    scale: Scale
+    noise: Noise
+    swings: int = 0
+    _gram: Array = field(init=False)
+    _right: Array = field(init=False)
+    _moments: Array = field(init=False)
+    _crossed: Array = field(init=False)
+    _sensor: Array = field(init=False)
+    _before: Block | None = None
+    _sums: Array | None = None
+    _declared: dict[str, tuple[float, float, str | None, Array]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        p = len(self.origin)
+        self._gram, self._sensor, self._right = np.zeros((p, p)), np.zeros((p, p)), np.zeros(p)
+        self._moments, self._crossed = np.zeros((p + p * p, p + p * p)), np.zeros((p + p * p, p + p * p))
+
+    def add(self, block: Block) -> None:
+        """Take the rows of one more swing."""
+        gram = block.columns.T @ block.columns
+        right = block.columns.T @ (block.target - block.columns @ self.origin)
+        self._gram += gram
+        self._right += right
+        sums = np.concatenate([right, gram.ravel()])
+        self._moments += np.outer(sums, sums)
+        if self._sums is not None:
+            self._crossed += np.outer(sums, self._sums)
+        self._sensor += _sensor(block, self._before, self.origin, self.scale, self.noise)
+        for item in block.declared(self.origin):
+            _, _, _, total = self._declared.get(item.source, (0.0, 0.0, None, np.zeros(len(right))))
+            total = total + block.columns.T @ item.rows
+            self._declared[item.source] = item.std, item.direct, item.shared_id, total
+        self._before, self._sums = block, sums
+        self.swings += 1
+
+    def solution(self) -> Solution:
+        """The solution over all swings taken so far."""
+        plain = self._solve(_plain(self.unknowns))
+        return _chosen(plain, self._solve(np.ones(len(self.origin), bool)), self.unknowns)
+
+    def _solve(self, sought: Bools) -> Solution:
+        """The solution for the unknowns `sought`, the others 0."""
+        size = np.sqrt(np.diag(self._gram))
+        size[size == 0] = 1.0
+        sizes, both = np.outer(size, size), np.outer(sought, sought)
+        inverse = np.linalg.pinv(self._gram / sizes * both, rcond=1e-15, hermitian=True) / sizes
+        step = inverse @ self._right
+        # one refinement takes back what the inverse lost
+        step = step + inverse @ (self._right - self._gram @ step)
+        p = len(step)
+        # the score of a swing is X'y − X'X step: linear in its sums
+        to_score = np.hstack([np.eye(p), -np.kron(np.eye(p), step)])
+        cross = to_score @ self._crossed @ to_score.T
+        scores = to_score @ self._moments @ to_score.T + (cross + cross.T) / 2
+        effects = tuple(
+            Effect(source, std, inverse @ total * std, direct, shared)
+            for source, (std, direct, shared, total) in self._declared.items()
+        )
+        covariance = _covariance(inverse, scores, self._sensor, self.swings, int(sought.sum()))
+        return Solution(self.origin + step, covariance, effects)

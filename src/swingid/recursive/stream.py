@@ -1,0 +1,216 @@
+"""The doors: `online` for a stream, `swing_estimates` for a log; both take the same swings and say the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import chain, islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.methods.energy.needs import require_motor
+from swingid.model.rig import Rig
+from swingid.preparation.motion import Motion, find_motion, grid_step, sample_noise
+from swingid.preparation.noise import Noise, channel_noise
+from swingid.preparation.scale import Scale
+from swingid.recording.encoders import straightened
+from swingid.recording.recording import Recording
+from swingid.recursive.blocks import Block, energy_block, momentum_block
+from swingid.recursive.buffer import SwingBuffer
+from swingid.recursive.estimate import Reporter, SwingEstimate
+from swingid.recursive.samples import Reader
+from swingid.recursive.solution import Recursion, first_solution, solve_all
+
+Array = NDArray[np.float64]
+Maker = Callable[[Recording, Rig, Scale, Noise, Motion, int], Block | None]
+
+METHODS: dict[str, Maker] = {"momentum": momentum_block, "energy": energy_block}
+
+FIRST = 4
+"""Swings before the first estimate."""
+
+WARM = 200
+"""Rows at the start of a stream that tell its noise."""
+
+NOISES = 10.0
+"""Standard deviations of noise, and steps of the encoder, that a swing must exceed."""
+
+
+def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momentum") -> Iterator[SwingEstimate]:
+    """One estimate per swing of a stream, each as soon as the swing after it has turned around.
+
+    samples: rows (t, angle, wheel_angle, voltage or torque) in the units and conventions of a Recording (s, rad or m,
+    V, N m or N; wheel relative to the pendulum; a held voltage or torque acts from its row to the next); or a
+    Recording, or several, one after the other. What the rig does not have is None, or left out at the end of a row;
+    anything in its place is not looked at. Rows with NaN and rows out of order are left out and counted. method:
+    "momentum" or "energy". Keeps two swings of rows and sums of fixed size at any length.
+
+    Unlike `identify` it takes every swing, also those before the controller has settled, and judges nothing but the
+    scatter of the swings and what rig.toml declares: for the record, identify the log.
+
+    Raises UsageError for another method, InputError for a stream that is none or whose wheel turns the wrong way,
+    UnanswerableError where the stream ends without enough swings.
+    """
+    swings = _Swings(rig, method)
+    reporter = Reporter(swings.scale)
+    recursion: Recursion | None = None
+    waiting: list[Block] = []
+    for block in swings.blocks(samples):
+        if recursion is None:
+            waiting.append(block)
+            if len(waiting) < FIRST:
+                continue
+            recursion = Recursion(block.unknowns, first_solution(waiting), swings.scale, swings.noise)
+            for early in waiting[:-1]:
+                recursion.add(early)
+                reporter.skip()
+            waiting.clear()
+        recursion.add(block)
+        estimate = reporter.estimate(block, recursion.solution(), swings.reader.skipped, swings.lost)
+        _check_sign(estimate)
+        yield estimate
+    if recursion is None:
+        raise _too_few(len(waiting))
+
+
+def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[SwingEstimate]:
+    """The estimates of `online` for a whole log, each by least squares over all rows of its swings at once.
+
+    The plain form, for comparison: it keeps every swing, and its cost grows with their square. Raises as `online`.
+    """
+    swings = _Swings(rig, method)
+    reporter = Reporter(swings.scale)
+    kept: list[Block] = []
+    estimates = []
+    for block in swings.blocks([log]):
+        kept.append(block)
+        if len(kept) < FIRST:
+            reporter.skip()
+            continue
+        solution = solve_all(kept, first_solution(kept[:FIRST]), swings.scale, swings.noise)
+        estimates.append(reporter.estimate(block, solution, swings.reader.skipped, swings.lost))
+        _check_sign(estimates[-1])
+    if not estimates:
+        raise _too_few(len(kept))
+    return estimates
+
+
+@dataclass
+class _Swings:
+    """From rows to blocks: reading, cutting into pieces, the balance of each."""
+
+    rig: Rig
+    method: str
+    scale: Scale = field(init=False)
+    reader: Reader = field(init=False)
+    without: int = 0
+    buffer: SwingBuffer | None = None
+    _noise: Noise | None = None
+    _shrinking: bool = False
+
+    def __post_init__(self) -> None:
+        if self.method not in METHODS:
+            raise UsageError(
+                f"online knows no method {self.method!r}; choose one of {', '.join(METHODS)}.", code="unknown-method"
+            )
+        self.scale = Scale.of(self.rig)
+        drive = self.rig.drive.kind
+        voltage = drive == "reaction-wheel" and self.method == "energy"
+        self.reader = Reader((True, True, drive == "reaction-wheel", drive == "direct" or voltage))
+
+    def blocks(self, samples: Iterable[object] | Recording) -> Iterator[Block]:
+        """The blocks of a stream, one per turning point that has a whole swing on both sides."""
+        rows = self.reader.rows(samples)
+        early = list(islice(rows, WARM))
+        if not early:
+            return
+        self.buffer = SwingBuffer(self._least(np.array(early)))
+        for row in chain(early, rows):
+            piece = self.buffer.push(row)
+            block = None if piece is None else self._block(*piece)
+            if block is not None:
+                yield block
+
+    @property
+    def noise(self) -> Noise:
+        """Noise of the channels, from the first piece."""
+        assert self._noise is not None
+        return self._noise
+
+    @property
+    def lost(self) -> int:
+        """Turning points without a block so far."""
+        return self.without + (self.buffer.lost if self.buffer is not None else 0)
+
+    def _least(self, rows: Array) -> float:
+        """The least swing (rad or m): well above noise and steps of the angle, as declared or as seen."""
+        sensor = self.rig.sensors.of("angle")
+        angle = rows[:, 1]
+        return NOISES * max(sensor.noise, sample_noise(angle), sensor.resolution / 4, grid_step(angle) / 4, 1e-9)
+
+    def _block(self, piece: Array, middle: float) -> Block | None:
+        """The block around the turning point near `middle` (s), None (and counted) where there is none."""
+        log = self._recording(piece)
+        if self._noise is None:
+            if self.method == "energy":
+                require_motor(log, self.rig, self.scale, self.method)
+            self._noise = channel_noise(log, self.rig)
+        block = self._balance(log, middle)
+        self.without += block is None
+        return block
+
+    def _balance(self, log: Recording, middle: float) -> Block | None:
+        steps = np.diff(log.time)
+        try:
+            motion = find_motion(log.time, log.angle, self.noise.angle)
+        except UnanswerableError:
+            return None
+        turning = motion.turning_times
+        at = int(np.argmin(np.abs(turning - middle))) if len(turning) else 0
+        if not 1 <= at <= len(turning) - 2:
+            return None
+        longest = max(4.5 * float(np.median(steps)), 0.05 * motion.half_period)
+        if steps.max() > longest or not self._left_alone(motion, at):
+            return None
+        return METHODS[self.method](log, self.rig, self.scale, self.noise, motion, at)
+
+    def _left_alone(self, motion: Motion, at: int) -> bool:
+        """Whether nothing but friction acts: in a free decay each swing is smaller than the one before."""
+        if self.scale.drive != "none":
+            return True
+        before, after = motion.swing_sizes[at - 1 : at + 1]
+        was, self._shrinking = self._shrinking, bool(after < 1.002 * before)
+        return was and self._shrinking
+
+    def _recording(self, piece: Array) -> Recording:
+        drive = piece[:, 3] if self.reader.needed[3] else None
+        wheel = self.scale.drive == "reaction-wheel"
+        log = Recording(
+            time=piece[:, 0],
+            angle=piece[:, 1],
+            wheel_angle=piece[:, 2] if wheel else None,
+            voltage=drive if wheel else None,
+            torque=None if wheel else drive,
+            drive_held=self.reader.held,
+        )
+        return straightened(log, self.rig)
+
+
+def _check_sign(estimate: SwingEstimate) -> None:
+    """Raise InputError where the inertia comes out negative beyond doubt."""
+    inertia = estimate.inertia
+    if inertia.standard_uncertainty is not None and inertia.value < -3 * inertia.standard_uncertainty:
+        raise InputError(
+            f"the stream gives a negative inertia ({inertia.value:.3g} {inertia.unit}) after {estimate.swing} swings: "
+            "the wheel angle or torque has the wrong sign against the angle, or the angle's zero is the top; turn it.",
+            code="wrong-sign",
+        )
+
+
+def _too_few(swings: int) -> UnanswerableError:
+    return UnanswerableError(
+        f"the stream ended after {swings} whole swings, at least {FIRST} are needed; record a longer run.",
+        code="too-short",
+    )

@@ -1,0 +1,1 @@
+"""The result of an identification: values, uncertainties, text, picture, file."""

@@ -1,0 +1,77 @@
+"""Where a result comes from: file and its hash, rig, versions, method and options; and what was taken as exact."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from functools import cache
+from importlib.metadata import version
+
+from swingid.model.rig import Rig
+from swingid.recording.recording import Recording
+from swingid.result.result import Message
+from swingid.units import Quantity
+
+
+@cache
+def _versions() -> dict[str, str]:
+    return {"swingid": version("swingid"), "numpy": version("numpy"), "python": platform.python_version()}
+
+
+def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = None) -> dict[str, object]:
+    """File, hashes, rig and versions, as plain data."""
+    return {
+        "log": log.source.path,
+        "log_sha256": log.source.sha256,
+        "rows": len(log),
+        "rig": rig.name,
+        "rig_source": rig.source,
+        "rig_sha256": hashlib.sha256(rig.text.encode()).hexdigest(),
+        "options": options or {},
+        "repairs": [
+            {"repair": found.repair, "done": found.code != "repair-off", "what": found.message}
+            for found in log.findings
+            if found.repair is not None
+        ],
+        "constants": constants(rig),
+        "versions": _versions(),
+    }
+
+
+def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
+    """Value and standard uncertainty (None: exact) of every constant that results of one rig have in common."""
+    found: dict[str, object] = {"axis.gravity_torque": rig.axis.gravity_torque}
+    if rig.drive.wheel is not None:
+        found["drive.wheel.inertia"] = rig.drive.wheel.inertia
+    if rig.drive.motor is not None:
+        motor = rig.drive.motor
+        found |= {f"drive.motor.{name}": getattr(motor, name) for name in type(motor).model_fields}
+    if rig.drive.kind == "direct":
+        found["log.torque_gain"] = rig.log.torque_gain
+    return {key: {"value": q.value, "std": q.std} for key, q in found.items() if isinstance(q, Quantity)}
+
+
+def add_findings(
+    log: Recording, warnings: list[Message], notes: list[Message], *, leave_out: str | None = None
+) -> None:
+    """Add what was found in the log when it was read to the warnings and the notes of a result, each to its kind."""
+    for finding in log.findings:
+        if finding.code != leave_out:
+            (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+
+
+ROW_ONE = ("axis.gravity_torque", "drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
+"""Constants of row (I), which a method needs that does without the motor."""
+
+
+def exact_in_row_one(rig: Rig) -> list[Message]:
+    """The note that names the constants of row (I) without a stated uncertainty."""
+    return exact_constants([key for key in rig.constants_without_uncertainty() if key in ROW_ONE])
+
+
+def exact_constants(keys: list[str]) -> list[Message]:
+    """The note that names the constants used without a stated uncertainty."""
+    if not keys:
+        return []
+    text = f"taken as exact, because the rig states no uncertainty: {', '.join(keys)}."
+    return [Message("exact-constants", text)]

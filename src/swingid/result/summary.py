@@ -1,0 +1,244 @@
+"""A result as text for a terminal, in the manner of lmfit's ``fit_report``."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Iterable, Sequence
+
+from swingid.format import interval, number, percent, plus_minus
+from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, combined
+
+WIDTH = 100
+MOST_ENTRIES, MOST_LAWS = 10, 6
+"""Budget entries and friction laws beyond this many are counted, not listed."""
+
+NEGLIGIBLE = 0.01
+"""Share of the whole uncertainty below which an entry of the budget is not worth a line."""
+
+KNOWN_REASONS = {"stribeck_speed": "it is found by a search over trial speeds, not by the linear fit"}
+
+TITLES = {
+    "ok": "a number without known doubts",
+    "warning": "a number to doubt, see the warnings",
+    "refused": "no number",
+}
+
+
+def summarise(result: Result) -> str:
+    """`result` as text: how it was got, parameters ± standard uncertainty, budget, friction, warnings, notes.
+
+    A refused result is one sentence: why there is no number.
+    """
+    if result.status == "refused":
+        reason = result.error.message if result.error else "the method gave no reason."
+        return f"{result.method}: no number, because {_as_clause(reason)}"
+    parts = [
+        ("Identification", _identification(result)),
+        ("Parameters", _parameters(result)),
+        ("Logs", _logs(result)),
+        ("Uncertainty of the inertia", _budget(result)),
+        ("Friction", _friction(result.details)),
+        ("Estimates by kind of projection", _kinds(result)),
+        ("Warnings", _messages(result.warnings)),
+        ("Notes", _messages(result.notes)),
+    ]
+    return "\n".join(line for title, lines in parts if lines for line in (f"[[{title}]]", *lines))
+
+
+def why_unknown(result: Result, name: str) -> str:
+    """Why parameter `name` has no uncertainty: the result's own words if it has any, else what the budget shows."""
+    for message in (*result.warnings, *result.notes):
+        if message.code.startswith("no-uncertainty") and (message.code.endswith(name) or name in message.message):
+            return message.message
+    if any(entry.parameter == name for entry in result.budget):
+        return "its budget is incomplete: the data do not bound every source"
+    return KNOWN_REASONS.get(name, f"the {result.method} method evaluates no source of uncertainty for it")
+
+
+def segment_text(details: Details, *, fine: bool = False) -> str:
+    """'3.20 s to 25.00 s, 52 turning points, test functions of ±0.18 s'."""
+    inside = (details.turning_times >= details.start) & (details.turning_times <= details.stop)
+    parts = [f"{details.start:.2f} s to {details.stop:.2f} s", _count(int(inside.sum()), "turning point")]
+    if details.window is not None:
+        parts.append(f"test functions of ±{number(details.window, 's', 3, fine=fine)}")
+    return ", ".join(parts)
+
+
+def _identification(result: Result) -> list[str]:
+    rows = [
+        ("method", result.method),
+        ("status", f"{result.status} ({TITLES[result.status]})"),
+        ("log", _log_text(result.provenance)),
+        ("rig", _rig_text(result.provenance)),
+        ("used", segment_text(result.details) if result.details else None),
+    ]
+    return [f"    {name:<7} = {value}" for name, value in rows if value]
+
+
+def _log_text(provenance: dict[str, object]) -> str:
+    tare, loaded, logs = (provenance.get(key) for key in ("tare", "loaded", "logs"))
+    if isinstance(tare, dict) and isinstance(loaded, dict):
+        return f"{loaded.get('result')} less {tare.get('result')}"
+    if isinstance(logs, list):
+        return _count(len(logs), "log")
+    path, rows = provenance.get("log"), provenance.get("rows")
+    return f"{path or 'made in memory'}" + (f" ({rows} rows)" if rows else "")
+
+
+def _rig_text(provenance: dict[str, object]) -> str | None:
+    name, source = provenance.get("rig"), provenance.get("rig_source")
+    return None if name is None else f"{name}" + (f" ({source})" if source and source != name else "")
+
+
+def _parameters(result: Result) -> list[str]:
+    lines: list[str] = []
+    unknown: list[str] = []
+    values = {name: value_text(parameter) for name, parameter in result.parameters.items()}
+    names, wide = max(map(len, values), default=0) + 1, max(map(len, values.values()), default=0)
+    for name, parameter in result.parameters.items():
+        text = f"    {name + ':':<{names}} {values[name]:<{wide}}"
+        if parameter.standard_uncertainty is None:
+            text += "  (uncertainty unknown)"
+            unknown += _wrapped(f"{name} has no uncertainty: {why_unknown(result, name)}", "      ")
+        else:
+            text += f"  {'(' + relative(parameter) + ')':<10}"
+        if parameter.interval95 is not None:
+            text += f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
+        lines.append(text.rstrip())
+    return lines + unknown
+
+
+def value_text(parameter: Parameter, *, fine: bool = False) -> str:
+    """Value ± standard uncertainty with its unit; four digits where the uncertainty is unknown."""
+    if parameter.standard_uncertainty is None:
+        return number(parameter.value, parameter.unit, fine=fine)
+    return plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit, fine=fine)
+
+
+def relative(parameter: Parameter, *, fine: bool = False) -> str:
+    """Standard uncertainty as a share of the value; "" where it is unknown."""
+    if parameter.standard_uncertainty is None:
+        return ""
+    if parameter.standard_uncertainty == 0:
+        return ""
+    if parameter.standard_uncertainty > abs(parameter.value):
+        return ">\u00a0100\u00a0%" if fine else "> 100 %"
+    return percent(parameter.standard_uncertainty / abs(parameter.value), fine=fine)
+
+
+def _logs(result: Result) -> list[str]:
+    """One line per log: its inertia, how far it is from the common one, its doubts or why it was refused."""
+    rows = [log_row(one, result) for one in result.per_log]
+    if not rows:
+        return []
+    wide = [max(len(row[k]) for row in rows) for k in range(3)]
+    return [
+        f"    {name:<{wide[0]}}  {value:<{wide[1]}}  {off:<{wide[2]}}  {said}".rstrip()
+        for name, value, off, said in rows
+    ]
+
+
+def log_row(one: Result, common: Result, *, fine: bool = False) -> tuple[str, str, str, str]:
+    """Of one of several logs: its name, its inertia, its deviation from the common one, what is to be said of it."""
+    name = str(one.provenance.get("log") or "made in memory")
+    if "inertia" not in one.parameters:
+        return name, "no number", "", " ".join(one.error.message.split()) if one.error else ""
+    share = one.inertia.value / common.inertia.value - 1
+    off = percent(share if abs(share) > 1e-12 else 0.0, sign=True, fine=fine)
+    return name, value_text(one.inertia, fine=fine), off, ", ".join(message.code for message in one.warnings)
+
+
+def _budget(result: Result) -> list[str]:
+    inertia = result.parameters.get("inertia")
+    entries = sorted_budget(result.budget, "inertia")
+    if inertia is None or not entries:
+        return []
+    shown, rest = folded(entries, MOST_ENTRIES)
+    left = f"{len(rest)} smaller ones together"
+    width = min(max(len(left), *(len(entry.source) for entry in shown)), 60)
+    lines = [
+        f"    {entry.type}  {entry.source:<{width}}  {_share(entry.standard_uncertainty, inertia)}" for entry in shown
+    ]
+    if rest:
+        lines.append(f"       {left:<{width}}  {_share(combined(rest, 'inertia'), inertia)}")
+    totals = [(kind, [e for e in entries if e.type == kind]) for kind in ("A", "B")]
+    words = {"A": "from the data", "B": "from the rig's constants"}
+    text = "; ".join(
+        f"type {kind} ({words[kind]}) {_share(combined(part, 'inertia'), inertia)}" for kind, part in totals if part
+    )
+    return [*lines, f"    {text}"]
+
+
+def sorted_budget(budget: Iterable[BudgetEntry], parameter: str) -> list[BudgetEntry]:
+    """The entries of one parameter, largest first."""
+    return sorted((e for e in budget if e.parameter == parameter), key=lambda e: -e.standard_uncertainty)
+
+
+def folded(entries: list[BudgetEntry], most: int) -> tuple[list[BudgetEntry], list[BudgetEntry]]:
+    """Sorted entries of one parameter in those to list, and two or more that are too many or too small to."""
+    limit = NEGLIGIBLE * combined(entries, entries[0].parameter) if entries else 0.0
+    count = max(1, sum(entry.standard_uncertainty >= limit for entry in entries[:most]))
+    return (entries, []) if len(entries) - count < 2 else (entries[:count], entries[count:])
+
+
+def _share(uncertainty: float, parameter: Parameter) -> str:
+    if not parameter.value:
+        return number(uncertainty, parameter.unit, 2)
+    return percent(uncertainty / abs(parameter.value))
+
+
+def _friction(details: Details | None) -> list[str]:
+    if details is None or details.friction is None:
+        return []
+    curve = details.friction
+    lines = [f"    law: {curve.law or 'none found'}"]
+    ranked = sorted(curve.candidates.items(), key=lambda item: item[1])
+    if len(ranked) > 1:
+        lines[0] += " (lowest information criterion; differences to it:)"
+        best = ranked[0][1]
+        shown = ranked[1:MOST_LAWS]
+        width = max(len(name) for name, _ in shown)
+        lines += [f"      {name:<{width}}  +{score - best:.1f}" for name, score in shown]
+        if len(ranked) > MOST_LAWS:
+            lines.append(f"      and {_count(len(ranked) - MOST_LAWS, 'law')} further off")
+    return lines
+
+
+def _kinds(result: Result) -> list[str]:
+    details, inertia = result.details, result.parameters.get("inertia")
+    if details is None or inertia is None or len(details.estimates) < 2:
+        return []
+    width = max(len(name) for name in details.estimates)
+    lines = []
+    for name, (value, uncertainty) in details.estimates.items():
+        text = f"    {name:<{width}}  {plus_minus(value, uncertainty, inertia.unit)}"
+        if value == inertia.value:
+            text += "  (the answer)"
+        elif inertia.value:
+            text += f"  ({percent(value / inertia.value - 1, sign=True)} from the answer)"
+        lines.append(text)
+    return lines
+
+
+def _messages(messages: Sequence[Message]) -> list[str]:
+    return [line for message in messages for line in _wrapped(f"{message.code}: {message.message}", "    ", "      ")]
+
+
+def _wrapped(text: str, first: str, rest: str | None = None) -> list[str]:
+    return textwrap.wrap(
+        text,
+        WIDTH,
+        initial_indent=first,
+        subsequent_indent=first + "  " if rest is None else rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+
+
+def _as_clause(sentence: str) -> str:
+    """A sentence to stand after 'because': no line breaks, one full stop."""
+    return " ".join(sentence.split()).rstrip(".") + "."
+
+
+def _count(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"

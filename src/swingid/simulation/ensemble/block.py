@@ -1,0 +1,272 @@
+"""The closed loops of one block of runs, sample by sample: read, control, move, and again what needs a closer look."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.simulation.ensemble.control_lanes import control
+from swingid.simulation.ensemble.events import redo
+from swingid.simulation.ensemble.lane_functions import njit_lane, njit_threads, sine_cosine
+from swingid.simulation.ensemble.lanes import (
+    A12,
+    ALONE1,
+    ALONE2,
+    ANGLE_READING,
+    ANGLE_STEP,
+    ANGLE_ZERO,
+    AXIS_KINK,
+    AXIS_STICKS,
+    BACK_EMF,
+    COMMAND,
+    COULOMB_N,
+    COULOMB_P,
+    DIRECT,
+    EDGE_N,
+    EDGE_P,
+    FLAG,
+    GAIN,
+    GEAR,
+    GRAVITY,
+    K_TILDE,
+    LANES,
+    M11,
+    M12,
+    M22,
+    MOTOR_COULOMB,
+    MOTOR_DRAG,
+    OFFSET,
+    PEAK,
+    Q1,
+    Q2,
+    QUADRATIC,
+    REFERENCE,
+    RIG_LIMIT,
+    STATIC_N,
+    STATIC_P,
+    VISCOUS_N,
+    VISCOUS_P,
+    WHEEL_KINK,
+    WHEEL_READING,
+    WHEEL_STATIC,
+    WHEEL_STEP,
+    WHEEL_ZERO,
+    U,
+    Y,
+)  # fmt: skip
+from swingid.simulation.ensemble.polynomial import TERMS
+from swingid.simulation.ensemble.series import coefficients, moved, slope, turned
+
+Array = NDArray[np.float64]
+
+ERROR, PEAKED_ERROR = 1e-14, 1e-14
+"""rad per step: what a step may leave out of its series, without and with Stribeck's peak, else it is taken again."""
+
+PARTS, NEAR = 2.0, 2.5
+"""Stribeck's peak is passed in so many steps per Stribeck speed, where the speed is below so many changes of a step."""
+
+FIFTH, PEAKED_FIFTH, FOURTH = 1e-13, 1e-14, 1e-11
+"""rad per step: terms below which what follows is left out for sure."""
+
+
+@njit_lane
+def reading(q: float, zero: float, noise: float, resolution: float) -> float:
+    """Reading (rad) of an encoder without nonlinearity: `model.sensors.encoder_reading`."""
+    value = q + zero + noise
+    step = resolution if resolution > 0.0 else 1.0
+    return step * np.rint(value / step) if resolution > 0.0 else value
+
+
+@njit_lane
+def read_bent(lane: Array, i: int, angle: int, encoder: int, place: int, noise: float) -> None:
+    """Reading of run i's row `angle` by the nonlinear encoder whose rows begin at `encoder`, into the row `place`."""
+    q, step = lane[angle * LANES + i], lane[encoder * LANES + i]
+    alpha, beta = lane[(encoder + 1) * LANES + i], lane[(encoder + 2) * LANES + i]
+    sine, cosine = sine_cosine(q)
+    bend = alpha * cosine + beta * sine
+    lane[place * LANES + i] = reading(q, lane[(encoder + 3) * LANES + i], noise + bend, step)
+
+
+@njit_lane
+def too_long(fourth: float, fifth: float, peaked: int) -> bool:
+    """Whether a step is too long for a series with these last terms: the next is theirs squared, divided."""
+    error, least = (PEAKED_ERROR, PEAKED_FIFTH) if peaked else (ERROR, FIFTH)
+    return (abs(fifth) > least) & (fifth * fifth > error * abs(fourth))
+
+
+@njit_lane
+def move(lane: Array, i: int, peaked: int, resting: int) -> int:
+    """Run i of a block one step on; 1 and nothing moved where its mode may end in the step, else 0.
+
+    The mode is that of the start: sides and branch by sign and edges. `peaked`: some run of the block has Stribeck's
+    peak; `resting`: some axis or wheel rests. Both are plain numbers where this is called, so that what is not needed
+    is not compiled.
+    """
+    q1, u, q2, y = lane[Q1 * LANES + i], lane[U * LANES + i], lane[Q2 * LANES + i], lane[Y * LANES + i]
+    command, gear = lane[COMMAND * LANES + i], lane[GEAR * LANES + i]
+    kink1, kink2 = lane[AXIS_KINK * LANES + i], lane[WHEEL_KINK * LANES + i]
+    gravity = lane[GRAVITY * LANES + i]
+    side1, side2 = (1.0 if u >= 0.0 else -1.0), (1.0 if y >= 0.0 else -1.0)
+    sine, cosine = sine_cosine(q1)
+
+    volts, emf = lane[GAIN * LANES + i] * command, lane[BACK_EMF * LANES + i]
+    edge_p, edge_n = lane[EDGE_P * LANES + i], lane[EDGE_N * LANES + i]
+    torque = volts - emf * y
+    above, below = torque > edge_p, torque < edge_n
+    live = above | below
+    drive = gear * (volts - (edge_p if above else edge_n))
+    drive = drive if live else 0.0
+    drag = lane[MOTOR_DRAG * LANES + i] + (gear * emf if live else 0.0)
+    dry2 = side2 * lane[MOTOR_COULOMB * LANES + i]
+
+    viscous_p, viscous_n = lane[VISCOUS_P * LANES + i], lane[VISCOUS_N * LANES + i]
+    coulomb_p, coulomb_n = lane[COULOMB_P * LANES + i], lane[COULOMB_N * LANES + i]
+    static_p, static_n = lane[STATIC_P * LANES + i], lane[STATIC_N * LANES + i]
+    positive = u >= 0.0
+    viscous = viscous_p if positive else viscous_n
+    dry1 = coulomb_p if positive else -coulomb_n
+    outer = lane[DIRECT * LANES + i] * command - lane[OFFSET * LANES + i]
+
+    m11, m12, m22 = lane[M11 * LANES + i], lane[M12 * LANES + i], lane[M22 * LANES + i]
+    spike, height = 0.0, 0.0
+    if peaked:
+        spike = lane[PEAK * LANES + i]
+        height = (static_p if positive else -static_n) - dry1
+        height = height if spike > 0.0 else 0.0
+    rest1, rest2 = False, False
+    if resting:
+        rest1, rest2 = (u == 0.0) & (lane[AXIS_STICKS * LANES + i] != 0.0), (y == 0.0) & (kink2 != 0.0)
+        alone1, alone2 = lane[ALONE1 * LANES + i], lane[ALONE2 * LANES + i]
+        both = not (rest1 | rest2)
+        m12 = m12 if both else 0.0
+        m11 = m11 if both else (0.0 if rest1 else alone1)
+        m22 = m22 if both else (0.0 if rest2 else alone2)
+        dry1 = 0.0 if rest1 else dry1
+        height = 0.0 if rest1 else height
+        dry2 = 0.0 if rest2 else dry2
+
+    axis = (gravity, viscous, side1 * lane[QUADRATIC * LANES + i], outer - dry1, height, spike)
+    cu, cy = coefficients(sine, cosine, u, y, axis, (drive - dry2, drag), (m11, m12, m22), peaked)
+    u_end, y_end = moved(u, cu, 1.0), moved(y, cy, 1.0)
+
+    # a speed that passes zero, or that its first slope would take there: it may have been beyond and back
+    passed1, passed2 = u_end * side1 < 0.0, y_end * side2 < 0.0
+    passed1 |= (u + cu[0]) * side1 < 0.0
+    passed2 |= (y + cy[0]) * side2 < 0.0
+    if resting:
+        passed1, passed2 = passed1 & (not rest1), passed2 & (not rest2)
+    torque = volts - emf * y_end
+    flagged = (passed1 & (kink1 != 0.0)) | (passed2 & (kink2 != 0.0))
+    flagged |= (above ^ (torque > edge_p)) | (below ^ (torque < edge_n))
+    flagged |= too_long(cu[3], cu[4], peaked) | too_long(cy[3], cy[4], peaked)
+    if peaked:  # the fifth may be small by chance
+        flagged |= (abs(cu[3]) > FOURTH) & (abs(cu[3]) ** 3 > PEAKED_ERROR * cu[2] * cu[2])
+    if resting:
+        a12, released = lane[A12 * LANES + i], lane[WHEEL_STATIC * LANES + i]
+        hold = outer - gravity * sine
+        start, end = hold - a12 * cy[0], hold - a12 * slope(cy, 1.0)
+        flagged |= rest1 & ((start > static_p) | (start < -static_n) | (end > static_p) | (end < -static_n))
+        start, end = drive - a12 * cu[0], drive - a12 * slope(cu, 1.0)
+        flagged |= rest2 & ((abs(start) > released) | (abs(end) > released))
+
+    lane[Q1 * LANES + i] = q1 if flagged else q1 + turned(u, cu, 1.0)
+    lane[U * LANES + i] = u if flagged else u_end
+    lane[Q2 * LANES + i] = q2 if flagged else q2 + turned(y, cy, 1.0)
+    lane[Y * LANES + i] = y if flagged else y_end
+    parts = 1.0
+    if peaked:  # each passes through a part of the peak, if the step goes through it
+        parts = max(1.0, PARTS * np.sqrt(spike) * abs(cu[0])) if abs(u) < abs(cu[0]) * NEAR else 1.0
+    lane[FLAG * LANES + i] = parts if flagged else 0.0
+    return 1 if flagged else 0
+
+
+@njit_lane
+def move_all(lane: Array, peaked: int, resting: int) -> int:
+    """All runs of a block one step on; how many are left for `redo`."""
+    count = 0
+    for i in range(LANES):
+        count += move(lane, i, peaked, resting)
+    return count
+
+
+@njit_lane
+def any_rests(lane: Array) -> int:
+    """How many runs of a block have an axis or a wheel at rest, where it can stick."""
+    count = 0
+    for i in range(LANES):
+        rests = (lane[U * LANES + i] == 0.0) & (lane[AXIS_STICKS * LANES + i] != 0.0)
+        rests |= (lane[Y * LANES + i] == 0.0) & (lane[WHEEL_KINK * LANES + i] != 0.0)
+        count += 1 if rests else 0
+    return count
+
+
+@njit_threads
+def run_block(
+    lane: Array,
+    p: Array,
+    inputs: Array,
+    which: NDArray[np.int64],
+    kinds: tuple[int, int, int],
+    steps: int,
+    h: float,
+    noise: Array,
+    log: Array,
+) -> int:
+    """Run a block for all rows of `inputs`, moving `lane` in place to the last row; returns how many steps were redone.
+
+    lane (ROWS * LANES,): as `lanes` says. p (LANES, SIZE): constants once more, for what is done by itself. inputs
+    (rows, references): rad; V or N m where the loop is open. which (LANES,): each run's column of them. kinds: whether
+    the loop is closed, some friction has Stribeck's peak, some encoder is nonlinear. steps of a sample, each of h (s).
+    noise (2, rows or 1, LANES) (rad). log (channels, runs <= LANES, rows) receives angle, wheel angle, command and
+    k tilde of every row, as many as it has channels.
+    """
+    closed, peaked, bent = kinds
+    rows, channels, noisy = len(inputs), len(log), noise.shape[1] > 1
+    sample = h * steps
+    work, nothing, nowhere, counts = np.zeros((10, 5)), np.zeros(0), np.zeros((0, 5)), np.zeros(4, np.int64)
+    series, redone, resting = np.zeros((6, TERMS + 1)), 0, any_rests(lane)
+    for k in range(rows):
+        for i in range(LANES):
+            lane[REFERENCE * LANES + i] = inputs[k, which[i]]
+        row = k if noisy else 0
+        if bent:
+            for i in range(LANES):
+                read_bent(lane, i, Q1, ANGLE_STEP, ANGLE_READING, noise[0, row, i])
+                read_bent(lane, i, Q2, WHEEL_STEP, WHEEL_READING, noise[1, row, i])
+        for i in range(0 if bent else LANES):
+            lane[ANGLE_READING * LANES + i] = reading(
+                lane[Q1 * LANES + i], lane[ANGLE_ZERO * LANES + i], noise[0, row, i], lane[ANGLE_STEP * LANES + i]
+            )
+            lane[WHEEL_READING * LANES + i] = reading(
+                lane[Q2 * LANES + i], lane[WHEEL_ZERO * LANES + i], noise[1, row, i], lane[WHEEL_STEP * LANES + i]
+            )
+        if closed:
+            for i in range(LANES):
+                control(lane, i, sample)
+        else:
+            for i in range(LANES):
+                lane[COMMAND * LANES + i] = lane[REFERENCE * LANES + i]
+        for i in range(LANES):
+            limit = lane[RIG_LIMIT * LANES + i]
+            command = lane[COMMAND * LANES + i]
+            command = command if command > -limit else -limit
+            lane[COMMAND * LANES + i] = command if command < limit else limit
+        for channel in range(channels):
+            first = (ANGLE_READING + channel) * LANES if channel < 3 else K_TILDE * LANES
+            for i in range(log.shape[1]):
+                log[channel, i, k] = lane[first + i]
+        if k == rows - 1:
+            break
+        for _ in range(steps):
+            if resting:
+                count = move_all(lane, 1, 1)
+            elif peaked:
+                count = move_all(lane, 1, 0)
+            else:
+                count = move_all(lane, 0, 0)
+            if count > 0:
+                redone += count
+                redo(lane, p, h, work, series, nothing, nowhere, counts)
+            if resting or count > 0:
+                resting = any_rests(lane)
+    return redone

@@ -1,0 +1,256 @@
+"""A step of one run that holds a stop, a release or an edge of the dead zone: the changes are located in the series.
+
+Between two changes the motion is the same Taylor series as in the lanes; where a speed passes zero, or the motor's
+torque an edge of its dead zone, is a root of its polynomial. What goes on from there, `model.sticking` decides. What is
+rarer, a release within the step or a turn there and back, goes to `advance` of the single run.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from swingid.model.integrator import NOW, V1, V2, Mode, Z
+from swingid.model.integrator import Q1 as ANGLE
+from swingid.model.integrator import Q2 as WHEEL_ANGLE
+from swingid.model.motion import LONGEST, advance
+from swingid.model.motor import motor_branch
+from swingid.model.parameters import (
+    A11,
+    A12,
+    A22,
+    C1,
+    C2,
+    COULOMB_N,
+    COULOMB_P,
+    D1,
+    D2,
+    DIRECT,
+    ETA,
+    F2,
+    F3,
+    GEAR,
+    OFFSET,
+    QUADRATIC,
+    STATIC_N,
+    STATIC_P,
+    STRIBECK_SPEED,
+    VISCOUS_N,
+    VISCOUS_P,
+    WHEEL_STATIC,
+    B,
+)  # fmt: skip
+from swingid.model.sticking import mode_at_rest, side
+from swingid.simulation.ensemble.lane_functions import decay, njit_lane, njit_threads, sine_cosine
+from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
+from swingid.simulation.ensemble.polynomial import INVERSES, MOST_TRIALS, TERMS, grade, last_terms, passed, root, value
+from swingid.simulation.ensemble.series import Axis, Mobility
+
+Array = NDArray[np.float64]
+
+LAST = 1e-13
+"""rad per step: what the last term of a series may be, so that the next is well below it."""
+
+MOST_STEPS = 30
+BEYOND = 1e-11
+"""Of a step: how far behind an edge of the dead zone the motion goes on, so that it is on the other side for sure."""
+
+NONE, AXIS, WHEEL, EDGE, UNSURE = 0, 1, 2, 3, 4
+
+SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK = range(6)
+"""Rows of the series (6, TERMS + 1)."""
+
+
+@njit_lane
+def mode_constants(mode: Mode, h: float, u: float, p: Array) -> tuple[Axis, tuple[float, float], Mobility]:
+    """What `coefficients` takes for a step of h (s) in a mode under the command u (V; N m), from p (SIZE,)."""
+    s1, s2, branch = mode
+    viscous, coulomb, static = p[VISCOUS_N], p[COULOMB_N], p[STATIC_N]
+    if s1 > 0:
+        viscous, coulomb, static = p[VISCOUS_P], p[COULOMB_P], p[STATIC_P]
+    height, peak = 0.0, 0.0
+    if p[STRIBECK_SPEED] > 0.0:
+        height, peak = s1 * (static - coulomb), 1.0 / (p[STRIBECK_SPEED] * h) ** 2
+    load = p[DIRECT] * u - p[OFFSET] - s1 * coulomb
+    drive, drag = 0.0, p[GEAR] * p[GEAR] * p[F2] / h
+    if branch != 0:
+        drive = p[GEAR] * (p[ETA] * p[C1] * u - (p[D1] if branch > 0 else p[D2]))
+        drag += p[GEAR] * p[ETA] * p[C2] / h
+    m11, m12, m22 = 0.0, 0.0, 0.0
+    if s1 != 0 and s2 != 0:
+        scale = h * h / (p[A11] * p[A22] - p[A12] * p[A12])
+        m11, m12, m22 = scale * p[A22], scale * p[A12], scale * p[A11]
+    elif s1 != 0:
+        m11 = h * h / p[A11]
+    elif s2 != 0:
+        m22 = h * h / p[A22]
+    axis = (p[B], viscous / h, s1 * p[QUADRATIC] / (h * h), load, height, peak)
+    return axis, (drive - s2 * p[GEAR] * p[F3], drag), (m11, m12, m22)
+
+
+@njit_lane
+def expand(a: Array, axis: Axis, wheel: tuple[float, float], mobility: Mobility) -> None:
+    """Taylor's coefficients up to `TERMS`, as `series.coefficients` has them up to 5, into a from its first column.
+
+    That has sine and cosine of q1, U and Y. Time counts in steps; axis, wheel and mobility as there.
+    """
+    gravity, viscous, quadratic, load1, height, peak = axis
+    load2, drag = wheel
+    m11, m12, m22 = mobility
+    a[SQUARE, 0] = a[SPEED, 0] * a[SPEED, 0]
+    a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
+    for k in range(TERMS):
+        if k > 0:
+            # what is newest comes last into each sum, so that the older products need not wait for it
+            s, c, w, g = 0.0, 0.0, 0.0, 0.0
+            for i in range(1, k):
+                s += a[SPEED, i] * a[COS, k - 1 - i]
+                c -= a[SPEED, i] * a[SIN, k - 1 - i]
+                w += a[SPEED, i] * a[SPEED, k - i]
+            a[SIN, k] = (s + a[SPEED, 0] * a[COS, k - 1]) * INVERSES[k]
+            a[COS, k] = (c - a[SPEED, 0] * a[SIN, k - 1]) * INVERSES[k]
+            a[SQUARE, k] = w + 2.0 * a[SPEED, 0] * a[SPEED, k]
+            if height != 0.0:
+                for i in range(k - 1, 0, -1):
+                    g -= (k - i) * a[SQUARE, k - i] * a[PEAK, i]
+                a[PEAK, k] = (g - k * a[SQUARE, k] * a[PEAK, 0]) * (peak * INVERSES[k])
+            load1, load2 = 0.0, 0.0
+        r1 = load1 - gravity * a[SIN, k] - viscous * a[SPEED, k] - quadratic * a[SQUARE, k]
+        if height != 0.0:
+            r1 -= a[PEAK, k]
+        r2 = load2 - drag * a[WHEEL_SPEED, k]
+        a[SPEED, k + 1] = (m11 * r1 - m12 * r2) * INVERSES[k + 1]
+        a[WHEEL_SPEED, k + 1] = (m22 * r2 - m12 * r1) * INVERSES[k + 1]
+
+
+@njit_lane
+def first_change(
+    mode: Mode, u: Array, y: Array, ends: tuple[float, float], edges: tuple[float, float]
+) -> tuple[int, float]:
+    """(What changes first in a step, at which fraction of it): NONE at 1 where nothing does.
+
+    u, y: series of the speeds, which are `ends` at the end. edges: speeds Y of the wheel between which the motor stays
+    in its branch (rad per step).
+    """
+    s1, s2, _ = mode
+    what, x = NONE, 1.0
+    if s1 != 0:
+        end = ends[0]
+        if s1 * end < 0.0:
+            if u[0] == 0.0:
+                return UNSURE, 0.0
+            what, x = AXIS, root(u, end, 0.0)
+        elif s1 * (u[0] + u[1]) < 0.0:
+            return UNSURE, 0.0
+    end = ends[1]
+    if s2 != 0:
+        if s2 * end < 0.0:
+            if y[0] == 0.0:
+                return UNSURE, 0.0
+            there = root(y, end, 0.0)
+            if there < x:
+                what, x = WHEEL, there
+        elif s2 * (y[0] + y[1]) < 0.0:
+            return UNSURE, 0.0
+    for edge in edges:
+        if (end - edge) * (y[0] - edge) < 0.0:
+            there = root(y, end, edge)
+            if there < x:
+                what, x = EDGE, there
+    return what, x
+
+
+@njit_lane
+def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, float]:
+    """Speeds Y of the wheel (rad per step of h) at which the torque is at the edges of the motor's branch."""
+    if p[C2] == 0.0 or (p[D1] == 0.0 and p[D2] == 0.0):
+        return np.inf, np.inf
+    upper = (p[C1] * u - p[D1] / p[ETA]) / p[C2] * h
+    lower = (p[C1] * u - p[D2] / p[ETA]) / p[C2] * h
+    if branch > 0:
+        return upper, np.inf
+    if branch < 0:
+        return lower, np.inf
+    return upper, lower
+
+
+@njit_lane
+def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -> bool:
+    """Whether what rests in a mode may be released within a step, by what friction must hold at its ends."""
+    s1, s2, _ = mode
+    a12 = p[A12] / (h * h)
+    if s1 == 0:
+        for k in range(2):
+            dry = p[DIRECT] * u - p[B] * a[SIN, 0] - p[OFFSET] - a12 * grade(a[WHEEL_SPEED], float(k))
+            if dry > p[STATIC_P] or dry < -p[STATIC_N]:
+                return True
+    if s2 == 0:
+        for k in range(2):
+            if abs(drive - a12 * grade(a[SPEED], float(k))) > p[WHEEL_STATIC]:
+                return True
+    return False
+
+
+@njit_threads
+def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -> float:
+    """Move row NOW of `work` by up to h (s) under the command u through changes of mode; returns what is left (s).
+
+    a (6, TERMS + 1): place for the series. parts: into how many parts h may have to be cut.
+    """
+    left, part = h, h / parts
+    speed, wheel_speed = a[SPEED], a[WHEEL_SPEED]
+    for _ in range(MOST_STEPS):
+        q1, v1, v2 = work[NOW, ANGLE], work[NOW, V1], work[NOW, V2]
+        mode = (side(v1), side(v2), motor_branch(u, v2, p))
+        if v1 == 0.0 or v2 == 0.0:
+            mode = mode_at_rest(q1, v1, v2, 0.0, mode, u, p)
+        a[SIN, 0], a[COS, 0] = sine_cosine(q1)
+        part, last, drive = min(part, left), 0.0, 0.0
+        for _ in range(MOST_TRIALS):
+            axis, wheel, mobility = mode_constants(mode, part, u, p)
+            speed[0], wheel_speed[0], drive = v1 * part, v2 * part, wheel[0]
+            expand(a, axis, wheel, mobility)
+            last = max(last_terms(speed), last_terms(wheel_speed), 1e-300)
+            if last <= LAST:
+                break
+            part *= min(0.9, 0.9 * (LAST / last) ** INVERSES[TERMS + 1])
+        if last > LAST or released(mode, a, part, u, drive, p):
+            return left
+        ends = value(speed, 1.0), value(wheel_speed, 1.0)
+        what, x = first_change(mode, speed, wheel_speed, ends, branch_edges(mode[2], part, u, p))
+        if what == UNSURE:
+            return left
+        if what == EDGE:
+            x = min(x + BEYOND, 1.0)
+        work[NOW, ANGLE] += passed(speed, x)
+        work[NOW, WHEEL_ANGLE] += passed(wheel_speed, x)
+        if what != NONE:
+            ends = value(speed, x), value(wheel_speed, x)
+        work[NOW, V1] = 0.0 if what == AXIS else ends[0] / part
+        work[NOW, V2] = 0.0 if what == WHEEL else ends[1] / part
+        if what == NONE and part == left:
+            return 0.0
+        left -= part * x
+        if left < 1e-13:
+            return left
+        part *= 0.9 * (LAST / last) ** INVERSES[TERMS + 1]
+    return left
+
+
+@njit_threads
+def redo(
+    lane: Array, p: Array, h: float, work: Array, a: Array, nothing: Array, nowhere: Array, counts: NDArray[np.int64]
+) -> None:
+    """Take the flagged steps of a block again, with each change located."""
+    for i in range(LANES):
+        if lane[FLAG * LANES + i] == 0.0:
+            continue
+        command = lane[COMMAND * LANES + i]
+        work[NOW, ANGLE], work[NOW, V1] = lane[Q1 * LANES + i], lane[U * LANES + i] / h
+        work[NOW, WHEEL_ANGLE], work[NOW, V2] = lane[Q2 * LANES + i], lane[Y * LANES + i] / h
+        work[NOW, Z] = 0.0
+        left = through(work, a, h, command, p[i], lane[FLAG * LANES + i])
+        if left > 0.0:
+            advance(0.0, left, command, work, min(left, LONGEST), p[i], nothing, nowhere, counts)
+        lane[Q1 * LANES + i], lane[U * LANES + i] = work[NOW, ANGLE], work[NOW, V1] * h
+        lane[Q2 * LANES + i], lane[Y * LANES + i] = work[NOW, WHEEL_ANGLE], work[NOW, V2] * h

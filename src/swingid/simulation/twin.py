@@ -1,0 +1,299 @@
+"""The digital twin: from a rig, a controller or a list of commands, and a seed, to what would be logged."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.control.backstepping import Backstepping
+from swingid.control.compensator import Compensator
+from swingid.control.references.base import require_axis
+from swingid.errors import UsageError
+from swingid.model.integrator import Q1, Q2, STATES, V1, V2, Z
+from swingid.model.motion import EVENTS, GUARDED, STEPS
+from swingid.model.parameters import vector
+from swingid.recording.recording import Recording
+from swingid.simulation import draws
+from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
+from swingid.simulation.provenance import how_made, metadata
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from swingid.model.rig import Rig
+
+Reference = Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]
+Controller = Compensator | Backstepping
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The true motion behind a recording, for tests and plots only: no method may see it.
+
+    time (n,) (s): instants of all rows, lost ones too, or those asked for; angle, speed, wheel_angle,
+    wheel_speed (rad, rad/s), bristle (rad). command (rows,): held from row to row (V; direct drive N m).
+    parameters: the vector of `swingid.model.parameters`. draws: what the seed drew. steps, mode_changes,
+    guarded_steps: counts of the integration.
+    """
+
+    time: NDArray[np.float64]
+    angle: NDArray[np.float64]
+    speed: NDArray[np.float64]
+    wheel_angle: NDArray[np.float64]
+    wheel_speed: NDArray[np.float64]
+    bristle: NDArray[np.float64]
+    command: NDArray[np.float64]
+    parameters: NDArray[np.float64]
+    draws: draws.Draws
+    steps: int
+    mode_changes: int
+    guarded_steps: int
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recording and the truth behind it; log (rows, 4): angle, wheel angle, command, gain, lost rows too."""
+
+    recording: Recording
+    truth: Truth
+    log: NDArray[np.float64]
+
+
+def simulate(
+    rig: Rig,
+    reference: Reference | None = None,
+    controller: Controller | None = None,
+    *,
+    duration: float,
+    rate: float = 1000.0,
+    seed: int = 0,
+    initial_angle: float = 0.0,
+    initial_speed: float = 0.0,
+    drive: ArrayLike | None = None,
+    push: ArrayLike | None = None,
+    draw: bool = False,
+    encoder_zero: tuple[float, float] = (0.0, 0.0),
+) -> Recording:
+    """What the rig would log in `duration` (s) at `rate` (1/s): rows at 0, 1/rate, ..., duration.
+
+    With a `reference` (a function of times (s), giving rad) the `controller` moves the rig, by default the
+    compensator with the gains of the paper's experiment. With `drive`, an array of one command per row (V;
+    direct drive N m), the loop is open. With neither the command is zero: a free decay from `initial_angle`
+    (rad or m) and `initial_speed`. `push`: torque on the axis from outside, as of a hand, one value per row that is
+    held to the next (N m or N). The encoders of `rig.sensors` always apply, drawn by `seed`; with `draw` so are all
+    constants with a stated uncertainty, and the rig is only about what it says it is. `encoder_zero` (rad): what the
+    encoders of axis and wheel read at angle 0.
+
+    Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
+    """
+    return simulate_run(
+        rig,
+        reference,
+        controller,
+        duration=duration,
+        rate=rate,
+        seed=seed,
+        initial_angle=initial_angle,
+        initial_speed=initial_speed,
+        drive=drive,
+        push=push,
+        draw=draw,
+        encoder_zero=encoder_zero,
+    ).recording
+
+
+def simulate_run(
+    rig: Rig,
+    reference: Reference | None = None,
+    controller: Controller | None = None,
+    *,
+    duration: float,
+    rate: float = 1000.0,
+    seed: int = 0,
+    initial_angle: float = 0.0,
+    initial_speed: float = 0.0,
+    drive: ArrayLike | None = None,
+    push: ArrayLike | None = None,
+    draw: bool = False,
+    encoder_zero: tuple[float, float] = (0.0, 0.0),
+    truth_times: ArrayLike | None = None,
+) -> Run:
+    """As `simulate`, with the truth beside the recording, at the rows' instants or at `truth_times` (s, rising).
+
+    For tests and plots: identification is given `Run.recording`, never `Run.truth`. Errors as `simulate`.
+    """
+    rows = row_count(duration, rate)
+    _check_start(initial_angle, initial_speed, seed)
+    made = draws.draw(rig, rows, seed, constants_too=draw, encoder_zero=encoder_zero)
+    wanted = np.arange(rows) / rate if truth_times is None else np.asarray(truth_times, dtype=np.float64)
+    reads = np.arange(rows) / rate + made.delays
+    instants, places = _instants(reads, wanted)
+    times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
+    inputs, open_loop = loop_inputs(rig, reference, controller, drive, times[:-1], rows)
+    pushes = np.empty(0) if push is None else _per_row("push", push, times[:-1], rows)
+    kind, state, gains = OPEN_LOOP, np.zeros(1), np.zeros(1)
+    if not open_loop:
+        controller = controller or Compensator.paper(rig)
+        kind = BACKSTEPPING if isinstance(controller, Backstepping) else COMPENSATOR
+        state, gains = controller.initial_state(initial_angle), controller.parameters(1.0 / rate)
+    noise = np.zeros((2, len(inputs)))
+    noise[:, :rows] = made.noise
+    p = vector(made.values, rig.drive.kind)
+    seen, log = np.zeros((len(instants), STATES)), np.zeros((rows, 4))
+    counts = closed_loop(
+        times,
+        inputs,
+        pushes,
+        kind,
+        state,
+        gains,
+        own_limit(rig),
+        np.array([initial_angle, initial_speed, 0.0, 0.0, 0.0]),
+        p,
+        np.array([encoder.array() for encoder in made.encoders]),
+        noise,
+        instants,
+        places[: 2 * rows].reshape(2, rows),
+        seen,
+        log,
+    )
+    how = how_made(
+        duration=duration,
+        rate=rate,
+        seed=seed,
+        drawn=draw,
+        initial_angle=initial_angle,
+        initial_speed=initial_speed,
+        encoder_zero=encoder_zero,
+        controller=None if open_loop else controller,
+        reference=reference,
+    )
+    if push is not None:
+        how["push"] = {"largest": float(np.max(np.abs(pushes))), "rows": int(np.count_nonzero(pushes))}
+    recording = recording_of(rig, times, inputs, open_loop, log, made, metadata(rig, how, made))
+    return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
+
+
+def _instants(reads: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Sorted instants of all readings (2, rows) and of the wanted truth, and each one's place among them."""
+    if np.array_equal(reads[0], wanted) and np.array_equal(reads[1], wanted):
+        return wanted, np.tile(np.arange(len(wanted)), 3)  # on time, as most rigs are: nothing to sort
+    instants, places = np.unique(np.concatenate([reads[0], reads[1], wanted]), return_inverse=True)
+    return instants, places
+
+
+def _check_start(initial_angle: float, initial_speed: float, seed: int) -> None:
+    for name, value in (("initial_angle", initial_angle), ("initial_speed", initial_speed)):
+        if not math.isfinite(value):
+            raise UsageError(f"{name} must be a finite number, and is {value}", code="bad-start")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise UsageError(f"seed must be a whole number that is not negative, and is {seed}", code="bad-seed")
+
+
+def row_count(duration: float, rate: float) -> int:
+    """Number of rows; UsageError unless duration and rate are positive numbers and give at least two."""
+    for name, value in (("duration", duration), ("rate", rate)):
+        if not 0.0 < value < math.inf:
+            raise UsageError(f"{name} must be a positive number, and is {value}", code="bad-duration")
+    rows = math.floor(duration * rate + 1e-9) + 1
+    if rows < 2:
+        raise UsageError(
+            f"{duration:g} s at {rate:g} rows per second is less than two rows; simulate longer",
+            code="too-short",
+        )
+    return rows
+
+
+def loop_inputs(
+    rig: Rig,
+    reference: Reference | None,
+    controller: Controller | None,
+    drive: ArrayLike | None,
+    times: NDArray[np.float64],
+    rows: int,
+) -> tuple[NDArray[np.float64], bool]:
+    """(reference or commands at `times`, whether the loop is open); UsageError where they contradict."""
+    kind = rig.drive.kind
+    if kind == "none" and (reference is not None or drive is not None):
+        raise UsageError(f"rig {rig.name!r} has no drive, so it can't follow anything", code="no-drive")
+    if drive is not None:
+        if reference is not None or controller is not None:
+            raise UsageError("give either drive or reference and controller, not both", code="two-drives")
+        return _per_row("drive", drive, times, rows), True
+    if reference is None:
+        if controller is not None:
+            raise UsageError("a controller needs a reference to follow; give one", code="no-reference")
+        return np.zeros(len(times)), True
+    require_axis(reference, rig.axis.kind)
+    wanted = np.asarray(reference(times), dtype=np.float64)
+    if wanted.shape != times.shape or not np.isfinite(wanted).all():
+        raise UsageError("the reference must give one finite number per instant", code="bad-reference")
+    return wanted, False
+
+
+def _per_row(name: str, values: ArrayLike, times: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
+    """One value per instant of `times`, the last one going on; UsageError unless there is a finite number per row."""
+    given = np.asarray(values, dtype=np.float64)
+    if given.ndim != 1 or len(given) < rows - 1 or not np.isfinite(given).all():
+        text = f"{name} must hold one finite number per row, {rows}, and has shape {given.shape}"
+        raise UsageError(text, code=f"bad-{name}")
+    return given[np.minimum(np.arange(len(times)), len(given) - 1)]
+
+
+def own_limit(rig: Rig) -> float:
+    """The rig's voltage limit (V), infinite where it has none."""
+    motor = rig.drive.motor if rig.drive.kind == "reaction-wheel" else None
+    return math.inf if motor is None or motor.voltage_limit is None else float(motor.voltage_limit)
+
+
+def recording_of(
+    rig: Rig,
+    times: NDArray[np.float64],
+    inputs: NDArray[np.float64],
+    open_loop: bool,
+    log: NDArray[np.float64],
+    made: draws.Draws,
+    data: dict[str, object],
+) -> Recording:
+    """The rows that were not lost of a log (rows, 4), as a Recording in the model's conventions."""
+    kept = np.flatnonzero(made.kept)
+    wheel = rig.drive.kind == "reaction-wheel"
+    return Recording(
+        time=times[kept],
+        angle=log[kept, 0],
+        wheel_angle=log[kept, 1] if wheel else None,
+        voltage=log[kept, 2] if wheel else None,
+        torque=log[kept, 2] if rig.drive.kind == "direct" else None,
+        reference=None if open_loop else inputs[kept],
+        adaptive_gain=None if open_loop else log[kept, 3],
+        drive_held=True,
+        metadata=data,
+    )
+
+
+def _truth(
+    wanted: NDArray[np.float64],
+    true: NDArray[np.float64],
+    commands: NDArray[np.float64],
+    p: NDArray[np.float64],
+    made: draws.Draws,
+    counts: NDArray[np.int64],
+) -> Truth:
+    return Truth(
+        time=wanted,
+        angle=true[:, Q1],
+        speed=true[:, V1],
+        wheel_angle=true[:, Q2],
+        wheel_speed=true[:, V2],
+        bristle=true[:, Z],
+        command=commands,
+        parameters=p,
+        draws=made,
+        steps=int(counts[STEPS]),
+        mode_changes=int(counts[EVENTS]),
+        guarded_steps=int(counts[GUARDED]),
+    )

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.declared import with_declared
 from swingid.balance.delays import impulse_of, late_reversals
@@ -21,10 +20,9 @@ from swingid.balance.systematics import grid_spread
 from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 DETECTED = 4.0
 """Standard uncertainties beyond which a friction memory counts as seen."""

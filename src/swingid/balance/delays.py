@@ -9,16 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import Signals
+from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import gauss_rule
 from swingid.numerics.spline import kinked_slopes
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.speed import typical_step
 
-Array = NDArray[np.float64]
 Torque = Callable[[Array], Array]
 
 DRIVEN = 0.5

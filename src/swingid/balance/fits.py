@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import Rows, Windows
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, overlaps
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 """Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|.

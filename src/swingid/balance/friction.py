@@ -10,18 +10,17 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import LAG, columns_of, known_side
 from swingid.balance.friction_laws import TERMS, law_columns, stribeck_peak, stribeck_slope
 from swingid.balance.friction_rows import FrictionRows, speed_knots
 from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.rows import Rows, Signals
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import Scale
 from swingid.result.result import FrictionCurve
 
-Array = NDArray[np.float64]
 CURVE_KNOTS = 7
 
 

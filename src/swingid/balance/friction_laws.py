@@ -10,11 +10,10 @@ from collections.abc import Callable
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 
-Array = NDArray[np.float64]
 Law = Callable[[Array], Array]
 
 TERMS: dict[str, Law] = {

@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.friction_laws import stribeck_peak, stribeck_slope
 from swingid.balance.rows import Rows, Signals, Windows
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
 from swingid.numerics.hats import project_hats
-
-Array = NDArray[np.float64]
 
 EXACT = ("coulomb", "offset", "viscous", "quadratic", "viscous_even", "cubic")
 """Terms with a column of their own."""
@@ -63,13 +61,13 @@ class FrictionRows:
 
 
 @cache
-def places_of(terms: tuple[str, ...]) -> NDArray[np.int64]:
+def places_of(terms: tuple[str, ...]) -> Ints:
     """Column of each term, −1 for Stribeck's peak, which has none of its own."""
     return np.array([EXACT.index(term) if term in EXACT else -1 for term in terms])
 
 
 @njit
-def law_weights(places: NDArray[np.int64], knots: Array, stribeck_speed: float) -> Array:
+def law_weights(places: Ints, knots: Array, stribeck_speed: float) -> Array:
     """As `FrictionRows.law`, of the terms at `places`."""
     weights = np.zeros((len(EXACT) + len(knots), len(places)))
     for k in range(len(places)):

@@ -11,12 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
-
-Array = NDArray[np.float64]
+from swingid.numerics.arrays import Array
 
 HOPELESS = 0.3
 """Relative standard uncertainty of the inertia above which there is no answer."""

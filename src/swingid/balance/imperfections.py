@@ -10,15 +10,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import Rows, Signals
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
+from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
 from swingid.units import Quantity
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

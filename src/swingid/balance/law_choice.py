@@ -7,18 +7,15 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import LAG
 from swingid.balance.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_terms
 from swingid.balance.friction_rows import EXACT, FrictionRows, law_weights, places_of, slope_weights
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
 from swingid.numerics.ranks import median
 from swingid.numerics.regression import gram, symmetric_inverse
 from swingid.preparation.motion import Motion
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 ROUNDING = 1e-10
 """Share of the power of the known side below which a residual is that of the arithmetic, not of a law."""
@@ -133,7 +130,7 @@ def slowest_peak(motion: Motion, noise: float) -> float:
 def _tried(
     gram: Array,
     body: int,
-    places: Indices,
+    places: Ints,
     knots: Array,
     starts: Array,
     speeds: Array,
@@ -151,7 +148,7 @@ def _tried(
 
 
 @njit
-def _likeliest_speed(gram: Array, body: int, places: Indices, knots: Array, starts: Array, speeds: Array) -> float:
+def _likeliest_speed(gram: Array, body: int, places: Ints, knots: Array, starts: Array, speeds: Array) -> float:
     """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while it gets better within `speeds`."""
     count, terms = len(EXACT) + len(knots), len(places)
     speed, least, values, peak, widened = starts[0], np.inf, np.empty(0), 0, np.empty((count, terms + 1))

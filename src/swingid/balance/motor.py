@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.format import left
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from swingid.balance.rows import Signals, Windows
     from swingid.preparation.noise import Noise
 
-Array = NDArray[np.float64]
 
 SLOW = 4.0
 """Standard deviations of the wheel's speed below which it cannot be told from rest."""
@@ -108,7 +107,7 @@ class _Reading:
         unexplained = max(float(np.mean(left**2)) - 2 * expected, 0.0)
         return float(np.sqrt(unexplained / self._power))
 
-    def refitted(self, tells: NDArray[np.bool_], expected: float) -> float:
+    def refitted(self, tells: Bools, expected: float) -> float:
         """What is left with c1, f2 and f3 free, of the windows that tell; noise included.
 
         At least what noise may leave (`expected` as above): few windows that noise alone moves tell no reading apart.

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.ranks import quantile
@@ -24,8 +24,6 @@ from swingid.numerics.test_functions import project_impulses, project_stacked, p
 from swingid.preparation.motion import Motion
 from swingid.preparation.speed import speed_on_grid
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 BLOCK = 1 / 8
 """Length of the blocks of rows, of the time in which the quickest turn of the motion passes."""
@@ -47,7 +45,7 @@ class Windows:
     def __len__(self) -> int:
         return len(self.centres)
 
-    def select(self, keep: NDArray[np.bool_]) -> Windows:
+    def select(self, keep: Bools) -> Windows:
         """The windows where `keep` is true."""
         return Windows(self.centres[keep], self.half[keep])
 
@@ -84,7 +82,7 @@ class Signals:
     longest: float
 
     @cached_property
-    def stacked(self) -> tuple[Array, NDArray[np.int64]]:
+    def stacked(self) -> tuple[Array, Ints]:
         """Columns of the balance for `project_stacked` and the derivatives of φ that they meet."""
         columns = [(self.angle, 2), (self.sine, 0), (-self.angle, 1)]
         size = np.abs(self.speed)
@@ -234,7 +232,7 @@ class Rows:
     friction: dict[str, Array]
     stiffness: float = 1.0
 
-    def select(self, keep: NDArray[np.bool_]) -> Rows:
+    def select(self, keep: Bools) -> Rows:
         """The rows where `keep` is true."""
         return Rows(
             self.windows.select(keep),

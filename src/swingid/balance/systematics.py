@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import WindowFit
 from swingid.balance.rows import Signals
+from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import superpose
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 SHIFTS = (np.arange(8) / 8 + 0.5) % 1 - 0.5
 """Of the grid in `Signals.grid_errors`, in steps."""

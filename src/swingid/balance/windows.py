@@ -8,9 +8,9 @@ even    windows centred on the turning points; friction odd in speed vanishes th
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import Signals, Windows
+from swingid.numerics.arrays import Bools
 
 FEWEST_SAMPLES = 6
 
@@ -43,10 +43,10 @@ def even_windows(signals: Signals, half: float) -> Windows:
     return windows.select((reach > 0.6 * half) & _clear(signals, windows))
 
 
-def _clear(signals: Signals, windows: Windows) -> NDArray[np.bool_]:
+def _clear(signals: Signals, windows: Windows) -> Bools:
     """Whether each window holds enough samples, no rest, no part left out and no gap longer than a quarter of it."""
     time = signals.nodes.stamps
-    clear: NDArray[np.bool_] = np.ones(len(windows), dtype=bool)
+    clear: Bools = np.ones(len(windows), dtype=bool)
     if 2 * windows.half.min(initial=np.inf) < (FEWEST_SAMPLES + 2) * signals.longest_step:
         first = np.searchsorted(time, windows.centres - windows.half)
         last = np.searchsorted(time, windows.centres + windows.half)

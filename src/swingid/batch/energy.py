@@ -10,7 +10,6 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.batch import passes
 from swingid.batch.passes import energy_runs
@@ -19,9 +18,8 @@ from swingid.batch.speeds import smoothing
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 TOGETHER = 32
 """Logs whose nodes are in memory at once, per thread."""
@@ -85,7 +83,7 @@ def _constants(rig: Rig, scale: Scale) -> Array:
     return found
 
 
-def _fitted(columns: Array, counts: NDArray[np.int64]) -> tuple[Array, Array]:
+def _fitted(columns: Array, counts: Ints) -> tuple[Array, Array]:
     """a11 (n,) and its variance as of `fit_nodes`, for columns (n, blocks, nodes, COLUMNS)."""
     n, blocks = columns.shape[:2]
     within = (columns - columns.mean(axis=2, keepdims=True)).reshape(n, -1, passes.COLUMNS)

@@ -12,7 +12,6 @@ import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import LAG, with_excess
 from swingid.batch.plan import Batch, Plan, require_batch
@@ -35,10 +34,9 @@ from swingid.batch.speeds import kinked, signs, slopes, smoothing
 from swingid.errors import UnanswerableError
 from swingid.methods.energy.balance import SHARE
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER, overlap_terms
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 PLACES = (INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN)
 """Columns of the unknowns: a11 of the whole axis first, then the terms of friction that free it of friction."""

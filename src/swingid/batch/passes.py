@@ -8,12 +8,10 @@ the trapezoid of its speeds f, so what is smooth through the angles has the slop
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.batch.projections import njit_sums_threads
 from swingid.batch.speeds import slopes
-
-Array = NDArray[np.float64]
+from swingid.numerics.arrays import Array, Ints
 
 INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN, KNOWN, COLUMNS = range(8)
 """Places of the columns: q1'^2/2, running integrals of f(q1') q1' of the terms of friction, and the known side."""
@@ -54,7 +52,7 @@ def running(v1: Array, v2: Array, wheel: Array, voltage: Array, step: float, con
 
 
 @njit_sums_threads
-def turning_points(angle: Array, v: Array, first: int, last: int, turns: NDArray[np.int64]) -> int:
+def turning_points(angle: Array, v: Array, first: int, last: int, turns: Ints) -> int:
     """Samples nearest to the reversals of v between first and last into `turns`; returns how many were found."""
     low, high = angle[first:last].min(), angle[first:last].max()
     threshold, count = SMALLEST_SWING * (high - low), 0
@@ -79,7 +77,7 @@ def energy_run(
     weights: tuple[Array, Array],
     constants: Array,
     work: Array,
-    turns: NDArray[np.int64],
+    turns: Ints,
     result: Array,
 ) -> int:
     """Columns (blocks, nodes, COLUMNS) of one log, 0 in blocks that it has not; returns how many it has.
@@ -145,7 +143,7 @@ def energy_runs(
     weights: tuple[Array, Array],
     constants: Array,
     result: Array,
-) -> NDArray[np.int64]:
+) -> Ints:
     """`energy_run` for all logs (n, rows), into result (n, blocks, nodes, COLUMNS); returns the blocks of each (n,)."""
     work = np.empty((7, angle.shape[1]))
     turns = np.empty(result.shape[1] + 2, np.int64)

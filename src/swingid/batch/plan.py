@@ -6,19 +6,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import InputError
 from swingid.methods.energy.balance import SHARE
 from swingid.methods.momentum.method import momentum
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.result import Details
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,10 @@ from functools import partial
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.numerics import compiled
+from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import phi
-
-Array = NDArray[np.float64]
 
 njit_sums_threads: Callable[[compiled.Function], compiled.Function] = partial(
     numba.njit, cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"}

@@ -7,12 +7,10 @@ but is four times as noisy; so it is asked for the mean over the log (`identify.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.batch.projections import njit_sums_threads
+from swingid.numerics.arrays import Array
 from swingid.numerics.spline import kinked_slopes, local_cubic
-
-Array = NDArray[np.float64]
 
 FEWEST = 4
 """Samples on each side that a cubic with a kink needs."""

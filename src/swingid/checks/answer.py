@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import WindowFit, columns_of, known_side
 from swingid.balance.friction_laws import friction_units
@@ -15,8 +14,6 @@ from swingid.format import left, number
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import Scale
 from swingid.result.result import BudgetEntry, Message, Parameter
-
-Array = NDArray[np.float64]
 
 CLEARLY = 0.5
 """A reading of the wheel fits clearly better when its residual is smaller by this factor."""

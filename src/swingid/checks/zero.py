@@ -5,18 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import LAG, WindowFit, columns_of, known_side
 from swingid.balance.rows import Signals
 from swingid.checks.answer import LEAST
 from swingid.format import number, percent, plus_minus
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
-
-Array = NDArray[np.float64]
 
 CERTAIN = 5.0
 """Standard uncertainties that an offset must exceed to be one."""

@@ -11,13 +11,11 @@ import typer
 from swingid.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from swingid.control.backstepping import Backstepping
     from swingid.control.compensator import Compensator
     from swingid.control.references import Reference
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
     from swingid.recording.recording import Recording
 
 MOST_ROWS = 20_000_000
@@ -144,7 +142,7 @@ def simulate(
     tell(_line(log.save(out, plant), log, plant, chosen))
 
 
-def _check_size(motion: Reference | None, drive: NDArray[np.float64] | None, duration: float) -> None:
+def _check_size(motion: Reference | None, drive: Array | None, duration: float) -> None:
     """Raise UsageError for a motion or a voltage beyond anything that moves, which the twin could not follow."""
     import numpy as np
 
@@ -157,7 +155,7 @@ def _check_size(motion: Reference | None, drive: NDArray[np.float64] | None, dur
         raise UsageError("--voltage goes beyond a million volts; give one that a motor stands", code="wild")
 
 
-def _commands(text: str, rig: Rig, duration: float, rate: float) -> NDArray[np.float64]:
+def _commands(text: str, rig: Rig, duration: float, rate: float) -> Array:
     """One voltage per row from the words of a reference motion with V in the place of rad; UsageError for others."""
     import re
 

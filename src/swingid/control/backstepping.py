@@ -23,19 +23,18 @@ from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control import law
 from swingid.control.law import motor_compensation
 from swingid.control.motor import motor_voltages
 from swingid.control.observer import OBSERVER_PARAMETERS, OBSERVER_STATES, VelocityObserver, observer_step
 from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
 
-Array = NDArray[np.float64]
 
 # Places in the state: estimates, references before, how many were seen, the two observers.
 ALPHA2, ALPHA3, BEFORE, SEEN, AXIS = 0, 1, 2, 5, 6
@@ -223,7 +222,7 @@ class Backstepping:
 
 
 @cache
-def _parameters(controller: Backstepping) -> NDArray[np.float64]:
+def _parameters(controller: Backstepping) -> Array:
     """The parameter array of `step`, made once per controller."""
     return controller.parameters()
 

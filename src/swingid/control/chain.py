@@ -8,8 +8,8 @@ point is (e, 0, ..., 0).
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 
 TAYLOR_TERMS = 14
@@ -17,7 +17,7 @@ TAYLOR_TERMS = 14
 
 
 @njit
-def exponential(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def exponential(matrix: Array) -> Array:
     """Exponential of a small stable matrix (n, n), by scaling and squaring of a Taylor polynomial."""
     n = matrix.shape[0]
     size = 0.0
@@ -41,7 +41,7 @@ def exponential(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @njit
-def multiply(a: NDArray[np.float64], b: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+def multiply(a: Array, b: Array, factor: float) -> Array:
     """Product of two small square matrices and a factor, without BLAS."""
     n = a.shape[0]
     c = np.zeros((n, n))
@@ -53,7 +53,7 @@ def multiply(a: NDArray[np.float64], b: NDArray[np.float64], factor: float) -> N
 
 
 @njit
-def held_chain(e: float, xi: NDArray[np.float64], turn: float, k: NDArray[np.float64]) -> None:
+def held_chain(e: float, xi: Array, turn: float, k: Array) -> None:
     """Move xi (n,) of (16) in place over one sample, the error e (rad or m) held.
 
     turn: integral of sigma over the sample, a pure number; k (n,): k_1 ... k_n of (16). Exact, so stable at any rate.
@@ -82,12 +82,12 @@ def held_chain(e: float, xi: NDArray[np.float64], turn: float, k: NDArray[np.flo
 @njit
 def chain_output(
     e: float,
-    xi: NDArray[np.float64],
+    xi: Array,
     k_tilde: float,
     slope: float,
     sigma0: float,
-    alpha: NDArray[np.float64],
-    k: NDArray[np.float64],
+    alpha: Array,
+    k: Array,
     differentiate_gain: bool,
 ) -> float:
     """alpha(p)(k xi_1) of (20), or k alpha(p) xi_1 of (15), at the start of a sample: -u2 of the paper (V).

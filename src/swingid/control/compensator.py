@@ -17,12 +17,12 @@ from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control import law
 from swingid.control.law import compensator_step
 from swingid.control.motor import motor_voltages
 from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -131,7 +131,7 @@ class Compensator:
             **motor_voltages(rig),
         )
 
-    def initial_state(self, angle: float = 0.0, wheel_angle: float | None = None) -> NDArray[np.float64]:
+    def initial_state(self, angle: float = 0.0, wheel_angle: float | None = None) -> Array:
         """State before the first sample (rho + 3,): k tilde, filtered error, wheel memory, its flag, xi.
 
         `angle` is taken for interface's sake: the chain and the filter start at zero error, as in the
@@ -144,7 +144,7 @@ class Compensator:
             state[law.WHEEL_MEMORY], state[law.WHEEL_SEEN] = wheel_angle, 1.0
         return state
 
-    def parameters(self, sample_time: float | None = None) -> NDArray[np.float64]:
+    def parameters(self, sample_time: float | None = None) -> Array:
         """Parameter array of `compensator_step` for a sample time (s), `self.sample_time` if None.
 
         Raises UsageError for a sample time that is not positive.
@@ -165,7 +165,7 @@ class Compensator:
         head[law.DEAD_NEGATIVE], head[law.DEAD_POSITIVE] = self.dead_zone_voltage
         return np.concatenate([head, self.alpha, self.k])
 
-    def step(self, t: float, angles: Sequence[float], state: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
+    def step(self, t: float, angles: Sequence[float], state: Array) -> tuple[float, Array]:
         """One sample: (voltage (V) held to the next, new state).
 
         `angles` = (reference, angle, wheel_angle) in rad (m), wheel_angle 0 without a wheel. The law does
@@ -178,7 +178,7 @@ class Compensator:
 
 
 @cache
-def _parameters(compensator: Compensator) -> NDArray[np.float64]:
+def _parameters(compensator: Compensator) -> Array:
     """The parameter array of `step`, made once per compensator."""
     return compensator.parameters()
 

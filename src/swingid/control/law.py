@@ -7,9 +7,9 @@ parameters are flat arrays whose places are named here and made by `Compensator`
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control.chain import chain_output, held_chain
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 
 # Places in the state.
@@ -21,7 +21,7 @@ DEAD_NEGATIVE, DEAD_POSITIVE, BACK_EMF, ALPHA = 12, 13, 14, 15
 
 
 @njit
-def wheel_speed(wheel_angle: float, state: NDArray[np.float64], parameters: NDArray[np.float64]) -> float:
+def wheel_speed(wheel_angle: float, state: Array, parameters: Array) -> float:
     """Wheel speed (rad/s) from sampled wheel angles (rad), and the memory in `state` moved on.
 
     wheel_angle: this sample's, state and parameters as in `compensator_step`.
@@ -38,7 +38,7 @@ def wheel_speed(wheel_angle: float, state: NDArray[np.float64], parameters: NDAr
 
 
 @njit
-def motor_compensation(u2: float, speed: float, parameters: NDArray[np.float64]) -> float:
+def motor_compensation(u2: float, speed: float, parameters: Array) -> float:
     """u0 = u1 + u2 + u3 (V), to which a motor with Coulomb friction and dead zone answers as a linear one.
 
     u2 in V, speed = q2' in rad/s, parameters as in `compensator_step`. Exact only for the constants it is told.
@@ -61,8 +61,8 @@ def compensator_step(
     reference: float,
     angle: float,
     wheel_angle: float,
-    state: NDArray[np.float64],
-    parameters: NDArray[np.float64],
+    state: Array,
+    parameters: Array,
 ) -> float:
     """Voltage (V) to hold from this sample to the next; moves `state` on by one sample in place.
 

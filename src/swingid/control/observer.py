@@ -14,13 +14,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control.chain import exponential
 from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
-
-Array = NDArray[np.float64]
 
 # Places in the state of one observer: the angle before, x1~, p, and whether an angle was seen.
 LAST, GAP, P, SEEN, OBSERVER_STATES = 0, 1, 2, 3, 4

@@ -15,30 +15,28 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.model.friction import sliding_friction
 from swingid.model.motor import branch_torque, motor_friction
 from swingid.model.parameters import A11, A12, A22, DIRECT, GEAR, B
+from swingid.numerics.arrays import Array
 from swingid.numerics.inlined import njit_inlined
 
 
 @njit_inlined
-def axis_load(q1: float, u: float, p: NDArray[np.float64]) -> float:
+def axis_load(q1: float, u: float, p: Array) -> float:
     """Right-hand side of (I) without friction (N m): gravity, and the torque u of a direct drive."""
     return float(p[DIRECT] * u - p[B] * math.sin(q1))
 
 
 @njit_inlined
-def wheel_load(u: float, v2: float, s2: int, branch: int, p: NDArray[np.float64]) -> float:
+def wheel_load(u: float, v2: float, s2: int, branch: int, p: Array) -> float:
     """Right-hand side of (II) (N m); with s2 = 0 and v2 = 0 the torque that would turn a resting wheel."""
     return float(p[GEAR] * (branch_torque(u, v2, branch, p) - motor_friction(v2, s2, p)))
 
 
 @njit_inlined
 def accelerations(
-    q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: NDArray[np.float64]
+    q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: Array
 ) -> tuple[float, float]:
     """(q1'', q2'') (rad/s^2) in the mode (s1, s2, branch) under the held command u (V, direct drive N m).
 
@@ -58,7 +56,7 @@ def accelerations(
 
 @njit_inlined
 def holding_torques(
-    q1: float, v2: float, a1: float, a2: float, s2: int, branch: int, u: float, p: NDArray[np.float64]
+    q1: float, v2: float, a1: float, a2: float, s2: int, branch: int, u: float, p: Array
 ) -> tuple[float, float]:
     """Torques (N m) that friction must supply to hold a resting axis and a resting wheel.
 

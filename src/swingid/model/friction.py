@@ -12,9 +12,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.model.parameters import (
     COULOMB_N,
     COULOMB_P,
@@ -29,11 +26,12 @@ from swingid.model.parameters import (
     VISCOUS_N,
     VISCOUS_P,
 )
+from swingid.numerics.arrays import Array
 from swingid.numerics.inlined import njit_inlined
 
 
 @njit_inlined
-def dry_level(v: float, s: int, p: NDArray[np.float64]) -> float:
+def dry_level(v: float, s: int, p: Array) -> float:
     """Coulomb and Stribeck level g(v) >= 0 (N m) on side s at speed v (rad/s)."""
     coulomb, static = p[COULOMB_N], p[STATIC_N]
     if s > 0:
@@ -45,14 +43,14 @@ def dry_level(v: float, s: int, p: NDArray[np.float64]) -> float:
 
 
 @njit_inlined
-def wet_friction(v: float, s: int, p: NDArray[np.float64]) -> float:
+def wet_friction(v: float, s: int, p: Array) -> float:
     """Viscous, quadratic, cubic and offset torque (N m) on side s at speed v (rad/s)."""
     viscous = p[VISCOUS_P] if s > 0 else p[VISCOUS_N]
     return float(v * (viscous + v * (s * p[QUADRATIC] + v * p[CUBIC])) + p[OFFSET])
 
 
 @njit_inlined
-def bristle_rate(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
+def bristle_rate(v: float, s: int, z: float, p: Array) -> float:
     """Z' = v - sigma0 |v| z / g(v) (rad/s) of LuGre; 0 where the rig has no bristles."""
     if p[SIGMA0] == 0.0:
         return 0.0
@@ -60,7 +58,7 @@ def bristle_rate(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
 
 
 @njit_inlined
-def sliding_friction(v: float, s: int, z: float, p: NDArray[np.float64]) -> float:
+def sliding_friction(v: float, s: int, z: float, p: Array) -> float:
     """F (N m) of an axis that slides towards side s at speed v (rad/s) with bristle deflection z (rad)."""
     if p[SIGMA0] == 0.0:
         return s * dry_level(v, s, p) + wet_friction(v, s, p)
@@ -68,7 +66,7 @@ def sliding_friction(v: float, s: int, z: float, p: NDArray[np.float64]) -> floa
 
 
 @njit_inlined
-def static_curve(v: float, p: NDArray[np.float64]) -> float:
+def static_curve(v: float, p: Array) -> float:
     """F (N m) in steady sliding at speed v (rad/s); at v = 0 the offset alone, as sign 0 = 0.
 
     For plots and comparisons, and for laws without memory; LuGre's curve is the one it settles to.
@@ -80,7 +78,7 @@ def static_curve(v: float, p: NDArray[np.float64]) -> float:
 
 
 @njit_inlined
-def release_margin(hold: float, p: NDArray[np.float64]) -> float:
+def release_margin(hold: float, p: Array) -> float:
     """How far (N m) a resting axis is from release when friction must supply `hold` (N m); < 0: it slides."""
     dry = hold - p[OFFSET]
     return float(min(p[STATIC_P] - dry, p[STATIC_N] + dry))

@@ -11,12 +11,10 @@ are named by number, not cut out as views: a view costs as much as a right-hand 
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.model.dynamics import accelerations
 from swingid.model.friction import bristle_rate
 from swingid.model.parameters import COULOMB_N, COULOMB_P, SIGMA0
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.inlined import njit_inlined
 
@@ -31,7 +29,7 @@ ANGLE_ERROR, SPEED_ERROR, BRISTLE_ERROR, RELATIVE_ERROR = 1e-11, 1e-9, 1e-8, 1e-
 
 
 @njit_inlined
-def derivative(work: NDArray[np.float64], state: int, slope: int, mode: Mode, u: float, p: NDArray[np.float64]) -> None:
+def derivative(work: Array, state: int, slope: int, mode: Mode, u: float, p: Array) -> None:
     """Slope y' at the state in row `state` of `work` (10, 5), into row `slope`, in a mode under the command u."""
     v1, v2, z = work[state, V1], work[state, V2], work[state, Z]
     s1, s2, branch = mode
@@ -41,7 +39,7 @@ def derivative(work: NDArray[np.float64], state: int, slope: int, mode: Mode, u:
 
 
 @njit
-def step(work: NDArray[np.float64], h: float, mode: Mode, u: float, p: NDArray[np.float64]) -> float:
+def step(work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
     """One step of h (s) from row NOW into row NEW; returns its error estimate over the allowed error.
 
     Row FIRST must hold y' of row NOW; row LAST holds y' of row NEW afterwards.
@@ -72,7 +70,7 @@ def step(work: NDArray[np.float64], h: float, mode: Mode, u: float, p: NDArray[n
 
 
 @njit_inlined
-def error_ratio(work: NDArray[np.float64], h: float, p: NDArray[np.float64]) -> float:
+def error_ratio(work: Array, h: float, p: Array) -> float:
     """Largest component of the embedded error estimate of a step of h (s) over what is allowed; 1 is the limit."""
     k, worst = work, 0.0
     for i in range(STATES):

@@ -10,11 +10,9 @@ one such step's change at most, the motion goes on, and the count of guarded ste
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, STATES, V1, V2, Mode, Z, derivative, quintic, step
 from swingid.model.sticking import choose_mode, first_dip, locate, margin, stop_reversed
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
 from swingid.numerics.inlined import njit_inlined
 
@@ -32,10 +30,10 @@ def fill_probes(
     t: float,
     h: float,
     until: float,
-    work: NDArray[np.float64],
-    instants: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    counts: NDArray[np.int64],
+    work: Array,
+    instants: Array,
+    seen: Array,
+    counts: Ints,
 ) -> None:
     """State at all of the sorted `instants` up to `until` (s), in the step of h from row NOW at t to row NEW."""
     i = counts[PROBES]
@@ -53,9 +51,7 @@ def fill_probes(
 
 
 @njit_inlined
-def try_step(
-    left: float, tried: float, work: NDArray[np.float64], mode: Mode, u: float, p: NDArray[np.float64]
-) -> tuple[float, float]:
+def try_step(left: float, tried: float, work: Array, mode: Mode, u: float, p: Array) -> tuple[float, float]:
     """Step from row NOW that its error estimate allows, at most `left` (s); the length tried first is `tried`.
 
     Returns the length of the step and the one to try next.
@@ -77,12 +73,12 @@ def try_step(
 def next_step(
     left: float,
     tried: float,
-    work: NDArray[np.float64],
+    work: Array,
     mode: Mode,
     u: float,
-    p: NDArray[np.float64],
+    p: Array,
     events: int,
-    counts: NDArray[np.int64],
+    counts: Ints,
 ) -> tuple[float, float, bool]:
     """Step from row NOW into row NEW, at most `left` (s), which ends where `mode` does.
 
@@ -112,12 +108,12 @@ def advance(
     t: float,
     t_end: float,
     u: float,
-    work: NDArray[np.float64],
+    work: Array,
     tried: float,
-    p: NDArray[np.float64],
-    instants: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    counts: NDArray[np.int64],
+    p: Array,
+    instants: Array,
+    seen: Array,
+    counts: Ints,
 ) -> float:
     """Move row NOW of `work` from t to t_end (s) under the held command u (V; direct drive N m), in place.
 

@@ -10,20 +10,20 @@ on the rotor's shaft; on the wheel they are N times as large.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.model.parameters import C1, C2, D1, D2, ETA, F2, F3, GEAR
+from swingid.numerics.arrays import Array
 from swingid.numerics.inlined import njit_inlined
 
 
 @njit_inlined
-def ideal_torque(u: float, v2: float, p: NDArray[np.float64]) -> float:
+def ideal_torque(u: float, v2: float, p: Array) -> float:
     """Eta M2 = eta (c1 u - c2 q2') (N m): the torque before the dead zone, u in V, v2 = q2' in rad/s."""
     return float(p[ETA] * (p[C1] * u - p[C2] * v2))
 
 
 @njit_inlined
-def motor_branch(u: float, v2: float, p: NDArray[np.float64]) -> int:
+def motor_branch(u: float, v2: float, p: Array) -> int:
     """Branch of (8) at u (V) and v2 (rad/s): +1 above the dead zone, -1 below, 0 inside; +1 where there is none."""
     if p[D1] == 0.0 and p[D2] == 0.0:
         return 1
@@ -36,7 +36,7 @@ def motor_branch(u: float, v2: float, p: NDArray[np.float64]) -> int:
 
 
 @njit_inlined
-def branch_margin(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> float:
+def branch_margin(u: float, v2: float, branch: int, p: Array) -> float:
     """How far (N m) the torque is inside its branch of (8); < 0: it has left it."""
     if p[D1] == 0.0 and p[D2] == 0.0:
         return np.inf
@@ -49,7 +49,7 @@ def branch_margin(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> f
 
 
 @njit_inlined
-def branch_torque(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> float:
+def branch_torque(u: float, v2: float, branch: int, p: Array) -> float:
     """M (N m) of one branch of (8), smooth in v2: eta M2 less the edge of the dead zone, or 0 inside."""
     if branch > 0:
         return ideal_torque(u, v2, p) - float(p[D1])
@@ -59,12 +59,12 @@ def branch_torque(u: float, v2: float, branch: int, p: NDArray[np.float64]) -> f
 
 
 @njit_inlined
-def motor_torque(u: float, v2: float, p: NDArray[np.float64]) -> float:
+def motor_torque(u: float, v2: float, p: Array) -> float:
     """M (N m) of (8) at voltage u (V) and wheel speed v2 (rad/s)."""
     return branch_torque(u, v2, motor_branch(u, v2, p), p)
 
 
 @njit_inlined
-def motor_friction(v2: float, s: int, p: NDArray[np.float64]) -> float:
+def motor_friction(v2: float, s: int, p: Array) -> float:
     """f2 N q2' + f3 s (N m) on the rotor of a wheel that turns towards side s (rest is its own state)."""
     return float(p[F2] * p[GEAR] * v2 + p[F3] * s)

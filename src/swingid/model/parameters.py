@@ -18,9 +18,8 @@ import numpy as np
 from swingid.errors import InputError
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
     from swingid.units import Quantity
 
 # Places in the vector.
@@ -128,12 +127,12 @@ def constants(rig: Rig) -> dict[str, Quantity]:
     return found
 
 
-def rig_vector(rig: Rig) -> NDArray[np.float64]:
+def rig_vector(rig: Rig) -> Array:
     """The parameter vector (SIZE,) of a rig's stated values; errors as `constants` and `vector`."""
     return vector({key: quantity.value for key, quantity in constants(rig).items()}, rig.drive.kind)
 
 
-def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> NDArray[np.float64]:
+def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> Array:
     """The parameter vector (SIZE,) from plain SI values under rig.toml keys; absent keys mean "not there".
 
     `drive` is "reaction-wheel", "direct" or "none". A direction's own coefficient (viscous_positive, ...)
@@ -157,7 +156,7 @@ def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> NDArra
     return p
 
 
-def _motor(values: Mapping[str, float], p: NDArray[np.float64]) -> None:
+def _motor(values: Mapping[str, float], p: Array) -> None:
     """Wheel, gear and motor into the vector."""
     j2 = values["drive.wheel.inertia"]
     jr = values.get("drive.motor.rotor_inertia", 0.0)
@@ -174,7 +173,7 @@ def _motor(values: Mapping[str, float], p: NDArray[np.float64]) -> None:
     p[WHEEL_STATIC] = abs(gear) * p[F3]
 
 
-def _friction(values: Mapping[str, float], p: NDArray[np.float64]) -> None:
+def _friction(values: Mapping[str, float], p: Array) -> None:
     """The axis' friction into the vector."""
 
     def get(key: str, default: float = 0.0) -> float:

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.model.parameters import A11, A12, A22, C1, C2, ETA, F2, GEAR, VISCOUS_N, VISCOUS_P, B
+from swingid.numerics.arrays import Array
 
 
-def alphas(p: NDArray[np.float64]) -> NDArray[np.float64]:
+def alphas(p: Array) -> Array:
     """alpha_1 ... alpha_9 of (11) as an array (10,), alpha_i at index i (index 0 unused, 0).
 
     Raises UnanswerableError for a rig without a wheel or with a viscous coefficient that depends on the direction.
@@ -40,7 +40,7 @@ def alphas(p: NDArray[np.float64]) -> NDArray[np.float64]:
     return alpha
 
 
-def state_space(x: NDArray[np.float64], u2: float, alpha: NDArray[np.float64]) -> NDArray[np.float64]:
+def state_space(x: Array, u2: float, alpha: Array) -> Array:
     """Slope x' (4,) of (10) for x = (q1, q1', q2, q2') (rad, rad/s) and the compensated voltage u2 (V)."""
     x1, x2, _, x4 = x
     return np.array(
@@ -54,8 +54,8 @@ def state_space(x: NDArray[np.float64], u2: float, alpha: NDArray[np.float64]) -
 
 
 def polynomials(
-    alpha: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    alpha: Array,
+) -> tuple[Array, Array, Array]:
     """(r, a, h) of (13), y = r/a u2 + h/a sin y: coefficients of p, highest power first.
 
     As alpha_4 alpha_9 = alpha_5 alpha_7, r(p) = -alpha_4 p: it has the root 0, shared with a(p), and is not Hurwitz as

@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.inlined import njit_inlined
 
 # Places in an encoder's array.
@@ -21,7 +21,7 @@ RESOLUTION, ALPHA, BETA, ZERO = 0, 1, 2, 3
 
 
 @njit_inlined
-def encoder_reading(q: float, encoder: NDArray[np.float64], noise: float) -> float:
+def encoder_reading(q: float, encoder: Array, noise: float) -> float:
     """Reading (rad or m) of the true angle q with one draw of noise; `encoder` from `Encoder.array`."""
     reading = q + encoder[ZERO] + noise
     if encoder[ALPHA] != 0.0 or encoder[BETA] != 0.0:
@@ -44,22 +44,22 @@ class Encoder:
     beta: float = 0.0
     zero: float = 0.0
 
-    def array(self) -> NDArray[np.float64]:
+    def array(self) -> Array:
         """The array (4,) that `encoder_reading` takes."""
         return np.array([self.resolution, self.alpha, self.beta, self.zero])
 
-    def read(self, angles: NDArray[np.float64], noise: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    def read(self, angles: Array, noise: Array | None = None) -> Array:
         """Readings (rad or m) of true angles (n,), with noise (n,) added before the counts are taken."""
         draws = np.zeros(len(angles)) if noise is None else noise
         array = self.array()
         return np.array([encoder_reading(q, array, draw) for q, draw in zip(angles, draws, strict=True)])
 
 
-def wrapped(readings: NDArray[np.float64], period: float = 2.0 * math.pi) -> NDArray[np.float64]:
+def wrapped(readings: Array, period: float = 2.0 * math.pi) -> Array:
     """Readings (n,) as an encoder of one turn gives them: in [0, period), in their unit (rad by default)."""
     return np.asarray(np.mod(readings, period))
 
 
-def counts(readings: NDArray[np.float64], resolution: float) -> NDArray[np.int64]:
+def counts(readings: Array, resolution: float) -> Ints:
     """Whole counts of readings (rad or m) at a resolution (rad or m per count)."""
     return np.rint(np.asarray(readings) / resolution).astype(np.int64)

@@ -13,14 +13,12 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.model.dynamics import accelerations, holding_torques
 from swingid.model.friction import release_margin
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, Z, step
 from swingid.model.motor import branch_margin, motor_branch
 from swingid.model.parameters import AXIS_STICKS, WHEEL_STATIC
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.inlined import njit_inlined
 
@@ -30,19 +28,19 @@ MOST_TRIALS = 200
 
 
 @njit_inlined
-def wheel_margin(hold: float, p: NDArray[np.float64]) -> float:
+def wheel_margin(hold: float, p: Array) -> float:
     """How far (N m) a resting wheel is from release when friction must supply `hold` (N m)."""
     return float(p[WHEEL_STATIC] - abs(hold))
 
 
 @njit_inlined
 def margin(
-    work: NDArray[np.float64],
+    work: Array,
     state: int,
     slope: int,
     mode: Mode,
     u: float,
-    p: NDArray[np.float64],
+    p: Array,
 ) -> float:
     """Smallest of the quantities that must not be negative for `mode` to hold at row `state`, y' in `slope`.
 
@@ -65,9 +63,7 @@ def margin(
 
 
 @njit
-def agrees(
-    q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: NDArray[np.float64]
-) -> bool:
+def agrees(q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: Array) -> bool:
     """Whether the mode (s1, s2, branch) agrees with itself, for those of axis and wheel whose speed is exactly 0."""
     a1, a2 = accelerations(q1, v1, v2, z, s1, s2, branch, u, p)
     hold1, hold2 = holding_torques(q1, v2, a1, a2, s2, branch, u, p)
@@ -85,7 +81,7 @@ def agrees(
 
 
 @njit
-def mode_at_rest(q1: float, v1: float, v2: float, z: float, moving: Mode, u: float, p: NDArray[np.float64]) -> Mode:
+def mode_at_rest(q1: float, v1: float, v2: float, z: float, moving: Mode, u: float, p: Array) -> Mode:
     """The mode in which what has no speed rests, or goes to a side; `moving` has a 0 for each such side.
 
     Should no mode agree (rounding), what has no speed rests, or goes where its load points.
@@ -106,7 +102,7 @@ def mode_at_rest(q1: float, v1: float, v2: float, z: float, moving: Mode, u: flo
 
 
 @njit_inlined
-def choose_mode(work: NDArray[np.float64], u: float, p: NDArray[np.float64]) -> Mode:
+def choose_mode(work: Array, u: float, p: Array) -> Mode:
     """The mode of row NOW under the command u: sides of what moves, rest or side of what has no speed."""
     v1, v2 = work[NOW, V1], work[NOW, V2]
     moving = (side(v1), side(v2), motor_branch(u, v2, p))
@@ -124,7 +120,7 @@ def side(v: float) -> int:
 
 
 @njit_inlined
-def stop_reversed(work: NDArray[np.float64], mode: Mode) -> None:
+def stop_reversed(work: Array, mode: Mode) -> None:
     """Set speeds of row NOW that have passed zero against their side to exactly zero."""
     if mode[0] * work[NOW, V1] < 0.0:
         work[NOW, V1] = 0.0
@@ -150,7 +146,7 @@ def dip(v: float, a: float, vh: float, ah: float, h: float) -> float:
 
 
 @njit_inlined
-def first_dip(work: NDArray[np.float64], h: float, mode: Mode) -> float:
+def first_dip(work: Array, h: float, mode: Mode) -> float:
     """Time into the step (s) at which a speed has gone against its side unseen at the ends; h if none has."""
     s1, s2, low = mode[0], mode[1], h
     if s1 != 0:
@@ -161,7 +157,7 @@ def first_dip(work: NDArray[np.float64], h: float, mode: Mode) -> float:
 
 
 @njit
-def locate(work: NDArray[np.float64], h: float, mode: Mode, u: float, p: NDArray[np.float64]) -> float:
+def locate(work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
     """Length (s) of the step from row NOW after which `mode` has only just ceased to hold; leaves row NEW there.
 
     `h` is a length after which it does not hold, already in row NEW. Regula falsi (Illinois) on the length of

@@ -11,14 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
 from swingid.numerics.spline import spline_slopes
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 POINTS = 3
 """Nodes of a block: a parabola has three coefficients."""
@@ -28,7 +25,7 @@ THIRD, FIFTH, SIXTH = 1.0 / 3.0, 1.0 / 5.0, 1.0 / 6.0
 
 
 @njit
-def block_edges(stamps: Array, longest: float) -> Indices:
+def block_edges(stamps: Array, longest: float) -> Ints:
     """Rows at which blocks end, the first row with them: as many rows together as `longest` (s) holds, at least one."""
     edges = np.empty(len(stamps), np.int64)
     count, edges[0] = 1, 0
@@ -48,7 +45,7 @@ def _parabola(m0: float, m1: float, m2: float, fractions: Array, nodes: Array) -
 
 
 @njit
-def _splined(stamps: Array, edges: Indices, values: Array, slopes: Array, derivative: int, fractions: Array) -> Array:
+def _splined(stamps: Array, edges: Ints, values: Array, slopes: Array, derivative: int, fractions: Array) -> Array:
     """Projection of a cubic spline or its derivative, given by values and slopes at the stamps."""
     nodes = np.empty((len(edges) - 1, len(fractions)))
     for block in range(len(edges) - 1):
@@ -77,7 +74,7 @@ def _splined(stamps: Array, edges: Indices, values: Array, slopes: Array, deriva
 
 
 @njit
-def _held(stamps: Array, edges: Indices, signals: Array, slopes: Array, fractions: Array) -> Array:
+def _held(stamps: Array, edges: Ints, signals: Array, slopes: Array, fractions: Array) -> Array:
     """Projections of signals (m, n−1) that are constant from stamp to stamp, or lines with these middles and slopes.
 
     slopes (m, n−1): the change over the interval; no rows: constants.
@@ -107,7 +104,7 @@ def _held(stamps: Array, edges: Indices, signals: Array, slopes: Array, fraction
 
 
 @njit_sums
-def _rounded(stamps: Array, edges: Indices, values: Array, fractions: Array) -> Array:
+def _rounded(stamps: Array, edges: Ints, values: Array, fractions: Array) -> Array:
     """Projections of the errors of rounding `values` (held from stamp to stamp) on integers moved by eighths."""
     nodes = np.empty((8, len(edges) - 1, len(fractions)))
     m0, m1, m2 = np.empty(8), np.empty(8), np.empty(8)
@@ -136,7 +133,7 @@ class BlockNodes(GaussNodes):
 
     points: int = POINTS
     stamps: Array = field(default_factory=lambda: np.empty(0))
-    rows: Indices = field(default_factory=lambda: np.empty(0, np.int64))
+    rows: Ints = field(default_factory=lambda: np.empty(0, np.int64))
 
     @classmethod
     def of(cls, stamps: Array, longest: float) -> BlockNodes:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
-
-Array = NDArray[np.float64]
 
 
 @njit

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
 from swingid.numerics.search import rows_before
 from swingid.numerics.test_functions import phi
-
-Array = NDArray[np.float64]
 
 
 @njit

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.spline import spline_slopes
-
-Array = NDArray[np.float64]
 
 
 @cache

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit, njit_sums
-
-Array = NDArray[np.float64]
 
 
 @njit

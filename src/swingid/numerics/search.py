@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 
 
 @njit
-def rows_before(time: NDArray[np.float64], instant: float, included: bool) -> int:
+def rows_before(time: Array, instant: float, included: bool) -> int:
     """Stamps of rising `time` before `instant`, with `included` also one at it: `np.searchsorted`, left or right."""
     count = len(time)
     share = (instant - time[0]) / (time[count - 1] - time[0])

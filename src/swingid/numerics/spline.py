@@ -6,12 +6,10 @@ Own code because the common path of a command must not pay for importing ``scipy
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.search import rows_before
-
-Array = NDArray[np.float64]
 
 
 @njit

@@ -9,13 +9,11 @@ from __future__ import annotations
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
 from swingid.numerics.search import rows_before
-
-Array = NDArray[np.float64]
 
 POWER = 3
 """m of φ. With m = 3 φ'' is continuous; a larger m weights the window's middle more and passes more noise."""
@@ -49,7 +47,7 @@ def _cut(
     c: float,
     big_l: float,
     signals: Array,
-    orders: NDArray[np.int64],
+    orders: Ints,
     fractions: Array,
     weights: Array,
     scales: Array,
@@ -119,7 +117,7 @@ def _project(
     instants: Array,
     steps: Array,
     signals: Array,
-    orders: NDArray[np.int64],
+    orders: Ints,
     centres: Array,
     half: Array,
     fractions: Array,
@@ -154,7 +152,7 @@ def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array,
     return project_stacked(nodes, stacked, np.array([d for _, d in signals]), centres, half)
 
 
-def project_stacked(nodes: GaussNodes, stacked: Array, orders: NDArray[np.int64], centres: Array, half: Array) -> Array:
+def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Array, half: Array) -> Array:
     """As `project`, for signals stacked once for many calls: (signals, nodes) with nodes in one row."""
     fractions, weights = gauss_rule(nodes.points)
     instants, steps = nodes.flat

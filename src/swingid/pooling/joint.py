@@ -12,14 +12,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.pooling.consistency import FALSE_ALARMS
 from swingid.pooling.pooling import BETWEEN, Pooled
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.result.result import Result
-
-Array = NDArray[np.float64]
 
 PAIR = ("inertia", "gravity_torque")
 SCATTER = "scatter of the logs, inertia and gravity torque together"

@@ -17,12 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.result.result import COVERAGE_FACTOR, Parameter
-
-Array = NDArray[np.float64]
 
 BETWEEN = "scatter between the logs"
 

@@ -12,11 +12,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.result.result import BudgetEntry, Result
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

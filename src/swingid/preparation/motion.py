@@ -9,15 +9,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
 from swingid.numerics.ranks import median, quantile
 from swingid.numerics.spline import local_cubic
 from swingid.preparation.speed import NARROWEST, Speed, smooth_speed, typical_step
-
-Array = NDArray[np.float64]
 
 FEWEST_ROWS = 20
 
@@ -166,7 +164,7 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     return Motion(speed, instants[keep], angles[keep], sides, _rests(speed, fine, v), reach, instants[small])
 
 
-def _inner(extremes: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _inner(extremes: Ints, count: int) -> Ints:
     """Indices into `count` reversals of extremes of the path that has its two ends beside them."""
     return extremes[(extremes > 0) & (extremes <= count)] - 1
 
@@ -186,7 +184,7 @@ def _refined(time: Array, angle: Array, speed: Speed, instants: Array, reach: fl
 
 
 @njit
-def _extremes(values: Array, threshold: float) -> NDArray[np.int64]:
+def _extremes(values: Array, threshold: float) -> Ints:
     """Indices of the alternating extremes of `values` that differ by more than `threshold` (hysteresis)."""
     kept = np.empty(len(values), np.int64)
     count = low = high = direction = 0

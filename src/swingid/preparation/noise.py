@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.ranks import median
 from swingid.preparation.motion import grid_step, sample_noise
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 EVEN = 1e-6
 """Relative differences of the steps below which stamps count as evenly spaced."""

@@ -11,16 +11,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.format import number, percent
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.recording.recording import CHANNELS, Finding, Recording
 
 if TYPE_CHECKING:
     from swingid.preparation.quick_balance import QuickBalance
 
-Array = NDArray[np.float64]
 
 REPAIR = "push"
 LEFT_IN = "push-left"
@@ -129,9 +128,9 @@ def find_pushes(log: Recording, rig: Rig) -> list[Push]:
     return pushes if len(pushes) <= MOST and time_lost <= MOST_TIME * log.duration else []
 
 
-def _quiet(balance: QuickBalance, least: float) -> NDArray[np.bool_]:
+def _quiet(balance: QuickBalance, least: float) -> Bools:
     """Windows at which a push ends: with less than this (N m or N) left, or beside a change of sign."""
-    quiet: NDArray[np.bool_] = np.abs(balance.torque) < least
+    quiet: Bools = np.abs(balance.torque) < least
     turns = np.signbit(balance.torque[1:]) != np.signbit(balance.torque[:-1])
     quiet[1:] |= turns
     quiet[:-1] |= turns
@@ -148,7 +147,7 @@ def _sizes(balance: QuickBalance) -> tuple[Array, float, Array]:
     return size, usual, chance + np.maximum(law, SHARE * balance.largest)
 
 
-def _worst_of_swings(balance: QuickBalance, size: Array, moving: NDArray[np.bool_]) -> float:
+def _worst_of_swings(balance: QuickBalance, size: Array, moving: Bools) -> float:
     """The largest value of a swing that two thirds of the swings do not exceed."""
     width = balance.times[1] - balance.times[0]
     bins = max(round(np.pi * balance.turn / width), 1)
@@ -160,13 +159,13 @@ def _worst_of_swings(balance: QuickBalance, size: Array, moving: NDArray[np.bool
     return float(np.sort(worst)[2 * len(worst) // 3]) if len(worst) else 0.0
 
 
-def _peaks(found: NDArray[np.int64], size: Array, quiet: NDArray[np.bool_]) -> list[int]:
+def _peaks(found: Ints, size: Array, quiet: Bools) -> list[int]:
     """The largest window of every run of `found` ones that no quiet one parts."""
     runs = np.cumsum(quiet)[found]
     return [int(own[np.argmax(size[own])]) for own in (found[runs == run] for run in np.unique(runs))]
 
 
-def _around(k: int, balance: QuickBalance, quiet: NDArray[np.bool_], unseen: float, log: Recording) -> Push:
+def _around(k: int, balance: QuickBalance, quiet: Bools, unseen: float, log: Recording) -> Push:
     """The push whose largest window is the k-th: to the first quiet window on each side, or the end of the log."""
     before, after = np.flatnonzero(quiet[:k]), np.flatnonzero(quiet[k:])
     start = float(balance.times[before[-1]]) if len(before) else float(log.time[0])

@@ -13,17 +13,15 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.motion import sixth_differences
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import typical_step
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 BINS = 4
 """Bins in half a window."""
@@ -80,9 +78,9 @@ class QuickBalance:
     noise: float
     largest: float
     friction: float
-    usable: NDArray[np.bool_]
-    rests: NDArray[np.bool_]
-    slow: NDArray[np.bool_]
+    usable: Bools
+    rests: Bools
+    slow: Bools
     turn: float
 
 
@@ -182,7 +180,7 @@ def pace(time: Array, angle: Array, step: float, noise: float) -> tuple[float, f
         lag *= 2
 
 
-def _averaged(time: Array, step: float, rows: int, signals: Array) -> tuple[Array, Array, NDArray[np.bool_]] | None:
+def _averaged(time: Array, step: float, rows: int, signals: Array) -> tuple[Array, Array, Bools] | None:
     """Middles of bins of so many rows, the means of the signals there, and which bins have most of their rows."""
     width = rows * step
     count = int((time[-1] - time[0] + step) / width)
@@ -261,14 +259,14 @@ def _filtered(signals: Array, kernel: Array) -> Array:
     return result
 
 
-def _within(bins: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _within(bins: Bools) -> Bools:
     """Whether any of these bins lies in each window."""
     before = np.concatenate([[0], np.cumsum(bins)])
-    result: NDArray[np.bool_] = before[2 * BINS + 1 :] > before[: -2 * BINS - 1]
+    result: Bools = before[2 * BINS + 1 :] > before[: -2 * BINS - 1]
     return result
 
 
-def _resting(q1: Array, threshold: float) -> NDArray[np.bool_]:
+def _resting(q1: Array, threshold: float) -> Bools:
     """Bins from which the angle changes less than this to both neighbours."""
     still = np.abs(np.diff(q1)) < threshold
     result = np.zeros(len(q1), dtype=bool)

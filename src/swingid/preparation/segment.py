@@ -6,14 +6,11 @@ from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.preparation.motion import Motion
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
-
-Array = NDArray[np.float64]
 
 FEWEST_TURNS = 4
 

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.ranks import median
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
-
-Array = NDArray[np.float64]
 
 NARROWEST = 3.5
 """Half-width of the narrowest local cubic in sample steps."""

@@ -16,9 +16,8 @@ from swingid.recording.spikes import misfits
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
-    Floats = NDArray[np.float64]
 
 FEWEST = 64  # rows
 FEWEST_BLOCKS = 4
@@ -36,12 +35,12 @@ TRIMMED = 0.98  # share of rows that the roughness looks at: spikes and wraps ar
 class Clock:
     """A constant rate behind stamps: time (n,) at that rate, the step, standard deviation of the stamps about it."""
 
-    time: Floats
+    time: Array
     step: float
     scatter: float
 
 
-def even_clock(time: Floats, angles: Sequence[Floats]) -> Clock | None:
+def even_clock(time: Array, angles: Sequence[Array]) -> Clock | None:
     """The constant rate behind rising stamps, where the angles (n,) say that the rows were taken at it; else None.
 
     Rows may be missing: the stamps tell how many. None also where the stamps are even as they are.
@@ -57,7 +56,7 @@ def even_clock(time: Floats, angles: Sequence[Floats]) -> Clock | None:
     return clock
 
 
-def rounded_clock(time: Floats) -> Clock | None:
+def rounded_clock(time: Array) -> Clock | None:
     """The constant rate behind stamps that were rounded so that some repeat, where no row is missing; else None.
 
     Rounding spreads the stamps evenly over one of its steps about the clock; a missing row, or a pause, over more.
@@ -73,7 +72,7 @@ def rounded_clock(time: Floats) -> Clock | None:
     return clock if np.ptp(time - clock.time) < 1.05 * quantum else None
 
 
-def _without_gaps(time: Floats) -> Clock | None:
+def _without_gaps(time: Array) -> Clock | None:
     """The clock of rows of which none is missing: single stamps may be off by more than a step, none lastingly."""
     clock = _fitted(time, np.arange(time.size, dtype=np.float64))
     off = (time - clock.time) / clock.step
@@ -85,7 +84,7 @@ def _without_gaps(time: Floats) -> Clock | None:
     return clock if np.abs(np.median(blocks, axis=1)).max() < LASTING else None
 
 
-def _with_gaps(time: Floats) -> Clock | None:
+def _with_gaps(time: Array) -> Clock | None:
     """The clock of rows of which some may be missing: the stamps themselves tell each row's place on it.
 
     A line through the first rows tells the places of twice as many, and so on. None where two rows would share a place,
@@ -105,7 +104,7 @@ def _with_gaps(time: Floats) -> Clock | None:
     return clock if fits else None
 
 
-def _first_guess(time: Floats) -> tuple[float, float]:
+def _first_guess(time: Array) -> tuple[float, float]:
     """Step and start of the clock that some stamps follow best: where their phases agree most."""
     usual, since = float(np.median(np.diff(time))), time - time[0]
     steps = usual * np.linspace(0.9, 1.1, 8 * time.size)
@@ -114,14 +113,14 @@ def _first_guess(time: Floats) -> tuple[float, float]:
     return float(steps[best]), float(time[0] + steps[best] * np.angle(phases[best]) / (2 * np.pi))
 
 
-def _fitted(time: Floats, places: Floats) -> Clock:
+def _fitted(time: Array, places: Array) -> Clock:
     middle, since = float(places.mean()), time - time[0]
     step = float((places - middle) @ since / ((places - middle) @ (places - middle)))
     even = time[0] + (float(since.mean()) + step * (places - middle))
     return Clock(even, step, float(np.std(time - even)))
 
 
-def _roughness(time: Floats, values: Floats) -> float:
+def _roughness(time: Array, values: Array) -> float:
     """Root mean square of what each value misses the cubic through its neighbours by, the worst rows left out."""
     found = np.abs(misfits(time, values))
     kept = found[found <= np.quantile(found, TRIMMED)]

@@ -14,12 +14,11 @@ from swingid.numerics.spline import spline_slopes
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
     from swingid.recording.formats.table import Table
 
-    Channels = dict[str, NDArray[np.float64]]
+    Channels = dict[str, Array]
 
 TURN = 2.0 * np.pi
 
@@ -67,12 +66,12 @@ class Scale:
     offset: float = 0.0
     turn: float | None = None
 
-    def to_model(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_model(self, values: Array) -> Array:
         """Logged values in the model's convention; exact when the factor is 1 or -1 and the offset 0."""
         scaled = values if self.factor == 1.0 else values * self.factor
         return scaled if self.offset == 0.0 else scaled + self.offset
 
-    def to_log(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_log(self, values: Array) -> Array:
         """The inverse of `to_model`: SI values of the model in logged units."""
         shifted = values if self.offset == 0.0 else values - self.offset
         return shifted if self.factor == 1.0 else shifted / self.factor
@@ -150,7 +149,7 @@ class Conventions:
         }[self.drive_kind]
         return ("angle", *drive, "reference", "adaptive_gain")
 
-    def to_model(self, logged: Mapping[str, NDArray[np.float64]]) -> Channels:
+    def to_model(self, logged: Mapping[str, Array]) -> Channels:
         """Channels in the model's units and signs; an angle counted from the top comes back near 0.
 
         `logged` holds "time" in s and, in logged units, any of the channels; angles must be continuous.
@@ -170,7 +169,7 @@ class Conventions:
             model["wheel_angle"] = model["wheel_angle"] - model["angle"]
         return model
 
-    def to_log(self, model: Mapping[str, NDArray[np.float64]]) -> Channels:
+    def to_log(self, model: Mapping[str, Array]) -> Channels:
         """The inverse of `to_model`: columns of a file by their names, time included where the log has it."""
         channels = dict(model)
         if self.wheel == "wheel_speed":
@@ -179,7 +178,7 @@ class Conventions:
             channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
         return {self.columns[n]: self.scales.get(n, Scale()).to_log(v) for n, v in channels.items()}
 
-    def _angle_of(self, time: NDArray[np.float64], speed: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _angle_of(self, time: Array, speed: Array) -> Array:
         """The wheel's angle (rad), 0 at the first row, from its speed (rad/s): its cubic spline, integrated.
 
         Of a mean speed since the row before, times and steps give the angle exactly.
@@ -194,9 +193,7 @@ class Conventions:
             turns = steps * (speed[1:] + speed[:-1]) / 2 - steps**2 * np.diff(slopes) / 12
         return np.concatenate(([0.0], np.cumsum(turns)))
 
-    def speed_of(
-        self, time: NDArray[np.float64], wheel: NDArray[np.float64], angle: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def speed_of(self, time: Array, wheel: Array, angle: Array) -> Array:
         """The speed (rad/s) that a rig of these conventions would log of a wheel angle against the pendulum (rad)."""
         turned = wheel + angle if self.wheel_is_absolute else wheel
         if not self.speed_is_mean:

@@ -11,10 +11,9 @@ from swingid.recording.latency import with_latency_told
 from swingid.recording.recording import Finding, Recording
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from swingid.model.rig import Rig
     from swingid.model.rig.sensors import Sensor
+    from swingid.numerics.arrays import Array
 
 REPAIR = "encoders"
 UNKNOWN = "large-nonlinearity"
@@ -70,7 +69,7 @@ def _size(sensor: Sensor) -> str:
     return f"{np.degrees(np.hypot(sensor.cosine.value, sensor.sine.value)):.2g}°"
 
 
-def true_angles(readings: NDArray[np.float64], alpha: float, beta: float) -> NDArray[np.float64]:
+def true_angles(readings: Array, alpha: float, beta: float) -> Array:
     """The angles q (rad) of readings q + alpha cos q + beta sin q; hypot(alpha, beta) must be below 1."""
     q = np.array(readings, dtype=np.float64)
     for _ in range(ROUNDS):

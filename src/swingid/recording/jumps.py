@@ -9,9 +9,8 @@ import numpy as np
 from swingid.recording.spikes import ROBUST, ROUNDING
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array, Bools
 
-    Floats = NDArray[np.float64]
 
 SIDE = 3  # steps on either side that tell the speed
 NOISE_FACTOR = 8.0  # robust standard deviations of what the other steps have beyond the speeds around them
@@ -22,7 +21,7 @@ WINDOW = 24  # steps on either side that tell the local noise
 LONGEST_STEP = 2.6  # median steps: across a gap nothing can be told
 
 
-def find_jumps(time: Floats, values: Floats, rows: int = 1) -> list[tuple[int, float]]:
+def find_jumps(time: Array, values: Array, rows: int = 1) -> list[tuple[int, float]]:
     """Rows before which `values` jump, and by how much; time (s) strictly increasing, spikes already out.
 
     rows: of the log that each value is the mean of.
@@ -58,7 +57,7 @@ def find_jumps(time: Floats, values: Floats, rows: int = 1) -> list[tuple[int, f
     return found
 
 
-def _gaps(time: Floats, values: Floats) -> tuple[Floats, NDArray[np.bool_]]:
+def _gaps(time: Array, values: Array) -> tuple[Array, Bools]:
     """By how much each step differs from what the mean speeds on both sides make of it, and where that is known.
 
     Mean speeds over some rows, for stamps may lie close together. 0 near the ends and where rows are missing.
@@ -77,7 +76,7 @@ def _gaps(time: Floats, values: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     return gaps, known
 
 
-def _local(size: Floats, known: NDArray[np.bool_], k: int) -> float:
+def _local(size: Array, known: Bools, k: int) -> float:
     """The larger median of `size` on the two sides of step k, 0 where there is none."""
     sides = (slice(max(k - SIDE - WINDOW, 0), max(k - SIDE, 0)), slice(k + SIDE + 1, k + SIDE + 1 + WINDOW))
     return max((float(np.median(size[side][known[side]])) for side in sides if known[side].any()), default=0.0)

@@ -9,10 +9,8 @@ from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.recording.recording import Finding, Recording
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
 
 REPAIR, LEFT = "latency", "latency-left"
 
@@ -47,7 +45,7 @@ def with_latency_told(log: Recording, rig: Rig) -> Recording:
     return moved.segment(float(log.time[0]) - least, float(log.time[-1]) - most)
 
 
-def _earlier(time: NDArray[np.float64], values: NDArray[np.float64], late: float) -> NDArray[np.float64]:
+def _earlier(time: Array, values: Array, late: float) -> Array:
     """A channel's values `late` seconds after each stamp."""
     if late == 0.0:
         return values

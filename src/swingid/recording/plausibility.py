@@ -10,9 +10,8 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.recording.recording import Finding
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
     from swingid.recording.conventions import Channels
 
 FEWEST_ROWS = 10
@@ -69,7 +68,7 @@ def judge(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) 
     return findings
 
 
-def _longest_rest(time: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[int, int]:
+def _longest_rest(time: Array, values: Array) -> tuple[int, int]:
     """First and last row of the longest time in which `values` do not change at all."""
     edges = np.concatenate(([0], np.flatnonzero(np.diff(values)) + 1, [len(values)]))
     first, last = edges[:-1], edges[1:] - 1
@@ -102,7 +101,7 @@ def _refuse_absurd_numbers(channels: Channels, rig: Rig, name: str) -> None:
         raise InputError(f"{message}; log seconds, or set [log] rate where rows are evenly spaced.", code="absurd-time")
 
 
-def _refuse_impossible_swings(angle: NDArray[np.float64], rig: Rig, column: str) -> None:
+def _refuse_impossible_swings(angle: Array, rig: Rig, column: str) -> None:
     gravity = rig.axis.gravity_torque
     if rig.axis.kind != "rotary" or (gravity != "unknown" and gravity.value == 0.0):
         return

@@ -15,9 +15,10 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
 
 CHANNELS = ("time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque", "reference", "adaptive_gain")
 FINITE = CHANNELS[:6]
@@ -62,20 +63,20 @@ class Recording:
     Raises InputError when the channels do not fit together.
     """
 
-    time: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    wheel_angle: NDArray[np.float64] | None = None
-    voltage: NDArray[np.float64] | None = None
-    torque: NDArray[np.float64] | None = None
-    reference: NDArray[np.float64] | None = None
-    adaptive_gain: NDArray[np.float64] | None = None
+    time: Array
+    angle: Array
+    wheel_angle: Array | None = None
+    voltage: Array | None = None
+    torque: Array | None = None
+    reference: Array | None = None
+    adaptive_gain: Array | None = None
     drive_held: bool = True
     metadata: dict[str, object] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
     source: Source = Source()
-    wheel_speed: NDArray[np.float64] | None = None
+    wheel_speed: Array | None = None
     averaged: int = 1
-    left_out: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 2)))
+    left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
 
     def __post_init__(self) -> None:
         for name in CHANNELS:
@@ -166,7 +167,7 @@ class Recording:
         return f"Recording({len(self)} rows, {', '.join(names)}, source={self.source.path!r})"
 
 
-def _frozen(name: str, values: ArrayLike, length: int | None) -> NDArray[np.float64]:
+def _frozen(name: str, values: ArrayLike, length: int | None) -> Array:
     """An own, read-only float64 copy of one channel, checked for its shape."""
     try:
         array = np.array(values, dtype=np.float64)

@@ -20,8 +20,7 @@ from swingid.recording.unwrap import is_wrapped, unwrap
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array, Bools
     from swingid.recording.conventions import Channels, Conventions
 
 ANGLES = ("angle", "wheel_angle")
@@ -61,7 +60,7 @@ def on_even_clock(
 
 def made_continuous(
     channels: Channels, conventions: Conventions, off: frozenset[str] = frozenset()
-) -> tuple[Channels, NDArray[np.bool_], list[Finding]]:
+) -> tuple[Channels, Bools, list[Finding]]:
     """The third part of `repair`: angles that go on over turns; the rows (n,) that were spikes on the way."""
     turns = {channel: scale.turn for channel, scale in conventions.scales.items()}
     findings: list[Finding] = []
@@ -72,7 +71,7 @@ def made_continuous(
 def without_spikes(
     channels: Channels,
     conventions: Conventions,
-    spikes: NDArray[np.bool_],
+    spikes: Bools,
     off: frozenset[str] = frozenset(),
     rows: int = 1,
 ) -> tuple[Channels, list[Finding]]:
@@ -107,7 +106,7 @@ def _make_continuous(
     findings: list[Finding],
     *,
     keep: bool,
-) -> tuple[Channels, NDArray[np.bool_]]:
+) -> tuple[Channels, Bools]:
     """Angles that were logged within one turn as angles that go on over turns, and the spikes met on the way."""
     spikes = np.zeros(len(channels["time"]), dtype=bool)
     for channel in ANGLES:
@@ -134,7 +133,7 @@ def _make_continuous(
 
 
 def _drop_spikes(
-    channels: Channels, spikes: NDArray[np.bool_], findings: list[Finding], *, keep: bool, mean_of: int = 1
+    channels: Channels, spikes: Bools, findings: list[Finding], *, keep: bool, mean_of: int = 1
 ) -> Channels:
     """The rows without single samples that fit neither neighbour; `spikes` are those that are known already.
 
@@ -176,7 +175,7 @@ def _warn_of_jumps(channels: Channels, columns: Mapping[str, str], findings: lis
         findings.append(Finding("jumps", message, "warning"))
 
 
-def _note_gaps(time: NDArray[np.float64], column: str, findings: list[Finding]) -> None:
+def _note_gaps(time: Array, column: str, findings: list[Finding]) -> None:
     steps = np.diff(time)
     if steps.size == 0:
         return

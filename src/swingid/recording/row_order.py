@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from swingid.numerics.arrays import Array, Bools
     from swingid.recording.conventions import Channels, Conventions
 
 MANY = 0.01  # of all rows: what is a slip below, and a log that may not be what it seems above
@@ -132,7 +133,7 @@ def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: l
     return take(channels, order)
 
 
-def _wrong_stamps(time: NDArray[np.float64], steps_back: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _wrong_stamps(time: Array, steps_back: NDArray[np.intp]) -> Bools:
     """Rows beside a step back without which the time rises there: the one before it, else the one behind."""
     wrong = np.zeros(len(time), dtype=bool)
     for k in steps_back:
@@ -193,6 +194,6 @@ def _level(count: int, rows: int) -> Literal["note", "warning"]:
     return "warning" if count > MANY * rows else "note"
 
 
-def take(channels: Channels, rows: NDArray[np.bool_] | NDArray[np.intp]) -> Channels:
+def take(channels: Channels, rows: Bools | NDArray[np.intp]) -> Channels:
     """These rows of all channels."""
     return {channel: values[rows] for channel, values in channels.items()}

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array, Bools
 
-    Floats = NDArray[np.float64]
 
 NOISE_FACTOR = 8.0  # robust standard deviations: a Gaussian sample goes so far once in 10^15
 QUANTA = 4.0  # counts: rounding alone reaches 4/3
@@ -22,7 +21,7 @@ ROUNDING = 1e-9  # of the range of the motion: steps below are the computer's
 SIDES = np.array([-2, -1, 1, 2])
 
 
-def find_spikes(time: Floats, values: Floats, rows: int = 1) -> NDArray[np.bool_]:
+def find_spikes(time: Array, values: Array, rows: int = 1) -> Bools:
     """True at the rows whose value is an isolated spike; time (s) may be uneven. Shape as `values`.
 
     rows: of the log that each value is the mean of; a grid then shows this many times finer than it rounds.
@@ -57,13 +56,13 @@ def find_spikes(time: Floats, values: Floats, rows: int = 1) -> NDArray[np.bool_
     return spikes
 
 
-def _degree(time: Floats) -> int:
+def _degree(time: Array) -> int:
     """A cubic through neighbours that lie too close together would be wild: then a line."""
     steps = np.diff(time)
     return 3 if steps.min() > 0.5 * np.median(steps) else 1
 
 
-def misfits(time: Floats, values: Floats) -> Floats:
+def misfits(time: Array, values: Array) -> Array:
     """Each value minus the cubic (or line) through two (one) neighbours on each side; 0 in the two rows at each end."""
     misfit, degree = np.zeros(values.size), _degree(time)
     steps = np.diff(time)
@@ -77,7 +76,7 @@ def misfits(time: Floats, values: Floats) -> Floats:
     return misfit
 
 
-def _through(times: Floats, values: Floats, at: Floats) -> Floats:
+def _through(times: Array, values: Array, at: Array) -> Array:
     """Lagrange's polynomial through the points in each row (times, values: n x points), at one time each."""
     result = np.zeros(at.size)
     for i in range(times.shape[1]):
@@ -89,7 +88,7 @@ def _through(times: Floats, values: Floats, at: Floats) -> Floats:
     return result
 
 
-def _floors(values: Floats, rows: int) -> tuple[float, float]:
+def _floors(values: Array, rows: int) -> tuple[float, float]:
     """Misfits below these are no spikes: some counts of the encoder, a small part of the motion's range."""
     steps = np.abs(np.diff(values))
     low, high = np.quantile(values, (0.01, 0.99))

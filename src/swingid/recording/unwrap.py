@@ -8,21 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Floats = NDArray[np.float64]
+    from swingid.numerics.arrays import Array, Bools
 
 
 @dataclass(frozen=True, slots=True)
 class Unwrapped:
     """Continuous values (n,), logged units; rows that are spikes (n,); rows at which the count of turns was a guess."""
 
-    values: Floats
-    spikes: NDArray[np.bool_]
+    values: Array
+    spikes: Bools
     ambiguous: int
 
 
-def is_wrapped(values: Floats, turn: float) -> bool:
+def is_wrapped(values: Array, turn: float) -> bool:
     """Whether an angle (n,), in units of which `turn` make one turn, is logged within one turn and jumps at its edges.
 
     True when it stays within one turn (a few spikes apart) and steps by more than half a turn occur, either
@@ -44,7 +42,7 @@ def is_wrapped(values: Floats, turn: float) -> bool:
     return bool(np.mean(np.maximum(before, after) < turn / 6) > 0.5)
 
 
-def unwrap(time: Floats, values: Floats, turn: float) -> Unwrapped:
+def unwrap(time: Array, values: Array, turn: float) -> Unwrapped:
     """The wrapped `values` (in units of which `turn` make one turn) plus the turns that continue the motion.
 
     Slow motion (at most a quarter turn per row): each row takes the turn nearest to the row before. Fast
@@ -68,13 +66,13 @@ def unwrap(time: Floats, values: Floats, turn: float) -> Unwrapped:
     return Unwrapped(result, spikes, ambiguous)
 
 
-def _slow_spikes(values: Floats, turn: float) -> NDArray[np.bool_]:
+def _slow_spikes(values: Array, turn: float) -> Bools:
     """Rows that jump away and back at once, whole turns disregarded; for motion of few degrees per row."""
     jump = np.abs(_remainder(np.diff(values), turn)) > turn / 6
     return np.concatenate(([False], jump[:-1] & jump[1:], [False]))
 
 
-def _even_spikes(time: Floats, values: Floats, turn: float) -> NDArray[np.bool_]:
+def _even_spikes(time: Array, values: Array, turn: float) -> Bools:
     """Spikes among evenly spaced rows of any speed, by fourth differences, which whole turns leave untouched.
 
     A spike d leaves (d, -4 d, 6 d, -4 d, d) in them, a smooth motion almost nothing.
@@ -95,7 +93,7 @@ def _even_spikes(time: Floats, values: Floats, turn: float) -> NDArray[np.bool_]
     return spikes
 
 
-def _follow(time: Floats, values: Floats, turn: float) -> tuple[NDArray[np.bool_], Floats, int]:
+def _follow(time: Array, values: Array, turn: float) -> tuple[Bools, Array, int]:
     """The sequential search of `unwrap`: spikes, continuous values, number of doubtful rows.
 
     A row is stepped over when it misses the prediction and the row after it, predicted without it, does not.
@@ -121,7 +119,7 @@ def _follow(time: Floats, values: Floats, turn: float) -> tuple[NDArray[np.bool_
     return spikes, values + turn * np.array(turns), ambiguous
 
 
-def _settle_start(time: Floats, values: Floats, turn: float) -> tuple[Floats, int]:
+def _settle_start(time: Array, values: Array, turn: float) -> tuple[Array, int]:
     """Choose between speeds that differ by one turn per row, which evenly spaced rows cannot tell apart.
 
     A log that starts at rest has told it. Otherwise the smallest median speed is taken, and called a guess at
@@ -149,5 +147,5 @@ def _predict(known: list[tuple[float, float]], time: float) -> tuple[float, floa
     return qa + speed * ahead + bend, abs(bend)
 
 
-def _remainder(values: Floats, turn: float) -> Floats:
+def _remainder(values: Array, turn: float) -> Array:
     return values - turn * np.round(values / turn)

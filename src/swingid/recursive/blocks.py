@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import BASIS, columns_of, known_side
 from swingid.balance.imperfections import Imperfection, imperfections
@@ -24,12 +23,11 @@ from swingid.methods.energy.method import LEVELS
 from swingid.methods.energy.needs import without_latency
 from swingid.methods.energy.passes import mirrored_passes
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 PLACES = (-0.5, -0.25, 0.0, 0.25)
 """Centres of the windows in swings from the turning point; the next block goes on where this one ends."""

@@ -9,11 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.recursive.samples import Row
-
-Array = NDArray[np.float64]
 
 BACK = 0.08
 """Share of the last swing by which the angle must come back for its extreme to be a turning point."""

@@ -10,19 +10,16 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.choice import DETECTED
 from swingid.balance.fits import Effect
 from swingid.balance.rows import Windows
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import curvature_overlap
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recursive.blocks import Block
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 MEMORY = "memory"
 """The unknown that is sought only where it is seen: an impulse of friction at each reversal."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from itertools import chain, islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.methods.energy.needs import require_motor
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion, grid_step, sample_noise
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.scale import Scale
@@ -23,7 +23,6 @@ from swingid.recursive.estimate import Reporter, SwingEstimate
 from swingid.recursive.samples import Reader
 from swingid.recursive.solution import Recursion, first_solution, solve_all
 
-Array = NDArray[np.float64]
 Maker = Callable[[Recording, Rig, Scale, Noise, Motion, int], Block | None]
 
 METHODS: dict[str, Maker] = {"momentum": momentum_block, "energy": energy_block}

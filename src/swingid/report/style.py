@@ -11,9 +11,9 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.format import RAISED
+from swingid.numerics.arrays import Array
 from swingid.result.plot import GREY, INK, PALE
 
 if TYPE_CHECKING:
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 WIDTH = 6.8
 """Width of every figure in inches, 653 CSS pixels."""

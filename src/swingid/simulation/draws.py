@@ -15,9 +15,8 @@ from swingid.model.parameters import constants
 from swingid.model.sensors import Encoder
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array, Bools
 
 STREAMS = ("constants", "nonlinearity", "latency", "jitter", "noise", "dropouts")
 SIGNED = ("axis.gravity_torque", "axis.friction.offset")
@@ -35,9 +34,9 @@ class Draws:
     values: dict[str, float]
     encoders: tuple[Encoder, Encoder]
     latencies: tuple[float, float]
-    delays: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    kept: NDArray[np.bool_]
+    delays: Array
+    noise: Array
+    kept: Bools
 
 
 def stream(seed: int, name: str) -> np.random.Generator:

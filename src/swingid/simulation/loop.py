@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control.backstepping import backstepping_step
 from swingid.control.law import compensator_step
@@ -11,6 +10,7 @@ from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2
 from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
 from swingid.model.parameters import OFFSET
 from swingid.model.sensors import encoder_reading
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_nogil
 from swingid.numerics.inlined import njit_inlined_with_arrays
 
@@ -22,11 +22,11 @@ OPEN_LOOP, COMPENSATOR, BACKSTEPPING = 0, 1, 2
 def command(
     kind: int,
     k: int,
-    inputs: NDArray[np.float64],
+    inputs: Array,
     angle: float,
     wheel_angle: float,
-    state: NDArray[np.float64],
-    parameters: NDArray[np.float64],
+    state: Array,
+    parameters: Array,
     limit: float,
 ) -> float:
     """Command (V; direct drive N m) of sample k from the readings, within the rig's own limit."""
@@ -41,10 +41,10 @@ def command(
 @njit
 def before_start(
     start: float,
-    work: NDArray[np.float64],
-    instants: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    counts: NDArray[np.int64],
+    work: Array,
+    instants: Array,
+    seen: Array,
+    counts: Ints,
 ) -> None:
     """State at the instants before the start (s), which early readings ask for: uniform motion up to it."""
     i = 0
@@ -59,22 +59,22 @@ def before_start(
 
 @njit_nogil
 def closed_loop(
-    times: NDArray[np.float64],
-    inputs: NDArray[np.float64],
-    pushes: NDArray[np.float64],
+    times: Array,
+    inputs: Array,
+    pushes: Array,
     kind: int,
-    state: NDArray[np.float64],
-    parameters: NDArray[np.float64],
+    state: Array,
+    parameters: Array,
     limit: float,
-    y: NDArray[np.float64],
-    p: NDArray[np.float64],
-    encoders: NDArray[np.float64],
-    noise: NDArray[np.float64],
-    instants: NDArray[np.float64],
-    reads: NDArray[np.int64],
-    seen: NDArray[np.float64],
-    log: NDArray[np.float64],
-) -> NDArray[np.int64]:
+    y: Array,
+    p: Array,
+    encoders: Array,
+    noise: Array,
+    instants: Array,
+    reads: Ints,
+    seen: Array,
+    log: Array,
+) -> Ints:
     """Run the loop over the sample instants `times` (n + 1,) (s); returns the counts of `advance`.
 
     inputs (n,): reference (rad), or the command where the loop is open. pushes (n,): torque on the axis from outside

@@ -22,11 +22,12 @@ from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed
 from swingid.simulation.provenance import how_made, metadata
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array, Ints
 
-Reference = Callable[["NDArray[np.float64]"], "NDArray[np.float64]"]
+Reference = Callable[["Array"], "Array"]
 Controller = Compensator | Backstepping
 
 
@@ -40,14 +41,14 @@ class Truth:
     guarded_steps: counts of the integration.
     """
 
-    time: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    speed: NDArray[np.float64]
-    wheel_angle: NDArray[np.float64]
-    wheel_speed: NDArray[np.float64]
-    bristle: NDArray[np.float64]
-    command: NDArray[np.float64]
-    parameters: NDArray[np.float64]
+    time: Array
+    angle: Array
+    speed: Array
+    wheel_angle: Array
+    wheel_speed: Array
+    bristle: Array
+    command: Array
+    parameters: Array
     draws: draws.Draws
     steps: int
     mode_changes: int
@@ -60,7 +61,7 @@ class Run:
 
     recording: Recording
     truth: Truth
-    log: NDArray[np.float64]
+    log: Array
 
 
 def simulate(
@@ -178,7 +179,7 @@ def simulate_run(
     return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
 
 
-def _instants(reads: NDArray[np.float64], wanted: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _instants(reads: Array, wanted: Array) -> tuple[Array, Ints]:
     """Sorted instants of all readings (2, rows) and of the wanted truth, and each one's place among them."""
     if np.array_equal(reads[0], wanted) and np.array_equal(reads[1], wanted):
         return wanted, np.tile(np.arange(len(wanted)), 3)  # on time, as most rigs are: nothing to sort
@@ -213,9 +214,9 @@ def loop_inputs(
     reference: Reference | None,
     controller: Controller | None,
     drive: ArrayLike | None,
-    times: NDArray[np.float64],
+    times: Array,
     rows: int,
-) -> tuple[NDArray[np.float64], bool]:
+) -> tuple[Array, bool]:
     """(reference or commands at `times`, whether the loop is open); UsageError where they contradict."""
     kind = rig.drive.kind
     if kind == "none" and (reference is not None or drive is not None):
@@ -235,7 +236,7 @@ def loop_inputs(
     return wanted, False
 
 
-def _per_row(name: str, values: ArrayLike, times: NDArray[np.float64], rows: int) -> NDArray[np.float64]:
+def _per_row(name: str, values: ArrayLike, times: Array, rows: int) -> Array:
     """One value per instant of `times`, the last one going on; UsageError unless there is a finite number per row."""
     given = np.asarray(values, dtype=np.float64)
     if given.ndim != 1 or len(given) < rows - 1 or not np.isfinite(given).all():
@@ -252,10 +253,10 @@ def own_limit(rig: Rig) -> float:
 
 def recording_of(
     rig: Rig,
-    times: NDArray[np.float64],
-    inputs: NDArray[np.float64],
+    times: Array,
+    inputs: Array,
     open_loop: bool,
-    log: NDArray[np.float64],
+    log: Array,
     made: draws.Draws,
     data: dict[str, object],
 ) -> Recording:
@@ -276,12 +277,12 @@ def recording_of(
 
 
 def _truth(
-    wanted: NDArray[np.float64],
-    true: NDArray[np.float64],
-    commands: NDArray[np.float64],
-    p: NDArray[np.float64],
+    wanted: Array,
+    true: Array,
+    commands: Array,
+    p: Array,
     made: draws.Draws,
-    counts: NDArray[np.int64],
+    counts: Ints,
 ) -> Truth:
     return Truth(
         time=wanted,

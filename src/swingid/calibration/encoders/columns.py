@@ -10,16 +10,12 @@ With the channels as read, and a11 and b known from the fit before (THEORY 4, se
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.balance.imperfections import axis_bends, wheel_bends
 from swingid.balance.rows import Rows, Signals
 from swingid.calibration.encoders.parts import ANGLE, WHEEL
+from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 
 def encoder_columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float) -> dict[str, Array]:

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.agreement import COMPARABLE, SEEN
 from swingid.balance.rows import Signals
@@ -14,9 +13,8 @@ from swingid.calibration.encoders.joint import JointFit, fit_jointly
 from swingid.calibration.encoders.logs import CalibrationLog
 from swingid.calibration.encoders.parts import Part, with_parts
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 STEPS = 4
 """Gauss–Newton steps at most; the third changes nothing that can be seen with 1°."""

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import LAG, with_excess
 from swingid.calibration.encoders.logs import LogRows
 from swingid.calibration.encoders.parts import Part
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
-
-Array = NDArray[np.float64]
 
 ROUNDS = 3
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.choice import choose
 from swingid.balance.fits import WindowFit, columns_of, known_side, sensor_variance
@@ -16,6 +15,7 @@ from swingid.calibration.encoders.columns import encoder_columns
 from swingid.calibration.encoders.parts import bounded
 from swingid.checks.answer import check_sign
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import Noise, channel_noise
@@ -23,8 +23,6 @@ from swingid.preparation.scale import Scale, require_channels
 from swingid.preparation.segment import part_of
 from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

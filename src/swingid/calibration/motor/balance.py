@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import Windows
 from swingid.calibration.motor.channels import WheelLog
@@ -29,10 +28,9 @@ from swingid.calibration.motor.products import (
     branches,
 )
 from swingid.errors import UnanswerableError
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project_stacked
-
-Array = NDArray[np.float64]
 
 LAG = 4
 """Neighbouring windows (2L long, one every L/2) that share data."""
@@ -112,15 +110,15 @@ class BalanceFit:
 
     values: Array
     covariance: Array
-    free: NDArray[np.bool_]
-    seen: NDArray[np.bool_]
+    free: Bools
+    seen: Bools
     fit: LinearFit
     rows: tuple[LogRows, ...]
     half: float
     residual: float
 
 
-def fit_balance(logs: Sequence[WheelLog], start: Array, free: NDArray[np.bool_]) -> BalanceFit:
+def fit_balance(logs: Sequence[WheelLog], start: Array, free: Bools) -> BalanceFit:
     """Fit the free products on windows of the length that tells them best; the others stay as in `start`.
 
     Raises UnanswerableError where no length gives enough windows.
@@ -150,7 +148,7 @@ def _badness(fit: BalanceFit) -> float:
     return float(np.sum(np.log(np.maximum(np.diag(fit.covariance)[wanted], 1e-300))))
 
 
-def _fit(rows: tuple[LogRows, ...], start: Array, free: NDArray[np.bool_], half: float) -> BalanceFit:
+def _fit(rows: tuple[LogRows, ...], start: Array, free: Bools, half: float) -> BalanceFit:
     target = np.concatenate([part.target for part in rows])
     sizes = [len(part.target) for part in rows]
     weights = np.ones(len(target))
@@ -167,7 +165,7 @@ def _fit(rows: tuple[LogRows, ...], start: Array, free: NDArray[np.bool_], half:
     return BalanceFit(values, covariance, free, seen, fit, rows, half, power)
 
 
-def _seen(columns: Array, rows: tuple[LogRows, ...], free: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _seen(columns: Array, rows: tuple[LogRows, ...], free: Bools) -> Bools:
     """Which products the columns show: neither an empty column nor one that is a sum of others."""
     sizes = np.linalg.norm(columns, axis=0)
     whole = np.linalg.norm(np.concatenate([part.windows.half for part in rows])) * 32 / 35
@@ -182,7 +180,7 @@ def _seen(columns: Array, rows: tuple[LogRows, ...], free: NDArray[np.bool_]) ->
 
 
 def _gauss_newton(
-    rows: tuple[LogRows, ...], target: Array, weights: Array, start: Array, free: NDArray[np.bool_]
+    rows: tuple[LogRows, ...], target: Array, weights: Array, start: Array, free: Bools
 ) -> tuple[Array, Array, LinearFit]:
     """Products at which the branches that they give are those that they were fitted with."""
 

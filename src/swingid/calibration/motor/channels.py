@@ -7,18 +7,17 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import moved
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import GaussNodes
 from swingid.preparation.motion import FEWEST_ROWS
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.speed import NARROWEST, Speed, smooth_speed, speed_on_grid
 from swingid.recording.recording import Recording
 
-Array = NDArray[np.float64]
 Kind = Literal["clamped", "driven", "free swing"]
 
 STILL = 12.0

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.calibration.motor.channels import WheelLog
 from swingid.calibration.motor.output_error import OutputFit
@@ -24,10 +23,9 @@ from swingid.calibration.motor.products import (
 )
 from swingid.calibration.motor.separation import Separation
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.result.result import BudgetEntry
 from swingid.units import Quantity
-
-Array = NDArray[np.float64]
 
 UNITS = {
     "motor.gain": "N m/V",

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.calibration.motor.balance import BalanceFit, fit_balance
 from swingid.calibration.motor.channels import WheelLog, kind_of
@@ -32,12 +31,11 @@ from swingid.calibration.motor.separation import Separation, separate
 from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
+from swingid.numerics.arrays import Array
 from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_constants, provenance
 from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined
-
-Array = NDArray[np.float64]
 
 SERIOUS = 0.005
 """Test functions and output error that differ by more than this share (and their uncertainties) cast doubt."""

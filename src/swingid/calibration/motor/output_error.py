@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.calibration.motor.channels import GAP, WheelLog
 from swingid.calibration.motor.products import COUNT, COUPLING, allowed
 from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
-
-Array = NDArray[np.float64]
+from swingid.numerics.arrays import Array, Bools, Ints
 
 SHOT = 1.0
 """Length of a shot in s: some time constants of a wheel under its damping."""
@@ -67,7 +65,7 @@ class OutputFit:
 
     values: Array
     covariance: Array
-    free: NDArray[np.bool_]
+    free: Bools
     shots: tuple[Shot, ...]
     starts: tuple[Array, ...]
     levels: Array
@@ -113,7 +111,7 @@ def _shots(place: int, log: WheelLog) -> Iterator[Shot]:
             )
 
 
-def _parts(log: WheelLog) -> list[NDArray[np.int64]]:
+def _parts(log: WheelLog) -> list[Ints]:
     """Rows between gaps; of a moving axis only the runs, for when a resting wheel lets go hangs on q1'' there."""
     time = log.nodes.time
     if log.kind == "driven":
@@ -123,7 +121,7 @@ def _parts(log: WheelLog) -> list[NDArray[np.int64]]:
     return np.split(np.arange(len(time)), gaps)
 
 
-def _cuts(time: Array, speed: Array) -> NDArray[np.int64]:
+def _cuts(time: Array, speed: Array) -> Ints:
     """Rows at which shots begin, about `SHOT` apart, each where the speed is largest nearby; and the last row."""
     cuts = [0]
     while time[-1] - time[cuts[-1]] > 1.5 * SHOT:
@@ -132,7 +130,7 @@ def _cuts(time: Array, speed: Array) -> NDArray[np.int64]:
     return np.array([*cuts, len(time) - 1])
 
 
-def fit_output(logs: Sequence[WheelLog], start: Array, free: NDArray[np.bool_]) -> OutputFit:
+def fit_output(logs: Sequence[WheelLog], start: Array, free: Bools) -> OutputFit:
     """Refine the free products from `start` by Gauss–Newton with halved steps; needs `start` near the answer."""
     shots = shots_of(logs)
     weights = np.array([1 / max(log.noise.wheel, 1e-12) for log in logs])
@@ -159,7 +157,7 @@ class _Part:
     loss: float
 
 
-def _reduced(shot: Shot, values: Array, start: Array, free: NDArray[np.bool_]) -> _Part:
+def _reduced(shot: Shot, values: Array, start: Array, free: Bools) -> _Part:
     angles, slopes = shot.simulated(values, start)
     left = shot.wheel - angles
     own = slopes[:, COUNT:]
@@ -188,7 +186,7 @@ def _loss(shots: list[Shot], values: Array, starts: list[Array], weights: Array)
 
 
 def _descend(
-    shots: list[Shot], values: Array, starts: list[Array], free: NDArray[np.bool_], weights: Array
+    shots: list[Shot], values: Array, starts: list[Array], free: Bools, weights: Array
 ) -> tuple[Array, list[Array]]:
     """Gauss–Newton over products and starts, with halved steps while the sum of squares does not fall."""
     least = _loss(shots, values, starts, weights)
@@ -229,7 +227,7 @@ def _fitted(
     parts: list[_Part],
     values: Array,
     starts: list[Array],
-    free: NDArray[np.bool_],
+    free: Bools,
     weights: Array,
     levels: Array,
 ) -> OutputFit:

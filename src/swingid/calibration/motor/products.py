@@ -14,11 +14,9 @@ motor's torque does not push the way the wheel turns.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.model.rig import Rig
-
-Array = NDArray[np.float64]
+from swingid.numerics.arrays import Array, Bools
 
 GAIN, DAMPING, EMF, POSITIVE, NEGATIVE, COULOMB, COUPLING = range(7)
 COUNT = 7
@@ -57,7 +55,7 @@ def dead_zone_edges(values: Array) -> tuple[float, float]:
     return float(high), float(low)
 
 
-def allowed(values: Array, free: NDArray[np.bool_]) -> Array:
+def allowed(values: Array, free: Bools) -> Array:
     """Products moved to the nearest that are physical: no negative torque, no edge of the dead zone on a wrong side."""
     result = values.copy()
     if free[EMF]:

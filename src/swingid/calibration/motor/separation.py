@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.calibration.motor.balance import BalanceFit
 from swingid.calibration.motor.channels import IDLE
@@ -22,9 +21,8 @@ from swingid.calibration.motor.products import (
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
+from swingid.numerics.arrays import Array, Bools
 from swingid.result.result import Message
-
-Array = NDArray[np.float64]
 
 APART = 0.2
 """A part of a sum counts as known when its own standard uncertainty is below this share of it."""
@@ -54,7 +52,7 @@ class Separation:
     emf, coulomb: whether back_emf and viscous, coulomb and dead zone, are known apart.
     """
 
-    free: NDArray[np.bool_]
+    free: Bools
     values: Array
     emf: bool
     coulomb: bool

@@ -13,12 +13,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.calibration.motor.products import COULOMB, COUNT, COUPLING, DAMPING, EMF, GAIN, NEGATIVE, POSITIVE
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
-
-Array = NDArray[np.float64]
 
 STATES = COUNT + 2
 """Places of a sensitivity: the products, then the angle and the speed at the start."""

@@ -7,11 +7,10 @@ from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
 
-Array = NDArray[np.float64]
 UNITS = ("rad", "m")
 
 

@@ -8,7 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from swingid.control.references.base import Array, crossings, inside, require_positive, require_unit
+from swingid.control.references.base import crossings, inside, require_positive, require_unit
+from swingid.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

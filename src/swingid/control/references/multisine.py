@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.control.references.base import Array, crossings
+from swingid.control.references.base import crossings
 from swingid.control.references.sine import Sine
 from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from swingid.control.references.base import Array, require_positive, sampled_turning_points
+from swingid.control.references.base import require_positive, sampled_turning_points
 from swingid.errors import InputError, UsageError
+from swingid.numerics.arrays import Array
 
 FEWEST = 4
 

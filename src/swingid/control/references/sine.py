@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.control.references.base import Array, inside, require_positive, require_unit
+from swingid.control.references.base import inside, require_positive, require_unit
+from swingid.numerics.arrays import Array
 
 
 @dataclass(frozen=True)

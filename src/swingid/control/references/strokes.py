@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.control.references.base import Array, inside, require_positive, require_unit
+from swingid.control.references.base import inside, require_positive, require_unit
 from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
 
 PEAK = 15.0 / 8.0
 """Peak speed of the quintic 10 s^3 - 15 s^4 + 6 s^5, in the middle, in units of way per time."""

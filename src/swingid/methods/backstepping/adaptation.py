@@ -14,13 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UsageError
 from swingid.methods.backstepping.signals import Signals
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
-
-Array = NDArray[np.float64]
 
 LAWS = ("printed", "consistent")
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.motor import MotorBalance
 from swingid.methods.backstepping.curve import BANDS, Curve, Run, mean_over, scatter_of_mean
@@ -11,8 +10,6 @@ from swingid.methods.backstepping.effects import Effect
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
 from swingid.result.result import BudgetEntry, Convergence, Details, Parameter, combined
-
-Array = NDArray[np.float64]
 
 POINTS = 600
 """Points of the curve that the result keeps."""

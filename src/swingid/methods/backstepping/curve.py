@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
-
-Array = NDArray[np.float64]
+from swingid.numerics.arrays import Array
 
 FEWEST_SWINGS = 8
 """Fewest half swings of a log: four to converge in, four to average over."""

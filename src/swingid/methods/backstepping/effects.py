@@ -6,14 +6,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import moved
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.units import Quantity
-
-Array = NDArray[np.float64]
 
 STEP = 1e-4
 """Relative step of a constant."""

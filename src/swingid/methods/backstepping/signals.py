@@ -11,22 +11,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.motor import motor_torque
 from swingid.control.observer import VelocityObserver
 from swingid.methods.energy.balance import motor_drag, narrowed
 from swingid.methods.energy.chain import held_between
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import NARROWEST, smooth_speed, speed_on_grid
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 VELOCITIES = ("smoothed", "observers")
 SHARE, SPACING = 0.7, 1.5

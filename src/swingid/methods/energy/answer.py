@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.agreement import SEEN
 from swingid.balance.friction_laws import friction_units
@@ -14,6 +13,7 @@ from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import effects
 from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.ranks import median
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
@@ -26,8 +26,6 @@ from swingid.result.result import (
     SwingSeries,
     combined,
 )
-
-Array = NDArray[np.float64]
 
 CURVE_KNOTS = 8
 

@@ -14,12 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.motor import motor_torque
 from swingid.methods.energy.chain import Chain, between_rows, filtered_drive, observed_speed
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.cumulative import antiderivatives
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
@@ -28,8 +28,6 @@ from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import Speed, narrowest, smooth_speed, speed_on_grid
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 SHARE = 0.7
 """Of the half-width that is best for one speed: over the nodes of all swings noise averages out, bias does not."""

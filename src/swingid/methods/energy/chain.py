@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control.observer import VelocityObserver, filtered_both_ways
 from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.ranks import median
 from swingid.preparation.speed import Speed
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.imperfections import Imperfection
 from swingid.balance.motor import motor_torque
@@ -17,11 +16,10 @@ from swingid.methods.energy.balance import MOTOR, Course, States, motor_drag
 from swingid.methods.energy.fit import NodeFit
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
+from swingid.numerics.arrays import Array
 from swingid.numerics.cumulative import running_integrals
 from swingid.preparation.scale import Scale
 from swingid.units import Quantity
-
-Array = NDArray[np.float64]
 
 
 def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit, b: float) -> list[Imperfection]:

@@ -11,14 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.methods.energy.balance import Course, States
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 """Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|."""

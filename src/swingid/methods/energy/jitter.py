@@ -11,15 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.ranks import median
 from swingid.preparation.motion import DIFFERENCES, sixth_differences
 from swingid.preparation.noise import EVEN, Noise
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Parameter
-
-Array = NDArray[np.float64]
 
 CLASSES = 8
 """Classes of speed in which the noise is looked at."""
@@ -75,16 +73,14 @@ def find_jitter(log: Recording, noise: Noise) -> Jitter:
     return Jitter(wheel[0] or angle[0], replace(noise, angle=angle[1], wheel=wheel[1]))
 
 
-def _even_stretches(steps: Array, step: float) -> NDArray[np.bool_]:
+def _even_stretches(steps: Array, step: float) -> Bools:
     """Whether the six steps from each row on are the typical one."""
     odd = np.concatenate([[0], np.cumsum(np.abs(steps - step) > EVEN * step)])
-    result: NDArray[np.bool_] = odd[6:] == odd[:-6]
+    result: Bools = odd[6:] == odd[:-6]
     return result
 
 
-def _of_channel(
-    values: Array, rows: NDArray[np.int64], step: float, level: float, resolution: float
-) -> tuple[float, float]:
+def _of_channel(values: Array, rows: Ints, step: float, level: float, resolution: float) -> tuple[float, float]:
     """Jitter (s) that a channel shows, and the root mean square of its noise; (0, level) where none is seen."""
     seven = [values[rows + k] for k in range(7)]
     speed = (seven[6] - seven[0]) / (6 * step)

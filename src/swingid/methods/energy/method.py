@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, judged_chain
@@ -36,6 +35,7 @@ from swingid.methods.energy.printed import (
 )
 from swingid.methods.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.scale import Scale, require_channels
@@ -43,8 +43,6 @@ from swingid.preparation.segment import part_of
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, provenance
 from swingid.result.result import Message, Result
-
-Array = NDArray[np.float64]
 
 LEVELS = (1 - np.cos(np.linspace(0.1, 1.55, 24))) / 2
 """Depths of the nodes in shares of a swing: evenly spread in time over the half that is next to its turning point."""

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.compiled import njit
 from swingid.numerics.search import rows_before
 from swingid.preparation.motion import Motion
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ def mirrored_passes(motion: Motion, depths: Array, time: Array, longest_gap: flo
     sizes, angles = motion.swing_sizes, speed.angle_at(fine)
     reach = np.minimum(sizes[:-1], sizes[1:])
     instants = _crossings(fine, angles, turning, motion.turning_angles, motion.sides, reach[:, None] * depths)
-    sound: NDArray[np.bool_] = np.all(np.isfinite(instants), axis=1)
+    sound: Bools = np.all(np.isfinite(instants), axis=1)
     sound &= (np.diff(instants, axis=1) > 0).all(axis=1)
     sound[sound] &= (instants[sound, 0] >= time[0]) & (instants[sound, -1] <= time[-1])
     for k in np.nonzero(np.diff(time) > longest_gap)[0]:

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.motor import motor_torque
 from swingid.errors import UnanswerableError, UsageError
@@ -20,11 +19,10 @@ from swingid.methods.energy.balance import Course, States, motor_drag, states_at
 from swingid.methods.energy.fit import NodeFit, block_covariance
 from swingid.methods.energy.passes import Passes
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import Speed
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 Nodes = tuple[float, float, float, float]
 

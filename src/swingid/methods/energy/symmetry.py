@@ -19,17 +19,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.format import percent
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.fit import NodeFit, block_covariance, columns_at, influence_of, within_blocks
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.cumulative import running_hats
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
-
-Array = NDArray[np.float64]
 
 SOURCE = "asymmetry of the passes"
 

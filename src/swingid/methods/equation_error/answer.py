@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import columns_of, known_side
 from swingid.balance.friction_laws import friction_units, law_columns, parameter_weights, stribeck_slope
@@ -12,8 +11,6 @@ from swingid.methods.equation_error.judges import Judged
 from swingid.model.rig import Rig
 from swingid.preparation.scale import Scale
 from swingid.result.result import BudgetEntry, Details, FrictionCurve, Parameter, SwingSeries, combined
-
-Array = NDArray[np.float64]
 
 SCATTER = "scatter of the rows and sensor noise"
 CURVE_KNOTS = 8

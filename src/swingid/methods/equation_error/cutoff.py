@@ -14,13 +14,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError, UsageError
+from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.speed import Speed
-
-Array = NDArray[np.float64]
 
 ABOVE_MOTION = 10.0
 AT_LEAST = 4.0

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.agreement import SEEN
 from swingid.balance.delays import impulse_of, late_reversals
@@ -20,14 +19,13 @@ from swingid.methods.equation_error.laws import Law, Laws, LawTable
 from swingid.methods.equation_error.rows import RowFilter, filtered_rows, friction_columns
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.preparation.segment import part_of
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
-
-Array = NDArray[np.float64]
 
 EARLIER = 0.75
 """Least lag of the instruments in half periods, for a controller to have answered the noise."""

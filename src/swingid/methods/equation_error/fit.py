@@ -16,16 +16,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import columns_of, known_side
 from swingid.balance.rows import Rows
 from swingid.errors import UnanswerableError
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.regression import LinearFit, hac_covariance
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 ROBUST = 5.0
 """Robust standard deviations of a residual beyond which its row weighs less (Huber)."""

@@ -9,16 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.rows import moved
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.preparation.noise import EVEN
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 MOST_FILLED = 10
 """Rows of the even grid per row of the log above which the log is mostly gaps."""

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.choice import DETECTED, impulse_left
 from swingid.methods.equation_error.laws import Law
 from swingid.methods.equation_error.scatter import Fitted, rms
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.result.result import BudgetEntry
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

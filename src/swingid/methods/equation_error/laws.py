@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import columns_of, known_side
 from swingid.balance.friction_laws import STRIBECK_SHARES, law_columns, law_terms
@@ -19,10 +18,9 @@ from swingid.balance.friction_rows import EXACT, KNOTS, FrictionRows, speed_knot
 from swingid.balance.law_choice import LawChoice, Trial, slowest_peak
 from swingid.balance.rows import Rows
 from swingid.methods.equation_error.rows import RowFilter
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 POSSIBLE = 1e-3
 """Probability below which a law is not looked at."""

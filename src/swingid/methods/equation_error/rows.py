@@ -13,16 +13,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.friction_laws import TERMS, stribeck_slope
 from swingid.balance.rows import Rows, Windows
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff, lowpass
 from swingid.methods.equation_error.grid import STENCIL, Grid, as_held, curvature, slope
+from swingid.numerics.arrays import Array, Bools
 from swingid.preparation.motion import Motion
-
-Array = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 ROWS_PER_PERIOD = 5.0
 """Rows kept per period of the cut-off."""
@@ -41,7 +38,7 @@ class RowFilter:
     grid: Grid
     cutoff: Cutoff
     every: int
-    usable: NDArray[np.bool_]
+    usable: Bools
 
     @classmethod
     def of(cls, grid: Grid, cutoff: Cutoff, closed: Array) -> RowFilter:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.agreement import SEEN
 from swingid.balance.rows import Rows
@@ -14,12 +13,11 @@ from swingid.methods.equation_error.cutoff import SETTLING
 from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import STENCIL, curvature
 from swingid.methods.equation_error.rows import RowFilter
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import parzen
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 GRID_PLACES = 8
 

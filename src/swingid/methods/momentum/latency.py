@@ -11,7 +11,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.choice import Choice, choose
 from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, residuals_beside, sensor_variance
@@ -25,8 +24,6 @@ from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
-
-Array = NDArray[np.float64]
 
 LATEST = 0.01
 """Standard deviation (s) that an undeclared latency is allowed: no knowledge, but ten times what a rig has."""

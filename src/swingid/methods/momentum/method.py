@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.agreement import JUDGE, disagreement, drift_with_length
 from swingid.balance.choice import Choice, choose
@@ -40,8 +39,6 @@ from swingid.preparation.segment import part_of
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_in_row_one, provenance
 from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
-
-Array = NDArray[np.float64]
 
 NEGLIGIBLE = 1e-3
 """Share of the scatter's uncertainty below which another of type A is left out of the budget."""

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.agreement import SEEN
 from swingid.balance.friction_laws import friction_units
@@ -20,13 +19,12 @@ from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.solver import influence_of, informed, inverse_of, reduce
 from swingid.methods.output_error.unknowns import Unknowns
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.result import BudgetEntry, Details, Parameter, combined
-
-Array = NDArray[np.float64]
 
 SCATTER = "scatter of the residuals and sensor noise"
 LESS = 0.1

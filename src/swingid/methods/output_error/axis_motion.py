@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.methods.output_error.axis_step import (
     SPEED,
@@ -30,11 +29,9 @@ from swingid.methods.output_error.axis_step import (
 from swingid.methods.output_error.partials import axis_row, friction_slope
 from swingid.model.friction import sliding_friction
 from swingid.model.parameters import A11, A12, SIZE, B
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
 from swingid.numerics.inlined import njit_inlined
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 GAIN = SIZE
 """Place of the gain of the torque (1), behind those of the rig's vector."""

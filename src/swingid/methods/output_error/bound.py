@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.output_error.problem import Input, problem_of
@@ -18,11 +17,10 @@ from swingid.methods.output_error.solver import reduce
 from swingid.methods.output_error.unknowns import unknowns_of
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 INPUTS: dict[str, Input] = {"reaction-wheel": "voltage", "direct": "torque", "none": "none"}
 

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.friction_laws import TERMS, stribeck_peak, stribeck_slope
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns
 from swingid.model.friction import static_curve
 from swingid.model.parameters import COULOMB_N, STATIC_N
+from swingid.numerics.arrays import Array
 from swingid.result.result import FrictionCurve
-
-Array = NDArray[np.float64]
 
 KNOTS = 12
 """Speeds of the curve on each side."""

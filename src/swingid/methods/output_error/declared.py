@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.imperfections import imperfections
 from swingid.methods.energy.checks import SecondOpinion
@@ -16,12 +15,12 @@ from swingid.methods.output_error.readings import as_read
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.solver import inverse_of
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 
-Array = NDArray[np.float64]
 Declared = tuple[str, float | None, str, Array]
 """Source, standard deviation (None: exact), shared_id, and the shift (m,) of the unknowns by one unit of it."""
 

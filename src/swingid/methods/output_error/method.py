@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import WindowFit
 from swingid.errors import UnanswerableError
@@ -27,6 +26,7 @@ from swingid.methods.output_error.search import RICHEST, Searched, choose_law, f
 from swingid.methods.output_error.solver import solve
 from swingid.methods.output_error.unknowns import Unknowns, unknowns_of
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.scale import Scale, require_channels
@@ -34,8 +34,6 @@ from swingid.preparation.segment import part_of
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, provenance
 from swingid.result.result import Result
-
-Array = NDArray[np.float64]
 
 SHORTEST = 48
 """Rows of a segment that are not halved further."""

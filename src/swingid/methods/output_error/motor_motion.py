@@ -11,18 +11,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.methods.output_error.partials import axis_row, friction_slope, mass_rows, motor_row
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, derivative, quintic
 from swingid.model.motion import COUNTS, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE, B
 from swingid.model.sticking import choose_mode, stop_reversed
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
 from swingid.numerics.inlined import njit_inlined
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""

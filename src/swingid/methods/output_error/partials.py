@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.model.motor import branch_torque
 from swingid.model.parameters import (
     A11,
@@ -36,9 +33,8 @@ from swingid.model.parameters import (
     VISCOUS_P,
     B,
 )
+from swingid.numerics.arrays import Array
 from swingid.numerics.inlined import njit_inlined
-
-Array = NDArray[np.float64]
 
 
 @njit_inlined

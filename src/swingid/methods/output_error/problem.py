@@ -11,7 +11,6 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
 from swingid.methods.output_error.axis_motion import axis_motion
@@ -19,13 +18,12 @@ from swingid.methods.output_error.axis_step import COURSES, SPEED, TORQUE, WHEEL
 from swingid.methods.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion
 from swingid.methods.output_error.unknowns import Entries
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.preparation.noise import Noise
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Input = Literal["voltage", "wheel", "torque", "none"]
 
 LONGEST_STEP = 2e-3
@@ -62,7 +60,7 @@ class Problem:
     commands: Array
     courses: Array
     measured: Array
-    wheel: NDArray[np.bool_]
+    wheel: Bools
     sigma: Array
     times: Array
     starts: Array
@@ -172,7 +170,7 @@ def _cuts(time: Array, length: float, longest_gap: float) -> list[tuple[int, int
 
 def _segment(
     log: Recording, rows: slice, readings: list[Array], drives: _Drives, source: Input
-) -> tuple[Array, Ints, Array, NDArray[np.bool_], Array]:
+) -> tuple[Array, Ints, Array, Bools, Array]:
     """Knots and flags of one segment; its measured values, which are the wheel's, and their instants."""
     begin, end = min(r[0] for r in readings), max(r[-1] for r in readings)
     inside = drives.times[(drives.times > begin) & (drives.times < end)]

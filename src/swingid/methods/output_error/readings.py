@@ -9,13 +9,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.methods.output_error.problem import Input, Prediction, Problem
 from swingid.methods.output_error.unknowns import ZERO
 from swingid.model.rig import Rig
-
-Array = NDArray[np.float64]
+from swingid.numerics.arrays import Array
 
 
 def uncertain_readings(rig: Rig, source: Input) -> dict[str, float]:

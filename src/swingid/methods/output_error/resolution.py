@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.methods.output_error.problem import Problem
 from swingid.methods.output_error.solver import Fit, inverse_of
 from swingid.methods.output_error.unknowns import Unknowns
+from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
-
-Array = NDArray[np.float64]
 
 PLACES = 8
 """Places of the grid, in equal parts of its step, over which its effect is taken."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import WindowFit
 from swingid.balance.friction_laws import DIRECTIONS, LAWS
@@ -20,9 +19,8 @@ from swingid.methods.output_error.solver import Fit, reduce, solve
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
 from swingid.model.parameters import STRIBECK_SPEED
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 OFF = ((1.6, 3.0), (0.6, 0.3))
 """Factors of inertia and friction of the other starts."""

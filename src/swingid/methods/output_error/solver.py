@@ -9,15 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UsageError
 from swingid.methods.output_error.problem import Prediction, Problem
 from swingid.methods.output_error.readings import as_read
-from swingid.methods.output_error.unknowns import Ints, Unknowns
+from swingid.methods.output_error.unknowns import Unknowns
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
-
-Array = NDArray[np.float64]
 
 LOSSES = ("linear", "huber", "soft_l1")
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.friction_laws import DIRECTIONS, LAWS, friction_units, law_terms
 from swingid.errors import UsageError
@@ -44,10 +43,9 @@ from swingid.model.parameters import (
     vector,
 )
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.scale import Scale
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Entries = tuple[Ints, Ints, Array]
 
 FRICTION: dict[str, Places] = {

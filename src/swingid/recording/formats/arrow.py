@@ -15,6 +15,8 @@ from swingid.recording.formats.table import Table
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from swingid.numerics.arrays import Array
+
 
 def table_from_arrow(
     table: Any,
@@ -53,7 +55,7 @@ def parse_metadata(raw: str) -> dict[str, object]:
     return parsed if isinstance(parsed, dict) else {}
 
 
-def _array(column: Any, decimal: str) -> tuple[NDArray[np.float64] | NDArray[np.object_], bool]:
+def _array(column: Any, decimal: str) -> tuple[Array | NDArray[np.object_], bool]:
     """The cells of a column, and whether they are instants or durations, which are in s then."""
     import pyarrow as pa
 
@@ -69,7 +71,7 @@ def _array(column: Any, decimal: str) -> tuple[NDArray[np.float64] | NDArray[np.
     return np.array(plain_cells(cells, decimal), dtype=object), False
 
 
-def _seconds(column: Any) -> NDArray[np.float64]:
+def _seconds(column: Any) -> Array:
     """Seconds since 1970 of stamps with a date, since midnight of times of day, of durations; NaN where empty."""
     import pyarrow as pa
 
@@ -79,11 +81,11 @@ def _seconds(column: Any) -> NDArray[np.float64]:
         kind = column.type
     whole = column.cast(pa.int32() if pa.types.is_time32(kind) else pa.int64())
     per_second = {"s": 1, "ms": 1e3, "us": 1e6, "ns": 1e9}[kind.unit]
-    seconds: NDArray[np.float64] = _numbers(whole.cast(pa.float64(), safe=False)) / per_second
+    seconds: Array = _numbers(whole.cast(pa.float64(), safe=False)) / per_second
     return over_midnight(seconds) if pa.types.is_time(kind) else seconds
 
 
-def _numbers(column: Any) -> NDArray[np.float64]:
+def _numbers(column: Any) -> Array:
     """A column of doubles, NaN where a cell is empty; not by `to_numpy`, which imports pandas where it is installed."""
     whole = column.fill_null(np.nan) if column.null_count else column
     parts = [np.from_dlpack(chunk) for chunk in whole.chunks]

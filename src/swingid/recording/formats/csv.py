@@ -22,7 +22,7 @@ from swingid.recording.formats.table import METADATA_KEY, Table
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
 ENDINGS = (".csv", ".txt", ".tsv", ".dat")
 MAGIC = b""
@@ -105,7 +105,7 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
     return table_from_arrow(table, name, raw_metadata, ragged.count, layout.units, layout.decimal)
 
 
-def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
     """The bytes of a CSV file: metadata comment (JSON), header, rows; columns of equal length (n,) by name.
 
     Numbers read back bit for bit.

@@ -9,8 +9,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata
 from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart
@@ -19,8 +17,7 @@ from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
 from swingid.recording.formats.vectors import add_vectors
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array
     from swingid.recording.formats.vectors import Columns
 
 ENDINGS = (".h5", ".hdf5")
@@ -70,7 +67,7 @@ def extract(path: str) -> tuple[Columns, str]:
     return columns, raw if isinstance(raw, str) else "{}"
 
 
-def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
     """The bytes of an HDF5 file, one data set per column, metadata (JSON) as an attribute; reads back bit for bit."""
     h5py = require("h5py", "h5py", "the output", "an HDF5 file")
     buffer = io.BytesIO()

@@ -13,8 +13,7 @@ from swingid.recording.formats import bam
 from swingid.recording.formats.table import METADATA_KEY, Table
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array
     from swingid.recording.formats.vectors import Columns
 
 ENDINGS = (".jsonl", ".ndjson", ".json")
@@ -48,7 +47,7 @@ def read(content: bytes, name: str) -> Table:
     return Table(columns, metadata, lost)
 
 
-def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
     """The bytes of a JSON lines file: metadata in the first line, then one object per row; reads back bit for bit."""
     names = list(columns)
     lines = [json.dumps({METADATA_KEY: dict(metadata)})]

@@ -14,7 +14,7 @@ from swingid.recording.formats.table import Table
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
 ENDINGS = (".lvm",)
 MAGIC = b"LabVIEW Measurement"
@@ -49,7 +49,7 @@ def read(content: bytes, name: str) -> Table:
     if TIME not in table.columns or not np.isnan(table.numbers(TIME)[0]).all():
         return table
     first, step = (_number(segment.get(key, [""]), decimal) for key in ("X0", "Delta_X"))
-    time: NDArray[np.float64] = first + step * np.arange(len(table.columns[TIME]), dtype=np.float64)
+    time: Array = first + step * np.arange(len(table.columns[TIME]), dtype=np.float64)
     return Table({**table.columns, TIME: time}, {}, table.unreadable_rows, table.units)
 
 

@@ -27,6 +27,7 @@ from swingid.recording.formats.vectors import WIDEST, add_vectors
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from swingid.numerics.arrays import Array
     from swingid.recording.formats.vectors import Columns
 
 ENDINGS = (".mat",)
@@ -74,7 +75,7 @@ def read(content: bytes, name: str) -> Table:
     return Table(columns, parse_metadata(raw))
 
 
-def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
     """The bytes of a MATLAB v5 file with one column vector per column; reads back bit for bit.
 
     A name that MATLAB does not allow gets "_" in the place of other characters. Metadata (JSON) are the character

@@ -16,6 +16,7 @@ from swingid.recording.formats.vectors import add_vectors
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from swingid.numerics.arrays import Array
     from swingid.recording.formats.vectors import Columns
 
 _DEPTH = 12
@@ -39,13 +40,13 @@ def read_objects(content: bytes, name: str) -> Columns:
 def extract(path: str) -> tuple[Columns, str]:
     """Columns of the time series in a file; for the process of `isolated`, for damage crashes the package."""
     variables = importlib.import_module("matio").load_from_mat(path)
-    found: list[tuple[str, NDArray[np.float64], NDArray[Any]]] = []
+    found: list[tuple[str, Array, NDArray[Any]]] = []
     for variable, value in variables.items():
         found += _series(value, str(variable), 0)
     return _columns(found), "{}"
 
 
-def _columns(found: list[tuple[str, NDArray[np.float64], NDArray[Any]]]) -> Columns:
+def _columns(found: list[tuple[str, Array, NDArray[Any]]]) -> Columns:
     columns: Columns = {}
     if not found:
         return columns
@@ -62,7 +63,7 @@ def _columns(found: list[tuple[str, NDArray[np.float64], NDArray[Any]]]) -> Colu
     return columns
 
 
-def _series(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[np.float64], NDArray[Any]]]:
+def _series(value: Any, name: str, depth: int) -> Iterator[tuple[str, Array, NDArray[Any]]]:
     """Name, instants and data of each time series inside `value`, an object, a struct or a cell."""
     if depth > _DEPTH:
         return
@@ -85,7 +86,7 @@ def _series(value: Any, name: str, depth: int) -> Iterator[tuple[str, NDArray[np
             yield from _series(inner, name, depth + 1)
 
 
-def _of_timeseries(properties: dict[str, Any], name: str) -> Iterator[tuple[str, NDArray[np.float64], NDArray[Any]]]:
+def _of_timeseries(properties: dict[str, Any], name: str) -> Iterator[tuple[str, Array, NDArray[Any]]]:
     data = np.squeeze(np.asarray(properties.get("Data_")))
     if data.dtype.kind not in "biuf" or data.ndim not in (1, 2):
         return

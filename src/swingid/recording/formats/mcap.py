@@ -15,8 +15,7 @@ from swingid.recording.formats.optional import require
 from swingid.recording.formats.table import METADATA_KEY, Table
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array
     from swingid.recording.formats.vectors import Columns
 
 ENDINGS = (".mcap",)
@@ -65,7 +64,7 @@ def read(content: bytes, name: str) -> Table:
     return Table(columns, metadata if isinstance(metadata, dict) else {})
 
 
-def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
     """The bytes of an MCAP file with one topic of JSON messages, one per row; reads back bit for bit.
 
     The log time of a message is its column `t` or `time` in ns where there is one.
@@ -86,7 +85,7 @@ def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, obj
     return buffer.getvalue()
 
 
-def _stamps(columns: Mapping[str, NDArray[np.float64]], rows: int) -> list[int]:
+def _stamps(columns: Mapping[str, Array], rows: int) -> list[int]:
     """Log times in ns: the column `t` or `time` from its start where it rises, else the number of the row.
 
     Readers sort messages by them, so they must rise.

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import table_from_arrow
 from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
@@ -14,7 +12,7 @@ from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
 ENDINGS = (".parquet", ".pq")
 MAGIC = b"PAR1"
@@ -37,7 +35,7 @@ def read(content: bytes, name: str) -> Table:
         raise InputError(message, code="not-a-table") from None
 
 
-def write(columns: Mapping[str, NDArray[np.float64]], metadata: Mapping[str, object]) -> bytes:
+def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
     """The bytes of a Parquet file with these columns, bit for bit, and this metadata (JSON values)."""
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
 DAY = 86400.0
 EPOCH = date(1970, 1, 1).toordinal()
@@ -38,7 +38,7 @@ def _parts(cell: str) -> re.Match[str] | None:
     return _STAMP.fullmatch(cell) if ":" in cell and len(cell) <= LONGEST else None
 
 
-def seconds_of(cells: Sequence[str | None]) -> NDArray[np.float64] | None:
+def seconds_of(cells: Sequence[str | None]) -> Array | None:
     """Seconds of a column of stamps: since 1970 with a date, else since midnight; None for any other column.
 
     NaN where a cell is no stamp. A time of day goes on over midnight. Where day and month may be either, as in
@@ -54,7 +54,7 @@ def seconds_of(cells: Sequence[str | None]) -> NDArray[np.float64] | None:
     return over_midnight(found)
 
 
-def over_midnight(seconds: NDArray[np.float64]) -> NDArray[np.float64]:
+def over_midnight(seconds: Array) -> Array:
     """Seconds since midnight as seconds that go on; other times as they are."""
     good = np.isfinite(seconds)
     if not good.any() or seconds[good].max() > DAY:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from swingid.numerics.arrays import Array
+
 #: Where swingid keeps its metadata inside a file: the CSV comment's prefix, the key of a Parquet schema.
 METADATA_KEY = "swingid"
 
@@ -47,7 +49,7 @@ class Table:
     the wrong number of cells, which the reader left out. `units`: by column, from a line of units below the header.
     """
 
-    columns: Mapping[str, NDArray[np.float64] | NDArray[np.object_]]
+    columns: Mapping[str, Array | NDArray[np.object_]]
     metadata: Mapping[str, object] = field(default_factory=dict)
     unreadable_rows: int = 0
     units: Mapping[str, str] = field(default_factory=dict)
@@ -70,7 +72,7 @@ class Table:
             return False
         return is_stamp(str(next((cell for cell in cells if cell), "")))
 
-    def numbers(self, name: str) -> tuple[NDArray[np.float64], str | None]:
+    def numbers(self, name: str) -> tuple[Array, str | None]:
         """Column `name` as float64, NaN where a cell is no number; and the first text among the numbers.
 
         Times of day and dates are in s, see `stamps`.

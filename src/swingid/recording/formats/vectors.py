@@ -9,7 +9,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    Columns = dict[str, NDArray[np.float64] | NDArray[np.object_]]
+    from swingid.numerics.arrays import Array
+
+    Columns = dict[str, Array | NDArray[np.object_]]
 
 WIDEST = 64
 """A matrix with more columns than this is a picture or a table of something else."""

@@ -6,17 +6,13 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from swingid.recording.inspect.likeness import correlation, thin
 from swingid.recording.inspect.names import ROLE_UNITS, SPEED_UNITS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array
     from swingid.recording.inspect.columns import Column
 
-    Floats = NDArray[np.float64]
 
 ALIKE = 0.98
 """Correlation of two positions from which on they are one motion: a measured one and its reference."""
@@ -50,7 +46,7 @@ class Candidate:
         return self.column.name
 
     @property
-    def values(self) -> Floats:
+    def values(self) -> Array:
         """The column's numbers."""
         return self.column.values
 

@@ -10,11 +10,9 @@ import numpy as np
 from swingid.recording.inspect.check import Check, Level
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array
     from swingid.recording.inspect.columns import Column
 
-    Floats = NDArray[np.float64]
 
 GAP = 1.5
 COUNTED = 1e12  # rows that a gap is said to miss, at most
@@ -37,7 +35,7 @@ class Clock:
     stamps (n,): time of each row, s.
     """
 
-    stamps: Floats
+    stamps: Array
     step: float
     jitter: float
     gaps: int
@@ -59,7 +57,7 @@ class Clock:
         return float(finite.max() - finite.min()) if finite.size else 0.0
 
 
-def read_clock(stamps: Floats, columns: list[Column]) -> Clock:
+def read_clock(stamps: Array, columns: list[Column]) -> Clock:
     """The clock of `stamps` (s, one per row, NaN where missing); columns: of the file, to tell copies of rows."""
     steps = np.diff(stamps)
     steps = steps[np.isfinite(steps)]

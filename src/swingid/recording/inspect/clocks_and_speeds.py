@@ -12,9 +12,8 @@ from swingid.recording.inspect.likeness import correlation, has_size, slope, smo
 from swingid.recording.inspect.names import ROLE_UNITS, SPEED_UNITS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
-    Floats = NDArray[np.float64]
 
 DERIVATIVE = 0.8
 """Correlation with the slope of another column from which on a column is that column's speed."""
@@ -82,7 +81,7 @@ def clocks_beside(candidates: list[Candidate]) -> dict[str, str]:
     return found
 
 
-def guess_speeds(moving: list[Candidate], stamps: Floats) -> list[tuple[Candidate, str]]:
+def guess_speeds(moving: list[Candidate], stamps: Array) -> list[tuple[Candidate, str]]:
     """Columns that are the speed of another one: they go with its slope, and are called so or have its size."""
     clock = thin(stamps)
     if len(clock) < 50:

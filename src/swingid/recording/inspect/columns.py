@@ -10,11 +10,9 @@ import numpy as np
 from swingid.recording.inspect.grid import grid_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array, Bools
     from swingid.recording.formats.table import Table
 
-    Floats = NDArray[np.float64]
 
 SHOWN = 3
 SAMPLE = 20_000
@@ -43,7 +41,7 @@ class Column:
     name: str
     unit: str
     kind: Literal["whole numbers", "numbers", "text", "empty"]
-    values: Floats
+    values: Array
     first: tuple[str, ...]
     missing: int
     low: float
@@ -123,7 +121,7 @@ def _column(table: Table, name: str) -> Column:
     )
 
 
-def _far_outside(values: Floats) -> NDArray[np.bool_]:
+def _far_outside(values: Array) -> Bools:
     """Single numbers far outside of all others: faults of the logger, which would spoil every estimate of a size."""
     sample = values[:: max(1, len(values) // SAMPLE)]
     sample = sample[np.isfinite(sample)]
@@ -141,7 +139,7 @@ def _far_outside(values: Floats) -> NDArray[np.bool_]:
     return alone if np.count_nonzero(far) < MANY * len(values) else none
 
 
-def _share_of_runs(there: NDArray[np.bool_]) -> float:
+def _share_of_runs(there: Bools) -> float:
     """Share of rows in runs of at least three rows that are `there`."""
     if np.count_nonzero(there) < 3 or there.all():
         return 0.0

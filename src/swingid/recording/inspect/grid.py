@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
-    Floats = NDArray[np.float64]
 
 FEWEST = 10
 MOST = 20_000
@@ -20,7 +19,7 @@ SURE = 0.99
 """Share of the changes that have to be multiples of the step."""
 
 
-def grid_of(values: Floats) -> float:
+def grid_of(values: Array) -> float:
     """The step of which all changes between rows are multiples, 0 where there is none; values (n,) finite.
 
     Found from the changes between rows, the small ones first: the step is refined on ever larger changes, so that it is
@@ -41,7 +40,7 @@ def grid_of(values: Floats) -> float:
     return 0.0
 
 
-def _refined(changes: Floats, step: float) -> float:
+def _refined(changes: Array, step: float) -> float:
     """Least-squares step on the changes up to 3, 30, 300 … steps; changes sorted."""
     reach = 3.0
     for _ in range(8):

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from swingid.numerics.arrays import Array
 
-    Floats = NDArray[np.float64]
 
 MOST = 20_000
 """Rows that the comparison of columns looks at."""
@@ -18,7 +17,7 @@ GAINS = (1.0, 180 / np.pi, np.pi / 180, 30 / np.pi, 2 * np.pi, 0.5 / np.pi)
 """Speed per slope of its angle: equal units, degrees and radians, revolutions per minute, turns."""
 
 
-def thin(values: Floats) -> Floats:
+def thin(values: Array) -> Array:
     """A stretch from the middle of the log, NaN filled, for comparisons."""
     if len(values) > MOST:
         begin = (len(values) - MOST) // 2
@@ -30,12 +29,12 @@ def thin(values: Floats) -> Floats:
     return values
 
 
-def smooth(values: Floats) -> Floats:
+def smooth(values: Array) -> Array:
     """Moving average over five rows."""
     return np.convolve(values, np.full(5, 0.2), "same")
 
 
-def slope(values: Floats, stamps: Floats) -> Floats:
+def slope(values: Array, stamps: Array) -> Array:
     """Speed of a column over some rows on each side, without the jumps of a wrapped angle."""
     reach = 3
     slope = np.zeros(len(values))
@@ -47,27 +46,27 @@ def slope(values: Floats, stamps: Floats) -> Floats:
     return np.where(np.abs(slope) <= limit, slope, 0.0)
 
 
-def correlation(one: Floats, other: Floats) -> float:
+def correlation(one: Array, other: Array) -> float:
     """Pearson's correlation, 0 where one of the two does not vary."""
     one, other = one - one.mean(), other - other.mean()
     size = float(np.sqrt((one @ one) * (other @ other)))
     return float(one @ other) / size if size > 0 and np.isfinite(size) else 0.0
 
 
-def roughness(values: Floats) -> float:
+def roughness(values: Array) -> float:
     """How much a column moves from row to row against its range: small for a position, large for a command."""
     part = thin(values)
     span = float(np.ptp(part))
     return float(np.sqrt(np.mean(np.diff(part, 2) ** 2))) / span if span > 0 and len(part) > 2 else np.inf
 
 
-def has_size(speed: Floats, slope: Floats) -> bool:
+def has_size(speed: Array, slope: Array) -> bool:
     """Whether a speed is its angle's slope in one of the usual units."""
     gain = float(np.sqrt((speed @ speed) / max(float(slope @ slope), 1e-300)))
     return min(abs(gain / usual - 1) for usual in GAINS) < 0.05
 
 
-def passes(values: Floats, low: float, high: float) -> int:
+def passes(values: Array, low: float, high: float) -> int:
     """How often the values go from below `low` to above `high` or back; 0 where the two are close (less than 4)."""
     side = np.where(values >= high, 1, np.where(values <= low, -1, 0))
     return int(np.count_nonzero(np.diff(side[side != 0]))) if high - low > 4 else 0

@@ -13,11 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from swingid.numerics.arrays import Array
     from swingid.recording.conventions import Channels
 
-    Floats = NDArray[np.float64]
 
 BLOCKS_PER_SWING = 300
 """Blocks that the shorter swings have at least."""
@@ -35,7 +33,7 @@ WIDE = 1.5
 """Median widths of a block beyond which it lies across a gap, and is left out."""
 
 
-def block_length(angle: Floats) -> int:
+def block_length(angle: Array) -> int:
     """Rows (odd) that may be averaged into one, from the swings of the angle (n,); 1 where there is no motion."""
     stride = max(1, angle.size // LOOKED_AT)
     extremes = _extremes(angle[::stride])
@@ -47,7 +45,7 @@ def block_length(angle: Floats) -> int:
     return max(1, rows if rows % 2 else rows - 1)
 
 
-def _extremes(values: Floats) -> list[int]:
+def _extremes(values: Array) -> list[int]:
     """Places of the alternating extremes of `values`, without the first, which may be where they begin."""
     low, high = np.quantile(values, (0.01, 0.99))
     back = BACK * float(high - low)
@@ -94,12 +92,12 @@ def averaged(channels: Channels, rows: int, held: tuple[str, ...]) -> tuple[Chan
     return found, {name: values[used:] for name, values in channels.items()}
 
 
-def _means(values: Floats, blocks: int, rows: int) -> Floats:
-    result: Floats = values[: blocks * rows].reshape(blocks, rows).mean(axis=1)
+def _means(values: Array, blocks: int, rows: int) -> Array:
+    result: Array = values[: blocks * rows].reshape(blocks, rows).mean(axis=1)
     return result
 
 
-def _held_means(time: Floats, values: Floats, middles: Floats) -> Floats:
+def _held_means(time: Array, values: Array, middles: Array) -> Array:
     """Mean of a held signal about each middle but the last, half-way to its neighbours."""
     last = min(int(np.searchsorted(time, middles[-1])) + 1, time.size)
     before = time[0] - (time[1] - time[0])  # the block reaches half a step beyond its first row
@@ -107,5 +105,5 @@ def _held_means(time: Floats, values: Floats, middles: Floats) -> Floats:
     running = np.concatenate(([0.0], np.cumsum(np.concatenate((values[:1], values[: last - 1])) * np.diff(stamps))))
     between = (middles[1:] + middles[:-1]) / 2
     edges = np.concatenate(([2 * middles[0] - between[0]], between))
-    result: Floats = np.diff(np.interp(edges, stamps, running)) / np.diff(edges)
+    result: Array = np.diff(np.interp(edges, stamps, running)) / np.diff(edges)
     return result

@@ -19,9 +19,8 @@ from swingid.recording.repair import made_continuous, on_even_clock, without_spi
 from swingid.recording.row_order import MANY, rows_in_order
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Bools
     from swingid.recording.conventions import Channels, Conventions
     from swingid.recording.formats.table import Table
 
@@ -126,7 +125,7 @@ def _pieces(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[Channels,
         yield channels, findings
 
 
-def within(table: Table, conventions: Conventions, before: int, span: tuple[float, float]) -> NDArray[np.bool_]:
+def within(table: Table, conventions: Conventions, before: int, span: tuple[float, float]) -> Bools:
     """Which rows (n,) of a piece lie in a span of time (s); before: rows of the pieces before."""
     if conventions.rate is not None:
         time = (before + np.arange(max(map(len, table.columns.values())))) / conventions.rate
@@ -134,7 +133,7 @@ def within(table: Table, conventions: Conventions, before: int, span: tuple[floa
         column = table.find(conventions.columns["time"])
         time, _ = table.numbers(column or conventions.columns["time"])
     time = conventions.scales.get("time", Scale()).to_model(time)
-    inside: NDArray[np.bool_] = (time >= span[0]) & (time <= span[1])
+    inside: Bools = (time >= span[0]) & (time <= span[1])
     return inside
 
 

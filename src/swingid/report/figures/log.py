@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.report.style import envelope, new_figure, prefixed
 from swingid.result.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, VERMILION
@@ -16,8 +16,6 @@ from swingid.result.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, VERMILION
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.report.style import envelope, legend_above, new_figure, prefixed
 from swingid.result.plot import GREY, PALE, SIDES, SKY
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = NDArray[np.float64]
 
 CLOSE = 5
 """Turning points in the close look."""

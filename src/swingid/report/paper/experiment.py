@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from swingid.numerics.arrays import Array
 from swingid.report.style import envelope, legend_above, new_figure
 from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
 
@@ -17,7 +15,6 @@ if TYPE_CHECKING:
 
     from swingid.simulation.twin import Run
 
-Array = NDArray[np.float64]
 Runs = Mapping[str, "Run"]
 
 CLOSE = (20.0, 22.0)

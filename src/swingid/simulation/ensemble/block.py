@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Ints
 from swingid.simulation.ensemble.control_lanes import control
 from swingid.simulation.ensemble.events import redo
 from swingid.simulation.ensemble.lane_functions import njit_lane, njit_threads, sine_cosine
@@ -56,8 +56,6 @@ from swingid.simulation.ensemble.lanes import (
 )  # fmt: skip
 from swingid.simulation.ensemble.polynomial import TERMS
 from swingid.simulation.ensemble.series import coefficients, moved, slope, turned
-
-Array = NDArray[np.float64]
 
 ERROR, PEAKED_ERROR = 1e-14, 1e-14
 """rad per step: what a step may leave out of its series, without and with Stribeck's peak, else it is taken again."""
@@ -205,7 +203,7 @@ def run_block(
     lane: Array,
     p: Array,
     inputs: Array,
-    which: NDArray[np.int64],
+    which: Ints,
     kinds: tuple[int, int, int],
     steps: int,
     h: float,

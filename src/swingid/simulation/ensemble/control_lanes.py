@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from swingid.numerics.arrays import Array
 from swingid.simulation.ensemble.lane_functions import decay, njit_lane
 from swingid.simulation.ensemble.lanes import (
     ALPHA0,
@@ -37,7 +35,7 @@ from swingid.simulation.ensemble.lanes import (
 
 
 @njit_lane
-def control(lane: NDArray[np.float64], i: int, h: float) -> None:
+def control(lane: Array, i: int, h: float) -> None:
     """Command of run i of a block from its readings, and its controller moved on by a sample of h (s), in place."""
     e = lane[REFERENCE * LANES + i] - lane[ANGLE_READING * LANES + i]
     wheel = lane[WHEEL_READING * LANES + i]

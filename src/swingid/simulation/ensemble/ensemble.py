@@ -20,9 +20,10 @@ from swingid.simulation.provenance import how_made, metadata
 from swingid.simulation.twin import Controller, Reference, loop_inputs, recording_of, row_count, simulate_run
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array, Bools
 
 Record = Literal["nothing", "measured", "all"]
 CHANNELS: dict[str, int] = {"nothing": 0, "measured": 3, "all": 4}
@@ -37,10 +38,10 @@ class Ensemble:
     and speed (rad, rad/s) at the last row. alone (n,): made by the kernel of single runs. runs: what made each.
     """
 
-    time: NDArray[np.float64]
-    log: NDArray[np.float64]
-    state: NDArray[np.float64]
-    alone: NDArray[np.bool_]
+    time: Array
+    log: Array
+    state: Array
+    alone: Bools
     runs: tuple[Run, ...]
     duration: float
     rate: float
@@ -49,13 +50,13 @@ class Ensemble:
         """Number of runs."""
         return len(self.runs)
 
-    def channel(self, name: str) -> NDArray[np.float64]:
+    def channel(self, name: str) -> Array:
         """A channel of all runs (n, rows): angle, wheel_angle, command or adaptive_gain; UsageError if not recorded."""
         names = ("angle", "wheel_angle", "command", "adaptive_gain")
         if name not in names[: len(self.log)]:
             recorded = ", ".join(names[: len(self.log)]) or "nothing"
             raise UsageError(f"the ensemble recorded {recorded}, not {name!r}", code="not-recorded")
-        values: NDArray[np.float64] = self.log[names.index(name)]
+        values: Array = self.log[names.index(name)]
         return values
 
     def recording(self, k: int) -> Recording:
@@ -176,7 +177,7 @@ def _simulated(runs: list[Run], duration: float, rate: float, record: Record, th
     return Ensemble(time, log, state, alone, tuple(runs), duration, rate)
 
 
-def _alone(run: Run, duration: float, rate: float, channels: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _alone(run: Run, duration: float, rate: float, channels: int) -> tuple[Array, Array]:
     """Log (channels, rows) and last state (4,) of a run by the kernel of single runs."""
     arguments: dict[str, Any] = {
         "duration": duration,

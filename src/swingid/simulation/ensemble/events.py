@@ -8,7 +8,6 @@ rarer, a release within the step or a turn there and back, goes to `advance` of 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.model.integrator import NOW, V1, V2, Mode, Z
 from swingid.model.integrator import Q1 as ANGLE
@@ -41,12 +40,11 @@ from swingid.model.parameters import (
     B,
 )  # fmt: skip
 from swingid.model.sticking import mode_at_rest, side
+from swingid.numerics.arrays import Array, Ints
 from swingid.simulation.ensemble.lane_functions import decay, njit_lane, njit_threads, sine_cosine
 from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
 from swingid.simulation.ensemble.polynomial import INVERSES, MOST_TRIALS, TERMS, grade, last_terms, passed, root, value
 from swingid.simulation.ensemble.series import Axis, Mobility
-
-Array = NDArray[np.float64]
 
 LAST = 1e-13
 """rad per step: what the last term of a series may be, so that the next is well below it."""
@@ -238,9 +236,7 @@ def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -
 
 
 @njit_threads
-def redo(
-    lane: Array, p: Array, h: float, work: Array, a: Array, nothing: Array, nowhere: Array, counts: NDArray[np.int64]
-) -> None:
+def redo(lane: Array, p: Array, h: float, work: Array, a: Array, nothing: Array, nowhere: Array, counts: Ints) -> None:
     """Take the flagged steps of a block again, with each change located."""
     for i in range(LANES):
         if lane[FLAG * LANES + i] == 0.0:

@@ -9,11 +9,11 @@ Speeds are kept as U = h q1' and Y = h q2' (rad per step of h), for which Taylor
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control import law
 from swingid.model import parameters as places
 from swingid.model.sensors import ALPHA, BETA, RESOLUTION, ZERO
+from swingid.numerics.arrays import Array
 
 LANES = 32
 """Runs of a block. Its rows are 18 kB, which leaves room in the first-level cache for what is written."""
@@ -36,8 +36,6 @@ RIG_LIMIT = 58
 # Encoders of axis and wheel.
 ANGLE_STEP, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO, WHEEL_STEP, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(59, 67)
 ROWS = 67
-
-Array = NDArray[np.float64]
 
 
 def pack_motion(block: Array, p: Array, h: float) -> None:

@@ -5,17 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.model.motion import LONGEST
 from swingid.model.parameters import STRIBECK_SPEED
+from swingid.numerics.arrays import Array, Ints
 from swingid.simulation.ensemble import lanes
 from swingid.simulation.ensemble.block import run_block
 from swingid.simulation.ensemble.lanes import LANES
 from swingid.simulation.ensemble.runs import Run
 from swingid.simulation.twin import loop_inputs, own_limit
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -29,7 +27,7 @@ class Block:
     runs: list[Run]
     p: Array
     inputs: Array
-    which: NDArray[np.int64]
+    which: Ints
     closed: bool
     rate: float
 
@@ -56,7 +54,7 @@ def blocks_of(runs: list[Run], time: Array, rate: float) -> tuple[list[Block], l
     return blocks, left
 
 
-def _inputs(runs: list[Run], time: Array) -> tuple[Array, NDArray[np.int64]]:
+def _inputs(runs: list[Run], time: Array) -> tuple[Array, Ints]:
     """Distinct references or commands (rows, m), and each run's column; a reference is computed once."""
     columns: dict[tuple[int, int], int] = {}
     found: list[Array] = []

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
-
+from swingid.numerics.arrays import Array
 from swingid.simulation.ensemble.lane_functions import njit_lane
-
-Array = NDArray[np.float64]
 
 TERMS = 9
 """Terms of the series here: more than in the lanes, since Stribeck's peak is passed within a step. A constant, so that

@@ -17,9 +17,10 @@ from swingid.simulation.draws import CHANNELS, draw_constants, draw_nonlinearity
 from swingid.simulation.twin import Controller, Reference
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
 
 CHANGEABLE = (
     "axis.inertia",
@@ -43,7 +44,7 @@ class Run:
     changes: Mapping[str, float]
     reference: Reference | None
     controller: Controller | None
-    drive: NDArray[np.float64] | None
+    drive: Array | None
     seed: int
     initial_angle: float
     initial_speed: float
@@ -55,14 +56,14 @@ class Run:
         """The rig with its changes."""
         return self.rig.changed(dict(self.changes)) if self.changes else self.rig
 
-    def constants(self) -> NDArray[np.float64]:
+    def constants(self) -> Array:
         """Vector (SIZE,) of `model.parameters`, drawn where the run is to be. Errors as `vector`."""
         kind = self.rig.drive.kind
         if self.draw:
             return vector(draw_constants(self.own_rig, self.seed), kind)
         return vector({key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), kind)
 
-    def fits_lanes(self, p: NDArray[np.float64]) -> bool:
+    def fits_lanes(self, p: Array) -> bool:
         """Whether the lanes know its friction (of the constants p), controller and sensors."""
         if p[places.CUBIC] != 0.0 or p[places.SIGMA0] != 0.0:
             return False
@@ -73,14 +74,14 @@ class Run:
         sensors = [self.rig.sensors.of(name) for name in CHANNELS]
         return not any(s.jitter or s.latency.value or s.latency.std for s in sensors)
 
-    def encoders(self) -> NDArray[np.float64]:
+    def encoders(self) -> Array:
         """Arrays (2, 4) of `model.sensors` for axis and wheel."""
         steps = [self.rig.sensors.of(name).resolution for name in CHANNELS]
         bent = draw_nonlinearity(self.rig, self.seed)
         rows = zip(steps, bent, self.encoder_zero, strict=True)
         return np.array([[step, alpha, beta, zero] for step, (alpha, beta), zero in rows])
 
-    def noise(self, rows: int) -> NDArray[np.float64] | None:
+    def noise(self, rows: int) -> Array | None:
         """Noise (2, rows) (rad) of the two encoders, None where there is none."""
         levels = [self.rig.sensors.of(name).noise for name in CHANNELS]
         if not any(levels):

@@ -12,9 +12,6 @@ from functools import lru_cache
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.batch import energy_batch, momentum_batch, plan_batch
 from swingid.errors import SwingidError
 from swingid.result.result import Parameter
@@ -42,8 +39,6 @@ if TYPE_CHECKING:
 
 FOR_CHOICES = 3
 """Runs of each point from which `plan_batch` chooses windows and smoothing for all of them."""
-
-Array = NDArray[np.float64]
 
 
 def batch_rows(plan: CampaignPlan, trials: Sequence[int]) -> list[Row]:

@@ -9,12 +9,9 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array
 from swingid.study.campaign.tables import SAMPLED, Factor, PlanTables
-
-Array = NDArray[np.float64]
-
 
 BASE = "base"
 """Label of a factor that is as the base has it, where one factor at a time is varied."""

@@ -6,11 +6,9 @@ from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Ints
 from swingid.study.rehearse.rehearsal import Expectation
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -21,7 +19,7 @@ class Answers:
     codes: of refusals and failures, "" else; warnings: codes with blanks between.
     """
 
-    point: NDArray[np.int64]
+    point: Ints
     truth: Array
     value: Array
     half_width: Array

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from swingid.numerics.arrays import Array, Bools
 from swingid.study.campaign.factors import BASE
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.statistics import Answers, Statistics, statistics_of
@@ -20,8 +21,6 @@ from swingid.study.campaign.store import SCHEMA, Store
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 MOST_LEVELS = 12
 """Levels of a factor beyond which its values are put into `BINS` groups of equal size."""
@@ -142,7 +141,7 @@ def summary_of(plan: Plan, table: pa.Table) -> Summary:
     )
 
 
-def levels_in(values: NDArray[Any]) -> dict[str, Mask]:
+def levels_in(values: NDArray[Any]) -> dict[str, Bools]:
     """Rows at each level of a factor, levels in order; numbers with many values in `BINS` groups of equal size."""
     if values.dtype.kind not in "fi":
         # as the plan has them, which is the order of the first rows
@@ -158,7 +157,7 @@ def levels_in(values: NDArray[Any]) -> dict[str, Mask]:
     return {f"{edges[k]:.3g} … {edges[k + 1]:.3g}": group == k for k in range(BINS)}
 
 
-def answers_in(columns: Mapping[str, NDArray[Any]], rows: Mask) -> Answers:
+def answers_in(columns: Mapping[str, NDArray[Any]], rows: Bools) -> Answers:
     """The answers in some rows."""
     c = {name: columns[name][rows] for name in ("point", "truth", "value", "low", "high", "bound", "code", "warnings")}
     return Answers(
@@ -173,7 +172,7 @@ def answers_in(columns: Mapping[str, NDArray[Any]], rows: Mask) -> Answers:
 
 
 def _cell_of(
-    columns: Mapping[str, NDArray[Any]], method: str, quantity: str, rows: Mask, factor: str = "", level: str = ""
+    columns: Mapping[str, NDArray[Any]], method: str, quantity: str, rows: Bools, factor: str = "", level: str = ""
 ) -> Cell:
     own = rows & (columns["method"] == method) & (columns["quantity"] == quantity)
     return Cell(method, quantity, factor, level, statistics_of(answers_in(columns, own), method))

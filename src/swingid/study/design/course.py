@@ -9,16 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control.references import Multisine, Sine
 from swingid.model.friction import static_curve
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

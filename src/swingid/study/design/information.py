@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.choice import choose
 from swingid.balance.fits import BASIS, columns_of
@@ -22,6 +21,7 @@ from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import CURVATURE_POWER, superpose
@@ -30,8 +30,6 @@ from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.result import BudgetEntry, Parameter, combined
-
-Array = NDArray[np.float64]
 
 DRAWS = 100
 """Places of the encoders' grids that are tried; the standard deviation is then known to 7 %."""

@@ -17,15 +17,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import LAG, WindowFit, columns_of, known_side
 from swingid.balance.rows import Rows, Signals
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.scale import Scale
-
-Array = NDArray[np.float64]
 
 PRIOR_LATENCY = 0.01
 PRIOR_ENCODER = np.radians(1.0)

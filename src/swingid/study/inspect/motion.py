@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import UnanswerableError
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.segment import part_of
 from swingid.recording.inspect import Check
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 POINTS = 2**15
 """Points of the even grid whose spectrum is taken."""

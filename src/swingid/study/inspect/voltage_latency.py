@@ -11,19 +11,17 @@ sides are left out.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import LAG
 from swingid.balance.motor import SLOW, motor_torque
 from swingid.balance.rows import Signals, Windows
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project, project_impulses
 from swingid.preparation.noise import Noise
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
-
-Array = NDArray[np.float64]
 
 STEPS = 3
 

@@ -12,18 +12,17 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import METHODS, check_options, method_function
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.study.rehearse.trial import Outcome, Plan, run_once
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
     from swingid.control.compensator import Compensator
 
-Array = NDArray[np.float64]
 
 SCHEMA = "swingid.rehearse/1"
 FEWEST_RUNS = 5

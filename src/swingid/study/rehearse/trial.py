@@ -17,10 +17,9 @@ from swingid.recording.recording import Recording
 from swingid.simulation import simulate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
     from swingid.control.backstepping import Backstepping
     from swingid.control.compensator import Compensator
+    from swingid.numerics.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class Plan:
 
     rig_text: str
     rig_source: str
-    reference: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None
+    reference: Callable[[Array], Array] | None
     controller: Compensator | Backstepping | None
     duration: float
     rate: float
@@ -81,7 +80,7 @@ def run_once(plan: Plan, seed: int) -> tuple[Outcome, ...]:
 
 def drawn_log(
     rig: Rig,
-    reference: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None,
+    reference: Callable[[Array], Array] | None,
     controller: Compensator | Backstepping | None,
     *,
     duration: float,

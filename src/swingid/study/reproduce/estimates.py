@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError
@@ -23,13 +22,12 @@ from swingid.methods.energy.printed import (
     states_of_pairs,
     trapezoid_work,
 )
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.result.result import Result
 from swingid.study.reproduce.runs import Log
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,17 +7,15 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.control.backstepping import Backstepping
 from swingid.control.references import Sine
+from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.study.reproduce import published
 from swingid.study.reproduce.estimates import WAYS, Answer, by_letter, each_interval, result_by
 from swingid.study.reproduce.experiment import settled_within
 from swingid.study.reproduce.runs import Log, ideal_rig, read_back, run_of, simulation_run
-
-Array = NDArray[np.float64]
 
 FREQUENCIES = (2.0, 8.5)
 """Of the program motion of Fig. 8, which the paper does not print, rad/s."""

@@ -5,18 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from swingid.balance.friction_laws import friction_units
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.output_error.problem import Input
 from swingid.model.parameters import constants, vector
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
-
-Array = NDArray[np.float64]
 
 
 def model_vector(result: Result, rig: Rig) -> Array:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from swingid.balance.fits import BASIS, fit_rows
 from swingid.balance.rows import Signals, rows_of
@@ -21,6 +20,7 @@ from swingid.checks.answer import check_sign
 from swingid.errors import UnanswerableError
 from swingid.methods.output_error.problem import Problem, problem_of
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.scale import Scale, require_channels
@@ -32,9 +32,6 @@ from swingid.result.provenance import constants
 from swingid.result.result import Result
 from swingid.study.validate.model import drive_of, model_vector, with_found_gain
 from swingid.study.validate.text import fit_text
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 SCHEMA = "swingid.validate/1"
 NO_ENTRIES: tuple[Ints, Ints, Array] = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))

@@ -47,8 +47,9 @@ types: $(STAMP)
 	@$(BIN)/mypy
 
 layers: $(STAMP)
-	@echo "== layers (import-linter)"
+	@echo "== layers (import-linter), circles of files"
 	@$(BIN)/lint-imports
+	@$(BIN)/python tools/import_circles.py
 
 wheel: $(STAMP)
 	@echo "== the wheel, installed in an empty environment"

@@ -3,12 +3,17 @@
 import ast
 import re
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tools"))
+
+from import_circles import circles, imports_of, is_known  # noqa: E402
+
 LEFTOVERS = re.compile(r"\b(TO" r"DO|FIX" r"ME|XX" r"X|HA" r"CK)\b")
 MACHINE = re.compile(r"(?<![\w.$}/])/(?:work|home|Users|root|opt|srv)/\w")
 INDEX = re.compile(r"index-" r"url|find-" r"links|py" r"pi\.org", re.IGNORECASE)
@@ -85,3 +90,26 @@ def test_every_dependency_has_its_reason() -> None:
     text = (ROOT / "docs" / "dependencies.md").read_text(encoding="utf-8")
     names = [re.split(r"[<>=~!\[ ]", line)[0] for line in config["project"]["dependencies"]]
     assert [name for name in names if f"| {name} |" not in text] == []
+
+
+def test_no_files_import_one_another() -> None:
+    assert [circle for circle in circles(imports_of(ROOT / "src")) if not is_known(circle)] == []
+
+
+def test_a_circle_is_seen_through_functions_types_and_relative_imports(tmp_path: Path) -> None:
+    files = {
+        "p/__init__.py": "",
+        "p/a.py": "def f():\n    from p.b import g",
+        "p/b.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from p.q import c",
+        "p/q/__init__.py": "",
+        "p/q/c.py": "from ..a import f\nimport numpy",
+        "p/d.py": "from p import a, e\nfrom . import q",
+        "p/e.py": "import p.a",
+    }
+    for name, text in files.items():
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    graph = imports_of(tmp_path)
+    assert circles(graph) == [["p.a", "p.b", "p.q.c"]]
+    assert set(graph["p.d"]) == {"p.a", "p.e", "p.q"}

@@ -9,7 +9,7 @@ import numpy as np
 
 from swingid.errors import UsageError
 from swingid.format import common_exponent, plus_minus, power_of_ten, pretty_unit
-from swingid.result.result import COVERAGE_FACTOR, Parameter, Result, SwingSeries, combined
+from swingid.result.data import COVERAGE_FACTOR, Parameter, ResultData, SwingSeries, combined
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,7 +21,7 @@ INK, GREY, PALE = "#222222", "#767676", "#E4E7EA"
 SIDES = ((1.0, "^", BLUE, "upper turning points"), (-1.0, "v", ORANGE, "lower turning points"))
 
 
-def plot_result(result: Result, ax: Axes | None = None) -> Axes:
+def plot_result(result: ResultData, ax: Axes | None = None) -> Axes:
     """Draw the inertia of every swing with its 95 % interval, and the answer with its own, into `ax`.
 
     Of several logs each one's inertia is drawn in the place of the swings'.
@@ -67,7 +67,7 @@ def _draw_answer(ax: Axes, inertia: Parameter, scale: float) -> None:
     ax.axhline(inertia.value * scale, color=GREEN, lw=1.6, zorder=3, label=f"answer {answer}")
 
 
-def _draw_logs(ax: Axes, result: Result, scale: float) -> None:
+def _draw_logs(ax: Axes, result: ResultData, scale: float) -> None:
     """One point per log: thin bars hold everything (95 %), thick ones what the data alone say (type A)."""
     names = [file_label(str(one.provenance.get("log") or f"log {k + 1}")) for k, one in enumerate(result.per_log)]
     first = next(k for k, one in enumerate(result.per_log) if "inertia" in one.parameters)

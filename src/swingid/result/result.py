@@ -1,197 +1,49 @@
-"""What an identification answers: values, uncertainties, doubts, assumptions, and where they come from."""
+"""The result of an identification: its data, its text, its picture."""
 
 from __future__ import annotations
 
-import json
-import math
-from collections.abc import Iterable
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal
-
-import numpy as np
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from swingid.errors import SwingidError
-from swingid.numerics.arrays import Array
+from swingid.result.data import (
+    COVERAGE_FACTOR,
+    SCHEMA,
+    BudgetEntry,
+    Convergence,
+    Details,
+    FrictionCurve,
+    Message,
+    Parameter,
+    ResultData,
+    SwingSeries,
+    combined,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-
-SCHEMA = "swingid.result/1"
-COVERAGE_FACTOR = 1.959963984540054
-"""Half-width of a 95 % interval in standard uncertainties of a normal quantity."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """An identified constant in SI units; `standard_uncertainty` None means unknown, never zero."""
-
-    value: float
-    standard_uncertainty: float | None
-    interval95: tuple[float, float] | None
-    unit: str
-
-    @classmethod
-    def of(cls, value: float, standard_uncertainty: float | None, unit: str) -> Parameter:
-        """Parameter with the 95 % interval value ± 1.96 standard uncertainties."""
-        if standard_uncertainty is None or not math.isfinite(standard_uncertainty):
-            return cls(float(value), None, None, unit)
-        reach = COVERAGE_FACTOR * standard_uncertainty
-        return cls(float(value), float(standard_uncertainty), (float(value - reach), float(value + reach)), unit)
+__all__ = [
+    "COVERAGE_FACTOR",
+    "SCHEMA",
+    "BudgetEntry",
+    "Convergence",
+    "Details",
+    "FrictionCurve",
+    "Message",
+    "Parameter",
+    "Result",
+    "SwingSeries",
+    "combined",
+    "refusal",
+]
 
 
 @dataclass(frozen=True)
-class Message:
-    """A warning or a note: a stable slug for scripts and a sentence for people."""
+class Result(ResultData):
+    """The answer of one method to one log, see `ResultData`; per_log holds those of several logs."""
 
-    code: str
-    message: str
-
-
-@dataclass(frozen=True)
-class BudgetEntry:
-    """One source of uncertainty of one parameter.
-
-    type "A": from the scatter of the data; "B": from what rig.toml says about the rig (GUM). `sensitivity` is the
-    change of the parameter per unit of the source (None for type A). `shared_id` names the physical constant, so
-    that two results of one rig can be correlated by it.
-    """
-
-    source: str
-    type: Literal["A", "B"]
-    parameter: str
-    standard_uncertainty: float
-    sensitivity: float | None = None
-    shared_id: str | None = None
-
-
-@dataclass(frozen=True)
-class SwingSeries:
-    """One inertia per swing: instants of the turning points (s), +1 upper / −1 lower, values, uncertainties."""
-
-    times: Array
-    sides: Array
-    values: Array
-    uncertainties: Array
-
-
-@dataclass(frozen=True)
-class FrictionCurve:
-    """Friction torque (N m or N) against speed (rad/s or m/s), and the law that describes it best.
-
-    `candidates` lists every law tried with its information criterion (lower is better).
-    """
-
-    speeds: Array
-    torques: Array
-    uncertainties: Array
-    law: str
-    law_torques: Array
-    candidates: dict[str, float] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class Convergence:
-    """How an online estimate of the inertia came to its value.
-
-    times (s), values: the estimate over the log, thinned for drawing. settled: begin and end (s) of the part whose mean
-    is the answer. within: seconds from the first row until it stays within a distance of its final value ("5 %",
-    "1 %"), None where it does not by the end.
-    """
-
-    times: Array
-    values: Array
-    settled: tuple[float, float]
-    within: dict[str, float | None]
-
-
-@dataclass(frozen=True)
-class Details:
-    """What the report draws and the curious read: the way from the log to the number.
-
-    start, stop: the part of the log used (s); left_out (k, 2): from when to when (s) not, within. turning_times,
-    turning_angles: the turning points found. window: half-length of the test functions (s), None where a method has
-    none. estimates: inertia and standard uncertainty by kind of projection, for comparison. residual_times, residuals:
-    what the balance leaves (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each
-    sample). extra: shares by the names of `report.words.EXTRA`, such as row (II)'s relative residual when motor
-    constants are known.
-    """
-
-    start: float
-    stop: float
-    turning_times: Array
-    turning_angles: Array
-    window: float | None = None
-    swings: SwingSeries | None = None
-    friction: FrictionCurve | None = None
-    estimates: dict[str, tuple[float, float]] = field(default_factory=dict)
-    residual_times: Array = field(default_factory=lambda: np.empty(0))
-    residuals: Array = field(default_factory=lambda: np.empty(0))
-    residual_unit: str | None = None
-    extra: dict[str, float] = field(default_factory=dict)
-    convergence: Convergence | None = None
-    left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
-
-    def unused(self, first: float, last: float) -> list[tuple[float, float]]:
-        """Parts (s) of a log from `first` to `last` that were not used."""
-        parts = [(first, self.start), *((float(a), float(b)) for a, b in self.left_out), (self.stop, last)]
-        return [(begin, end) for begin, end in parts if end > begin]
-
-
-@dataclass(frozen=True)
-class Result:
-    """The answer of one method to one log.
-
-    status: "ok", "warning" (doubt the number for the reasons in `warnings`) or "refused" (no parameters, `error`
-    says why). `notes` hold assumptions and what was done; they do not change the status. sensitivities:
-    change of the inertia per unit of each constant of the rig file, by its key, exact ones too. covariance: of type A,
-    between parameters fitted together where that matters (inertia and an unknown gravity torque). per_log: the
-    ordinary results of several logs, of which this one is the common answer.
-    """
-
-    method: str
-    status: Literal["ok", "warning", "refused"]
-    parameters: dict[str, Parameter] = field(default_factory=dict)
-    warnings: tuple[Message, ...] = ()
-    notes: tuple[Message, ...] = ()
-    budget: tuple[BudgetEntry, ...] = ()
-    provenance: dict[str, object] = field(default_factory=dict)
-    error: Message | None = None
-    details: Details | None = None
-    sensitivities: dict[str, float] = field(default_factory=dict)
-    covariance: dict[str, dict[str, float]] = field(default_factory=dict)
     per_log: tuple[Result, ...] = ()
-
-    @property
-    def inertia(self) -> Parameter:
-        """The moment of inertia J1 (without a wheel: of the whole axis), the reason for all this."""
-        return self.parameters["inertia"]
-
-    def to_dict(self) -> dict[str, object]:
-        """The result as plain data, schema "swingid.result/1"; NaN and infinities become null."""
-        data: dict[str, object] = {
-            "schema": SCHEMA,
-            "method": self.method,
-            "status": self.status,
-            "parameters": self.parameters,
-            "warnings": self.warnings,
-            "notes": self.notes,
-            "budget": self.budget,
-            "provenance": self.provenance,
-            "error": self.error,
-            "details": self.details,
-        }
-        for name in ("sensitivities", "covariance"):
-            if getattr(self, name):
-                data[name] = getattr(self, name)
-        if self.per_log:
-            data["per_log"] = [result.to_dict() for result in self.per_log]
-        plain: dict[str, object] = _plain(data)
-        return plain
-
-    def to_json(self) -> str:
-        """The result as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
     def summary(self) -> str:
         """A report to read, in the manner of lmfit's ``fit_report``."""
@@ -214,25 +66,3 @@ def refusal(method: str, error: SwingidError, provenance: dict[str, object] | No
         error=Message(error.code, error.message),
         provenance=provenance or {},
     )
-
-
-def combined(budget: Iterable[BudgetEntry], parameter: str) -> float:
-    """Root of the sum of squares of all entries of a parameter."""
-    return math.sqrt(sum(entry.standard_uncertainty**2 for entry in budget if entry.parameter == parameter))
-
-
-def _plain(value: Any) -> Any:
-    """Recursively to what JSON knows."""
-    if hasattr(value, "__dataclass_fields__"):
-        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return [_plain(item) for item in value.tolist()]
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

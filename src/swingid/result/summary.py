@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from swingid.format import interval, number, percent, plus_minus
-from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, combined
+from swingid.result.data import BudgetEntry, Details, Message, Parameter, ResultData, combined
 
 WIDTH = 100
 MOST_ENTRIES, MOST_LAWS = 10, 6
@@ -24,7 +24,7 @@ TITLES = {
 }
 
 
-def summarise(result: Result) -> str:
+def summarise(result: ResultData) -> str:
     """`result` as text: how it was got, parameters ± standard uncertainty, budget, friction, warnings, notes.
 
     A refused result is one sentence: why there is no number.
@@ -45,7 +45,7 @@ def summarise(result: Result) -> str:
     return "\n".join(line for title, lines in parts if lines for line in (f"[[{title}]]", *lines))
 
 
-def why_unknown(result: Result, name: str) -> str:
+def why_unknown(result: ResultData, name: str) -> str:
     """Why parameter `name` has no uncertainty: the result's own words if it has any, else what the budget shows."""
     for message in (*result.warnings, *result.notes):
         if message.code.startswith("no-uncertainty") and (message.code.endswith(name) or name in message.message):
@@ -64,7 +64,7 @@ def segment_text(details: Details, *, fine: bool = False) -> str:
     return ", ".join(parts)
 
 
-def _identification(result: Result) -> list[str]:
+def _identification(result: ResultData) -> list[str]:
     rows = [
         ("method", result.method),
         ("status", f"{result.status} ({TITLES[result.status]})"),
@@ -90,7 +90,7 @@ def _rig_text(provenance: dict[str, object]) -> str | None:
     return None if name is None else f"{name}" + (f" ({source})" if source and source != name else "")
 
 
-def _parameters(result: Result) -> list[str]:
+def _parameters(result: ResultData) -> list[str]:
     lines: list[str] = []
     unknown: list[str] = []
     values = {name: value_text(parameter) for name, parameter in result.parameters.items()}
@@ -126,7 +126,7 @@ def relative(parameter: Parameter, *, fine: bool = False) -> str:
     return percent(parameter.standard_uncertainty / abs(parameter.value), fine=fine)
 
 
-def _logs(result: Result) -> list[str]:
+def _logs(result: ResultData) -> list[str]:
     """One line per log: its inertia, how far it is from the common one, its doubts or why it was refused."""
     rows = [log_row(one, result) for one in result.per_log]
     if not rows:
@@ -138,7 +138,7 @@ def _logs(result: Result) -> list[str]:
     ]
 
 
-def log_row(one: Result, common: Result, *, fine: bool = False) -> tuple[str, str, str, str]:
+def log_row(one: ResultData, common: ResultData, *, fine: bool = False) -> tuple[str, str, str, str]:
     """Of one of several logs: its name, its inertia, its deviation from the common one, what is to be said of it."""
     name = str(one.provenance.get("log") or "made in memory")
     if "inertia" not in one.parameters:
@@ -148,7 +148,7 @@ def log_row(one: Result, common: Result, *, fine: bool = False) -> tuple[str, st
     return name, value_text(one.inertia, fine=fine), off, ", ".join(message.code for message in one.warnings)
 
 
-def _budget(result: Result) -> list[str]:
+def _budget(result: ResultData) -> list[str]:
     inertia = result.parameters.get("inertia")
     entries = sorted_budget(result.budget, "inertia")
     if inertia is None or not entries:
@@ -204,7 +204,7 @@ def _friction(details: Details | None) -> list[str]:
     return lines
 
 
-def _kinds(result: Result) -> list[str]:
+def _kinds(result: ResultData) -> list[str]:
     details, inertia = result.details, result.parameters.get("inertia")
     if details is None or inertia is None or len(details.estimates) < 2:
         return []

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 from pydantic import BaseModel, ConfigDict, PlainValidator, StringConstraints, ValidationInfo
 from pydantic_core import PydanticCustomError
@@ -10,13 +10,32 @@ from pydantic_core import PydanticCustomError
 from swingid.errors import InputError
 from swingid.units import Quantity, parse_quantity
 
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)  # where pydantic keeps it is no part of its interface
+
 Column = Annotated[str, StringConstraints(strict=True, min_length=1)]
 
 
-class Table(BaseModel):
+MACHINERY = frozenset(name for name in dir(BaseModel) if not name.startswith("_"))
+"""Names that every model has from pydantic, among them those of its first version (`dict`, `copy`, `parse_obj`)."""
+
+
+class _TableType(ModelMetaclass):
+    """Type of the tables: `dir` of a table lists what is its own."""
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in MACHINERY]
+
+
+class Table(BaseModel, metaclass=_TableType):
     """A table of rig.toml: frozen, and every unknown key is an error."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, arbitrary_types_allowed=True)
+
+    def __dir__(self) -> list[str]:
+        return [name for name in super().__dir__() if name not in MACHINERY]
 
 
 def refuse(code: str, problem: str, key: str = "") -> NoReturn:

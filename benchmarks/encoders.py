@@ -21,7 +21,7 @@ import numpy as np
 import swingid as sw
 from accuracy import STRIBECK, TRUTH, Case, logged, over_seeds, rigs
 from swingid.calibration.encoders import calibrate_encoders
-from swingid.recording.repairs import notes_of
+from swingid.recording.findings import notes_of
 
 BENT = "0.1 deg"
 MOTIONS: dict[str, tuple[str, ...]] = {

@@ -15,8 +15,7 @@ from recording_cases import rig_with, swing
 from swingid.errors import InputError
 from swingid.recording import Recording
 from swingid.recording.formats import read_table
-from swingid.recording.formats.numerals import plain_cells
-from swingid.recording.formats.stamps import is_stamp, seconds_of
+from swingid.recording.formats.cells import is_stamp, plain_cells, seconds_of
 from swingid.recording.formats.table import Table
 from swingid.recording.inspect import describe, guess_roles
 
@@ -38,10 +37,10 @@ def rows_of(time, angle=LOG.angle, wheel=LOG.wheel_angle, voltage=LOG.voltage, m
 
 def read(text, name="log.csv", **log):
     """The log in a text by a rig of these columns, and its path-less findings."""
-    from swingid.recording.load import from_table
+    from swingid.recording import Recording
     from swingid.recording.recording import Source
 
-    return from_table(
+    return Recording.from_table(
         read_table(text if isinstance(text, bytes) else text.encode(), name), rig_with(**log), Source(name)
     )
 

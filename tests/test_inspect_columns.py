@@ -16,9 +16,8 @@ from swingid.model.rig import Rig
 from swingid.recording import Recording
 from swingid.recording.formats.table import Table
 from swingid.recording.inspect import describe, guess_roles, log_table
-from swingid.recording.inspect.encoder_steps import TURN, unit_of_steps
-from swingid.recording.inspect.grid import grid_of, is_decimal
-from swingid.recording.inspect.names import unit_of
+from swingid.recording.inspect.candidates import unit_of
+from swingid.recording.inspect.columns import TURN, grid_of, is_decimal, unit_of_steps
 from swingid.study.inspect import inspect_log, inspect_table
 
 TIME = np.arange(6000) / 500

@@ -21,7 +21,7 @@ from swingid.cli import main
 from swingid.cli.progress import Progress
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.recording.large import LargeLog, is_large, log, parts
-from swingid.recording.large.averages import averaged, block_length
+from swingid.recording.large.parts import averaged, block_length
 from swingid.recording.recording import Recording
 
 ROWS = 450_000

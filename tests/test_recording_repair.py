@@ -14,9 +14,7 @@ from recording_cases import columns_of, rig_with, swing, write_columns
 from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.recording import Recording
-from swingid.recording.jumps import find_jumps
-from swingid.recording.spikes import find_spikes
-from swingid.recording.unwrap import is_wrapped, unwrap
+from swingid.recording.continuity import find_jumps, find_spikes, is_wrapped, unwrap
 
 TURN = 2.0 * np.pi
 LOG = swing(rate=200.0)

@@ -14,8 +14,8 @@ from swingid.cli import main
 from swingid.errors import InputError, UsageError
 from swingid.identification import identify
 from swingid.recording import Recording
-from swingid.recording.clock import even_clock
-from swingid.recording.repairs import REPAIRS
+from swingid.recording.findings import REPAIRS
+from swingid.recording.rows import even_clock
 
 RIG = rig_with(sensors="counts_per_turn = 16384")
 LOG = swing(rate=500.0, duration=12.0)

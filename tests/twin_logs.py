@@ -10,8 +10,8 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.identification import identify
 from swingid.model.rig import Rig
+from swingid.recording.findings import notes_of
 from swingid.recording.recording import Recording
-from swingid.recording.repairs import notes_of
 from swingid.simulation import simulate
 
 INERTIA = 302.2e-5

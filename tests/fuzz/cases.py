@@ -105,14 +105,14 @@ def read_case(target: str, content: bytes, name: str, draw: random.Random) -> No
 
 
 def _read_log(content: bytes, name: str, draw: random.Random) -> None:
+    from swingid.recording import Recording
     from swingid.recording.formats import read_table
-    from swingid.recording.load import from_table
     from swingid.recording.recording import Source
 
     table = read_table(content, name)
     for column in table.columns:
         assert table.numbers(column)[0].dtype == np.float64
-    log = from_table(table, rig_for(table.columns, draw), Source(name))
+    log = Recording.from_table(table, rig_for(table.columns, draw), Source(name))
     assert isinstance(log, Recording)
     assert len(log) > 1
 

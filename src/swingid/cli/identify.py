@@ -175,8 +175,8 @@ def _identify(
     from swingid.cli.kernels import announce_compilation
     from swingid.identification import identify as run
     from swingid.model.rig import Rig
+    from swingid.recording.findings import switched_off
     from swingid.recording.recording import Recording
-    from swingid.recording.repairs import switched_off
 
     switched_off(reading.repairs)  # a name that is none is a wrong usage, not a log that cannot be used
     plant = Rig.load(rig)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.formats import read_table, writer_for
+from swingid.recording.formats import parquet, read_table, writer_for
+from swingid.recording.formats.table import METADATA_KEY
 from swingid.recording.large import is_large
-from swingid.recording.large.convert import convert_large
+from swingid.recording.large.log import pieces_of
 from swingid.recording.load import read_bytes
 from swingid.recording.save import write_whole
 
@@ -23,7 +25,7 @@ def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], lis
     """
     writer = writer_for(Path(target))
     if is_large(source):
-        return convert_large(source, Path(target))
+        return _convert_large(source, Path(target))
     table = read_table(read_bytes(source), str(source))
     columns, dropped = {}, []
     for name in table.columns:
@@ -41,3 +43,46 @@ def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], lis
         raise InputError(f"{message}; resample them where they were made.", code="unequal-length")
     write_whole(Path(target), writer.write(columns, table.metadata))
     return lengths.pop(), list(columns), dropped
+
+
+def _convert_large(source: str | Path, target: Path) -> tuple[int, list[str], list[str]]:
+    """As `convert`, of a large log into Parquet, in bounded memory.
+
+    A column without a number in its first rows is left out.
+
+    Raises InputError where the target is not Parquet, or a file cannot be read or written.
+    """
+    if target.suffix.lower() not in parquet.ENDINGS:
+        message = (
+            f"{source} is a log of more than a million rows, which only Parquet holds well; give a name ending in "
+        )
+        raise InputError(f"{message}.parquet in the place of {target}.", code="too-large")
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    header, pieces = pieces_of(source)
+    partial = target.with_name(f".{target.name}.part")
+    rows, names, dropped = 0, {}, []
+    writer = None
+    try:
+        for table in pieces:
+            if writer is None:
+                dropped = [name for name in table.columns if np.isnan(table.numbers(name)[0]).all()]
+                kept = [name for name in table.columns if name not in dropped]
+                names = {name: f"{name} [{header.units[name]}]" if name in header.units else name for name in kept}
+                schema = pa.schema([(named, pa.float64()) for named in names.values()])
+                schema = schema.with_metadata({METADATA_KEY: json.dumps(header.metadata)})
+                writer = pq.ParquetWriter(partial, schema, compression="zstd")
+            columns = [table.numbers(name)[0] for name in names]
+            writer.write_table(pa.table(dict(zip(names.values(), columns, strict=True)), schema=writer.schema))
+            rows += len(columns[0]) if columns else 0
+        if writer is not None:
+            writer.close()
+            partial.replace(target)
+    except OSError as error:
+        raise InputError(f"cannot write {target}: {error.strerror or error}", code="cannot-write") from None
+    finally:
+        partial.unlink(missing_ok=True)
+    if not names:
+        raise InputError(f"{source} has no column of numbers to convert.", code="no-numbers")
+    return rows, list(names.values()), dropped

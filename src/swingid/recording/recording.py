@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.numerics.ranks import median
+from swingid.recording.findings import Finding, Source
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,31 +20,12 @@ if TYPE_CHECKING:
 
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
+    from swingid.recording.formats.table import Table
 
 CHANNELS = ("time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque", "reference", "adaptive_gain")
 FINITE = CHANNELS[:6]
 
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Something that was noticed in a log: a `code` for scripts, a sentence for people.
-
-    A ``"warning"`` makes a result doubtful; a ``"note"`` states what was done or assumed. `repair` names the repair
-    (see `recording.repairs`) that it tells of, done or (code "repair-off") switched off.
-    """
-
-    code: str
-    message: str
-    level: Literal["note", "warning"]
-    repair: str | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """Where a recording came from: path as given, SHA-256 of the file; None for data made in memory."""
-
-    path: str | None = None
-    sha256: str | None = None
+__all__ = ["CHANNELS", "Finding", "Recording", "Source"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +55,7 @@ class Recording:
     drive_held: bool = True
     metadata: dict[str, object] = field(default_factory=dict)
     findings: tuple[Finding, ...] = ()
-    source: Source = Source()
+    source: Source = field(default_factory=Source)
     wheel_speed: Array | None = None
     averaged: int = 1
     left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
@@ -130,13 +112,13 @@ class Recording:
         """Read a log of any format (see docs/formats.md) by the conventions of `rig.log`, and repair plain faults.
 
         What was repaired stands in `findings`. still_axis: the axis may be held while the wheel turns, as in a test of
-        the motor. repairs: switches by name, such as ``{"spikes": False}``, see `recording.repairs`; all are on.
+        the motor. repairs: switches by name, such as ``{"spikes": False}``, see `findings.REPAIRS`; all are on.
         Raises InputError for a file that cannot be used, UnanswerableError for one without motion or with too few rows,
         UsageError for an unknown repair.
         """
-        from swingid.recording.load import load
+        from swingid.recording.load import read_log  # which needs numba, as a Recording itself does not
 
-        return load(path, rig, still_axis=still_axis, repairs=repairs)
+        return cls(**read_log(path, rig, still_axis=still_axis, repairs=repairs))
 
     @classmethod
     def from_columns(
@@ -147,10 +129,24 @@ class Recording:
         Read and repaired as `load` does, by the columns, units and signs of `rig.log`. Raises UsageError for data of
         another kind, else as `load`.
         """
-        from swingid.recording.formats.memory import table_of
-        from swingid.recording.load import from_table
+        from swingid.recording.formats.arrow import table_of
 
-        return from_table(table_of(data), rig, Source(), still_axis=still_axis, repairs=repairs)
+        return cls.from_table(table_of(data), rig, still_axis=still_axis, repairs=repairs)
+
+    @classmethod
+    def from_table(
+        cls,
+        table: Table,
+        rig: Rig,
+        source: Source | None = None,
+        *,
+        still_axis: bool = False,
+        repairs: Mapping[str, bool] | None = None,
+    ) -> Recording:
+        """As `from_columns`, of the table that a file format's reader gives; `source` None: made in memory."""
+        from swingid.recording.load import contents_of
+
+        return cls(**contents_of(table, rig, source or Source(), still_axis=still_axis, repairs=repairs))
 
     def save(self, path: str | Path, rig: Rig | None = None) -> Path:
         """Write a file in the format of its ending, metadata inside, so that ``load(path, rig)`` gives it back.
@@ -158,9 +154,10 @@ class Recording:
         Columns, units and signs are those of `rig.log`; without a rig t, q1, q2, u, tau, ym, k in SI units.
         Raises InputError when the ending is another or the file cannot be written.
         """
-        from swingid.recording.save import save
+        from swingid.recording.save import write_log
 
-        return save(self, path, rig)
+        channels = {name: values for name in CHANNELS if (values := getattr(self, name)) is not None}
+        return write_log(path, rig, channels, self.metadata, self.findings, held=self.drive_held)
 
     def __repr__(self) -> str:
         names = [f.name for f in fields(self) if f.name in CHANNELS and getattr(self, f.name) is not None]

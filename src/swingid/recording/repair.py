@@ -1,7 +1,8 @@
-"""Plain faults of a log's rows: no number, out of order, stamped twice. What is done is counted and told.
+"""Plain faults of a log's rows: no number, out of order, stamped twice, beyond the drive's limit. Repairs are counted.
 
 Nothing is resampled; uneven steps and missing rows are no fault, and stamps are kept as they are unless the motion
-shows that rows taken at a constant rate were stamped unevenly (`clock`). Each repair has a switch (`repairs`).
+shows that rows taken at a constant rate were stamped unevenly (`rows.even_clock`). Each repair has a switch
+(`findings.REPAIRS`).
 """
 
 from __future__ import annotations
@@ -10,18 +11,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.recording.clock import even_clock
-from swingid.recording.jumps import find_jumps
-from swingid.recording.recording import Finding
-from swingid.recording.row_order import rows_in_order, take
-from swingid.recording.spikes import find_spikes
-from swingid.recording.unwrap import is_wrapped, unwrap
+from swingid.recording.continuity import find_jumps, find_spikes, is_wrapped, unwrap
+from swingid.recording.findings import Finding
+from swingid.recording.rows import even_clock, rows_in_order, take
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array, Bools
     from swingid.recording.conventions import Channels, Conventions
+
 
 ANGLES = ("angle", "wheel_angle")
 SMOOTH = (*ANGLES, "wheel_speed")  # channels in which a single odd sample is a fault
@@ -185,3 +185,36 @@ def _note_gaps(time: Array, column: str, findings: list[Finding]) -> None:
         message = f"{gaps} of {steps.size} steps of column {column!r} are longer than 1.5 times the usual {usual:.6g} s"
         message += f" (the longest {steps.max():.6g} s); the stamps were used as they are."
         findings.append(Finding("gaps", message, "note"))
+
+
+LIMIT_ROUNDING = 1e-3
+"""Of the limit: what a logger may round a command up to."""
+
+
+def limited(
+    channels: Channels, conventions: Conventions, rig: Rig, *, held: bool, off: frozenset[str]
+) -> tuple[Channels, list[Finding]]:
+    """The channels (logged units) with commanded voltages within ± `drive.motor.voltage_limit`, and what was done.
+
+    held: the voltage is a command; one that was measured is what the motor got, and is left alone.
+    """
+    motor = rig.drive.motor
+    if "voltage" not in channels or motor is None or motor.voltage_limit is None or not held:
+        return channels, []
+    scale = conventions.scales.get("voltage")
+    limit = motor.voltage_limit / abs(scale.factor if scale is not None else 1.0)
+    voltage = channels["voltage"]
+    beyond = int(np.count_nonzero(np.abs(voltage) > (1 + LIMIT_ROUNDING) * limit))
+    if beyond == 0:
+        return channels, []
+    column = conventions.columns["voltage"]
+    where = f"column {column!r} goes beyond drive.motor.voltage_limit = {motor.voltage_limit:g} V in {beyond} of "
+    where += f"{voltage.size} rows"
+    if "limit" in off:
+        message = f"{where}, and was left so; if it is a command, the motor got less."
+        return channels, [Finding("voltage-beyond-limit", message, "warning")]
+    message = (
+        f"{where}; the limit was taken there, as what the motor got (drive_held = false says that it was measured)."
+    )
+    limited_voltage = np.clip(voltage, -limit, limit)
+    return {**channels, "voltage": limited_voltage}, [Finding("voltage-limited", message, "note", "limit")]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,34 +13,42 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions
 from swingid.recording.formats import writer_for
-from swingid.recording.recording import CHANNELS, Recording
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
+    from swingid.recording.findings import Finding
 
 
-def save(recording: Recording, path: str | Path, rig: Rig | None) -> Path:
-    """See `Recording.save`. The file appears whole or not at all."""
+def write_log(
+    path: str | Path,
+    rig: Rig | None,
+    channels: Mapping[str, Array],
+    metadata: Mapping[str, object],
+    findings: Sequence[Finding],
+    *,
+    held: bool,
+) -> Path:
+    """Write the channels of a Recording, see `Recording.save`. The file appears whole or not at all."""
     target = Path(path)
     module = writer_for(target)
     conventions = Conventions.plain() if rig is None else Conventions.of(rig)
     kept = ("time", *conventions.channels)
-    channels = {n: v for n in CHANNELS if n in kept and (v := getattr(recording, n)) is not None}
-    if "wheel_speed" in kept and "wheel_speed" not in channels and recording.wheel_angle is not None:
-        channels["wheel_speed"] = conventions.speed_of(recording.time, recording.wheel_angle, recording.angle)
+    written = {name: values for name, values in channels.items() if name in kept}
+    if "wheel_speed" in kept and "wheel_speed" not in written and "wheel_angle" in channels:
+        written["wheel_speed"] = conventions.speed_of(channels["time"], channels["wheel_angle"], channels["angle"])
     if conventions.rate is not None:
-        _check_even(recording, conventions.rate, target)
-        del channels["time"]
-    metadata = {
-        "metadata": _plain(recording.metadata),
-        "log": {**conventions.keys, "drive_held": recording.drive_held},
-        "findings": [
-            {"code": f.code, "message": f.message, "level": f.level, "repair": f.repair} for f in recording.findings
-        ],
+        _check_even(written.pop("time"), conventions.rate, target)
+    own = {
+        "metadata": _plain(metadata),
+        "log": {**conventions.keys, "drive_held": held},
+        "findings": [asdict(finding) for finding in findings],
     }
     if rig is not None:
-        metadata["drive"] = rig.drive.kind
-    content: bytes = module.write(conventions.to_log(channels), metadata)
+        own["drive"] = rig.drive.kind
+    content: bytes = module.write(conventions.to_log(written), own)
     write_whole(target, content)
     return target
 
@@ -65,10 +74,9 @@ def write_whole(target: Path, content: bytes) -> None:
         raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
 
 
-def _check_even(recording: Recording, rate: float, target: Path) -> None:
+def _check_even(time: Array, rate: float, target: Path) -> None:
     """A rig without a time column can only hold evenly spaced rows."""
-    even = recording.time[0] + np.arange(len(recording)) / rate
-    if np.abs(recording.time - even).max() > 1e-3 / rate:
+    if np.abs(time - time[0] - np.arange(len(time)) / rate).max() > 1e-3 / rate:
         message = f"cannot write {target}: the rig's [log] has rate = {rate:g} and no time column, but the rows"
         raise InputError(f"{message} are not spaced so; set [log] time instead.", code="uneven-rows")
 

@@ -1,15 +1,15 @@
-"""From an Arrow table to swingid's Table; shared by the formats that pyarrow reads."""
+"""From Arrow tables, and tables that are in memory already, to swingid's Table."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.errors import InputError
-from swingid.recording.formats.numerals import plain_cells
-from swingid.recording.formats.stamps import over_midnight, seconds_of
+from swingid.errors import InputError, UsageError
+from swingid.recording.formats.cells import over_midnight, plain_cells, seconds_of
 from swingid.recording.formats.table import Table
 
 if TYPE_CHECKING:
@@ -90,3 +90,32 @@ def _numbers(column: Any) -> Array:
     whole = column.fill_null(np.nan) if column.null_count else column
     parts = [np.from_dlpack(chunk) for chunk in whole.chunks]
     return np.concatenate(parts) if parts else np.zeros(0)
+
+
+def table_of(data: Any) -> Table:
+    """The table of a mapping of one-dimensional arrays by name, or of a pandas, polars or Arrow table.
+
+    The latter are whatever has ``__arrow_c_stream__`` (the Arrow PyCapsule interface). Raises UsageError for anything
+    else and for arrays that are no columns.
+    """
+    if hasattr(data, "__arrow_c_stream__"):
+        import pyarrow as pa
+
+        return table_from_arrow(pa.table(data), "the table", "{}")
+    if not isinstance(data, Mapping):
+        message = (
+            f"a log in memory is a mapping of arrays or an Arrow, pandas or polars table, not {type(data).__name__}"
+        )
+        raise UsageError(f"{message}.", code="not-a-table")
+    columns = {}
+    units: dict[str, str] = {}
+    for name, values in data.items():
+        array = np.asarray(values)
+        if array.ndim != 1:
+            message = f"column {str(name)!r} has {array.ndim} dimensions; a column is one-dimensional"
+            raise UsageError(f"{message}.", code="not-a-column")
+        if array.dtype.kind in "Mm":  # instants and durations of NumPy
+            array = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64) / 1e9
+            units[str(name)] = "s"
+        columns[str(name)] = array.astype(np.float64 if array.dtype.kind in "biuf" else object)
+    return Table(columns, units=units)

@@ -7,9 +7,8 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from swingid.recording.formats.numerals import are_whole_thousands, has_decimal_comma, is_grouped
-from swingid.recording.formats.stamps import is_stamp
-from swingid.recording.unit_names import UNITS as SPELLED
+from swingid.recording.formats.cells import are_whole_thousands, has_decimal_comma, is_grouped, is_stamp
+from swingid.recording.formats.table import UNITS as SPELLED
 
 DELIMITERS = (b"\t", b";", b",", b"|")
 

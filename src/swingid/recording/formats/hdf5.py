@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata
-from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart
-from swingid.recording.formats.optional import require
-from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
-from swingid.recording.formats.vectors import add_vectors
+from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart, require
+from swingid.recording.formats.table import METADATA_KEY, Table, add_vectors, most_unpacked
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
-    from swingid.recording.formats.vectors import Columns
+    from swingid.recording.formats.table import Columns
 
 ENDINGS = (".h5", ".hdf5")
 MAGIC = b"\x89HDF\r\n\x1a\n"

@@ -1,7 +1,8 @@
-"""Readers of other packages that damage can crash or hang, in a process of their own, which outlives the file.
+"""Packages that only the rarer formats need, imported where installed; the fragile ones in a process of their own.
 
-The process reads requests, one JSON line each, from its standard input, and answers with one; arrays go through a file.
-It is started by the first such file and ends with this process, or where a file takes too long.
+Damaged files can crash or hang the readers of other packages. That process outlives the file: it reads requests, one
+JSON line each, from its standard input, and answers with one; arrays go through a file. It is started by the first such
+file and ends with this process, or where a file takes too long.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import threading
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +26,17 @@ import numpy as np
 from swingid.errors import InputError
 
 if TYPE_CHECKING:
-    from swingid.recording.formats.vectors import Columns
+    from swingid.recording.formats.table import Columns
+
+
+def require(module: str, package: str, name: str, what: str, *, extra: str = "formats") -> Any:
+    """The module, imported; InputError that names the file, what it is, and how to install what reads it (`extra`)."""
+    try:
+        return import_module(module)
+    except ImportError:
+        message = f"{name} is {what}, which needs the package {package}; run: pip install 'swingid[{extra}]'."
+        raise InputError(message, code="missing-package") from None
+
 
 STARTING, LONGEST, SPEED = 60.0, 8.0, 5e6
 """Seconds that importing a package may take; that a file may take, and bytes a second that it may take beyond."""

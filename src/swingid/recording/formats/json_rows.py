@@ -1,20 +1,25 @@
-"""JSON lines (one object per row) and JSON: a list of rows, an object of arrays, or a list of rows inside an object."""
+"""JSON lines (one object per row) and JSON: a list of rows, an object of arrays, or a list of rows inside an object.
+
+The JSON of "Better Actuator Models" (Rhoban/bam) is a header (mass, length, motor, trajectory) and `entries` with
+position, speed, load, input_volts, timestamp: an example of a small importer (`is_bam`, `decoded`). `load` is the duty
+of the bridge in 1/885, its sign wrapped into 16 bits (as the XL330's register Present PWM).
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.formats import bam
 from swingid.recording.formats.table import METADATA_KEY, Table
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
-    from swingid.recording.formats.vectors import Columns
+    from swingid.recording.formats.table import Columns
+
 
 ENDINGS = (".jsonl", ".ndjson", ".json")
 MAGIC = b""
@@ -38,8 +43,8 @@ def read(content: bytes, name: str) -> Table:
     if rows and set(rows[0]) == {METADATA_KEY}:
         first = rows.pop(0)[METADATA_KEY]
         metadata = first if isinstance(first, dict) else {}
-    if isinstance(header, dict) and bam.is_bam(header):
-        rows = bam.decoded(rows)
+    if isinstance(header, dict) and is_bam(header):
+        rows = decoded(rows)
     columns = _columns(rows) if rows else _arrays(header)
     if not columns:
         message = f"{name} holds no rows: JSON lines, a list of objects, or an object of arrays is needed."
@@ -132,4 +137,30 @@ def _arrays(header: object) -> Columns:
         numbers = isinstance(value, list) and all(isinstance(cell, int | float) or cell is None for cell in value)
         if numbers and len(value) > 1:
             found[str(key)] = np.array([np.nan if cell is None else _number(cell) for cell in value])
+    return found
+
+
+FULL_DUTY = 885
+"""`load` of the JSON of bam at full duty."""
+
+LARGEST_SUPPLY = 1e6
+"""Volts that no supply has: an integer of hundreds of digits, as damage makes it, is no float."""
+
+
+def is_bam(header: Mapping[str, Any]) -> bool:
+    """Whether a JSON object is a log of bam."""
+    return {"motor", "trajectory", "entries"} <= header.keys()
+
+
+def decoded(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """The entries with two more columns: `duty` from -1 to 1, and `bridge_volts`, duty times the supply."""
+    found = []
+    for row in rows:
+        load, volts = row.get("load"), row.get("input_volts")
+        more: dict[str, Any] = {}
+        if isinstance(load, int) and abs(load) < 1 << 32:
+            more["duty"] = (load - 65536 if load > 32767 else load) / FULL_DUTY
+            if isinstance(volts, int | float) and abs(volts) < LARGEST_SUPPLY:
+                more["bridge_volts"] = more["duty"] * volts
+        found.append({**row, **more})
     return found

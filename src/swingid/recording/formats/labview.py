@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.formats.csv import as_text, read_rows
+from swingid.recording.formats.csv import LABVIEW, as_text, read_rows
 from swingid.recording.formats.dialect import Layout
 from swingid.recording.formats.table import Table
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
 
 ENDINGS = (".lvm",)
-MAGIC = b"LabVIEW Measurement"
+MAGIC = LABVIEW
 
 END = "***End_of_Header***"
 TIME = "X_Value"

@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.formats.optional import require
+from swingid.recording.formats.isolated import require
 from swingid.recording.formats.table import METADATA_KEY, Table
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
-    from swingid.recording.formats.vectors import Columns
+    from swingid.recording.formats.table import Columns
 
 ENDINGS = (".mcap",)
 MAGIC = b"\x89MCAP0\r\n"

@@ -1,14 +1,14 @@
-"""What every file format gives: named columns, as they stand in the file."""
+"""What every file format gives: named columns, as they stand in the file, and the spellings of their units."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from swingid.recording.formats.stamps import is_stamp, seconds_of
+from swingid.recording.formats.cells import is_stamp, seconds_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -16,6 +16,44 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swingid.numerics.arrays import Array
+
+    Columns = dict[str, Array | NDArray[np.object_]]
+
+
+SPELLINGS: dict[str, tuple[str, ...]] = {
+    "s": ("s", "sec", "secs", "second", "seconds"),
+    "ms": ("ms", "msec", "millis", "milliseconds"),
+    "us": ("us", "µs", "μs", "usec", "micros", "microseconds"),
+    "ns": ("ns", "nsec", "nanos", "nanoseconds"),
+    "rad": ("rad", "radian", "radians"),
+    "deg": ("deg", "degree", "degrees", "°", "º", "grad"),
+    "turns": ("turn", "turns", "rev", "revs", "umdr"),
+    "counts": ("count", "counts", "ticks", "cnt", "cnts", "inc"),
+    "m": ("m",),
+    "mm": ("mm",),
+    "V": ("v", "volt", "volts"),
+    "mV": ("mv",),
+    "N m": ("nm", "n m", "n*m", "n·m"),
+    "mN m": ("mnm", "mn m", "mn*m", "mn·m"),
+    "N": ("n",),
+    "rad/s": ("rad/s", "rads"),
+    "deg/s": ("deg/s", "°/s"),
+    "rpm": ("rpm", "1/min", "u/min"),
+    "turns/s": ("turns/s", "rev/s"),
+    "counts/s": ("counts/s",),
+    "m/s": ("m/s",),
+    "A": ("a",),
+    "mA": ("ma",),
+    "Hz": ("hz",),
+}
+UNITS = {spelling: unit for unit, spellings in SPELLINGS.items() for spelling in spellings}
+"""The unit of a spelling in lower case."""
+
+
+def canonical(unit: str) -> str:
+    """A unit as rig.toml spells it; one that is not known as it stands."""
+    return UNITS.get(unit.strip().lower(), unit)
+
 
 #: Where swingid keeps its metadata inside a file: the CSV comment's prefix, the key of a Parquet schema.
 METADATA_KEY = "swingid"
@@ -92,3 +130,24 @@ class Table:
             except (TypeError, ValueError):
                 first_text = first_text or str(cell).strip()[:40] or None
         return values, first_text
+
+
+WIDEST = 64
+"""A matrix with more columns than this is a picture or a table of something else."""
+
+
+def add_vectors(columns: Columns, name: str, array: NDArray[Any]) -> None:
+    """Add a real array of one or two dimensions (others are left out) to `columns`.
+
+    A vector keeps its name, a matrix gives ``name(:,2)``, or ``name(2,:)`` where its rows are longer.
+    """
+    if array.dtype.kind not in "biuf" or array.size < 2:
+        return
+    values = np.squeeze(array.astype(np.float64))
+    if values.ndim == 1:
+        columns[name] = values
+    elif values.ndim == 2 and min(values.shape) <= WIDEST:
+        if values.shape[0] >= values.shape[1]:
+            columns.update({f"{name}(:,{k})": column for k, column in enumerate(values.T, start=1)})
+        else:
+            columns.update({f"{name}({k},:)": row for k, row in enumerate(values, start=1)})

@@ -1,10 +1,17 @@
-"""One thing that was looked at in a log, and what was found."""
+"""One result of an inspection (`Check`), and the checks of a log's clock: rate, jitter, gaps, repeated rows."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from swingid.numerics.arrays import Array
+    from swingid.recording.inspect.columns import Column
+
 
 Level = Literal["ok", "note", "unknown", "advice", "repair", "fault"]
 
@@ -37,3 +44,119 @@ class Check:
             "values": dict(self.values),
             "own_repair": self.own,
         }
+
+
+GAP = 1.5
+COUNTED = 1e12  # rows that a gap is said to miss, at most
+"""Median steps beyond which a step is a gap."""
+
+NEARLY_ALL = 0.9
+"""Share of the steps back from which on the clock runs backwards."""
+
+EVEN = 0.01
+UNEVEN = 0.2
+"""Robust standard deviations of the steps, in steps: rows are even below the first, very uneven above the second."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clock:
+    """The time column in s. step: mean of the usual rising steps. jitter: robust standard deviation of the steps, s.
+
+    gaps: number of steps beyond 1.5 usual ones; longest: the longest step; lost: rows that would fill the gaps.
+    repeated: rows with the time of the row before, copies of them alike in every column; backwards: steps back.
+    stamps (n,): time of each row, s.
+    """
+
+    stamps: Array
+    step: float
+    jitter: float
+    gaps: int
+    longest: float
+    lost: int
+    repeated: int
+    copies: int
+    backwards: int
+
+    @property
+    def rate(self) -> float:
+        """Rows per second."""
+        return 1.0 / self.step if self.step > 0 else float("nan")
+
+    @property
+    def duration(self) -> float:
+        """Time from the first row to the last, s."""
+        finite = self.stamps[np.isfinite(self.stamps)]
+        return float(finite.max() - finite.min()) if finite.size else 0.0
+
+
+def read_clock(stamps: Array, columns: list[Column]) -> Clock:
+    """The clock of `stamps` (s, one per row, NaN where missing); columns: of the file, to tell copies of rows."""
+    steps = np.diff(stamps)
+    steps = steps[np.isfinite(steps)]
+    rising = steps[steps > 0]
+    usual = float(np.median(rising)) if rising.size else 0.0
+    gaps = rising[rising > GAP * usual]
+    regular = rising[rising <= GAP * usual]
+    repeated = np.flatnonzero(np.diff(stamps) == 0)
+    copies = np.ones(repeated.size, dtype=bool)
+    for column in columns if repeated.size else ():
+        if len(column.values) == len(stamps):
+            before, after = column.values[repeated], column.values[repeated + 1]
+            copies &= (before == after) | (np.isnan(before) & np.isnan(after))
+    return Clock(
+        stamps=stamps,
+        step=float(np.mean(regular)) if regular.size else 0.0,  # the median of rounded stamps is rounded, too
+        jitter=1.4826 * float(np.median(np.abs(regular - usual))) if regular.size else 0.0,
+        gaps=int(gaps.size),
+        longest=float(rising.max(initial=0.0)),
+        lost=int(np.sum(np.floor(np.minimum(gaps / usual, COUNTED) + 0.3) - 1)) if gaps.size else 0,
+        repeated=int(repeated.size),
+        copies=int(np.count_nonzero(copies)),
+        backwards=int(np.count_nonzero(steps < 0)),
+    )
+
+
+def check_clock(clock: Clock, name: str) -> list[Check]:
+    """What the clock shows, in sentences; name: of the time column."""
+    rows = len(clock.stamps)
+    values: dict[str, object] = {"rows": rows, "rate": clock.rate, "duration": clock.duration, "jitter": clock.jitter}
+    if clock.backwards > NEARLY_ALL * (rows - 1):
+        text = f"the time in {name} runs backwards, from {clock.stamps[0]:.6g} to {clock.stamps[-1]:.6g} s"
+        remedy = "if the rows are stored newest first, turn their order around, else mend the clock"
+        return [Check("backwards", "order of rows", "fault", text, remedy, {"backwards": clock.backwards})]
+    if clock.step <= 0:
+        text = f"{name} does not rise, so nothing tells when a row was logged"
+        return [Check("rate", "rate", "fault", f"{text}.", "log the time, or set [log] rate", values)]
+    share = clock.jitter / clock.step
+    steps = "evenly spaced" if share < EVEN else f"steps scatter by {share:.0%} ({clock.jitter * 1e3:.3g} ms)"
+    found = [
+        Check(
+            "rate",
+            "rate",
+            "note" if share > UNEVEN else "ok",
+            f"{rows} rows over {clock.duration:.5g} s, {clock.rate:.6g} per second, {steps}.",
+            "",
+            values,
+        )
+    ]
+    if clock.gaps:
+        text = f"{clock.gaps} {'step is' if clock.gaps == 1 else 'steps are'} longer than {GAP:g} usual ones"
+        text += f", the longest {clock.longest:.4g} s"
+        share = clock.lost / (rows + clock.lost)
+        text += f"; {clock.lost} rows ({share:.2%}) seem lost." if clock.lost else "; no rows seem lost."
+        found.append(Check("gaps", "gaps", "note", text, "", {"gaps": clock.gaps, "lost": clock.lost}))
+    if clock.repeated:
+        text = f"{clock.repeated} rows have the time of the row before, {clock.copies} of them are copies of it"
+        other = clock.repeated - clock.copies
+        few = other <= max(3, rows // 100)
+        remedy = "" if few else "log the time with more digits"
+        text += "; these are left out." if few else "; the others contradict it."
+        values = {"repeated": clock.repeated, "copies": clock.copies}
+        found.append(Check("repeated-rows", "repeated rows", "note" if few else "advice", text, remedy, values))
+    if clock.backwards:
+        text = f"the time runs backwards after {clock.backwards} of {rows} rows."
+        few = clock.backwards <= max(3, rows // 100)
+        remedy = "" if few else "give one run per file"
+        level: Level = "note" if few else "fault"
+        found.append(Check("backwards", "order of rows", level, text, remedy, {"backwards": clock.backwards}))
+    return found

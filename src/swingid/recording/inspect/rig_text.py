@@ -1,21 +1,116 @@
-"""A commented rig file for a log: the template with the guesses in the place of its [log], and only the log's drive."""
+"""Rig files from the guessed roles of columns: the table [log], a commented file to fill in, a rig for a first look."""
 
 from __future__ import annotations
 
+import json
 import re
+import tomllib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.recording.inspect.encoder_steps import TURN
-from swingid.recording.inspect.grid import is_decimal
-from swingid.recording.inspect.trial import counts_of
+from swingid.errors import SwingidError
+from swingid.model.rig import Rig
+from swingid.recording.inspect.columns import TURN, is_decimal
 
 if TYPE_CHECKING:
     from swingid.recording.inspect.candidates import Role
     from swingid.recording.inspect.columns import Column
     from swingid.recording.inspect.roles import Roles
+
+
+WIDTH = 38
+
+
+def log_table(roles: Roles) -> str:
+    """TOML text of [log] with a comment per line."""
+    lines = [_line("[log]", "guessed from the file: confirm each line")]
+    time = roles.found.get("time")
+    if time is None:
+        lines.append(_line("# rate = 1000", "rows per second: no column rises as a clock does, so state it"))
+    else:
+        lines.append(_line(f"time = {json.dumps(time.column, ensure_ascii=False)}", time.why))
+        if time.unit != "s":
+            lines.append(_line(f'time_unit = "{time.unit}"', "of the clock"))
+    angle = roles.found.get("angle")
+    if angle is not None:
+        lines.append(_line(f"angle = {json.dumps(angle.column, ensure_ascii=False)}", angle.why))
+        lines.append(_line(f'angle_unit = "{angle.unit}"', "of the body"))
+        if not roles.linear:
+            up = bool(roles.zero_up)
+            text = "the motion is about half a turn" if up else "as far as the file tells"
+            lines.append(_line(f'angle_zero = "{"up" if up else "down"}"', text))
+        lines.append(_line("angle_sign = 1", "counter-clockwise positive; no file tells"))
+    lines += _drive_lines(roles)
+    reference = roles.found.get("reference")
+    if reference is not None:
+        column = json.dumps(reference.column, ensure_ascii=False)
+        lines.append(_line(f"reference = {column}", f"{reference.why}; for plots only"))
+    return "\n".join(lines) + "\n"
+
+
+def _drive_lines(roles: Roles) -> list[str]:
+    lines = []
+    for key in ("wheel_angle", "wheel_speed", "voltage", "torque"):
+        role = roles.found.get(key)
+        if role is None:
+            continue
+        lines.append(_line(f"{key} = {json.dumps(role.column, ensure_ascii=False)}", role.why))
+        if key.startswith("wheel"):
+            lines.append(_line(f'{key}_unit = "{role.unit}"', "of the wheel"))
+        if key == "wheel_angle":
+            lines.append(_line("wheel_angle_sign = 1", "inspect --rig tests it against the angle"))
+            text = 'to the pendulum; or "absolute": inspect --rig compares both'
+            lines.append(_line('wheel_angle_is = "relative"', text))
+        if key == "torque":
+            text = "N m (N) per unit of the column, with its uncertainty: yours to state"
+            lines.append(_line("torque_gain = 1", text))
+    if "voltage" in roles.found or "torque" in roles.found:
+        lines.append(_line("drive_held = true", "row k's command acts until row k+1; false: measured at row k"))
+    return lines
+
+
+def _line(text: str, comment: str) -> str:
+    return f"{text:<{WIDTH - 1}} # {comment}"
+
+
+def trial_rig(roles: Roles, columns: Mapping[str, Column], table: str) -> Rig | None:
+    """The rig of a guessed [log] table, its constants placeholders; None without an angle or a clock.
+
+    Counts are read by the next power of two above their range.
+    """
+    if not {"time", "angle"} <= roles.found.keys():
+        return None
+    kind = "linear" if roles.linear else "rotary"
+    parts = [f'name = "guess"\n[axis]\nkind = "{kind}"\n', f'[drive]\nkind = "{roles.drive}"\n']
+    if roles.linear:
+        parts[1] = parts[1].replace("reaction-wheel", "none")
+    else:
+        parts[0] += "gravity_torque = 1.0\n" if roles.drive == "none" else 'gravity_torque = "unknown"\n'
+    if roles.drive == "reaction-wheel":
+        parts.append("[drive.wheel]\ninertia = 1.0\n")
+    parts.append(_counts_of_sensors(roles, columns))
+    try:
+        tomllib.loads(table)
+        return Rig.from_text("".join([*parts, table]), "the guessed rig")
+    except (SwingidError, tomllib.TOMLDecodeError):
+        return None
+
+
+def _counts_of_sensors(roles: Roles, columns: Mapping[str, Column]) -> str:
+    text = ""
+    for role, head in (("angle", "[sensors]"), ("wheel_angle", "[sensors.wheel]")):
+        guess = roles.found.get(role)
+        if guess is not None and guess.unit == "counts":
+            text += f"{head}\ncounts_per_turn = {counts_of(columns[guess.column].span)}\n"
+    return text
+
+
+def counts_of(span: float) -> int:
+    """Counts per turn of an encoder that logs counts over `span`: a power of two."""
+    return int(2 ** np.ceil(np.log2(max(span, 2.0) + 1)))
+
 
 WHEEL_ONLY = ("[drive.wheel]", "[drive.motor]")
 LINEAR = """[axis]

@@ -12,14 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError, SwingidError, UnanswerableError
-from swingid.recording.conventions import Conventions, gather
-from swingid.recording.epoch import from_first_row
-from swingid.recording.formats import csv_pieces, parquet_pieces
+from swingid.recording.conventions import Conventions, from_first_row, gather
+from swingid.recording.findings import Finding, Source, switched_off
+from swingid.recording.formats import csv, parquet
 from swingid.recording.formats.table import Table
 from swingid.recording.large.parts import Reader, parts, within
-from swingid.recording.load import drive_held, from_table, read_header
-from swingid.recording.recording import Finding, Recording, Source
-from swingid.recording.repairs import switched_off
+from swingid.recording.load import drive_held, read_header
+from swingid.recording.recording import Recording
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -43,7 +42,7 @@ def is_large(path: str | Path) -> bool:
     return found is not None and found.rows > LARGE
 
 
-def _file(path: str | Path) -> parquet_pieces.File | csv_pieces.File | None:
+def _file(path: str | Path) -> parquet.File | csv.File | None:
     """The file, where it is one that can be read in pieces and is large enough to look into it."""
     where = Path(path)
     try:
@@ -53,9 +52,9 @@ def _file(path: str | Path) -> parquet_pieces.File | csv_pieces.File | None:
             start = stream.read(4)
     except (OSError, ValueError):
         return None
-    if start == b"PAR1":
-        return parquet_pieces.File.open(str(path))
-    return csv_pieces.File.open(str(path))
+    if start == parquet.MAGIC:
+        return parquet.File.open(str(path))
+    return csv.File.open(str(path))
 
 
 def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
@@ -94,7 +93,7 @@ def digest(path: str | Path) -> str:
         raise InputError(f"{path} cannot be read: {error.strerror}.", code="unreadable-file") from None
 
 
-def _require(path: str | Path) -> parquet_pieces.File | csv_pieces.File:
+def _require(path: str | Path) -> parquet.File | csv.File:
     found = _file(path)
     if found is None:
         raise InputError(f"{path} cannot be read in parts; read it whole.", code="not-in-parts")
@@ -116,7 +115,7 @@ class LargeLog:
     progress: Callable[[int, int], None] | None = None
 
     @cached_property
-    def _open(self) -> parquet_pieces.File | csv_pieces.File:
+    def _open(self) -> parquet.File | csv.File:
         return _require(self.path)
 
     @property
@@ -168,7 +167,7 @@ class LargeLog:
         columns = {name: np.concatenate([piece[name] for piece in found]) for name in found[0]}
         table = Table(columns, header.metadata, 0, header.units)
         source = Source(self.path, self.sha256())
-        log = from_table(table, self.rig, source, repairs=self.repairs)
+        log = Recording.from_table(table, self.rig, source, repairs=self.repairs)
         return log if conventions.scales["time"].offset else log.segment(*self.span)  # else from the part's first row
 
     def _from_first_row(self, header: Table, conventions: Conventions) -> tuple[Conventions, list[Finding]]:

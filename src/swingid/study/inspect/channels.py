@@ -10,7 +10,7 @@ import numpy as np
 from swingid.preparation.motion import sample_noise
 from swingid.preparation.noise import EVEN, uneven_noise
 from swingid.recording.inspect import Check, Column, Level
-from swingid.recording.inspect.grid import is_decimal
+from swingid.recording.inspect.columns import is_decimal
 from swingid.recording.recording import Recording
 
 WORDS = {

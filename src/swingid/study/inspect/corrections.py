@@ -15,9 +15,8 @@ from swingid.preparation.noise import channel_noise
 from swingid.recording.conventions import SECONDS
 from swingid.recording.formats.table import Table
 from swingid.recording.inspect import Check, Column
-from swingid.recording.inspect.clocks_and_speeds import FASTEST, SLOWEST
-from swingid.recording.inspect.encoder_steps import TURN, steps_seen, unit_of_steps
-from swingid.recording.load import from_table
+from swingid.recording.inspect.columns import TURN, steps_seen, unit_of_steps
+from swingid.recording.inspect.roles import FASTEST, SLOWEST
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.motion import Swings, read_motion
 from swingid.study.inspect.physics import MODEL, Balance, balance_of, check_physics
@@ -48,13 +47,13 @@ def read(
             told += checks
         rig = rig.changed(tried) if tried else rig
     try:
-        return from_table(table, rig, source), rig, tried, told
+        return Recording.from_table(table, rig, source), rig, tried, told
     except SwingidError as error:
         failed = error
     for changes in _other_units(rig, failed.code) if columns is not None else ():
         try:
             other = rig.changed(changes)
-            log = from_table(table, other, source)
+            log = Recording.from_table(table, other, source)
         except SwingidError:
             continue
         remedy = f"set {words(changes)} under [log]"
@@ -180,7 +179,7 @@ def _attempt(table: Table, rig: Rig, changes: dict[str, object], source: Source)
     """The checks under changed conventions; None where the balance refuses these too."""
     try:
         other = rig.changed(changes)
-        log = from_table(table, other, source)
+        log = Recording.from_table(table, other, source)
         noise = channel_noise(log, other)
         swings, _ = read_motion(log, noise, other.drive.kind, linear=other.axis.kind == "linear")
         if swings is None:

@@ -14,18 +14,15 @@ from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.push import without_pushes
-from swingid.recording.conventions import SECONDS, Conventions
+from swingid.recording.conventions import SECONDS, Conventions, with_header_units
 from swingid.recording.formats import read_table
-from swingid.recording.formats.table import Table
-from swingid.recording.header_units import with_header_units
+from swingid.recording.formats.table import Table, canonical
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
-from swingid.recording.inspect.clock import Clock, check_clock
-from swingid.recording.inspect.trial import trial_rig
+from swingid.recording.inspect.check import Clock, check_clock
+from swingid.recording.inspect.rig_text import trial_rig
 from swingid.recording.large import digest, first_rows, is_large, rows_in
-from swingid.recording.load import read_bytes
-from swingid.recording.plausibility import FEWEST_ROWS
+from swingid.recording.load import FEWEST_ROWS, read_bytes
 from swingid.recording.recording import Recording, Source
-from swingid.recording.unit_names import canonical
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
 from swingid.study.inspect.motion import Swings, read_motion

@@ -1,15 +1,38 @@
-"""The repairs of a log by name: what each does, and which are switched off."""
+"""What is noticed in a log (`Finding`), where it came from (`Source`), and the repairs by name, with their switches."""
 
 from __future__ import annotations
 
 import difflib
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import UsageError
-from swingid.recording.recording import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something that was noticed in a log: a `code` for scripts, a sentence for people.
+
+    A ``"warning"`` makes a result doubtful; a ``"note"`` states what was done or assumed. `repair` names the repair
+    (see `recording.findings.REPAIRS`) that it tells of, done or (code "repair-off") switched off.
+    """
+
+    code: str
+    message: str
+    level: Literal["note", "warning"]
+    repair: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a recording came from: path as given, SHA-256 of the file; None for data made in memory."""
+
+    path: str | None = None
+    sha256: str | None = None
+
 
 REPAIRS: dict[str, str] = {
     "blanks": "rows without a number, or that do not split into columns, are left out",

@@ -123,7 +123,7 @@ def pushed(seed: int, length: float, share: float) -> tuple[sw.Recording, sw.Rig
 
 def found(draws: int, method: str) -> Iterator[str]:
     """Error and uncertainty of the inertia by size and length of the push."""
-    yield "| push | length, s | found | largest error, % | says, % | covered | left in: largest error, % | says, % |"
+    yield "| push | length, s | found | largest error, % | says, % | covered | if kept: largest error, % | says, % |"
     yield "|---|---|---|---|---|---|---|---|"
     for share in (0.05, 0.2, 1.0, 5.0):
         for length in (0.05, 0.2, 1.0):

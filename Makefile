@@ -4,12 +4,13 @@
 # make bench      accuracy and speed as tables
 # make bench-ensemble  many runs at once beside scalar C programs; the last line is the ratio
 # make peers      what other packages do with the same log and loop, into docs/benchmarks.md
+# make compare-with REV=…  results of an old revision beside those of the working tree; QUICK=1, CASES=text, WORDS=1
 # make venv       only set up .venv (every target does that first)
 
 BIN := .venv/bin
 STAMP := .venv/.installed
 
-.PHONY: demo test test-long bench bench-ensemble peers venv format style types layers wheel unit clean
+.PHONY: demo test test-long bench bench-ensemble peers compare-with venv format style types layers wheel unit clean
 
 demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
@@ -30,6 +31,10 @@ peers: $(STAMP)
 
 bench-ensemble: $(STAMP)
 	@$(BIN)/python benchmarks/ensemble/ensemble.py
+
+compare-with: $(STAMP)
+	@test -n "$(REV)" || { echo "give the old revision: make compare-with REV=main"; exit 2; }
+	@PYTHONPATH=tools $(BIN)/python -m compare_with "$(REV)" $(if $(QUICK),--quick) $(if $(WORDS),--words) $(if $(CASES),--cases "$(CASES)")
 
 venv: $(STAMP)
 

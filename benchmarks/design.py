@@ -17,7 +17,7 @@ import numpy as np
 
 import swingid as sw
 from swingid.study.design import Design, design
-from swingid.study.design.trial import controller_of
+from swingid.study.design.proposal import controller_of
 from swingid.study.rehearse import rehearse
 
 PAPER = sw.Rig.builtin("paper")

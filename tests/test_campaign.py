@@ -18,7 +18,7 @@ from swingid.cli import main
 from swingid.cli.campaign import progress_line
 from swingid.errors import InputError, UsageError
 from swingid.study.campaign import run_campaign, summarise, trial
-from swingid.study.campaign.plan import plan_from_text
+from swingid.study.campaign.loading import plan_from_text
 
 PLAN = """
 name = "small"

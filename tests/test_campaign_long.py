@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from swingid.study.campaign import run_campaign, summarise
-from swingid.study.campaign.plan import plan_from_text
+from swingid.study.campaign.loading import plan_from_text
 
 PLAN = """
 name = "lost"

@@ -11,8 +11,7 @@ import pytest
 from swingid.errors import InputError, UsageError
 from swingid.study.campaign import READY, load_plan
 from swingid.study.campaign.experiment import experiment_of
-from swingid.study.campaign.plan import plan_from_text
-from swingid.study.campaign.ready import described
+from swingid.study.campaign.loading import described, plan_from_text
 
 BASE = 'name = "p"\n[base]\nreference = "sine 0.8 rad 8.5 rad/s"\nduration = 6\n'
 

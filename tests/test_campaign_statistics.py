@@ -10,11 +10,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from swingid.errors import InputError
-from swingid.report.campaign import write_campaign
-from swingid.study.campaign.plan import plan_from_text
-from swingid.study.campaign.statistics import Answers, statistics_of
+from swingid.report.pages import write_campaign
+from swingid.study.campaign.loading import plan_from_text
 from swingid.study.campaign.store import Store
-from swingid.study.campaign.summary import levels_in, summary_of
+from swingid.study.campaign.summary import Answers, levels_in, statistics_of, summary_of
 
 TRUTH = 2.0
 
@@ -149,7 +148,7 @@ def test_effects_are_those_that_were_put_in(tmp_path) -> None:
 
 def test_coverage_at_each_level_is_drawn_where_it_is() -> None:
     """Errors within a ninth of the interval at one level and nine times it at the other: 100 and about 8 % covered."""
-    from swingid.report.figures.coverage import draw_coverage_by
+    from swingid.report.figures.campaign import draw_coverage_by
 
     plan = plan_from_text(PLAN.replace('design = "one-at-a-time"\n', ""))
     table = table_of(plan, lambda _, labels, chance: 0.02 * chance * (labels["torque"] == 1.2))

@@ -12,11 +12,11 @@ from factories import clean_result, refused_result, rotary_log, rotary_rig
 from swingid.cli import main
 from swingid.errors import UnanswerableError
 from swingid.identification import METHODS
-from swingid.report.figures.forest import draw_forest
+from swingid.report.figures.studies import draw_forest
 from swingid.result.result import BudgetEntry, Message, Parameter
 from swingid.study.compare import Trial, compare
-from swingid.study.compare.agreement import deviation, verdict
 from swingid.study.compare.assumptions import OF_METHOD, Assumptions, assumptions
+from swingid.study.compare.comparison import deviation, verdict
 from twin_logs import INERTIA, given, logged, twin
 
 

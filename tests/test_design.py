@@ -16,10 +16,9 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.recording.recording import Recording
 from swingid.study.design import design
-from swingid.study.design.candidates import Limits, candidates
-from swingid.study.design.course import course_of
 from swingid.study.design.information import predict, with_errors
-from swingid.study.design.trial import controller_of
+from swingid.study.design.motions import Limits, candidates, course_of
+from swingid.study.design.proposal import controller_of
 from swingid.study.rehearse import rehearse
 from twin_logs import GIVEN, INERTIA, PAPER
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from swingid.batch import energy_batch, momentum_batch, plan_batch
-from swingid.batch.projections import window_weights
-from swingid.batch.speeds import kinked, signs, slopes, smoothing
+from swingid.batch.kernels import kinked, signs, slopes, smoothing, window_weights
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.simulation.ensemble import simulate_ensemble

@@ -26,8 +26,7 @@ from closed_form_logs import (
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.recording.recording import Recording
 from swingid.recursive import swing_estimates
-from swingid.recursive.buffer import SwingBuffer
-from swingid.recursive.samples import TOO_MANY_BAD
+from swingid.recursive.rows import TOO_MANY_BAD, SwingBuffer
 from twin_logs import given, logged, twin
 
 TIME = np.arange(0, 12, 1e-3)

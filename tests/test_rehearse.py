@@ -11,8 +11,7 @@ from swingid.cli import main
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.model.rig import Rig
-from swingid.study.rehearse import Expectation, rehearse
-from swingid.study.rehearse.trial import encoder_places
+from swingid.study.rehearse import Expectation, encoder_places, rehearse
 
 PAPER = Rig.builtin("paper")
 

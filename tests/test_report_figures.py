@@ -13,13 +13,8 @@ from matplotlib.figure import Figure
 
 import factories
 from swingid.errors import UsageError
-from swingid.report.figures.budget import draw_budget
-from swingid.report.figures.friction import draw_friction
-from swingid.report.figures.kinds import _in_percent, draw_kinds
-from swingid.report.figures.log import panels_of, speed_of
-from swingid.report.figures.residuals import draw_residuals
-from swingid.report.figures.swings import draw_swings
-from swingid.report.figures.turning_points import sides_of
+from swingid.report.figures.estimates import _in_percent, draw_budget, draw_kinds, draw_swings
+from swingid.report.figures.motion import draw_friction, draw_residuals, panels_of, sides_of, speed_of
 from swingid.report.style import envelope, house_style, new_figure, prefixed, to_svg
 from swingid.report.tables import swings_off
 from swingid.result.plot import plot_result

@@ -17,29 +17,30 @@ from closed_form_logs import INERTIA, ONE_TONE, exact_rig
 from swingid.cli import main
 from swingid.control.references import Sine
 from swingid.errors import UsageError
-from swingid.report.paper.drawing import Drawing
-from swingid.report.paper.experiment import DRAW
-from swingid.report.paper.markdown import with_tables
-from swingid.report.paper.page import write_paper
-from swingid.study.design.course import course_of
+from swingid.report.paper import DRAW, Drawing, with_tables, write_paper
+from swingid.study.design.motions import course_of
 from swingid.study.reproduce import reproduce, tables
-from swingid.study.reproduce.cells import number, signed
 from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY, judged
-from swingid.study.reproduce.claims_accuracy import LAWS as LAWS_OF_CLAIM
+from swingid.study.reproduce.claims import LAWS as LAWS_OF_CLAIM
 from swingid.study.reproduce.claims_control import needed_voltage
-from swingid.study.reproduce.estimates import by_letter, each_interval, error_by, intervals, reference_nodes
 from swingid.study.reproduce.experiment import controller, converged, settled_within
 from swingid.study.reproduce.imperfections import changed_by, imperfections
 from swingid.study.reproduce.reproduction import plain_data
 from swingid.study.reproduce.runs import (
     Log,
+    by_letter,
+    each_interval,
+    error_by,
     experiment_log,
     experiment_run,
+    intervals,
     motion,
     read_back,
+    reference_nodes,
     rig_of,
     with_friction,
 )
+from swingid.study.reproduce.tables import number, signed
 from test_energy import LAWS, SMOOTH_MOTOR, TIME, motor_log
 
 ROOT = Path(__file__).resolve().parents[1]

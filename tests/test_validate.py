@@ -15,11 +15,10 @@ from swingid.cli import main
 from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError
 from swingid.identification import identify
-from swingid.report.figures.validation import draw_validation
+from swingid.report.figures.studies import draw_validation
 from swingid.result.file import load_result
 from swingid.result.result import Parameter
-from swingid.study.validate import validate
-from swingid.study.validate.validation import fit_percent
+from swingid.study.validate import fit_percent, validate
 from twin_logs import given, logged, twin
 
 RIG = twin("Coulomb", counts_per_turn=16384)

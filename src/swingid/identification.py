@@ -131,7 +131,7 @@ def _of_one(
         if len(used.left_out) == 0 or result.details is None:
             return result
         return replace(result, details=replace(result.details, left_out=used.left_out))
-    from swingid.pooling.large import identify_large, require_in_parts
+    from swingid.pooling.parts import identify_large, require_in_parts
 
     require_in_parts(log, method)
     if "alone" in inspect.signature(function).parameters:

@@ -1,7 +1,10 @@
-"""The energy method ("better") for many logs at once: one smoothing and one part of the log for all, chosen once.
+"""The energy method for many logs at once, with one smoothing and one part of the log for all, chosen once.
 
-Blocks of mirrored nodes, basis of friction, fit and covariance are those of `energy`; nodes stand on samples. What a
-single log gets beside it is left out, as in `batch.momentum`; `u` is the scatter of the blocks alone.
+Blocks of mirrored nodes, basis of friction, fit and covariance are those of `energy`. The balance holds at any instant,
+so the nodes may be the samples nearest to the mirrored angles: nothing is interpolated. But there the wheel's speed has
+its corners, as the voltage steps: between two samples the wheel turns by the trapezoid of its speeds f, so what is
+smooth through the angles has the slope f + h^2 f''/12, not f. What a single log gets beside it is left out, as in
+`batch.momentum`; `u` is the scatter of the blocks alone.
 """
 
 from __future__ import annotations
@@ -11,15 +14,157 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from swingid.batch import passes
-from swingid.batch.passes import energy_runs
+from swingid.batch.kernels import njit_sums_threads, slopes, smoothing
 from swingid.batch.plan import Batch, Plan, require_batch
-from swingid.batch.speeds import smoothing
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.scale import Scale
+
+INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN, KNOWN, COLUMNS = range(8)
+"""Places of the columns: q1'^2/2, running integrals of f(q1') q1' of the terms of friction, and the known side."""
+
+ETA, C1, C2, LOW, HIGH, F2, F3, GEAR, A12, A22, GRAVITY, CONSTANTS = range(12)
+"""Places of the constants: the motor's, dead zone from LOW to HIGH, and a12, a22, b of the balance."""
+
+CORNER = 8
+"""Samples over which the second difference of the wheel's speed is taken."""
+
+SMALLEST_SWING = 0.05
+"""Reversals that are nearer to each other than this share of the motion's range are noise."""
+
+
+@njit_sums_threads
+def running(v1: Array, v2: Array, wheel: Array, voltage: Array, step: float, constants: Array, sums: Array) -> None:
+    """Running integrals (5, rows): the drive's work (the voltage held), |v|, v^2, |v| v^2, |v| v (trapezoids)."""
+    total = np.zeros(5)
+    eta, gear, f2, f3 = constants[ETA], constants[GEAR], constants[F2], constants[F3]
+    for j in range(len(v1) - 1):
+        for i in range(5):
+            sums[i, j] = total[i]
+        if len(wheel) > 0:
+            v = 0.5 * (v2[j] + v2[j + 1])
+            ideal = eta * (constants[C1] * voltage[j] - constants[C2] * v)
+            torque = max(ideal - constants[HIGH], 0.0) + min(ideal - constants[LOW], 0.0)
+            total[0] += gear * (torque - f2 * gear * v - f3 * np.sign(v)) * (wheel[j + 1] - wheel[j])
+            # v^2 has a larger mean over the step than v has squared
+            loss = f2 * gear + (eta * constants[C2] if torque != 0.0 else 0.0)
+            total[0] -= gear * loss * step * (v2[j + 1] - v2[j]) ** 2 / 12.0
+        a, b = v1[j], v1[j + 1]
+        total[1] += 0.5 * step * (abs(a) + abs(b))
+        total[2] += 0.5 * step * (a * a + b * b)
+        total[3] += 0.5 * step * (abs(a) * a * a + abs(b) * b * b)
+        total[4] += 0.5 * step * (abs(a) * a + abs(b) * b)
+    for i in range(5):
+        sums[i, len(v1) - 1] = total[i]
+
+
+@njit_sums_threads
+def turning_points(angle: Array, v: Array, first: int, last: int, turns: Ints) -> int:
+    """Samples nearest to the reversals of v between first and last into `turns`; returns how many were found."""
+    low, high = angle[first:last].min(), angle[first:last].max()
+    threshold, count = SMALLEST_SWING * (high - low), 0
+    for j in range(first, last - 1):
+        if v[j] * v[j + 1] > 0.0 or v[j + 1] == 0.0:
+            continue
+        at = j if abs(v[j]) < abs(v[j + 1]) else j + 1
+        if count < len(turns) and (count == 0 or abs(angle[at] - angle[turns[count - 1]]) > threshold):
+            turns[count] = at
+            count += 1
+    return count
+
+
+@njit_sums_threads
+def energy_run(
+    angle: Array,
+    wheel: Array,
+    voltage: Array,
+    step: float,
+    span: tuple[int, int],
+    levels: Array,
+    weights: tuple[Array, Array],
+    constants: Array,
+    work: Array,
+    turns: Ints,
+    result: Array,
+) -> int:
+    """Columns (blocks, nodes, COLUMNS) of one log, 0 in blocks that it has not; returns how many it has.
+
+    angle, wheel, voltage (rows,) (wheel empty: no wheel). span: first and last sample used. levels: depths of the nodes
+    in shares of the smaller swing. weights: `smoothing` of angle and wheel angle. work (7, rows), turns (blocks + 2,).
+    """
+    reach, deep, found = weights[0].shape[1] - 1, len(levels), 0
+    v1, v2, sums = work[0], work[1], work[2:7]
+    slopes(angle, weights[0][1], v1)
+    v2[:] = 0.0
+    if len(wheel) > 0:
+        slopes(wheel, weights[1][1], v2)
+        reach = max(reach, weights[1].shape[1] - 1)
+    running(v1, v2, wheel, voltage, step, constants, sums)
+    first, last = max(span[0], reach), min(span[1], len(angle) - 1 - reach)
+    count = turning_points(angle, v1, first, last, turns)
+    result[:] = 0.0
+    for i in range(1, count - 1):
+        top = angle[turns[i]]
+        size = min(abs(top - angle[turns[i - 1]]), abs(top - angle[turns[i + 1]]))
+        complete = found < len(result)
+        for way in (-1, 1):
+            j, end = turns[i], turns[i + way]
+            for level in range(deep):
+                while j != end and abs(top - angle[j]) < levels[level] * size:
+                    j += way
+                complete = complete and j != end
+                if complete:
+                    fill_node(result[found, deep + way * (level + 1)], angle, v1, v2, sums, j, weights[0][0], constants)
+        if complete:
+            fill_node(result[found, deep], angle, v1, v2, sums, turns[i], weights[0][0], constants)
+            found += 1
+        elif found < len(result):
+            result[found] = 0.0
+    return found
+
+
+@njit_sums_threads
+def fill_node(
+    row: Array, angle: Array, v1: Array, v2: Array, sums: Array, j: int, weights: Array, constants: Array
+) -> None:
+    """The columns at sample j into `row` (COLUMNS,); weights: of the angle."""
+    q = weights[0] * angle[j]
+    for i in range(1, len(weights)):
+        q += weights[i] * (angle[j + i] + angle[j - i])
+    row[INERTIA], row[OFFSET] = 0.5 * v1[j] * v1[j], q
+    row[COULOMB], row[VISCOUS], row[QUADRATIC], row[EVEN] = sums[1, j], sums[2, j], sums[3, j], sums[4, j]
+    apart = min(CORNER, j, len(v2) - 1 - j)
+    turn = v2[j] - (v2[j + apart] - 2.0 * v2[j] + v2[j - apart]) / (12.0 * apart * apart)
+    kinetic = constants[A12] * v1[j] * turn + 0.5 * constants[A22] * turn * turn
+    row[KNOWN] = sums[0, j] + constants[GRAVITY] * np.cos(q) - kinetic
+
+
+@njit_sums_threads
+def energy_runs(
+    angle: Array,
+    wheel: Array,
+    voltage: Array,
+    step: float,
+    span: tuple[int, int],
+    levels: Array,
+    weights: tuple[Array, Array],
+    constants: Array,
+    result: Array,
+) -> Ints:
+    """`energy_run` for all logs (n, rows), into result (n, blocks, nodes, COLUMNS); returns the blocks of each (n,)."""
+    work = np.empty((7, angle.shape[1]))
+    turns = np.empty(result.shape[1] + 2, np.int64)
+    counts = np.zeros(len(angle), np.int64)
+    for k in range(len(angle)):
+        own_wheel = wheel[k] if len(wheel) > 0 else work[0, :0]
+        own_voltage = voltage[k] if len(wheel) > 0 else work[0, :0]
+        counts[k] = energy_run(
+            angle[k], own_wheel, own_voltage, step, span, levels, weights, constants, work, turns, result[k]
+        )
+    return counts
+
 
 TOGETHER = 32
 """Logs whose nodes are in memory at once, per thread."""
@@ -57,7 +202,7 @@ def energy_batch(
 
     def part(begin: int) -> tuple[Array, Array]:
         own = slice(begin, begin + TOGETHER)
-        columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, passes.COLUMNS))
+        columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, COLUMNS))
         counts = energy_runs(angle[own], wheel[own], volts[own], step, span, LEVELS, weights, constants, columns)
         return _fitted(columns, counts)
 
@@ -70,24 +215,24 @@ def energy_batch(
 
 
 def _constants(rig: Rig, scale: Scale) -> Array:
-    """Constants of the balance as `passes` names them."""
-    found = np.zeros(passes.CONSTANTS)
-    found[passes.GRAVITY] = scale.b or 0.0
+    """Constants of the balance at their places."""
+    found = np.zeros(CONSTANTS)
+    found[GRAVITY] = scale.b or 0.0
     motor = rig.drive.motor
     if scale.drive == "reaction-wheel" and motor is not None:
-        found[passes.ETA], found[passes.C1] = motor.efficiency.value, motor.torque_per_volt.value
-        found[passes.C2], found[passes.GEAR] = motor.back_emf.value, motor.gear_ratio.value
-        found[passes.LOW], found[passes.HIGH] = motor.dead_zone
-        found[passes.F2], found[passes.F3] = motor.viscous.value, motor.coulomb.value
-        found[passes.A12], found[passes.A22] = rig.drive.a12, rig.drive.a22
+        found[ETA], found[C1] = motor.efficiency.value, motor.torque_per_volt.value
+        found[C2], found[GEAR] = motor.back_emf.value, motor.gear_ratio.value
+        found[LOW], found[HIGH] = motor.dead_zone
+        found[F2], found[F3] = motor.viscous.value, motor.coulomb.value
+        found[A12], found[A22] = rig.drive.a12, rig.drive.a22
     return found
 
 
 def _fitted(columns: Array, counts: Ints) -> tuple[Array, Array]:
     """a11 (n,) and its variance as of `fit_nodes`, for columns (n, blocks, nodes, COLUMNS)."""
     n, blocks = columns.shape[:2]
-    within = (columns - columns.mean(axis=2, keepdims=True)).reshape(n, -1, passes.COLUMNS)
-    matrix, known = within[:, :, : passes.KNOWN], within[:, :, passes.KNOWN]
+    within = (columns - columns.mean(axis=2, keepdims=True)).reshape(n, -1, COLUMNS)
+    matrix, known = within[:, :, :KNOWN], within[:, :, KNOWN]
     size = np.linalg.norm(matrix, axis=1, keepdims=True)
     size[size == 0.0] = 1.0
     scaled = matrix / size
@@ -96,7 +241,7 @@ def _fitted(columns: Array, counts: Ints) -> tuple[Array, Array]:
     weights = (scaled @ inverse[:, :, :1])[:, :, 0] / size[:, :, 0]  # influence of the nodes on a11
     scores = (weights * (known - (scaled @ values)[:, :, 0])).reshape(n, blocks, -1).sum(axis=2)
     variance = (scores * scores).sum(axis=1) + (scores[:, 1:] * scores[:, :-1]).sum(axis=1)
-    variance *= counts / np.maximum(counts - passes.KNOWN, 1)
+    variance *= counts / np.maximum(counts - KNOWN, 1)
     a11 = values[:, 0, 0] / size[:, 0, 0]
     a11[counts < FEWEST_BLOCKS], variance[counts < FEWEST_BLOCKS] = np.nan, np.nan
     return a11, variance

@@ -14,8 +14,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from swingid.balance.fits import LAG, with_excess
-from swingid.batch.plan import Batch, Plan, require_batch
-from swingid.batch.projections import (
+from swingid.batch.kernels import (
     COLUMNS,
     COULOMB,
     EVEN,
@@ -26,11 +25,15 @@ from swingid.batch.projections import (
     QUADRATIC,
     VISCOUS,
     WHEEL,
+    kinked,
     njit_sums_threads,
     project_run,
+    signs,
+    slopes,
+    smoothing,
     window_weights,
-)  # fmt: skip
-from swingid.batch.speeds import kinked, signs, slopes, smoothing
+)
+from swingid.batch.plan import Batch, Plan, require_batch
 from swingid.errors import UnanswerableError
 from swingid.methods.energy.balance import SHARE
 from swingid.model.rig import Rig

@@ -51,9 +51,9 @@ def campaign(
         raise UsageError(
             "--workers is for this machine, --scheduler for a cluster; give one of them", code="two-workers"
         )
-    from swingid.report.campaign import write_campaign
+    from swingid.report.pages import write_campaign
     from swingid.study.campaign import load_plan, run_campaign, summarise
-    from swingid.study.campaign.kernels import are_compiled
+    from swingid.study.campaign.run import are_compiled
 
     chosen = load_plan(plan).with_runs(runs)
     folder = Path(out or f"campaign-{chosen.name}")
@@ -70,7 +70,7 @@ def campaign(
 
 
 def _ready() -> str:
-    from swingid.study.campaign.ready import described
+    from swingid.study.campaign.loading import described
     from swingid.study.terminal import aligned
 
     return "\n".join(aligned([(name, takes, about) for name, about, takes in described()]))

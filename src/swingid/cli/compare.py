@@ -36,7 +36,7 @@ def compare(
     announce_compilation("identify")
     comparison = run(recordings, plant, [m.value for m in method] if method else None)
     if report is not None:
-        from swingid.report.comparison import write_comparison
+        from swingid.report.pages import write_comparison
 
         write_comparison(comparison, plant, report)
     if json is not None:

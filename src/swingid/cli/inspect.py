@@ -33,7 +33,7 @@ def inspect(
     announce_compilation("identify")
     found = inspect_log(log, plant)
     if report is not None:
-        from swingid.report.inspection import write_inspection
+        from swingid.report.pages import write_inspection
 
         write_inspection(found, report)
     if json is not None:

@@ -44,7 +44,7 @@ def validate(
     announce_compilation("identify")
     validation = run(found, recordings, plant, input=None if input is None else input.value)
     if report is not None:
-        from swingid.report.validation import write_validation
+        from swingid.report.pages import write_validation
 
         write_validation(validation, plant, report)
     if json is not None:

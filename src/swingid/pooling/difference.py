@@ -6,8 +6,7 @@ from pathlib import Path
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
-from swingid.pooling.known_body import calibrated
-from swingid.pooling.runs import Runs
+from swingid.pooling.runs import Runs, calibrated
 from swingid.pooling.shares import Estimate, Share, sum_of
 from swingid.result.result import Message, Parameter, Result
 from swingid.units import Quantity, parse_quantity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swingid.recursive.estimate import SwingEstimate
+from swingid.recursive.solution import SwingEstimate
 from swingid.recursive.stream import online, swing_estimates
 
 __all__ = ["SwingEstimate", "online", "swing_estimates"]

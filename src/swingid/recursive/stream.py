@@ -18,10 +18,8 @@ from swingid.preparation.scale import Scale
 from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 from swingid.recursive.blocks import Block, energy_block, momentum_block
-from swingid.recursive.buffer import SwingBuffer
-from swingid.recursive.estimate import Reporter, SwingEstimate
-from swingid.recursive.samples import Reader
-from swingid.recursive.solution import Recursion, first_solution, solve_all
+from swingid.recursive.rows import Reader, SwingBuffer
+from swingid.recursive.solution import Recursion, Reporter, SwingEstimate, first_solution, solve_all
 
 Maker = Callable[[Recording, Rig, Scale, Noise, Motion, int], Block | None]
 

@@ -160,15 +160,8 @@ def _figures(result: Result, log: Recording | None, *, linear: bool) -> dict[str
 
 
 def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, Figure | None]:
-    from swingid.report.figures.budget import draw_budget
-    from swingid.report.figures.convergence import draw_convergence
-    from swingid.report.figures.friction import draw_friction
-    from swingid.report.figures.kinds import draw_kinds
-    from swingid.report.figures.log import draw_log
-    from swingid.report.figures.logs import draw_logs
-    from swingid.report.figures.residuals import draw_residuals
-    from swingid.report.figures.swings import draw_swings
-    from swingid.report.figures.turning_points import draw_turning_points
+    from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
+    from swingid.report.figures.motion import draw_friction, draw_log, draw_residuals, draw_turning_points
 
     details = result.details
     drawn: dict[str, Figure | None] = {"budget": draw_budget(result), "swings": draw_swings(result)}

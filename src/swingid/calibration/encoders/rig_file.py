@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from swingid.calibration.encoders.parts import ANGLE, WHEEL, latency_key
-from swingid.calibration.motor.rig_file import rounded
+from swingid.calibration.motor.constants import rounded
 from swingid.model.rig import Rig
 from swingid.model.rig.edit import edited
 from swingid.result.result import Message, Parameter

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from swingid.study.campaign.plan import Plan, load_plan
-from swingid.study.campaign.ready import READY
+from swingid.study.campaign.loading import READY, load_plan
+from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.run import run_campaign
 from swingid.study.campaign.summary import Summary, summarise
 

@@ -29,7 +29,7 @@ from swingid.study.campaign.trial import (
     numberless,
     with_number,
 )
-from swingid.study.rehearse.trial import encoder_places, through_file
+from swingid.study.rehearse import encoder_places, through_file
 
 if TYPE_CHECKING:
     from swingid.batch import Batch, Plan

@@ -13,7 +13,7 @@ from swingid.control.references import parse_reference
 from swingid.errors import InputError, UsageError
 from swingid.identification import check_options, method_function
 from swingid.model.rig import Rig
-from swingid.study.campaign.factors import Point, Times, flattened
+from swingid.study.campaign.plan import Point, Times, flattened
 from swingid.study.campaign.tables import BATCHED, KEYS_IN_WORDS, is_key
 from swingid.units import Quantity, parse_quantity
 

@@ -1,24 +1,20 @@
-"""A plan, read and checked: what a campaign does, and everything its trials need, ready to be sent to any process."""
+"""A plan and its points: grids, one factor at a time, random points, Latin hypercubes, Sobol sequences."""
 
 from __future__ import annotations
 
 import hashlib
-import json
-import tomllib
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
+from itertools import product
 from typing import Any
 
 import numpy as np
-from pydantic import ValidationError
 
-from swingid.errors import InputError, SwingidError, UsageError
-from swingid.model.rig import Rig
-from swingid.model.rig.errors import describe
-from swingid.study.campaign.factors import Point, flattened, levels_of, points_of
-from swingid.study.campaign.tables import BATCHED, MOST_TRIALS, PlanTables
+from swingid.errors import UsageError
+from swingid.numerics.arrays import Array
+from swingid.study.campaign.tables import BATCHED, SAMPLED, Factor, PlanTables
 
 
 @dataclass(frozen=True)
@@ -96,98 +92,135 @@ class Plan:
         return replace(self, runs=runs)
 
 
-def load_plan(path_or_name: str | Path) -> Plan:
-    """The plan of a file ending in .toml, or a ready one by its name; every level of every factor is tried out.
-
-    Raises UsageError for a name that is neither, InputError for a file that is missing, no TOML or no plan, naming the
-    key.
-    """
-    from swingid.study.campaign.ready import READY, ready_text
-
-    name = str(path_or_name)
-    if name in READY:
-        return plan_from_text(ready_text(name), name)
-    path = Path(path_or_name)
-    if path.suffix.lower() != ".toml":
-        raise UsageError(
-            f"no plan {name!r}: give a path ending in .toml or one of {', '.join(READY)}", code="unknown-plan"
-        )
-    try:
-        text = path.read_bytes().decode("utf-8")
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} does not exist; 'swingid campaign --list' names the ready plans", code="missing-file"
-        ) from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not UTF-8 text (byte {error.start}); save it as UTF-8", code="not-utf8") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{str(path)!r} cannot be read: {reason}", code="unreadable-file") from None
-    return plan_from_text(text, name, folder=path.parent)
-
-
-def plan_from_text(text: str, source: str = "plan.toml", *, folder: Path | None = None) -> Plan:
-    """The plan of TOML text; rig files are looked for beside it, in `folder`. Errors as `load_plan`."""
-    try:
-        document = tomllib.loads(text.removeprefix("\ufeff"))
-    except (ValueError, RecursionError) as error:
-        problem = "nested too deeply" if isinstance(error, RecursionError) else " ".join(str(error).split())
-        raise InputError(f"{source} is not TOML: {problem[:200]}", code="not-toml") from None
-    try:
-        tables = PlanTables.model_validate(document)
-    except ValidationError as error:
-        code, problem = describe(error, PlanTables, what="a plan")
-        raise InputError(f"{source}: {problem}", code=code) from None
-    plain = json.loads(json.dumps(document, default=str))
-    plan = Plan(tables, plain, _rigs(tables, source, folder or Path()), source)
-    if plan.whole > MOST_TRIALS:
-        raise InputError(f"{source}: {plan.whole} trials are more than {MOST_TRIALS}; plan fewer", code="too-many")
-    _try_levels(plan)
-    return plan
-
-
-def _rigs(tables: PlanTables, source: str, folder: Path) -> dict[str, tuple[str, str]]:
-    """(source, text) of every rig that the plan names."""
-    names = [tables.base.rig]
-    for factor in tables.factors.values():
-        if factor.key == "rig":
-            names += [str(value) for value in factor.values or ()]
-        names += [str(level["rig"]) for level in (factor.levels or {}).values() if "rig" in level]
-    found = {}
-    for name in dict.fromkeys(names):
-        beside = folder / name
-        path = beside if name.lower().endswith(".toml") and beside.is_file() else name
-        try:
-            rig = Rig.load(path)
-        except SwingidError as error:
-            raise InputError(f"{source}: rig: {error.message}", code=error.code) from None
-        found[name] = (rig.source, rig.text)
-    return found
-
-
-def _try_levels(plan: Plan) -> None:
-    """Raise InputError where the base, or one level of one factor around it, is no experiment."""
-    from swingid.study.campaign.experiment import experiment_of
-
-    tried: list[tuple[str, Point]] = [("base", Point())]
-    for name, factor in plan.tables.factors.items():
-        if factor.listed:
-            levels = levels_of(name, factor)
-        else:
-            ends = factor.model_copy(update={"steps": 2})
-            levels = levels_of(name, ends)
-        tried += [(f"factors.{name} at {level.labels[name]!r}", level) for level in levels]
-    # what only a factor gives must be there when another one is tried
-    first = tried[0][1].settings | {k: v for _, level in reversed(tried[1:]) for k, v in level.settings.items()}
-    needed = {k: v for k, v in first.items() if k.partition(".")[0] == "reference"}
-    for place, point in tried:
-        try:
-            experiment_of(plan, Point(point.labels, needed | point.settings))
-        except SwingidError as error:
-            raise InputError(f"{plan.source}: {place}: {error.message}", code=error.code) from None
-
-
 def differing_key(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """The first dotted key at which two plain documents differ."""
     a, b = flattened(one), flattened(other)
     return next((key for key in sorted(a.keys() | b.keys()) if a.get(key) != b.get(key)), "")
+
+
+BASE = "base"
+"""Label of a factor that is as the base has it, where one factor at a time is varied."""
+
+
+@dataclass(frozen=True)
+class Times:
+    """A multiple of what the base states at a key."""
+
+    factor: float
+
+
+@dataclass(frozen=True)
+class Point:
+    """One point: `labels`, what each factor's column says, and `settings`, what is set at which dotted key."""
+
+    labels: dict[str, float | str] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
+
+
+def points_of(plan: PlanTables) -> list[Point]:
+    """All points of a plan in order. In a grid the last factor varies fastest; one at a time begins with the base.
+
+    A sampled design is drawn by the plan's seed (`design_seed`).
+    """
+    factors = plan.factors
+    if plan.design in SAMPLED:
+        return _sampled(plan)
+    listed = {name: levels_of(name, factor) for name, factor in factors.items()}
+    if plan.design == "grid":
+        return [_joined(levels) for levels in product(*listed.values())]
+    base: dict[str, float | str] = dict.fromkeys(factors, BASE)
+    points = [Point(dict(base), {})]
+    for name, levels in listed.items():
+        points += [Point(base | {name: _text(level.labels[name])}, level.settings) for level in levels]
+    return points
+
+
+def levels_of(name: str, factor: Factor) -> list[Point]:
+    """The levels of a factor that has a few; each sets what it sets and nothing else."""
+    if factor.levels is not None:
+        return [Point({name: label}, flattened(table)) for label, table in factor.levels.items()]
+    assert factor.key is not None
+    if factor.values is not None:
+        values: list[bool | int | float | str] = factor.values
+    else:
+        assert factor.range is not None
+        shares = np.linspace(0.0, 1.0, factor.steps or 2)
+        values = [_within(factor, float(share)) for share in shares]  # their ends are the range's
+    return [_one(name, factor, value) for value in values]
+
+
+def flattened(tables: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as values at dotted keys."""
+    flat: dict[str, Any] = {}
+    for key, value in tables.items():
+        if isinstance(value, Mapping):
+            flat |= flattened(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def design_seed(seed: int) -> np.random.SeedSequence:
+    """What the points of a sampled design are drawn by: the first child of the plan's seed."""
+    return np.random.SeedSequence(seed).spawn(2)[0]
+
+
+def _sampled(plan: PlanTables) -> list[Point]:
+    assert plan.points is not None
+    shares = unit_points(plan.design, plan.points, len(plan.factors), design_seed(plan.seed))
+    points = []
+    for row in shares:
+        own = []
+        for share, (name, factor) in zip(row, plan.factors.items(), strict=True):
+            if factor.listed:
+                levels = levels_of(name, factor)
+                own.append(levels[min(int(share * len(levels)), len(levels) - 1)])
+            else:
+                own.append(_one(name, factor, _within(factor, float(share))))
+        points.append(_joined(own))
+    return points
+
+
+def unit_points(design: str, count: int, dimensions: int, seed: np.random.SeedSequence) -> Array:
+    """Points (count, dimensions) of a design in the unit cube."""
+    generator = np.random.default_rng(seed)
+    if design == "random":
+        return generator.random((count, dimensions))
+    from scipy.stats import qmc
+
+    if design == "latin-hypercube":
+        found: Array = qmc.LatinHypercube(dimensions, rng=generator).random(count)
+        return found
+    # Sobol's points are balanced in powers of two; the first `count` of the next power
+    sobol = qmc.Sobol(dimensions, scramble=True, rng=generator)
+    drawn: Array = sobol.random_base2(max(0, math.ceil(math.log2(count))))
+    return drawn[:count]
+
+
+def _within(factor: Factor, share: float) -> float:
+    """The value at a share of a factor's range, even in the logarithm on a log scale."""
+    assert factor.range is not None
+    low, high = factor.range
+    if factor.scale == "log":
+        return float(f"{low * (high / low) ** share:.12g}")
+    return float(f"{low + (high - low) * share:.12g}")
+
+
+def _one(name: str, factor: Factor, value: bool | float | str) -> Point:
+    assert factor.key is not None
+    setting = Times(float(value)) if factor.relative else value
+    label = str(value).lower() if isinstance(value, bool) else value
+    return Point({name: label if isinstance(label, str) else float(label)}, {factor.key: setting})
+
+
+def _joined(levels: tuple[Point, ...] | list[Point]) -> Point:
+    labels: dict[str, float | str] = {}
+    settings: dict[str, Any] = {}
+    for level in levels:
+        labels |= level.labels
+        settings |= level.settings
+    return Point(labels, settings)
+
+
+def _text(label: float | str) -> str:
+    return label if isinstance(label, str) else f"{label:g}"

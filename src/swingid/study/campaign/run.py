@@ -1,14 +1,32 @@
-"""Running a campaign: what is not there yet is done, what is there stays, and at the end it is sorted."""
+"""Running a campaign: the blocks that are missing are done by this process, by several, or by a Dask cluster.
+
+Blocks are pure, so a lost worker costs time only: what it had not handed over is done again by another. Kernels are
+compiled in a process of their own before any trial is done: a kernel that was just compiled and the same one loaded
+from the cache may round differently (the compiler sees other functions to merge it with), and then the bytes of the
+results would depend on which process was the first.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import hashlib
+import json
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from swingid.errors import UsageError
+from swingid.errors import InputError, UsageError
+from swingid.study.campaign.batch import batch_rows
 from swingid.study.campaign.plan import Plan
-from swingid.study.campaign.store import Store, is_finished
-from swingid.study.campaign.workers import blocks_done
+from swingid.study.campaign.store import Store, is_finished, made_by
+from swingid.study.campaign.trial import Row, run_trial
+
+if TYPE_CHECKING:
+    pass
 
 Progress = Callable[[int, int, int], None]
 
@@ -48,3 +66,202 @@ def run_campaign(
                     progress(done, plan.trials, already)
             store.finish()
     return store.folder / "results.parquet"
+
+
+def run_block(plan: Plan, block: int) -> list[Row]:
+    """The rows of all trials of a block, in their order."""
+    ensure_compiled(plan)
+    return block_rows(plan, plan.block(block))
+
+
+def block_rows(plan: Plan, trials: Sequence[int]) -> list[Row]:
+    """The rows of some trials, in their order."""
+    if plan.batched:
+        return batch_rows(plan, trials)
+    return [row for trial in trials for row in run_trial(plan, trial)]
+
+
+Done = tuple[int, list[Row]]
+
+IDLE = 20
+"""s after which a process without work ends, as it does when the one that started it was killed."""
+
+MOST_LOST = 3
+"""Times that processes may be lost before it is given up."""
+
+
+def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, scheduler: str | None) -> Iterator[Done]:
+    """Number and rows of each block as it is done, in any order.
+
+    workers: processes, None for one per core; scheduler: address of a Dask scheduler, which then counts instead.
+    Raises UsageError where a package is missing, InputError where workers are lost again and again or the cluster
+    cannot be reached.
+    """
+    if scheduler is not None:
+        yield from _by_dask(plan, blocks, scheduler)
+        return
+    count = min(workers or len(os.sched_getaffinity(0)), len(blocks))
+    if count <= 1:
+        for block in blocks:
+            yield _one(plan, block)
+        return
+    yield from _by_processes(plan, blocks, count)
+
+
+def _one(plan: Plan, block: int) -> Done:
+    return block, run_block(plan, block)
+
+
+def _one_for(parent: int, plan: Plan, block: int) -> Done:
+    """A block for the process that started this one; where that was killed nobody wants it, and this one ends."""
+    if os.getppid() != parent:
+        os._exit(1)
+    return _one(plan, block)
+
+
+def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Done]:
+    try:
+        from joblib import Parallel, delayed, parallel_config
+        from joblib.externals.loky.process_executor import TerminatedWorkerError
+    except ImportError:
+        raise UsageError(
+            "several workers need joblib: pip install 'swingid[campaign]', or take --workers 1", code="no-joblib"
+        ) from None
+    left = dict.fromkeys(blocks)
+    for _ in range(MOST_LOST):
+        try:
+            with parallel_config(backend="loky", inner_max_num_threads=1, idle_worker_timeout=IDLE):
+                pool = Parallel(n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
+                for block, rows in pool(delayed(_one_for)(os.getpid(), plan, block) for block in list(left)):
+                    del left[block]
+                    yield block, rows
+            return
+        except TerminatedWorkerError:
+            continue
+    raise InputError(
+        f"worker processes died {MOST_LOST} times, perhaps for want of memory; start again with fewer --workers, "
+        "what is done is kept",
+        code="lost-workers",
+    )
+
+
+def _by_dask(plan: Plan, blocks: Sequence[int], scheduler: str) -> Iterator[Done]:
+    try:
+        from distributed import CancelledError, Client, KilledWorker, as_completed
+    except ImportError:
+        raise UsageError("--scheduler needs Dask: pip install 'swingid[cluster]'", code="no-dask") from None
+    try:
+        client = Client(scheduler, timeout=20)
+    except (OSError, ValueError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(f"no Dask scheduler answers at {scheduler}: {reason}", code="no-scheduler") from None
+    with client:
+        _check_versions(client)
+        shared = client.scatter(plan, broadcast=True, hash=True)
+        futures = client.map(_one, [shared] * len(blocks), list(blocks), pure=False, retries=MOST_LOST)
+        try:
+            for future in as_completed(futures):
+                try:
+                    block, rows = future.result()
+                except (KilledWorker, CancelledError, OSError) as error:
+                    raise InputError(
+                        f"the cluster lost its workers or its scheduler ({type(error).__name__}); start again, what is "
+                        "done is kept",
+                        code="lost-workers",
+                    ) from None
+                future.release()
+                yield block, rows
+        finally:
+            client.cancel([future for future in futures if not future.done()])
+
+
+def _check_versions(client: Any) -> None:
+    """Raise InputError for workers with another swingid, whose numbers could differ."""
+    try:
+        found = client.run(made_by)
+    except Exception as error:
+        raise InputError(
+            f"a worker of the cluster cannot import swingid ({type(error).__name__}); install it there",
+            code="no-swingid",
+        ) from None
+    for address, there in found.items():
+        if there != made_by():
+            raise InputError(
+                f"worker {address} has another version of swingid ({there.get('swingid')}, code {there.get('code')}); "
+                "install the same everywhere",
+                code="other-version",
+            )
+
+
+PROGRAM = "import sys; from swingid.study.campaign.run import compile_kernels; compile_kernels(sys.stdin.buffer.read())"
+
+
+def ensure_compiled(plan: Plan) -> None:
+    """Have all kernels that a plan calls compiled and cached, once per machine, version and kind of plan."""
+    _ensure(_kind(plan), pickle.dumps(plan))
+
+
+def are_compiled(plan: Plan) -> bool:
+    """Whether the kernels of a plan are in this machine's cache."""
+    return _marker(_kind(plan)).exists()
+
+
+def _marker(kind: str) -> Path:
+    from swingid.numerics.compiled import CACHE
+
+    return CACHE / f"campaign-{kind}"
+
+
+@cache
+def _ensure(kind: str, pickled: bytes) -> None:
+    import fcntl
+
+    marker = _marker(kind)
+    if marker.exists():
+        return
+    with marker.with_name("campaign.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)  # of several workers of a machine one compiles, the others wait
+        if not marker.exists():
+            subprocess.run([sys.executable, "-c", PROGRAM], input=pickled, capture_output=True, check=False)
+            marker.touch()
+
+
+def compile_kernels(pickled: bytes) -> None:
+    """Run one trial at each kind of point of a plan, for the kernels' sake."""
+    plan: Plan = pickle.loads(pickled)
+    for trial in _kinds_of_trials(plan):
+        block_rows(plan, [trial])
+
+
+def _kinds_of_trials(plan: Plan) -> list[int]:
+    """The first trial with each level of each factor that is no number: numbers change no kernel."""
+    wanted = {(name, str(label)) for p in plan.points for name, label in p.labels.items() if isinstance(label, str)}
+    chosen = [0]
+    for trial in range(plan.trials):
+        if not wanted:
+            break
+        labels = plan.points[plan.place(trial)[0]].labels
+        new = wanted & {(name, str(label)) for name, label in labels.items()}
+        if new:
+            wanted -= new
+            chosen.append(trial)
+    return sorted(set(chosen))
+
+
+def _kind(plan: Plan) -> str:
+    """What decides which kernels a plan calls, as a short name: everything but numbers."""
+    tables = plan.tables.model_dump(mode="json", include={"base", "methods", "bound"})
+    factors = {
+        factor.key: [v for v in factor.values or () if isinstance(v, str)] for factor in plan.tables.factors.values()
+    }
+    levels = [factor.levels for factor in plan.tables.factors.values()]
+    kind = json.dumps(_without_numbers([tables, factors, levels]), sort_keys=True)
+    return hashlib.sha256(kind.encode()).hexdigest()[:16]
+
+
+def _without_numbers(value: object) -> object:
+    if isinstance(value, dict):
+        return {str(key): _without_numbers(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_without_numbers(item) for item in value]
+    return None if isinstance(value, int | float) and not isinstance(value, bool) else value

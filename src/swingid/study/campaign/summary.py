@@ -4,22 +4,125 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from swingid.numerics.arrays import Array, Bools
-from swingid.study.campaign.factors import BASE
-from swingid.study.campaign.plan import Plan
-from swingid.study.campaign.statistics import Answers, Statistics, statistics_of
+from swingid.format import percent
+from swingid.numerics.arrays import Array, Bools, Ints
+from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
+from swingid.study.rehearse import Expectation
+from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What one method said of one quantity in n runs: arrays (n,), NaN where it did not.
+
+    point: of the plan. truth, value: SI. half_width: of the 95 % interval (SI). bound: least standard deviation (SI).
+    codes: of refusals and failures, "" else; warnings: codes with blanks between.
+    """
+
+    point: Ints
+    truth: Array
+    value: Array
+    half_width: Array
+    bound: Array
+    codes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def errors(self) -> Array:
+        """Relative errors, NaN where the truth is 0."""
+        return self.relative(self.value) - 1
+
+    def relative(self, values: Array) -> Array:
+        """Values in units of the truth, NaN where that is 0."""
+        size = np.where(self.truth == 0.0, np.nan, self.truth)
+        result: Array = values / size
+        return result
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """Figures of one method. Errors and widths are relative to the truth; each with its standard error, NaN if unknown.
+
+    coverage: share of the 95 % intervals that hold the truth, with its binomial error (Agresti and Coull). width:
+    median half-width over RMSE, 1.96 where intervals are right and errors normal. efficiency: Cramér and Rao's
+    variance over the mean squared error, 1 at best. Over several points, each error counts in its own point's median
+    half-width and its own run's bound.
+    """
+
+    runs: int
+    answered: int
+    bias: tuple[float, float]
+    rmse: tuple[float, float]
+    p95: float
+    coverage: tuple[float, float]
+    half_width: float
+    width: float
+    efficiency: tuple[float, float]
+    refusals: dict[str, int] = field(default_factory=dict)
+    warnings: dict[str, int] = field(default_factory=dict)
+
+
+def statistics_of(answers: Answers, method: str = "") -> Statistics:
+    """The figures of some answers."""
+    errors = answers.errors
+    refusals = dict(Counter(code for code in answers.codes if code))
+    warnings = dict(Counter(code for text in answers.warnings for code in text.split()))
+    seen = Expectation(method, errors, np.abs(answers.relative(answers.half_width)), refusals, warnings)
+    known = errors[np.isfinite(errors)]
+    squares = known**2
+    count = len(known)
+    rmse, spread = seen.rmse, _error_of_mean(squares)
+    return Statistics(
+        runs=len(errors),
+        answered=seen.answered,
+        bias=(seen.bias, _error_of_mean(known)),
+        rmse=(rmse, spread / (2 * rmse) if count > 1 and rmse > 0 else float("nan")),
+        p95=seen.p95,
+        coverage=seen.coverage,
+        half_width=seen.half_width,
+        width=_width(answers),
+        efficiency=_efficiency(answers),
+        refusals=refusals,
+        warnings=warnings,
+    )
+
+
+def _error_of_mean(values: Array) -> float:
+    return float(np.std(values, ddof=1) / np.sqrt(len(values))) if len(values) > 1 else float("nan")
+
+
+def _width(answers: Answers) -> float:
+    """Median half-width over the root mean square of the errors."""
+    widths = np.full(len(answers.value), np.nan)
+    for point in np.unique(answers.point):
+        own = (answers.point == point) & np.isfinite(answers.half_width)
+        if own.any():
+            widths[own] = np.median(answers.half_width[own])
+    shares = ((answers.value - answers.truth) / widths)[widths > 0]
+    size = float(np.mean(shares**2)) if len(shares) else 0.0
+    return size**-0.5 if size > 0 else float("nan")
+
+
+def _efficiency(answers: Answers) -> tuple[float, float]:
+    """Least mean squared error over that of the errors, and its standard error."""
+    squares = ((answers.value - answers.truth) / answers.bound)[np.isfinite(answers.value)] ** 2
+    if not len(squares) or not np.isfinite(squares).all() or not np.mean(squares) > 0:
+        return float("nan"), float("nan")
+    mean = float(np.mean(squares))
+    return 1 / mean, _error_of_mean(squares) / mean**2
 
 
 MOST_LEVELS = 12
@@ -106,8 +209,6 @@ class Summary:
 
     def text(self) -> str:
         """Tables to read on a terminal."""
-        from swingid.study.campaign.text import tabulate
-
         return tabulate(self)
 
 
@@ -224,3 +325,73 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _plain(item) for key, item in value.items()}
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
+
+
+HEADINGS = ("RMSE", "bias", "covers", "half-width/RMSE", "efficiency", "answers")
+
+
+def tabulate(summary: Summary) -> str:
+    """Figures of every method over all runs, then at each level of each factor."""
+    plan = summary.plan
+    lines = [f"[[{plan.name}: {summary.trials} runs of the twin, relative errors]]"]
+    lines += _table(("method",), summary.overall, lambda cell: (cell_name(cell),))
+    for factor in plan.tables.factors:
+        cells = [cell for cell in summary.by_level if cell.factor == factor]
+        if cells:
+            lines += ["", f"[[by {factor}]]"]
+            lines += _table((factor, "method"), cells, lambda cell: (cell.level, cell_name(cell)))
+    lines.append("")
+    for cell in summary.overall:
+        s = cell.statistics
+        for what, codes in (("refused", s.refusals), ("warned", s.warnings)):
+            if codes:
+                lines += noted([f"{cell_name(cell)} {what}: {counted(codes, s.runs)}"])
+    if summary.failures:
+        lines += noted([f"runs without a log: {counted(summary.failures, summary.trials)}"])
+    return "\n".join(lines).rstrip()
+
+
+def cell_name(cell: Cell) -> str:
+    """The method, and the quantity where it is not the inertia."""
+    return cell.method if cell.quantity == "inertia" else f"{cell.method}, {cell.quantity}"
+
+
+def figures(s: Statistics, headings: Sequence[str] = HEADINGS, *, fine: bool = False) -> tuple[str, ...]:
+    """The figures as cells of a table, empty where unknown; `fine` for pages."""
+    known = s.answered > 0
+    cells = {
+        "RMSE": percent(s.rmse[0], fine=fine) if known else "",
+        "bias": percent(s.bias[0], sign=True, fine=fine) if known else "",
+        "covers": share(s.coverage),
+        "half-width/RMSE": f"{s.width:.2f}" if math.isfinite(s.width) else "",
+        "efficiency": share(s.efficiency),
+        "answers": f"{s.answered} of {s.runs}",
+    }
+    return tuple(cells[heading] for heading in headings)
+
+
+def share(value: tuple[float, float]) -> str:
+    """A share in per cent with its standard error."""
+    if not math.isfinite(value[0]):
+        return ""
+    if 0.0 < value[0] < 5e-4:
+        return "< 0.1 %"
+    digits = 1 if value[1] < 0.005 else 0
+    error = f" ± {100 * value[1]:.{digits}f}" if math.isfinite(value[1]) else ""
+    return f"{100 * value[0]:.{digits}f}{error} %"
+
+
+def counted(codes: Mapping[str, int], runs: int) -> str:
+    """Codes with how often each was met."""
+    return ", ".join(f"{code} in {n} of {runs}" for code, n in sorted(codes.items(), key=lambda c: (-c[1], c[0])))
+
+
+def told_headings(cells: Sequence[Cell]) -> tuple[str, ...]:
+    """The headings of which at least one cell has something to say."""
+    rows = [figures(cell.statistics) for cell in cells]
+    return tuple(h for k, h in enumerate(HEADINGS) if any(row[k] for row in rows))
+
+
+def _table(names: tuple[str, ...], cells: Sequence[Cell], name: Callable[[Cell], tuple[str, ...]]) -> list[str]:
+    headings = told_headings(cells)
+    return aligned([(*names, *headings), *((*name(c), *figures(c.statistics, headings)) for c in cells)])

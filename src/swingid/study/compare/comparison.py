@@ -1,19 +1,22 @@
-"""All methods on the same logs: each one's answer, its time, what it takes for granted, and whether they agree."""
+"""All methods on the same logs: each result, its time, its assumptions, and whether the methods agree."""
 
 from __future__ import annotations
 
 import json
+import textwrap
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from swingid.errors import InputError, UnanswerableError
+from swingid.format import number, percent, plus_minus
 from swingid.identification import METHODS, identify
 from swingid.model.rig import Rig
+from swingid.pooling.shares import Identity, estimate_of, sum_of
 from swingid.recording.recording import Recording
 from swingid.result.result import Result, refusal
-from swingid.study.compare.agreement import Verdict, verdict
 from swingid.study.compare.assumptions import Assumptions, assumptions
+from swingid.study.terminal import NO_BREAK, WIDTH, aligned
 
 SCHEMA = "swingid.compare/1"
 
@@ -80,8 +83,6 @@ class Comparison:
 
     def summary(self) -> str:
         """Tables to read on a terminal."""
-        from swingid.study.compare.text import tabulate
-
         return tabulate(self)
 
 
@@ -144,3 +145,138 @@ def _truth(log: Recording) -> float | None:
     truth = log.metadata.get("truth")
     inertia = truth.get("inertia") if isinstance(truth, dict) else None
     return float(inertia) if isinstance(inertia, int | float) and inertia > 0 else None
+
+
+LIMIT = 2.0
+"""Difference, in its own standard uncertainties, beyond which two methods disagree."""
+
+MATTERS = 0.5
+"""Difference, in the smaller of the two methods' own uncertainties, below which it changes nothing.
+
+Methods that lean alike on the same constants differ by far less than either is uncertain.
+"""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """For one log: the method that the others are held against, who disagrees with it, and a sentence on why."""
+
+    log: str
+    reference: str | None
+    apart: tuple[str, ...]
+    message: str
+
+
+def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
+    """Hold every method against the one that rests on least (the first that answers)."""
+    answered = [t for t in trials if "inertia" in t.result.parameters]
+    if len(answered) < 2:
+        return Verdict(
+            log, answered[0].method if answered else None, (), "one method alone answers; nothing to compare."
+        )
+    reference, others = answered[0], answered[1:]
+    deviations = {t.method: deviation(t.result, reference.result) for t in others}
+    apart = tuple(
+        t.method
+        for t in others
+        if (far := deviations[t.method]) is not None and abs(far) > LIMIT and _matters(t.result, reference.result)
+    )
+    if not apart:
+        doubts = ", ".join(dict.fromkeys(w.code for w in reference.result.warnings))
+        doubt = f", but {doubts} of {reference.method} may concern them all" if doubts else ""
+        return Verdict(
+            log, reference.method, (), f"all methods agree with {reference.method} within their intervals{doubt}."
+        )
+    named = ", ".join(f"{name} ({deviations[name]:+.1f} standard uncertainties)" for name in apart)
+    verb = "stands" if len(apart) == 1 else "stand"
+    return Verdict(
+        log, reference.method, apart, f"{named} {verb} apart from {reference.method}: {_why(answered, apart)}"
+    )
+
+
+def deviation(a: Result, b: Result) -> float | None:
+    """(a − b) over the standard uncertainty of the difference; constants that both share partly cancel in it.
+
+    Scatter counts as independent although both saw the same noise, which errs on the side of agreement. None where an
+    uncertainty is unknown.
+    """
+    if a.inertia.standard_uncertainty is None or b.inertia.standard_uncertainty is None:
+        return None
+    gap = sum_of((estimate_of(a, "inertia", _source("a")), estimate_of(b, "inertia", _source("b"))), (1.0, -1.0))
+    return gap.value / gap.u if gap.u > 0 else None
+
+
+def _matters(a: Result, b: Result) -> bool:
+    """Whether the difference is a good part of what either is uncertain by anyway."""
+    own = min(a.inertia.standard_uncertainty or 0.0, b.inertia.standard_uncertainty or 0.0)
+    return abs(a.inertia.value - b.inertia.value) > MATTERS * own
+
+
+def _source(run: str) -> Identity:
+    """A constant is the same in both results, anything else is not."""
+    return lambda entry: entry.shared_id or f"{run}: {entry.source}"
+
+
+def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
+    """The assumption that sets those apart from those that agree, in words with what to do."""
+    odd = [t for t in answered if t.method in apart]
+    even = [t for t in answered if t.method not in apart]
+    if all(t.assumptions.motor for t in odd) and not all(t.assumptions.motor for t in even):
+        rests = "they rest" if len(odd) > 1 else "it rests"
+        return f"{rests} on the motor's constants; calibrate the motor (swingid calibrate) or trust the others."
+    if all(t.assumptions.friction != "any" for t in odd):
+        return (
+            f"{'they assume' if len(odd) > 1 else 'it assumes'} a friction law; try another law, or trust the method "
+            "that needs none."
+        )
+    return "no assumption tells them apart; look at the residuals in their reports."
+
+
+def tabulate(comparison: Comparison) -> str:
+    """Per log: inertia ± standard uncertainty, what it rests on, time, error against the truth; friction; verdict."""
+    return "\n\n".join(_of_log(comparison, log) for log in comparison.logs)
+
+
+def _of_log(comparison: Comparison, log: str) -> str:
+    trials = comparison.of(log)
+    known = any(trial.truth is not None for trial in trials)
+    headings = ["method", "inertia", "relative", "rests on", "time", *(["error"] if known else [])]
+    lines = [f"[[{log}]]", *aligned([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
+    lines += ["", *aligned([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
+    lines += [""] + [line for v in comparison.verdicts if v.log == log for line in _wrapped(f"verdict: {v.message}")]
+    for trial in trials:
+        if trial.result.error is not None:
+            lines += _wrapped(f"{trial.method}: {trial.result.error.message}")
+        lines += [line for w in trial.result.warnings for line in _wrapped(f"{trial.method}, {w.code}: {w.message}")]
+    return "\n".join(lines)
+
+
+def answer_cells(trial: Trial, *, fine: bool = False) -> list[str]:
+    """Method, inertia, relative uncertainty, assumptions, time, error against the truth."""
+    rests = trial.assumptions.words()
+    seconds = f"{1e3 * trial.seconds:.3g} ms" if trial.seconds < 1 else number(trial.seconds, "s", 3)
+    if "inertia" not in trial.result.parameters:
+        return [trial.method, "refused", "", rests, seconds, ""]
+    inertia = trial.result.inertia
+    u = inertia.standard_uncertainty
+    spread = "" if u is None else percent(u / abs(inertia.value), fine=fine)
+    value = plus_minus(inertia.value, u, inertia.unit, fine=fine)
+    if trial.error is None:
+        return [trial.method, value, spread, rests, seconds, ""]
+    outside = " (outside the interval)" if trial.covered is False else ""
+    return [trial.method, value, spread, rests, seconds, percent(trial.error, sign=True, fine=fine) + outside]
+
+
+def friction_text(result: Result, *, fine: bool = False) -> str:
+    """The identified friction parameters, 'viscous 1.144e-3 ± …, coulomb …'."""
+    named = [(name, p) for name, p in result.parameters.items() if name not in ("inertia", "gravity_torque")]
+    friction = [
+        f"{name} {plus_minus(p.value, p.standard_uncertainty, p.unit, fine=fine)}"
+        for name, p in named
+        if "." not in name
+    ]
+    return ", ".join(item.replace(" ", NO_BREAK) for item in friction) or "none"
+
+
+def _wrapped(text: str) -> list[str]:
+    return textwrap.wrap(text, WIDTH, initial_indent="    ", subsequent_indent="      ", break_on_hyphens=False)

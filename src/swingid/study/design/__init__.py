@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from swingid.study.design.design import design
+from swingid.study.design.design import asked, design
 from swingid.study.design.proposal import Design, Proposal, refused
-from swingid.study.design.wanted import asked
 
 __all__ = ["Design", "Proposal", "asked", "design", "refused"]

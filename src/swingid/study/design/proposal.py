@@ -1,16 +1,28 @@
-"""What a design is: proposals with their predictions, the chosen one, and the words and data of it."""
+"""The result of a design: proposed motions with their predictions, one run of the chosen one on the twin, the text."""
 
 from __future__ import annotations
 
 import json
 import math
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
+import numpy as np
+
+from swingid.control.compensator import Compensator
+from swingid.control.references import parse_reference
 from swingid.errors import SwingidError
+from swingid.format import interval, number, percent, plus_minus
+from swingid.identification import identify
 from swingid.model.rig import Rig
+from swingid.result.summary import folded, sorted_budget
+from swingid.simulation import simulate
 from swingid.study.design.information import Prediction
-from swingid.study.design.trial import Trial
+from swingid.study.terminal import aligned, noted
+
+if TYPE_CHECKING:
+    from swingid.study.design.motions import Limits
 
 SCHEMA = "swingid.design/1"
 
@@ -105,8 +117,6 @@ class Design:
 
     def summary(self) -> str:
         """A table to read on a terminal."""
-        from swingid.study.design.text import tabulate
-
         return tabulate(self)
 
 
@@ -119,3 +129,124 @@ def refused(rig: Rig, error: SwingidError) -> str:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
+
+
+OVER = 1.15
+"""How far beyond the asked angle and speed the controlled motion may swing."""
+
+SATURATED = 0.02
+"""Share of the rows at the voltage limit above which the controller does not hold the motion."""
+
+CLAIM = 1.5
+"""Largest uncertainty that the method may claim, in units of the one wanted."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What one run showed: part used (s), largest angle and voltage after settling, share of rows at the limit.
+
+    relative: standard uncertainty that the method gave, as a share; None where it refused. why: what failed, "" if
+    nothing.
+    """
+
+    start: float | None
+    angle: float
+    voltage: float | None
+    saturated: float
+    relative: float | None
+    error: float | None
+    why: str
+
+    @property
+    def passed(self) -> bool:
+        """Whether the twin agrees with the plan."""
+        return not self.why
+
+
+def controller_of(rig: Rig, proposal: Proposal) -> Compensator:
+    """The compensator that the proposal's command names: the gains of the paper's experiment, with its own delta0."""
+    return replace(Compensator.paper(rig), delta0=proposal.delta0)
+
+
+def try_on_twin(expected: Rig, proposal: Proposal, limits: Limits, wanted: float) -> Trial:
+    """Simulate the proposal and identify the log."""
+    assert expected.axis.inertia is not None
+    truth = expected.axis.inertia.value
+    motion, controller = parse_reference(proposal.reference), controller_of(expected, proposal)
+    log = simulate(expected, motion, controller, duration=proposal.duration, rate=proposal.rate, seed=0)
+    settled = log.segment(min(proposal.settling, log.duration / 2), float(log.time[-1]))
+    angle = float(np.abs(settled.angle).max())
+    voltage = None if settled.voltage is None else float(np.abs(settled.voltage).max())
+    saturated = 0.0
+    if settled.voltage is not None and limits.voltage is not None:
+        saturated = float(np.mean(np.abs(settled.voltage) > 0.999 * limits.voltage))
+    given = expected.changed({"axis.inertia": None, "axis.friction": None})
+    start = relative = error = None
+    why = ""
+    try:
+        result = identify(log, given)
+        relative = (result.inertia.standard_uncertainty or 0.0) / truth
+        error = result.inertia.value / truth - 1
+        start = None if result.details is None else result.details.start
+        if result.warnings:
+            why = f"the method warns: {result.warnings[0].code}"
+        elif relative > CLAIM * wanted:
+            why = f"the method claims {100 * relative:.2g} %"
+    except SwingidError as refused:
+        why = f"the method refuses: {refused.code}"
+    if angle > OVER * limits.angle:
+        why = f"the axis swings to {angle:.3g}"
+    elif saturated > SATURATED:
+        why = f"the voltage is at its limit {100 * saturated:.0f} % of the time"
+    return Trial(start, angle, voltage, saturated, relative, error, why)
+
+
+HEADINGS = ("motion", "time", "inertia", "sensors", "constants", "voltage", "wheel")
+
+MOST = 6
+
+
+def tabulate(design: Design) -> str:
+    """Candidates as a table, then the proposal with its interval and budget, the run on the twin, the command."""
+    p = design.proposal
+    inertia = p.prediction.parameters["inertia"]
+    rows = [HEADINGS, *(_cells(candidate) for candidate in (p, *design.others))]
+    lines = [f"[[Motions of {design.rig} for an inertia to {percent(design.wanted)}, predicted for momentum]]"]
+    lines += aligned(rows)
+    lines += ["[[Proposal]]", f"    {p.reference}"]
+    lines.append(f"    {p.duration:g} s at {p.rate:g} rows per second, of which the first {p.settling:g} s settle")
+    for name, parameter in p.prediction.parameters.items():
+        text = plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit)
+        span = (
+            "" if parameter.interval95 is None else f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
+        )
+        lines.append(f"    {name}: {text}{span}")
+    shown, rest = folded(sorted_budget(p.prediction.budget, "inertia"), MOST)
+    lines += [f"    {e.type}  {e.source}  {percent(e.standard_uncertainty / inertia.value)}" for e in shown]
+    lines += [f"       {len(rest)} smaller ones"] if rest else []
+    seen = p.prediction.seen
+    condition = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
+    values = {name: q.value for name, q in p.prediction.parameters.items()}
+    lines.append(f"    {condition}; {seen.combination(values)}")
+    trial = design.trial
+    if trial is not None and trial.relative is not None and trial.error is not None:
+        lines.append("[[One run on the twin]]")
+        text = f"error {percent(trial.error, sign=True)}, the method says ± {percent(trial.relative)}"
+        volts = "" if trial.voltage is None else f", {trial.voltage:.3g} V"
+        lines.append(f"    {text}; largest angle {trial.angle:.3g}{volts}")
+    lines += ["[[Command]]", f"    {design.command}"]
+    lines += noted(design.notes)
+    return "\n".join(lines)
+
+
+def _cells(p: Proposal) -> tuple[str, ...]:
+    peaks, prediction = p.peaks, p.prediction
+    return (
+        p.reference,
+        f"{p.duration:g} s",
+        f"± {percent(p.relative)}",
+        percent(prediction.part("A")),
+        percent(prediction.part("B")) if prediction.part("B") else "exact",
+        f"{peaks['voltage']:.2g} V" if "voltage" in peaks else "",
+        f"{peaks['wheel_speed']:.0f} rad/s" if "wheel_speed" in peaks else "",
+    )

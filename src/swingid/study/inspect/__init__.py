@@ -1,7 +1,6 @@
 """`inspect_log`: what a log holds, what it is worth, and whether it fits the rig."""
 
-from swingid.study.inspect.inspection import Inspection, inspect_log, inspect_table
+from swingid.study.inspect.inspection import Inspection, Verdict, inspect_log, inspect_table
 from swingid.study.inspect.services import Service
-from swingid.study.inspect.verdict import Verdict
 
 __all__ = ["Inspection", "Service", "Verdict", "inspect_log", "inspect_table"]

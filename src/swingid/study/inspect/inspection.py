@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import textwrap
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -27,7 +29,6 @@ from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
 from swingid.study.inspect.motion import Swings, read_motion
 from swingid.study.inspect.services import Service, services
-from swingid.study.inspect.verdict import Verdict, judge
 
 SCHEMA = "swingid.inspect/1"
 
@@ -93,8 +94,6 @@ class Inspection:
 
     def summary(self) -> str:
         """The inspection as text for a terminal."""
-        from swingid.study.inspect.text import summary
-
         return summary(self)
 
 
@@ -259,3 +258,119 @@ def _plain(value: object) -> object:
     if isinstance(value, float | np.floating):
         return float(value) if np.isfinite(value) else None
     return value
+
+
+MOST = 4
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """status for scripts, the line for people, and what would serve better ("" for nothing).
+
+    "ready": the log serves as it is, or as swingid repairs it on reading; "repairs": once the rig file states what the
+    line says; "unusable": it does not.
+    """
+
+    status: Literal["ready", "repairs", "unusable"]
+    line: str
+    advice: str = ""
+
+
+def judge(checks: list[Check], *, with_rig: bool) -> Verdict:
+    """From all checks to the verdict; without a rig only the file was judged, and the line says so."""
+    advice = _listed(check.remedy for check in checks if check.level == "advice")
+    faults = [check for check in checks if check.level == "fault"]
+    if faults:
+        return Verdict("unusable", f"not usable: {_sentences(faults)}", advice)
+    made = _listed(check.own for check in checks if check.own is not None)
+    remedies = _listed(check.remedy for check in checks if check.level == "repair")
+    by_itself = f"swingid itself repairs {made}" if made else ""
+    if remedies:
+        return Verdict("repairs", f"ready after these repairs: {remedies}{'; ' + by_itself if made else ''}.", advice)
+    line = f"ready; {by_itself}." if made else "ready."
+    if not with_rig:
+        line = f"ready as a file{'; ' + by_itself if made else ''}; signs, zero and scale are told with --rig."
+    return Verdict("ready", line, advice)
+
+
+def _listed(texts: Iterable[str]) -> str:
+    """Each once, the first few of them."""
+    several = list(dict.fromkeys(text for text in texts if text))
+    return "; ".join(several[:MOST]) + (f"; and {len(several) - MOST} more" if len(several) > MOST else "")
+
+
+def _sentences(checks: list[Check]) -> str:
+    """What the first two say, and what is to be done."""
+    texts = [
+        check.evidence.rstrip(".")
+        + (f"; {check.remedy}" if check.remedy and check.remedy not in check.evidence else "")
+        for check in checks[:2]
+    ]
+    return ". ".join(text[0].upper() + text[1:] if k else text for k, text in enumerate(texts)) + "."
+
+
+MARKS = {"ok": "ok  ", "note": "note", "unknown": "?   ", "advice": "tip ", "repair": "MEND", "fault": "BAD "}
+
+WIDTH = 118
+
+
+def summary(found: Inspection) -> str:
+    """Verdict, columns, checks, methods and, without a rig, the guessed [log] table."""
+    lines = [f"{found.path}: {found.verdict.line}"]
+    lines += [f"advice: {found.verdict.advice}."] if found.verdict.advice else []
+    lines += ["", "columns", *_columns(found)]
+    lines += ["", "checks" if found.rig is None else f"checks against rig {found.rig.name}"]
+    for check in found.checks:
+        lines += wrapped(check)
+    if found.services:
+        lines += ["", "how much of it serves each method"]
+        wide = max(len(service.method) for service in found.services)
+        for service in found.services:
+            lines.append(f"  {service.method:<{wide}}  {service.seconds:8.4g} s  {service.why}")
+    if found.rig is None and found.roles.found:
+        lines += ["", "guessed for rig.toml (swingid init --from LOG DIR writes it)", ""]
+        lines += [f"  {line}" for line in found.table.splitlines()]
+    return "\n".join(lines)
+
+
+def wrapped(check: Check) -> list[str]:
+    """One check as lines: mark, title, evidence, and what to do."""
+    told = check.remedy and check.remedy not in check.evidence and check.level in ("advice", "repair", "fault")
+    text = check.evidence + (f" → {check.remedy}" if told else "")
+    head = f"  {MARKS[check.level]} {check.title:<20} "
+    body = textwrap.wrap(text, WIDTH - len(head)) or [""]
+    return [head + body[0], *(" " * len(head) + line for line in body[1:])]
+
+
+def columns_table(found: Inspection) -> list[tuple[str, str, str, str, str, str]]:
+    """Cells per column: name, what it seems to be, type, unit, range, first values."""
+    named = {role.column: name for name, role in found.roles.found.items()}
+    return [
+        (
+            column.name,
+            named.get(column.name, found.roles.others.get(column.name, "")).replace("_", " "),
+            column.kind,
+            column.unit,
+            range_of(column),
+            ", ".join(column.first),
+        )
+        for column in found.columns
+    ]
+
+
+def range_of(column: Column) -> str:
+    """From the lowest to the highest value, and cells without a number."""
+    if column.kind in ("text", "empty"):
+        return ""
+    low, high = f"{column.low:.5g}", f"{column.high:.5g}"
+    if low == high and column.low != column.high:  # seconds since 1970
+        low, high = f"{column.low:.14g}", f"{column.high:.14g}"
+    text = f"{low} … {high}"
+    text += f", {column.missing} missing" if column.missing else ""
+    return text + (f", {column.outliers} far outside" if column.outliers else "")
+
+
+def _columns(found: Inspection) -> list[str]:
+    rows = [("column", "seems to be", "type", "unit", "range", "first values"), *columns_table(found)]
+    widths = [min(max(len(row[k]) for row in rows), 34) for k in range(6)]
+    return [("  " + "  ".join(f"{cell:<{w}}" for cell, w in zip(row, widths, strict=True))).rstrip() for row in rows]

@@ -20,9 +20,16 @@ from swingid.preparation.scale import Scale, require_channels
 from swingid.recording.encoders import straightened
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording
-from swingid.study.inspect.extra_columns import PRIOR_LATENCY, Extra, amplitude, extras, pooled, zero_of
+from swingid.study.inspect.extra_columns import (
+    PRIOR_LATENCY,
+    Extra,
+    amplitude,
+    extras,
+    pooled,
+    voltage_latency,
+    zero_of,
+)
 from swingid.study.inspect.motion import Swings
-from swingid.study.inspect.voltage_latency import voltage_latency
 
 SURE = 5.0
 """Standard uncertainties from which on a small quantity is there."""

@@ -13,19 +13,22 @@ from swingid.control.references import Sine
 from swingid.model.rig import Rig
 from swingid.preparation.scale import Scale
 from swingid.simulation.twin import Run
-from swingid.study.design.course import course_of
+from swingid.study.design.motions import course_of
 from swingid.study.reproduce import published
 from swingid.study.reproduce.claims import BAR, Claim, judged
-from swingid.study.reproduce.estimates import each_interval, error_by, inertia_by, reference_nodes
 from swingid.study.reproduce.experiment import controller, settled_within
 from swingid.study.reproduce.runs import (
     HIDDEN,
     SPANS,
     Log,
+    each_interval,
+    error_by,
     experiment_log,
     ideal_rig,
+    inertia_by,
     motion,
     read_back,
+    reference_nodes,
     rig_of,
     run_of,
     simulation_run,

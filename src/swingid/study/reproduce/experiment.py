@@ -13,9 +13,21 @@ from swingid.pooling.difference import difference
 from swingid.result.result import Result
 from swingid.simulation.twin import Run
 from swingid.study.reproduce import published
-from swingid.study.reproduce.estimates import WAYS, Answer, each_interval, error_by, result_by
 from swingid.study.reproduce.published import J_E
-from swingid.study.reproduce.runs import HIDDEN, SPANS, Log, experiment_run, read_back, rig_of, with_friction
+from swingid.study.reproduce.runs import (
+    HIDDEN,
+    SPANS,
+    WAYS,
+    Answer,
+    Log,
+    each_interval,
+    error_by,
+    experiment_run,
+    read_back,
+    result_by,
+    rig_of,
+    with_friction,
+)
 
 FRICTIONS = {"viscous": {}, "hidden": HIDDEN}
 """Twins by their friction: the paper's viscous one, and one with dry friction that no method is told of."""

@@ -14,9 +14,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swingid.model.rig import Rig
-from swingid.study.reproduce.estimates import Answer, by_letter, each_interval, inertia_by, reference_nodes
 from swingid.study.reproduce.published import J_E
-from swingid.study.reproduce.runs import Log, experiment_log, motion, rig_of, with_friction
+from swingid.study.reproduce.runs import (
+    Answer,
+    Log,
+    by_letter,
+    each_interval,
+    experiment_log,
+    inertia_by,
+    motion,
+    reference_nodes,
+    rig_of,
+    with_friction,
+)
 
 MOTOR = {
     "torque_per_volt": "c1",

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from swingid.errors import UsageError
-from swingid.study.reproduce import published
-from swingid.study.reproduce.claims import claim_rows
+from swingid.study.reproduce import claims, claims_control, published
 from swingid.study.reproduce.experiment import FRICTIONS, Experiment, experiment
 from swingid.study.reproduce.imperfections import imperfection_rows
+from swingid.study.reproduce.runs import Answer
 from swingid.study.reproduce.simulation import Simulation, simulation
 
 SCHEMA = "swingid.reproduce/1"
@@ -78,3 +78,12 @@ def plain_data(value: Any) -> Any:
         return value
     number = float(value)
     return float(f"{number:.{DIGITS}g}") if math.isfinite(number) else None
+
+
+def claim_rows(seed: int, progress: Callable[[str], None]) -> list[Answer]:
+    """All claims, tested."""
+    rows = []
+    for test in (*claims.TESTS, *claims_control.TESTS):
+        progress(f"claim: {test.__name__.replace('_', ' ')}")
+        rows.append(test(seed).to_dict())
+    return rows

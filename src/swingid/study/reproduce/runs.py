@@ -1,10 +1,11 @@
-"""Runs of the twin as section 5 describes them; what identification gets of one is the file that was written."""
+"""Runs of the twin as section 5 describes them, and the ways from such a log to J1 that are compared."""
 
 from __future__ import annotations
 
+import math
 import tempfile
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -14,8 +15,26 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.control.references.base import Reference
+from swingid.errors import InputError, UnanswerableError
+from swingid.identification import identify
+from swingid.methods.energy.balance import Course
+from swingid.methods.energy.passes import mirrored_passes
+from swingid.methods.energy.printed import (
+    DEPTHS,
+    Nodes,
+    chosen_nodes,
+    given_nodes,
+    printed_fit,
+    states_of_pairs,
+    trapezoid_work,
+)
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
+from swingid.preparation.motion import find_motion
+from swingid.preparation.noise import channel_noise
+from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
+from swingid.result.result import Result
 from swingid.simulation.twin import Run, simulate_run
 from swingid.study.reproduce import published
 
@@ -23,6 +42,7 @@ HIDDEN: Mapping[str, object] = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed
 """Friction beside the paper's viscous one that no method is told of (Stribeck; N m, rad/s)."""
 
 LENGTHS = {"plain": 25.0, "body": 25.0, "balanced": 40.0}
+
 SPANS = {"plain": published.SERIES, "body": published.SERIES, "balanced": (15.0, 40.0)}
 """Parts that are identified, s. In 7 s at 2 rad/s there are only four swings, so the balanced pendulum has 25 s."""
 
@@ -109,3 +129,103 @@ def simulation_run() -> Run:
 def ideal_rig() -> Rig:
     """The paper's rig with encoders without steps."""
     return rig_of("plain").changed({"sensors.counts_per_turn": None})
+
+
+@dataclass(frozen=True)
+class Way:
+    """A way from a log to J1: a method with options, and its name in words."""
+
+    words: str
+    method: str
+    options: Mapping[str, object]
+
+
+WAYS = {
+    "chain": Way(
+        "paper's method with its post-processing: observers (23) both ways, voltage through W_f",
+        "energy",
+        {"variant": "printed", "velocities": "observers"},
+    ),
+    "observers": Way(
+        "paper's method, observers (23) both ways, voltage as held",
+        "energy",
+        {"variant": "printed", "velocities": "observers", "filter_time": 0.0},
+    ),
+    "printed": Way("paper's method, (6) and (7) as printed", "energy", {"variant": "printed"}),
+    "better": Way("energy, solved for J1 and friction together", "energy", {}),
+    "momentum": Way("momentum", "momentum", {}),
+    "nls-viscous": Way("NLS, the paper's model: viscous friction", "output-error", {"law": "viscous"}),
+    "nls": Way("NLS, a careful lab's model: viscous + Coulomb", "output-error", {"law": "coulomb + viscous"}),
+    "backstepping": Way("backstepping (22) on the log", "backstepping", {}),
+}
+"""By name, in the order of the tables."""
+
+Answer = dict[str, object]
+
+
+def result_by(way: str, log: Log, **options: object) -> Result | str:
+    """The result of a way on a log, or the code of its refusal."""
+    chosen = WAYS[way]
+    try:
+        return identify(log.recording, log.rig, chosen.method, **(dict(chosen.options) | options))
+    except (UnanswerableError, InputError) as error:
+        return error.code
+
+
+def inertia_by(way: str, log: Log, **options: object) -> float:
+    """J1^ (kg m^2) of a way on a log, NaN where it refuses."""
+    result = result_by(way, log, **options)
+    return math.nan if isinstance(result, str) else result.inertia.value
+
+
+def error_by(way: str, log: Log, **options: object) -> float:
+    """Error of J1^ in per cent of the twin's inertia, NaN where the way refuses."""
+    return 100.0 * (inertia_by(way, log, **options) / log.truth - 1.0)
+
+
+def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> tuple[float, float]:
+    """(J1^ (kg m^2), f1^ N (N m s)) by (6) and (7) letter by letter, mean over all nodes; NaN where (6) is singular.
+
+    As printed, both passes have the potential energies of the first one's nodes, Pi_11 = Pi_22 and Pi_12 = Pi_21; the
+    method "energy" gives each pass those of its own. They differ where the nodes' angles do. work: "held" or
+    "trapezoid".
+    """
+    recording, rig, scale = log.recording, log.rig, Scale.of(log.rig)
+    noise = channel_noise(recording, rig)
+    course = Course.of(recording, rig, find_motion(recording.time, recording.angle, noise.angle), noise)
+    instants = given_nodes(nodes, recording)
+    states = states_of_pairs(course, instants, linear=False)
+    if work == "trapezoid":
+        states = replace(states, work=trapezoid_work(recording, rig, course, instants))
+    try:
+        fit, _ = printed_fit(replace(states, height=states.height[:, [0, 1, 1, 0]]), rig, scale, course.axis)
+    except UnanswerableError:
+        return math.nan, math.nan
+    return float(fit.values[0]) - scale.carried, float(fit.values[1])
+
+
+def intervals(log: Log) -> list[Nodes]:
+    """Nodes (t10, t11, t20, t21) of every two-step interval of a log, mirrored about the measured turning points."""
+    recording = log.recording
+    noise = channel_noise(recording, log.rig)
+    found = find_motion(recording.time, recording.angle, noise.angle)
+    passes = mirrored_passes(found, DEPTHS, recording.time, max(4.5 * noise.step, 0.05 * found.half_period))
+    return [(row[0], row[1], row[2], row[3]) for row in chosen_nodes(passes).tolist()]
+
+
+def each_interval(log: Log, **options: object) -> tuple[Array, Array]:
+    """(end of each two-step interval (s), J1^ (kg m^2) by (6) from it alone), for all intervals of a log."""
+    nodes = intervals(log)
+    result = identify(log.recording, log.rig, "energy", variant="printed", nodes=nodes, **options)
+    assert result.details is not None
+    assert result.details.swings is not None
+    return np.array(nodes)[:, 3], result.details.swings.values
+
+
+def reference_nodes(reference: Sine, log: Log) -> list[Nodes]:
+    """Nodes mirrored about the turning points of the reference instead of the measured ones, equally deep."""
+    near, far = np.arccos(1 - 2 * DEPTHS) / reference.frequency
+    start, stop = float(log.recording.time[0]), float(log.recording.time[-1])
+    turning = reference.turning_points(stop)
+    inside = turning[(turning - far >= start) & (turning + far <= stop)]
+    return [(t - far, t - near, t + near, t + far) for t in inside.tolist()]

@@ -13,9 +13,19 @@ from swingid.control.references import Sine
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.study.reproduce import published
-from swingid.study.reproduce.estimates import WAYS, Answer, by_letter, each_interval, result_by
 from swingid.study.reproduce.experiment import settled_within
-from swingid.study.reproduce.runs import Log, ideal_rig, read_back, run_of, simulation_run
+from swingid.study.reproduce.runs import (
+    WAYS,
+    Answer,
+    Log,
+    by_letter,
+    each_interval,
+    ideal_rig,
+    read_back,
+    result_by,
+    run_of,
+    simulation_run,
+)
 
 FREQUENCIES = (2.0, 8.5)
 """Of the program motion of Fig. 8, which the paper does not print, rad/s."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
-from swingid.study.reproduce.cells import NOTHING, inertia, number, signed
-from swingid.study.reproduce.published import FIG8
-from swingid.study.reproduce.unclear import UNCLEAR
+from swingid.study.reproduce.published import FIG8, UNCLEAR
 
 TWINS = {
     "viscous": "The experiment, friction viscous as in the paper",
@@ -30,6 +29,7 @@ _UNITS = (
     "Inertias in 10⁻⁵ kg m², errors in %, f1 in 10⁻⁵ N m s; last column: s of log from the start of the run from which "
     "on J1 stays within 1.4 %. The twin: J1 = 302.2, J1 + J_e = 398.3, J_e = 96.1, f1 = 26"
 )
+
 SAYS = {
     "viscous": f"{_UNITS}. The true J1 of the paper's rig is not known; its a11' is read as J1 + J_e, and its "
     "118.4 for the J_e of NLS as 381.0 − 272.6 (misprints).",
@@ -281,3 +281,32 @@ def _measured(one: dict[str, Any]) -> str:
     if unit == "" and value is not None and value == int(value):
         return f"{value:g}"
     return f"{number(value)}\u00a0{unit}".strip()
+
+
+NOTHING = "–"
+
+
+def number(value: float | None, digits: int = 3, most: int = 7) -> str:
+    """A number to so many significant digits and at most so many places, without an exponent; a dash for None."""
+    if value is None:
+        return NOTHING
+    rounded = float(f"{value:.{digits - 1}e}")
+    if rounded == 0:
+        return "0"
+    places = max(0, digits - 1 - math.floor(math.log10(abs(rounded))))
+    return f"{value:.{min(places, most)}f}".replace("-", "−")
+
+
+def signed(value: float | None, digits: int = 2) -> str:
+    """Per cent with their sign, to a thousandth at most; below half of that they are not worth one."""
+    if value is None:
+        return NOTHING
+    if abs(value) < 5e-4:
+        return "< 0.0005"
+    text = number(value, digits, most=3)
+    return text if text.startswith("−") else f"+{text}"
+
+
+def inertia(value: float | None, places: int = 2) -> str:
+    """An inertia in 10⁻⁵ kg m²."""
+    return NOTHING if value is None else f"{1e5 * value:.{places}f}".replace("-", "−")

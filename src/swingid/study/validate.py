@@ -1,24 +1,29 @@
-"""Predict logs that were not fitted, in a free run and swing by swing, and say how well, as MATLAB's `compare` does.
+"""Predict logs that were not fitted, in a free run and swing by swing, with the normalised fit of MATLAB's `compare`.
 
-fit = 100 % · (1 − ‖y − ŷ‖ / ‖y − mean y‖). In the free run the motion's initial values are the only thing that the log
-tells (estimated by least squares, as `compare` does); swing by swing they are measured anew at the start of each swing.
+fit = 100 % · (1 − ‖y − ŷ‖ / ‖y − mean y‖). In the free run only the motion's initial values come from the log
+(estimated by least squares, as `compare` does); swing by swing they are measured anew at the start of each swing.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from swingid.balance.fits import BASIS, fit_rows
+from swingid.balance.friction_laws import friction_units
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
-from swingid.errors import UnanswerableError
-from swingid.methods.output_error.problem import Problem, problem_of
+from swingid.errors import InputError, UnanswerableError
+from swingid.format import number
+from swingid.methods.output_error.problem import Input, Problem, problem_of
+from swingid.model.parameters import constants as rig_constants
+from swingid.model.parameters import vector
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.motion import Motion, find_motion
@@ -30,11 +35,12 @@ from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 from swingid.result.provenance import constants
 from swingid.result.result import Result
-from swingid.study.validate.model import drive_of, model_vector, with_found_gain
-from swingid.study.validate.text import fit_text
+from swingid.study.terminal import aligned, noted
 
 SCHEMA = "swingid.validate/1"
+
 NO_ENTRIES: tuple[Ints, Ints, Array] = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
+
 POOR = 95.0
 """Fit one swing ahead, in per cent, below which a log is said not to move as the model."""
 
@@ -113,8 +119,6 @@ class Validation:
 
     def summary(self) -> str:
         """A table to read on a terminal."""
-        from swingid.study.validate.text import tabulate
-
         return tabulate(self)
 
 
@@ -251,3 +255,82 @@ def _rms(error: Array) -> float:
 
 def _plain(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def model_vector(result: Result, rig: Rig) -> Array:
+    """Parameter vector of `rig` with what `result` found in the place of axis.inertia, friction and unknown gravity.
+
+    Constants that the fit moved within what rig.toml states (output error) are where it found them.
+
+    Raises InputError for a refused result, and for one of the other kind of axis.
+    """
+    if "inertia" not in result.parameters:
+        raise InputError("the result has no inertia: it was refused; give one with a number.", code="refused-result")
+    linear = rig.axis.kind == "linear"
+    if (result.inertia.unit == "kg") != linear:
+        kind = "linear" if linear else "rotary"
+        raise InputError(
+            f"the result is in {result.inertia.unit}, but rig {rig.name} is {kind}; give the rig of the result.",
+            code="other-axis",
+        )
+    found = {name: parameter.value for name, parameter in result.parameters.items()}
+    changes: dict[str, object] = {"axis.inertia": found["inertia"], "axis.friction": None}
+    if "gravity_torque" in found:
+        changes["axis.gravity_torque"] = found["gravity_torque"]
+    values = {key: quantity.value for key, quantity in rig_constants(rig.changed(changes)).items()}
+    moved = result.provenance.get("constants_found")
+    if isinstance(moved, dict):
+        values |= {key: float(value) for key, value in moved.items() if key in values}
+    # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
+    values |= {f"axis.friction.{name}": found[name] for name in friction_units(linear) if name in found}
+    return vector(values, rig.drive.kind)
+
+
+def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:
+    """The log with its torque by the gain that the fit found, where it moved log.torque_gain."""
+    moved = result.provenance.get("constants_found")
+    if log.torque is None or not isinstance(moved, dict) or "log.torque_gain" not in moved:
+        return log
+    return replace(log, torque=log.torque * (float(moved["log.torque_gain"]) / rig.log.torque_gain.value))
+
+
+def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | None) -> Input:
+    """What drives the prediction: the measured wheel unless the voltage is wanted, the torque, or nothing."""
+    if rig.drive.kind != "reaction-wheel":
+        return "torque" if rig.drive.kind == "direct" else "none"
+    if wanted == "voltage":
+        motor = rig.drive.motor
+        if log.voltage is None or motor is None or motor.torque_per_volt.value <= 0:
+            raise UnanswerableError(
+                "a prediction from the voltage needs the log's voltage and drive.motor.torque_per_volt; take the wheel "
+                "as input.",
+                code="no-motor-constants",
+            )
+        return "voltage"
+    return "wheel"
+
+
+HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
+
+DRIVES = {"wheel": "measured wheel", "voltage": "voltage", "torque": "torque", "none": "nothing"}
+
+
+def tabulate(validation: Validation) -> str:
+    """One line per log: normalised fit of the free run and one swing ahead, error and noise."""
+    rows = [HEADINGS, *(cells(p, linear=validation.linear) for p in validation.predictions)]
+    lines = [f"[[Predictions of the model that {validation.method} identified: normalised fit, 100 % is perfect]]"]
+    lines += aligned(rows)
+    lines += noted(validation.notes)
+    return "\n".join(lines)
+
+
+def cells(p: Prediction, *, linear: bool, fine: bool = False) -> tuple[str, ...]:
+    """One line of the table."""
+    unit = "m" if linear else "rad"
+    errors = (number(p.swing_rms, unit, 2, fine=fine), number(p.noise, unit, 2, fine=fine))
+    return (p.log, DRIVES[p.input], fit_text(p.free_fit), fit_text(p.swing_fit), *errors)
+
+
+def fit_text(fit: float) -> str:
+    """A normalised fit in per cent."""
+    return f"{fit:.2f} %" if math.isfinite(fit) else "ran away"

@@ -1,0 +1,405 @@
+"""Figures of a campaign: errors by level, coverage, boxes, maps over two factors, and the effect of each factor."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from itertools import product
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from swingid.format import percent
+from swingid.report.figures.studies import LOOKS
+from swingid.report.style import legend_above, new_figure, plain_powers
+from swingid.result.plot import BLUE, GREEN, GREY, INK, ORANGE, PALE, SKY, VERMILION
+from swingid.result.result import COVERAGE_FACTOR
+from swingid.study.campaign.summary import cell_name
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from swingid.study.campaign import Summary
+    from swingid.study.campaign.summary import Cell, Effect
+
+LEGEND_COLUMNS = 4
+
+DECADE = 8.0
+"""Ratio of errors from which on their axis is logarithmic: below it has no power of ten to label."""
+
+ROW, METHOD = 0.28, 0.1
+"""Height of a level by name, in inches, at least, and for each method."""
+
+MANY_LOOKS = (*LOOKS, (GREEN, "P"), (INK, "X"), (GREY, "h"))
+"""Colour and marker of a method, in turn."""
+
+
+def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Figure | None:
+    """RMSE by level: lines over a number, with the Cramér–Rao bound where it is known, dots by name else.
+
+    None where a factor has fewer than two levels with an answer.
+    """
+    cells = [c for c in summary.by_level if (c.factor, c.quantity) == (factor, quantity) and c.statistics.rmse[0] > 0]
+    levels = list(dict.fromkeys(c.level for c in summary.by_level if c.factor == factor))
+    if len({c.level for c in cells}) < 2:
+        return None
+    methods = list(dict.fromkeys(c.method for c in cells))
+    numbers = _numbers(levels)
+    rows = math.ceil((len(methods) + 1) / LEGEND_COLUMNS)
+    figure, (ax,) = new_figure((2.8 if numbers else 0.8 + max(ROW, METHOD * len(methods)) * len(levels)) + 0.2 * rows)
+    for k, method in enumerate(methods):
+        colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
+        own = [c for c in cells if c.method == method]
+        sizes, errors = [100 * c.statistics.rmse[0] for c in own], [100 * c.statistics.rmse[1] for c in own]
+        look: dict[str, Any] = {"ms": 5, "mew": 0, "color": colour, "elinewidth": 1.0, "capsize": 0, "label": method}
+        if numbers:
+            at = [numbers[c.level] for c in own]
+            ax.errorbar(at, sizes, yerr=errors, fmt=f"{marker}-", **look)
+        else:
+            ax.errorbar(
+                sizes, [levels.index(c.level) + shift(k, methods) for c in own], xerr=errors, fmt=marker, **look
+            )
+    if numbers:
+        _over_numbers(ax, factor, list(numbers.values()), cells, numbers)
+    else:
+        ax.set_xscale("log")
+        plain_powers(ax.xaxis)
+        ax.set_xlabel("RMSE of the inertia, %")
+        name_rows(ax, levels)
+    legend_above(ax, LEGEND_COLUMNS)
+    return figure
+
+
+def shift(k: int, methods: Sequence[str]) -> float:
+    """How far below the middle of a level's row the k-th method stands."""
+    return (k - (len(methods) - 1) / 2) * 0.7 / len(methods)
+
+
+def name_rows(ax: Axes, levels: Sequence[str]) -> None:
+    """Levels by name on the vertical axis, the first on top, with lines between them."""
+    ax.set_yticks(range(len(levels)), levels)
+    ax.set_ylim(len(levels) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    ax.tick_params(axis="y", length=0)
+    for k in range(len(levels) - 1):
+        ax.axhline(k + 0.5, color=PALE, lw=0.8, zorder=0.4)
+
+
+def _numbers(levels: list[str]) -> dict[str, float]:
+    """The levels as numbers, none where one is no number."""
+    try:
+        return {level: float(level) for level in levels}
+    except ValueError:
+        return {}
+
+
+def _over_numbers(ax: Axes, factor: str, at: list[float], cells: list[Cell], numbers: dict[str, float]) -> None:
+    """Axes over a number, logarithmic where it spans more than a decade, and the bound."""
+    bounds = {
+        numbers[c.level]: 100 * c.statistics.rmse[0] * math.sqrt(c.statistics.efficiency[0])
+        for c in cells
+        if math.isfinite(c.statistics.efficiency[0])
+    }
+    if bounds:
+        where = sorted(bounds)
+        ax.plot(where, [bounds[x] for x in where], "--", color=GREY, lw=1.2, label="Cramér–Rao bound")
+    sizes = [100 * c.statistics.rmse[0] for c in cells] + list(bounds.values())
+    if max(sizes) > DECADE * min(sizes):
+        ax.set_yscale("log")
+        plain_powers(ax.yaxis)
+    else:
+        ax.set_ylim(bottom=0.0)
+        ax.yaxis.set_major_formatter(lambda value, _: f"{value:.6f}".rstrip("0").rstrip("."))
+    if min(at) > 0 and max(at) > 10 * min(at):
+        ax.set_xscale("log")
+        plain_powers(ax.xaxis)
+    else:
+        ax.set_xticks(np.unique(at))
+    ax.set_xlabel(factor)
+    ax.set_ylabel("RMSE of the inertia, %")
+
+
+WANTED = 95.0
+
+LEAST = 90.0
+"""%, from which the axis reaches at least to 100 %."""
+
+
+def draw_coverage(summary: Summary) -> Figure | None:
+    """Share of the intervals that hold the truth, with its binomial standard error; None where no interval is known."""
+    cells = [cell for cell in summary.overall if math.isfinite(cell.statistics.coverage[0])]
+    if not cells:
+        return None
+    figure, (ax,) = new_figure(0.8 + 0.26 * len(cells))
+    for row, cell in enumerate(cells):
+        share, error = cell.statistics.coverage
+        bar = _bars([100 * share], [100 * error])
+        ax.errorbar(100 * share, row, xerr=bar, fmt="o", ms=5, mew=0, color=BLUE, elinewidth=1.2, capsize=2.5)
+    lowest = min(100 * (cell.statistics.coverage[0] - 2 * cell.statistics.coverage[1]) for cell in cells)
+    _shares(ax, lowest)
+    ax.set_yticks(range(len(cells)), [cell_name(cell) for cell in cells])
+    ax.set_ylim(len(cells) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    ax.tick_params(axis="y", length=0)
+    return figure
+
+
+def draw_coverage_by(summary: Summary, factor: str, quantity: str = "inertia") -> Figure | None:
+    """The same for every method at each level of a factor; None with fewer than two levels that have intervals."""
+    own = [c for c in summary.by_level if (c.factor, c.quantity) == (factor, quantity)]
+    cells = [c for c in own if math.isfinite(c.statistics.coverage[0])]
+    levels = list(dict.fromkeys(c.level for c in own))
+    if len({c.level for c in cells}) < 2:
+        return None
+    methods = list(dict.fromkeys(c.method for c in cells))
+    rows = math.ceil(len(methods) / LEGEND_COLUMNS)
+    figure, (ax,) = new_figure(0.8 + max(ROW, METHOD * len(methods)) * len(levels) + 0.2 * rows)
+    for k, method in enumerate(methods):
+        colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
+        of_method = [c for c in cells if c.method == method]
+        shares = [100 * c.statistics.coverage[0] for c in of_method]
+        errors = [100 * c.statistics.coverage[1] for c in of_method]
+        places = [levels.index(c.level) + shift(k, methods) for c in of_method]
+        ax.errorbar(
+            shares,
+            places,
+            xerr=_bars(shares, errors),
+            fmt=marker,
+            ms=5,
+            mew=0,
+            color=colour,
+            elinewidth=1.0,
+            capsize=0,
+            label=method,
+        )
+    _shares(ax, min(100 * (c.statistics.coverage[0] - 2 * c.statistics.coverage[1]) for c in cells))
+    name_rows(ax, levels)
+    legend_above(ax, LEGEND_COLUMNS)
+    return figure
+
+
+def _bars(shares: list[float], errors: list[float]) -> list[list[float]]:
+    """Lengths of bars to both sides, none beyond 100 %."""
+    return [errors, [min(error, 100.0 - share) for share, error in zip(shares, errors, strict=True)]]
+
+
+def _shares(ax: Axes, lowest: float) -> None:
+    """The axis of shares (%), from `lowest` or less, with the line of what is claimed."""
+    ax.axvline(WANTED, color=GREEN, lw=1.4, zorder=0.5)
+    ax.set_xlim(max(min(lowest, LEAST), -2.0), 101.0)
+    ax.set_xlabel("95 % intervals that hold the truth, % (bars: one binomial standard error)")
+
+
+Values = np.ndarray[Any, np.dtype[np.float64]]
+
+WHISKERS = (2.5, 97.5)
+"""Percentiles at the ends of the whiskers: 95 % lie between."""
+
+LINEAR = 3.0
+"""Errors in claimed uncertainties up to which the axis is linear."""
+
+
+def draw_boxes(summary: Summary) -> Figure | None:
+    """Absolute relative errors (log scale) and errors in standard uncertainties, a box per method; None without any."""
+    pairs = [(cell.method, cell.quantity) for cell in summary.overall if cell.statistics.answered]
+    if not pairs:
+        return None
+    sizes, claimed = [], []
+    for method, quantity in pairs:
+        own = (summary.columns["method"] == method) & (summary.columns["quantity"] == quantity)
+        error = summary.columns["error"][own]
+        u = summary.columns["u"][own] / np.abs(summary.columns["truth"][own])
+        sizes.append(_known(100 * np.abs(error)))
+        claimed.append(_known(error / u))
+    figure, (left,) = new_figure(1.2 + 0.3 * len(pairs))
+    figure.clear()
+    left, right = figure.subplots(1, 2, sharey=True)
+    names = [method if quantity == "inertia" else f"{method}, {quantity}" for method, quantity in pairs]
+    _boxes(left, sizes)
+    left.set_xscale("log")
+    plain_powers(left.xaxis)
+    left.set_xlabel("size of the error, %")
+    left.set_yticks(range(len(names)), names)
+    left.set_ylim(len(names) - 0.5, -0.5)
+    _boxes(right, claimed)
+    right.axvspan(-COVERAGE_FACTOR, COVERAGE_FACTOR, color=GREEN, alpha=0.15, lw=0)
+    far = max((float(np.max(np.abs(values))) for values in claimed if len(values)), default=0.0)
+    if far > 10:
+        right.set_xscale("symlog", linthresh=LINEAR, linscale=1.5)
+        right.set_xlim(-1.5 * far, 1.5 * far)
+        power = 10.0 ** np.floor(np.log10(far))
+        ticks = [-power, -2.0, 0.0, 2.0, power]
+        right.set_xticks(ticks, [f"{tick:g}".replace("-", "−") for tick in ticks])
+        right.minorticks_off()
+    else:
+        reach = max(1.1 * far, 3.0)
+        right.set_xlim(-reach, reach)
+    right.set_xlabel("error, in standard uncertainties claimed")
+    for axes in (left, right):
+        axes.grid(visible=False, axis="y")
+        axes.tick_params(axis="y", length=0)
+    return figure
+
+
+def _known(values: Values) -> Values:
+    return values[np.isfinite(values)]
+
+
+def _boxes(axes: Axes, groups: list[Values]) -> None:
+    axes.boxplot(
+        groups,
+        positions=range(len(groups)),
+        orientation="horizontal",
+        widths=0.5,
+        whis=WHISKERS,
+        patch_artist=True,
+        manage_ticks=False,
+        boxprops={"facecolor": SKY, "edgecolor": BLUE, "lw": 0.8},
+        medianprops={"color": INK, "lw": 1.4},
+        whiskerprops={"color": BLUE, "lw": 0.8},
+        capprops={"color": BLUE, "lw": 0.8},
+        flierprops={"marker": ".", "ms": 3, "mec": BLUE, "mew": 0, "mfc": BLUE, "alpha": 0.4, "rasterized": False},
+    )
+
+
+PANELS = (
+    ("tracking", 1e3, "tracking error, RMS, mrad"),
+    ("settling", 1.0, "gain k̃ settled within 1 % after, s"),
+    ("chatter", 1.0, "change of the voltage per sample, RMS, V"),
+    ("error", 100.0, "size of the inertia's error, %"),
+)
+"""Column of the results, factor, words."""
+
+FOLLOWS = 0.2
+"""Share of the wanted motion's RMS up to which the tracking error counts as following it."""
+
+DARK = 0.55
+"""Share of the colour scale from which on numbers are written in white."""
+
+
+def draw_map(summary: Summary, pair: tuple[str, str]) -> Figure | None:
+    """Four panels over the levels of two factors, the median over all else; None where one has fewer than two levels.
+
+    Empty: no run there came to an end. The error is that of the first method.
+    """
+    across, up = (np.unique(summary.columns[name].astype(str if _is_text(summary, name) else float)) for name in pair)
+    if len(across) < 2 or len(up) < 2:
+        return None
+    figure, _ = new_figure(2.0 + 0.5 * len(up))
+    figure.clear()
+    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    method = summary.plan.tables.base.methods[:1]
+    for axes, (column, factor, words) in zip(panels, PANELS, strict=True):
+        values = np.full((len(up), len(across)), np.nan)
+        rows = summary.columns["method"] == (method[0] if method else "")
+        for i, y in enumerate(up):
+            for j, x in enumerate(across):
+                own = rows & (summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)
+                known = np.abs(summary.columns[column][own])
+                known = known[np.isfinite(known)]
+                values[i, j] = factor * np.median(known) if len(known) else np.nan
+        _panel(axes, values, words)
+        if column == "tracking":
+            _cross_out(axes, summary, pair, (across, up))
+    for axes in panels[2:]:
+        axes.set_xticks(range(len(across)), [_label(x) for x in across])
+        axes.set_xlabel(pair[0])
+    for axes in panels[::2]:
+        axes.set_yticks(range(len(up)), [_label(y) for y in up])
+        axes.set_ylabel(pair[1])
+    return figure
+
+
+def _is_text(summary: Summary, name: str) -> bool:
+    return summary.columns[name].dtype.kind not in "fi"
+
+
+def _label(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _cross_out(axes: Axes, summary: Summary, pair: tuple[str, str], levels: tuple[Values, Values]) -> None:
+    """A cross over the cells where the loop does not follow in half of the runs."""
+    share = summary.columns["tracking"] / summary.columns["wanted"]
+    for (i, y), (j, x) in product(enumerate(levels[1]), enumerate(levels[0])):
+        own = share[(summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)]
+        if len(own) and not np.nanmedian(np.where(np.isfinite(own), own, np.inf)) <= FOLLOWS:
+            axes.plot([j - 0.5, j + 0.5], [i - 0.5, i + 0.5], color=VERMILION, lw=0.9)
+            axes.plot([j - 0.5, j + 0.5], [i + 0.5, i - 0.5], color=VERMILION, lw=0.9)
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if value >= 99.5 else f"{value:.2g}" if value >= 1e-3 else f"{value:.0e}".replace("e-0", "e-")
+
+
+def _panel(axes: Axes, values: Values, words: str) -> None:
+    """Cells coloured by the logarithm of their value, with the value in them."""
+    logs = np.log10(np.where(values > 0, values, np.nan))
+    low, high = (np.nanmin(logs), np.nanmax(logs)) if np.isfinite(logs).any() else (0.0, 1.0)
+    axes.set_facecolor(PALE)
+    axes.imshow(logs, cmap="YlGnBu", vmin=low, vmax=max(high, low + 0.5), origin="lower", aspect="auto")
+    for (i, j), value in np.ndenumerate(values):
+        if np.isfinite(value):
+            share = (logs[i, j] - low) / max(high - low, 0.5) if np.isfinite(logs[i, j]) else 0.0
+            axes.text(j, i, _short(value), ha="center", va="center", size=7.0, color="white" if share > DARK else INK)
+    axes.set_title(words)
+    axes.grid(visible=False)
+    axes.tick_params(length=0)
+
+
+MOST = 20
+
+DECADES = 4.0
+"""Below so many decades from the largest effect the axis is linear."""
+
+
+def draw_tornado(summary: Summary, method: str, quantity: str = "inertia") -> Figure | None:
+    """Bars from the lowest to the highest mean error over the levels of each factor, and the largest RMSE.
+
+    None with fewer than two factors.
+    """
+    effects = [e for e in summary.effects if (e.method, e.quantity) == (method, quantity)]
+    if len(effects) < 2:
+        return None
+    effects = sorted(effects, key=_size, reverse=True)[:MOST]
+    largest = 100 * max(_size(effects[0]), 1e-9)
+    figure, (ax,) = new_figure(1.0 + 0.3 * len(effects))
+    for row, effect in enumerate(effects):
+        low, high, size = 100 * effect.low[0], 100 * effect.high[0], 100 * effect.rmse[0]
+        first = row == 0
+        ax.barh(row, min(low, 0.0), color=ORANGE, height=0.6, label="lowest mean error" if first else None)
+        ax.barh(row, max(high, 0.0), color=BLUE, height=0.6, label="highest mean error" if first else None)
+        ax.plot([-size, size], [row, row], "|-", color=INK, lw=0.9, ms=7, label="± largest RMSE" if first else None)
+        ax.annotate(
+            f"{percent(effect.rmse[0])} at {effect.rmse[1]}",
+            (1.01, row),
+            xycoords=("axes fraction", "data"),
+            va="center",
+            size=8.0,
+            color=INK,
+            annotation_clip=False,
+        )
+    smallest = 100 * _size(effects[-1])
+    if smallest < largest / 30:
+        linear = max(largest / 10**DECADES, min(smallest, largest / 10))
+        ax.set_xscale("symlog", linthresh=linear, linscale=0.5)
+        decades = 10.0 ** np.arange(np.ceil(np.log10(linear)), np.floor(np.log10(largest)) + 1)
+        decades = decades[:: max(1, len(decades) // 3)]
+        ax.set_xticks(
+            [*(-decades[::-1]), 0.0, *decades], [*(f"−{d:g}" for d in decades[::-1]), "0", *(f"{d:g}" for d in decades)]
+        )
+        ax.minorticks_off()
+    ax.set_xlim(-1.5 * largest, 1.5 * largest)
+    ax.axvline(0.0, color=INK, lw=0.8)
+    ax.set_yticks(range(len(effects)), [effect.factor for effect in effects])
+    ax.set_ylim(len(effects) - 0.5, -0.5)
+    ax.grid(visible=False, axis="y")
+    ax.tick_params(axis="y", length=0)
+    ax.set_xlabel("error of the inertia, %")
+    legend_above(ax)
+    return figure
+
+
+def _size(effect: Effect) -> float:
+    return max(abs(effect.low[0]), abs(effect.high[0]), effect.rmse[0])

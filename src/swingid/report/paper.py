@@ -1,0 +1,312 @@
+"""The paper, reproduced: its figures 2 to 8, the page, and the tables of docs/paper.md."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from swingid.numerics.arrays import Array
+from swingid.report.html import environment, write_page
+from swingid.report.style import envelope, house_style, legend_above, new_figure, to_svg
+from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
+from swingid.study.reproduce.tables import Table, tables
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from swingid.recording.recording import Recording
+    from swingid.simulation.twin import Run
+    from swingid.study.reproduce import Reproduction
+    from swingid.study.reproduce.simulation import Simulation
+
+
+def _without_tests(found: list[Table]) -> list[Table]:
+    """The tables of a page that may stand far from this project: without the names of its tests."""
+    return [
+        replace(table, head=table.head[:-1], rows=tuple(row[:-1] for row in table.rows), caption="")
+        if table.key == "unclear"
+        else table
+        for table in found
+    ]
+
+
+def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Path) -> Path:
+    """Write the page of `Reproduction.results` and its figures to `path` and return it.
+
+    Raises InputError when the file cannot be written.
+    """
+    from markupsafe import Markup
+
+    from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY
+    from swingid.study.reproduce.tables import tables
+
+    drawn = {figure.number: figure for figure in figures}
+    page = (
+        environment()
+        .get_template("paper.html.j2")
+        .render(
+            tables={table.key: table for table in _without_tests(tables(results))},
+            figures={number: Markup(figure.svg) for number, figure in drawn.items()},
+            captions={number: (figure.caption, figure.here) for number, figure in drawn.items()},
+            seed=results["seed"],
+            verdicts={HOLDS: "holds", PARTLY: "part", FAILS: "fails"},
+        )
+    )
+    return write_page(page, Path(path))
+
+
+MARKS = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def with_tables(text: str, results: dict[str, Any]) -> str:
+    """The text of a page with every table between its marks renewed from `Reproduction.results`.
+
+    A table goes between `<!-- table: KEY -->` and `<!-- end -->`. Raises KeyError for a key that no table has.
+    """
+    made = {table.key: table for table in tables(results)}
+    return MARKS.sub(lambda match: f"{match[1]}\n{as_markdown(made[match[2]])}\n{match[3]}", text)
+
+
+def as_markdown(table: Table) -> str:
+    """Caption and table."""
+    lines = ["| " + " | ".join(_escaped(cell) for cell in row) + " |" for row in (table.head, *table.rows)]
+    lines.insert(1, "|" + "---|" * len(table.head))
+    caption = [_escaped(table.caption), ""] if table.caption else []
+    return "\n".join([*caption, *lines]) + "\n"
+
+
+def _escaped(cell: str) -> str:
+    if cell.startswith("`"):  # code, in which nothing is escaped
+        return cell
+    return cell.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_")
+
+
+DOTS = 150
+"""Dots per inch of the PNG files."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of the paper: its number, its caption there, what differs here, and its pictures."""
+
+    number: int
+    caption: str
+    here: str
+    svg: str
+    png: bytes
+
+    def files(self) -> dict[str, bytes]:
+        """File names and contents."""
+        return {f"fig{self.number}.svg": self.svg.encode("utf-8"), f"fig{self.number}.png": self.png}
+
+
+def drawn_figures(reproduction: Reproduction) -> list[Drawing]:
+    """All figures of a reproduction; the same one gives the same bytes."""
+    runs, ideal = reproduction.experiment.runs, reproduction.simulation
+    with house_style():
+        return [
+            *(_drawing(k, *EXPERIMENT[k], DRAW[k](runs)) for k in EXPERIMENT),
+            _drawing(7, *SIMULATION[7], draw_fig7(ideal.log)),
+            _drawing(8, *SIMULATION[8], draw_fig8(ideal)),
+        ]
+
+
+def _drawing(number: int, caption: str, here: str, figure: Figure) -> Drawing:
+    svg = to_svg(figure, f"fig{number}", f"Figure {number}. {caption}")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DOTS, metadata={"Software": None})
+    return Drawing(number, caption, here, svg, buffer.getvalue())
+
+
+WHOLE = "Above the whole run, below the last two seconds of the part that is identified."
+
+EXPERIMENT = {
+    2: ("Tracking errors e with (dashed) and without (solid) body (no filtering)", f"{WHOLE} Dotted: ± δ0."),
+    3: ("Pendulum angular velocity q1' with (dashed) and without (solid) body", f"{WHOLE} The twin's true velocity."),
+    4: ("Wheel angular velocity q2' with (dashed) and without (solid) body", f"{WHOLE} The twin's true velocity."),
+    5: ("Control signal u0 with (dashed) and without (solid) body", f"{WHOLE} Dotted: the limit of ± 10 V."),
+    6: (
+        "Tuning parameter k̃ complete with filter W_f(p)",
+        "With (dashed) and without (solid) body; grey: from 15 to 22 s, where the intervals lie.",
+    ),
+}
+
+SIMULATION = {
+    7: (
+        "Pendulum angle q1 of the control system (solid), program trajectory (dashed), tracking error (1) e and "
+        "tunable parameter (2)",
+        "The colours are the paper's: q1 green, reference blue, e red, 0.005 k̃ brown. Below, around the paper's four "
+        "times; angle and reference lie on each other, so e is drawn 100 times as large there.",
+    ),
+    8: (
+        "Identification error J1 − Ĵ1",
+        "Backstepping with the paper's gains; band: ± 5 %, dotted: the paper's 8 s; below, ten times as large. The "
+        "paper does not print the motion, and leaves an error out of its proof (consistent law); its 5 % after 8 s is "
+        "nearly met by the printed law at 2 rad/s (thick).",
+    ),
+}
+
+Runs = Mapping[str, "Run"]
+
+CLOSE = (20.0, 22.0)
+
+STYLES: dict[str, dict[str, Any]] = {
+    "plain": {"color": BLUE, "ls": "-", "lw": 1.2, "label": "without body, 0.8 sin 8.5t"},
+    "body": {"color": VERMILION, "ls": (0, (5, 2)), "lw": 1.2, "label": "with body, 0.8 sin 6t"},
+}
+
+
+def draw_fig2(runs: Runs) -> Figure:
+    """Tracking errors e."""
+    figure = _twice(runs, _tracking, "tracking error e, rad")
+    for axes in figure.axes:
+        for level in (-0.08, 0.08):
+            axes.axhline(level, color=GREY, lw=0.9, ls=":")
+    return figure
+
+
+def draw_fig3(runs: Runs) -> Figure:
+    """Velocity of the pendulum."""
+    return _twice(runs, lambda run: (run.truth.time, run.truth.speed), "q1', rad/s")
+
+
+def draw_fig4(runs: Runs) -> Figure:
+    """Velocity of the wheel."""
+    return _twice(runs, lambda run: (run.truth.time, run.truth.wheel_speed), "q2', rad/s")
+
+
+def draw_fig5(runs: Runs) -> Figure:
+    """Control signal u0, held from sample to sample."""
+    figure = _twice(runs, lambda run: (run.truth.time, run.truth.command), "control signal u0, V")
+    for axes in figure.axes:
+        for level in (-10.0, 10.0):
+            axes.axhline(level, color=GREY, lw=0.9, ls=":")
+    return figure
+
+
+def draw_fig6(runs: Runs) -> Figure:
+    """Tuning parameter over the run."""
+    figure, (axes,) = new_figure(2.6)
+    for case, style in STYLES.items():
+        log = runs[case].recording
+        assert log.adaptive_gain is not None
+        axes.plot(log.time, log.adaptive_gain, **style)
+        end = float(log.adaptive_gain[-1])
+        axes.annotate(f"{end:.1f}", (log.time[-1], end), (-3, 5), textcoords="offset points", ha="right", color=INK)
+    axes.axvspan(15.0, 22.0, color=PALE, lw=0, zorder=0)
+    axes.set(xlabel="time, s", ylabel="tuning parameter k̃", xlim=(0, 25), ylim=(0, 15))
+    legend_above(axes)
+    return figure
+
+
+DRAW: dict[int, Callable[[Runs], Figure]] = {2: draw_fig2, 3: draw_fig3, 4: draw_fig4, 5: draw_fig5, 6: draw_fig6}
+
+
+def _tracking(run: Run) -> tuple[Array, Array]:
+    assert run.recording.reference is not None
+    return run.recording.time, run.recording.reference - run.recording.angle
+
+
+def _twice(runs: Runs, channel: Callable[[Run], tuple[Array, Array]], label: str) -> Figure:
+    figure, (whole, close) = new_figure(4.2, 2)
+    for case, style in STYLES.items():
+        time, values = channel(runs[case])
+        # at this scale the run without body would hide the other
+        thin: dict[str, Any] = {"alpha": 0.55} if case == "plain" else {"ls": (0, (4, 1))}
+        whole.plot(*envelope(time, values), **(style | {"lw": 0.8} | thin))
+        part = (time >= CLOSE[0]) & (time <= CLOSE[1])
+        close.plot(time[part], values[part], **style)
+    whole.axvspan(*CLOSE, color=PALE, lw=0, zorder=0)
+    whole.set(xlim=(0, 25), ylabel=label)
+    close.set(xlim=CLOSE, ylabel=label, xlabel="time, s")
+    _legend(close, whole)
+    return figure
+
+
+def _legend(source: Axes, target: Axes) -> None:
+    handles, labels = source.get_legend_handles_labels()
+    target.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+
+
+GREEN, RED, BROWN = "#009E73", "#C8102E", "#8C510A"
+"""The colours that section 5 names, in tones that colour-blind readers tell apart."""
+
+ABOUT_TIMES = (8.9, 10.0)
+
+MAGNIFIED = 100
+
+
+def draw_fig7(log: Recording) -> Figure:
+    """Angle, reference, error and 0.005 k tilde; below, around the paper's four times."""
+    from swingid.study.reproduce.published import TIMES
+
+    assert log.reference is not None
+    assert log.adaptive_gain is not None
+    figure, (whole, close) = new_figure(4.8, 2)
+    error = log.reference - log.angle
+    whole.plot(*envelope(log.time, log.angle), color=GREEN, lw=1.8, alpha=0.6, label="angle q1")
+    whole.plot(log.time[::20], log.reference[::20], color=BLUE, lw=0.9, ls=(0, (4, 3)), label="program trajectory ym")
+    whole.plot(*envelope(log.time, error), color=RED, lw=0.9, label="(1) tracking error e")
+    whole.plot(log.time[::20], 0.005 * log.adaptive_gain[::20], color=BROWN, lw=1.6, label="(2) 0.005 k̃")
+    whole.axvspan(*ABOUT_TIMES, color=PALE, lw=0, zorder=0)
+    whole.set(xlim=(0, 12), ylabel="rad, and 0.005 k̃")
+    part = (log.time >= ABOUT_TIMES[0]) & (log.time <= ABOUT_TIMES[1])
+    close.plot(log.time[part], log.angle[part], color=GREEN, lw=3.4, alpha=0.55, label="_angle")
+    close.plot(log.time[part], log.reference[part], color=BLUE, lw=1.1, ls=(0, (4, 3)), label="_reference")
+    close.plot(log.time[part], MAGNIFIED * error[part], color=RED, lw=1.0, label="_error")
+    for name, instant in zip(("t10", "t11", "t20", "t21"), TIMES, strict=True):
+        close.axvline(instant, color=INK, lw=0.9, ls=":")
+        before = name in ("t10", "t11")
+        close.annotate(
+            name,
+            (instant, 1.0),
+            (-3 if before else 3, -2),
+            xycoords=("data", "axes fraction"),
+            textcoords="offset points",
+            ha="right" if before else "left",
+            va="top",
+        )
+    # the caption's numbers on the lines too, for those who cannot tell the colours
+    for axes, words, instant, values in (
+        (whole, "(2)", 3.0, 0.005 * log.adaptive_gain),
+        (close, "(1)", 9.15, MAGNIFIED * error),
+    ):
+        place = (instant, float(values[log.time.searchsorted(instant)]))
+        axes.annotate(words, place, (-8, 4), textcoords="offset points", color=INK, ha="center")
+    close.set(xlim=ABOUT_TIMES, xlabel="time, s", ylabel=f"rad, e times {MAGNIFIED}")
+    legend_above(whole, 4)
+    return figure
+
+
+def draw_fig8(simulation: Simulation) -> Figure:
+    """J1 − J1^ of all runs, in 10^-5 kg m^2, with the band of 5 %: as a whole, and near zero."""
+    from swingid.study.reproduce.published import BACKSTEPPING
+
+    figure, (whole, close) = new_figure(4.8, 2, share_time=True)
+    colours = {2.0: VERMILION, 8.5: BLUE}
+    for curve in simulation.curves:
+        printed = curve.law == "printed"
+        bold = printed and curve.frequency == 2.0
+        style: dict[str, Any] = {
+            "ls": "-" if printed else (0, (4, 2)),
+            "lw": 2.0 if bold else 1.1,
+            "color": colours[curve.frequency],
+        }
+        label = f"{curve.law} law, {curve.frequency:g} rad/s"
+        for axes in (whole, close):
+            axes.plot(curve.time[::20], 1e5 * (simulation.truth - curve.inertia[::20]), label=label, **style)
+    error, after = BACKSTEPPING
+    band = 1e3 * error * simulation.truth
+    for axes, least, most in ((whole, -2.2, 1.1), (close, -0.22, 0.11)):
+        axes.axhspan(-band, band, color=PALE, lw=0, zorder=0)
+        axes.axvline(after, color=GREY, lw=0.9, ls=":")
+        limits = (least * 1e5 * simulation.truth, most * 1e5 * simulation.truth)
+        axes.set(xlim=(0, 12), ylabel="J1 − Ĵ1, 10⁻⁵ kg m²", ylim=limits)
+    close.set(xlabel="time, s")
+    legend_above(whole, 2)
+    return figure

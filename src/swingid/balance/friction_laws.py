@@ -11,19 +11,16 @@ from functools import cache
 
 import numpy as np
 
+from swingid.model import terms
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 
 Law = Callable[[Array], Array]
 
 TERMS: dict[str, Law] = {
-    "coulomb": np.sign,
-    "viscous": lambda v: v,
-    "quadratic": lambda v: v * np.abs(v),
-    "cubic": lambda v: v**3,
-    "offset": np.ones_like,
-    "viscous_even": np.abs,
+    name: term.of_speed for name, term in terms.TERMS.items() if term.power is not None and term.kind == terms.ONE
 }
+"""The terms that are functions of the speed alone and have no parameter of their own."""
 
 LAWS: dict[str, tuple[str, ...]] = {
     "viscous": ("viscous",),
@@ -73,17 +70,6 @@ def stribeck_slope(speeds: Array, stribeck_speed: float) -> Array:
     """Derivative of Stribeck's peak by the Stribeck speed, at `speeds`."""
     square = (speeds / stribeck_speed) ** 2
     return np.asarray(2 * np.sign(speeds) * square * np.exp(-square) / stribeck_speed)
-
-
-def friction_units(linear: bool) -> dict[str, str]:
-    """Unit of each friction parameter of a rotary or linear axis."""
-    torque, speed = ("N", "m/s") if linear else ("N m", "rad/s")
-    viscous = "N s/m" if linear else "N m s"
-    quadratic = "N s^2/m^2" if linear else "N m s^2"
-    units = dict.fromkeys(("coulomb", "coulomb_positive", "coulomb_negative", "static", "offset"), torque)
-    units |= dict.fromkeys(("viscous", "viscous_positive", "viscous_negative"), viscous)
-    cubic = "N s^3/m^3" if linear else "N m s^3"
-    return units | {"quadratic": quadratic, "cubic": cubic, "stribeck_speed": speed}
 
 
 def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:

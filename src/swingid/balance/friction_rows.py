@@ -11,13 +11,13 @@ from functools import cache
 
 import numpy as np
 
-from swingid.balance.friction_laws import stribeck_peak, stribeck_slope
+from swingid.balance.friction_laws import TERMS, stribeck_peak, stribeck_slope
 from swingid.balance.rows import Rows, Signals, Windows
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
 from swingid.numerics.hats import project_hats
 
-EXACT = ("coulomb", "offset", "viscous", "quadratic", "viscous_even", "cubic")
+EXACT = tuple(TERMS)
 """Terms with a column of their own."""
 
 COULOMB, OFFSET = EXACT.index("coulomb"), EXACT.index("offset")
@@ -30,7 +30,7 @@ KNOTS = 28
 class FrictionRows:
     """Rows and the friction columns: those of the terms in EXACT, then the hat functions on `knots`.
 
-    knots: rad/s or m/s, rising, 0 in the middle; columns (windows, 6 + knots).
+    knots: rad/s or m/s, rising, 0 in the middle; columns (windows, terms + knots).
     """
 
     rows: Rows
@@ -62,8 +62,8 @@ class FrictionRows:
 
 @cache
 def places_of(terms: tuple[str, ...]) -> Ints:
-    """Column of each term, −1 for Stribeck's peak, which has none of its own."""
-    return np.array([EXACT.index(term) if term in EXACT else -1 for term in terms])
+    """Column of each term, −1 for Stribeck's peak, which has none of its own. ValueError for what is no term."""
+    return np.array([-1 if term == "stribeck" else EXACT.index(term) for term in terms])
 
 
 @njit

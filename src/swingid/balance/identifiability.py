@@ -14,6 +14,7 @@ import numpy as np
 
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
+from swingid.model.terms import words_of
 from swingid.numerics.arrays import Array
 
 HOPELESS = 0.3
@@ -30,18 +31,6 @@ BLIND = 1e-3
 
 TRADES = 0.5
 """Squared correlation with the unknown that is wanted above which another unknown is said to move with it."""
-
-NAMES = {
-    "inertia": "inertia",
-    "gravity_torque": "gravity torque",
-    "viscous": "viscous friction",
-    "coulomb": "Coulomb friction",
-    "quadratic": "quadratic friction",
-    "cubic": "cubic friction",
-    "viscous_even": "direction-dependent friction",
-    "offset": "a constant torque",
-    "memory": "friction's memory",
-}
 
 
 @dataclass(frozen=True)
@@ -103,7 +92,7 @@ class Identifiability:
 
     def combination(self, values: Mapping[str, float]) -> str:
         """What the wanted unknown trades with, in words: a clause without a full stop. `values` of the unknowns."""
-        together = [NAMES.get(name, name) for name in self.together]
+        together = [words_of(name) for name in self.together]
         if len(together) == 1:
             return f"{together[0]} stands alone" if self.answerable else f"{together[0]} does not show"
         text = f"{', '.join(together[:-1])} and {together[-1]} move together"
@@ -180,7 +169,7 @@ def require_seen(seen: Identifiability, frequency: float | None = None, natural:
     if seen.answerable:
         return
     raise UnanswerableError(
-        f"{NAMES.get(seen.wanted, seen.wanted)} is not identifiable: in this motion {seen.combination({})}; "
+        f"{words_of(seen.wanted)} is not identifiable: in this motion {seen.combination({})}; "
         f"{advice(seen, frequency, natural)}.",
         code="not-identifiable",
     )

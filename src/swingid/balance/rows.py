@@ -82,16 +82,23 @@ class Signals:
     longest: float
 
     @cached_property
-    def stacked(self) -> tuple[Array, Ints]:
-        """Columns of the balance for `project_stacked` and the derivatives of φ that they meet."""
-        columns = [(self.angle, 2), (self.sine, 0), (-self.angle, 1)]
+    def stacked(self) -> tuple[tuple[str, ...], Array, Ints]:
+        """Columns of the balance for `project_stacked`: names, values, and the derivatives of φ that they meet."""
         size = np.abs(self.speed)
-        columns += [(self.speed * size, 0), (self.speed * size * size, 0), (size, 0)]
+        columns = {
+            "inertia": (self.angle, 2),
+            "gravity": (self.sine, 0),
+            "viscous": (-self.angle, 1),
+            "quadratic": (self.speed * size, 0),
+            "cubic": (self.speed * size * size, 0),
+            "viscous_even": (size, 0),
+        }
         if self.wheel is not None:
-            columns.append((self.wheel, 2))
+            columns["wheel"] = (self.wheel, 2)
         elif self.torque is not None:
-            columns.append((self.torque, 0))
-        return np.stack([x.ravel() for x, _ in columns]), np.array([order for _, order in columns])
+            columns["torque"] = (self.torque, 0)
+        orders = np.array([order for _, order in columns.values()])
+        return tuple(columns), np.stack([x.ravel() for x, _ in columns.values()]), orders
 
     def earlier(self, late: Array) -> Signals:
         """The same signals with every turning point `late` seconds earlier (one value each)."""
@@ -247,27 +254,13 @@ class Rows:
 
 def rows_of(signals: Signals, windows: Windows) -> Rows:
     """Project the balance on `windows`, which must lie inside the log."""
-    stacked, orders = signals.stacked
+    names, stacked, orders = signals.stacked
     integrals = project_stacked(signals.nodes, stacked, orders, windows.centres, windows.half)
-    zero, drive = np.zeros(len(windows)), integrals[:, -1]
-    friction = {
-        "viscous": integrals[:, 2],
-        "quadratic": integrals[:, 3],
-        "cubic": integrals[:, 4],
-        "offset": windows.half * (32 / 35),
-        "viscous_even": integrals[:, 5],
-        **_at_reversals(signals, windows),
-    }
-    has_wheel, has_torque = signals.wheel is not None, signals.torque is not None
-    return Rows(
-        windows,
-        integrals[:, 0],
-        integrals[:, 1],
-        drive if has_wheel else zero,
-        drive if has_torque and not has_wheel else zero,
-        friction,
-        signals.stiffness,
-    )
+    columns, zero = dict(zip(names, integrals.T, strict=True)), np.zeros(len(windows))
+    inertia, gravity = columns.pop("inertia"), columns.pop("gravity")
+    wheel, torque = columns.pop("wheel", zero), columns.pop("torque", zero)
+    friction = {**columns, "offset": windows.half * (32 / 35), **_at_reversals(signals, windows)}
+    return Rows(windows, inertia, gravity, wheel, torque, friction, signals.stiffness)
 
 
 def retimed(rows: Rows, signals: Signals) -> Rows:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.balance.fits import WindowFit, columns_of, known_side
-from swingid.balance.friction_laws import friction_units
 from swingid.balance.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
 from swingid.balance.motor import MotorBalance
 from swingid.balance.rows import Signals
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import left, number
+from swingid.model.terms import units_on
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import Scale
 from swingid.result.result import BudgetEntry, Message, Parameter
@@ -135,7 +135,7 @@ def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
 
 def identifiability_of(law: WindowFit, scale: Scale) -> Identifiability:
     """What the rows of a fit see of its unknowns, with its own uncertainty of the inertia."""
-    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    units = units_on(linear=scale.linear)
     _, columns = columns_of(law.rows, scale, tuple(name for name in law.unknowns if name in law.rows.friction))
     seen = examine(law.unknowns, [units.get(name, "") for name in law.unknowns], columns)
     return seen.scaled_to(law.u)

@@ -1,91 +1,56 @@
 """The constants of a rig as one float64 vector, which every compiled kernel reads.
 
-A place in the vector has a name (``p[A11]``) and a record in `PARAMETERS`: symbol, unit, meaning. The
-vector is built in two moves: `constants` collects the rig's quantities by their rig.toml keys, `vector`
-turns plain values under those keys into the vector. Between the two, values may be drawn from their
-uncertainties.
+The vector is built in two moves: `constants` collects the rig's quantities by their rig.toml keys, `vector` turns plain
+values under those keys into the vector. Between the two, values may be drawn from their uncertainties. What a constant
+is called, its symbol and its unit stand in `terms`. (Kernels under njit have the numbers of the places compiled in.)
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.model.terms import FRICTION_KEYS, MOTOR_KEYS, TERMS, stated_at
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
     from swingid.units import Quantity
 
-# Places in the vector.
+# Places in the vector (``p[A11]``), SI. Inertias of (I), (II): a11 = J1 + J2 + Jr (without a wheel J1), a12 = J2 + N Jr
+# (without 0), a22 = J2 + N² Jr (without 1, where nothing moves by it); b; 1 where the command is a torque on the axis.
 A11, A12, A22, B, DIRECT = 0, 1, 2, 3, 4
+# Gear N; c1, c2, η of (8); edges d1 >= 0 >= d2 of the dead zone; motor friction f2, f3.
 GEAR, C1, C2, ETA, D1, D2, F2, F3 = 5, 6, 7, 8, 9, 10, 11, 12
+# Torque N f3 that releases the wheel (infinite without one); 1 where the axis can stick (dry friction, no LuGre).
 WHEEL_STATIC, AXIS_STICKS = 13, 14
+# Friction of the axis for q1' > 0 (P) and q1' < 0 (N): viscous, Coulomb, and static >= Coulomb at the brink of motion.
 VISCOUS_P, VISCOUS_N, COULOMB_P, COULOMB_N, STATIC_P, STATIC_N = 15, 16, 17, 18, 19, 20
+# Speed over which static falls to Coulomb friction (0: at once); coefficients of v|v| and v³; constant torque against
+# the positive direction; stiffness (0: no LuGre) and damping of the LuGre bristles.
 STRIBECK_SPEED, QUADRATIC, CUBIC, OFFSET, SIGMA0, SIGMA1 = 21, 22, 23, 24, 25, 26
 SIZE = 27
 
-
-@dataclass(frozen=True, slots=True)
-class ParameterRecord:
-    """One place of the vector: its name in code, the paper's or the literature's symbol, SI unit, meaning."""
-
-    name: str
-    symbol: str
-    unit: str
-    meaning: str
-
-
-PARAMETERS: tuple[ParameterRecord, ...] = (
-    ParameterRecord("A11", "a11", "kg m^2", "J1 + J2 + Jr; without a wheel J1 alone (linear axis: kg)"),
-    ParameterRecord("A12", "a12", "kg m^2", "J2 + N Jr; 0 without a wheel"),
-    ParameterRecord("A22", "a22", "kg m^2", "J2 + N^2 Jr; 1 without a wheel, where nothing moves by it"),
-    ParameterRecord("B", "b", "N m", "amplitude of the gravity torque b sin q1"),
-    ParameterRecord(
-        "DIRECT", "", "1", "1 where the command is a torque on the axis, 0 where it is a voltage or nothing"
-    ),
-    ParameterRecord("GEAR", "N", "1", "rotor turns per wheel turn"),
-    ParameterRecord("C1", "c1", "N m/V", "motor torque per volt"),
-    ParameterRecord("C2", "c2", "N m s", "motor torque lost per wheel speed (back-EMF)"),
-    ParameterRecord("ETA", "eta", "1", "efficiency"),
-    ParameterRecord("D1", "d1", "N m", "upper edge of the dead zone, >= 0"),
-    ParameterRecord("D2", "d2", "N m", "lower edge of the dead zone, <= 0"),
-    ParameterRecord("F2", "f2", "N m s", "viscous friction of motor and gearbox"),
-    ParameterRecord("F3", "f3", "N m", "Coulomb friction of motor and gearbox"),
-    ParameterRecord("WHEEL_STATIC", "N f3", "N m", "torque on the wheel that releases it; infinite without a wheel"),
-    ParameterRecord("AXIS_STICKS", "", "1", "1 where the axis can stick (some Coulomb or static friction, no LuGre)"),
-    ParameterRecord("VISCOUS_P", "", "N m s", "viscous coefficient of the axis for q1' > 0 (the paper's f1 N)"),
-    ParameterRecord("VISCOUS_N", "", "N m s", "viscous coefficient of the axis for q1' < 0"),
-    ParameterRecord("COULOMB_P", "Fc", "N m", "Coulomb friction of the axis for q1' > 0"),
-    ParameterRecord("COULOMB_N", "Fc", "N m", "Coulomb friction of the axis for q1' < 0"),
-    ParameterRecord("STATIC_P", "Fs", "N m", "friction at the brink of motion towards q1' > 0, >= Coulomb"),
-    ParameterRecord("STATIC_N", "Fs", "N m", "friction at the brink of motion towards q1' < 0, >= Coulomb"),
-    ParameterRecord("STRIBECK_SPEED", "vs", "rad/s", "speed over which static falls to Coulomb; 0: at once"),
-    ParameterRecord("QUADRATIC", "", "N m s^2", "coefficient of q1' |q1'|"),
-    ParameterRecord("CUBIC", "", "N m s^3", "coefficient of q1'^3"),
-    ParameterRecord("OFFSET", "", "N m", "constant torque against the positive direction"),
-    ParameterRecord("SIGMA0", "sigma0", "N m/rad", "stiffness of the LuGre bristles; 0: no LuGre"),
-    ParameterRecord("SIGMA1", "sigma1", "N m s", "damping of the LuGre bristles"),
-)
-
-FRICTION_KEYS = (
-    "viscous", "coulomb", "static", "stribeck_speed", "quadratic", "cubic", "viscous_positive",
-    "viscous_negative", "coulomb_positive", "coulomb_negative", "offset",
-)  # fmt: skip
-MOTOR_KEYS = (
-    "rotor_inertia",
-    "gear_ratio",
-    "torque_per_volt",
-    "back_emf",
-    "viscous",
-    "coulomb",
-    "efficiency",
-)
+PLACES: dict[str, tuple[int, ...]] = {
+    "inertia": (A11,),
+    "gravity_torque": (B,),
+    "viscous": (VISCOUS_P, VISCOUS_N),
+    "viscous_positive": (VISCOUS_P,),
+    "viscous_negative": (VISCOUS_N,),
+    "coulomb": (COULOMB_P, COULOMB_N, STATIC_P, STATIC_N),
+    "coulomb_positive": (COULOMB_P, STATIC_P),
+    "coulomb_negative": (COULOMB_N, STATIC_N),
+    "stribeck": (STATIC_P, STATIC_N),
+    "stribeck_speed": (STRIBECK_SPEED,),
+    "quadratic": (QUADRATIC,),
+    "cubic": (CUBIC,),
+    "offset": (OFFSET,),
+}
+"""Places that grow with a term's coefficient, one for one; "stribeck" is the static less the Coulomb friction."""
 
 
 def constants(rig: Rig) -> dict[str, Quantity]:
@@ -108,13 +73,10 @@ def constants(rig: Rig) -> dict[str, Quantity]:
             code="unknown-gravity",
         )
     found = {"axis.inertia": axis.inertia, "axis.gravity_torque": axis.gravity_torque}
-    for key in FRICTION_KEYS:
-        quantity = getattr(axis.friction, key)
-        if quantity is not None:
-            found[f"axis.friction.{key}"] = quantity
-    if axis.friction.lugre is not None:
-        for key in ("bristle_stiffness", "bristle_damping"):
-            found[f"axis.friction.lugre.{key}"] = getattr(axis.friction.lugre, key)
+    for name in FRICTION_KEYS:
+        quantity = stated_at(rig, TERMS[name].key)
+        if isinstance(quantity, Quantity):
+            found[TERMS[name].key] = quantity
     if rig.drive.kind == "reaction-wheel":
         assert rig.drive.wheel is not None
         assert rig.drive.motor is not None

@@ -13,9 +13,9 @@ import numpy as np
 
 from swingid.balance.choice import DETECTED
 from swingid.balance.fits import Effect
-from swingid.balance.friction_laws import friction_units
 from swingid.balance.rows import Windows
 from swingid.format import number
+from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import curvature_overlap
@@ -254,8 +254,7 @@ class Reporter:
 
     def estimate(self, block: Block, solution: Solution, skipped: int, lost: int) -> SwingEstimate:
         """The estimate after `block`."""
-        units = friction_units(self.scale.linear)
-        units |= {"inertia": self.scale.unit, "gravity_torque": self.scale.torque_unit}
+        units = units_on(linear=self.scale.linear)
         names = ["inertia", *(name for name in PLAIN if name in block.unknowns)]
         at = [block.unknowns.index(name) for name in names]
         budget = tuple(_budget(names, at, solution))

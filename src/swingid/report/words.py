@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from swingid.model.terms import TERMS
+
 
 @dataclass(frozen=True)
 class Word:
@@ -19,34 +21,8 @@ class Word:
         return self.linear if linear and self.linear is not None else self.unit
 
 
-FRICTION = {
-    "viscous": Word("viscous friction", "", "N m s", "N s/m"),
-    "coulomb": Word("Coulomb friction", "", "N m", "N"),
-    "static": Word("static friction (brink of motion)", "", "N m", "N"),
-    "stribeck_speed": Word("Stribeck speed", "", "rad/s", "m/s"),
-    "quadratic": Word("quadratic friction", "", "N m s^2", "N s^2/m^2"),
-    "cubic": Word("cubic friction", "", "N m s^3", "N s^3/m^3"),
-    "viscous_positive": Word("viscous friction, speed > 0", "", "N m s", "N s/m"),
-    "viscous_negative": Word("viscous friction, speed < 0", "", "N m s", "N s/m"),
-    "coulomb_positive": Word("Coulomb friction, speed > 0", "", "N m", "N"),
-    "coulomb_negative": Word("Coulomb friction, speed < 0", "", "N m", "N"),
-    "offset": Word("constant torque", "", "N m", "N"),
-    "lugre.bristle_stiffness": Word("LuGre bristle stiffness", "σ₀", "N m/rad", "N/m"),
-    "lugre.bristle_damping": Word("LuGre bristle damping", "σ₁", "N m s", "N s/m"),
-}
-
 RIG = {
-    "axis.gravity_torque": Word("gravity torque", "b", "N m", "N"),
-    "axis.inertia": Word("moment of inertia", "J₁", "kg m^2", "kg"),
-    **{f"axis.friction.{name}": word for name, word in FRICTION.items()},
-    "drive.wheel.inertia": Word("wheel inertia", "J₂", "kg m^2"),
-    "drive.motor.rotor_inertia": Word("rotor inertia", "Jr", "kg m^2"),
-    "drive.motor.gear_ratio": Word("rotor turns per wheel turn", "N"),
-    "drive.motor.torque_per_volt": Word("motor torque per volt", "c₁", "N m/V"),
-    "drive.motor.back_emf": Word("motor torque lost per wheel speed", "c₂", "N m s"),
-    "drive.motor.viscous": Word("viscous friction of motor and gear", "f₂", "N m s"),
-    "drive.motor.coulomb": Word("Coulomb friction of motor and gear", "f₃", "N m"),
-    "drive.motor.efficiency": Word("efficiency", "η"),
+    **{term.key: Word(term.words, term.symbol, term.unit, term.linear) for term in TERMS.values() if term.key},
     "drive.motor.dead_zone": Word("motor dead zone", "d₂ … d₁", "N m"),
     "drive.motor.voltage_limit": Word("voltage limit", "", "V"),
     "log.torque_gain": Word("gain of the logged torque"),
@@ -115,11 +91,11 @@ def parameter_word(name: str, *, linear: bool) -> Word:
     """An identified parameter in words; an unknown name stands for itself."""
     if name == "inertia":
         return Word("moving mass", "M") if linear else Word("moment of inertia", "J₁")
-    if name == "gravity_torque":
-        return Word("gravity torque", "b")
     if name == "offset" and linear:
         return Word("constant force")
-    for table, key in ((FRICTION, name), (CALIBRATED, name), (RIG, name), (RIG, f"drive.{name}")):
+    if name in TERMS:
+        return RIG[TERMS[name].key] if TERMS[name].key else Word(TERMS[name].words)
+    for table, key in ((CALIBRATED, name), (RIG, name), (RIG, f"drive.{name}")):
         if key in table:
             return table[key]
     return Word(name.replace("_", " "))

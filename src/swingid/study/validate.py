@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from swingid.balance.fits import BASIS, fit_rows
-from swingid.balance.friction_laws import friction_units
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
@@ -25,6 +24,7 @@ from swingid.methods.output_error.problem import Input, Problem, problem_of
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector
 from swingid.model.rig import Rig
+from swingid.model.terms import TERMS
 from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
@@ -282,8 +282,20 @@ def model_vector(result: Result, rig: Rig) -> Array:
     if isinstance(moved, dict):
         values |= {key: float(value) for key, value in moved.items() if key in values}
     # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
-    values |= {f"axis.friction.{name}": found[name] for name in friction_units(linear) if name in found}
+    values |= _by_key(found, rig)
     return vector(values, rig.drive.kind)
+
+
+def _by_key(found: Mapping[str, float], rig: Rig) -> dict[str, float]:
+    """Identified values under the keys of rig.toml. Raises InputError for what the model has no term for."""
+    unknown = [name for name in found if name not in TERMS or not TERMS[name].key]
+    if unknown:
+        raise InputError(
+            f"the result holds {', '.join(unknown)}, which the model of rig {rig.name} has no term for; give a "
+            "result of one log or of several logs of one rig.",
+            code="unknown-parameter",
+        )
+    return {TERMS[name].key: value for name, value in found.items()}
 
 
 def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:

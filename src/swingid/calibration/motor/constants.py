@@ -24,9 +24,9 @@ from swingid.calibration.motor.products import (
     products_of,
 )
 from swingid.errors import InputError
-from swingid.model.parameters import FRICTION_KEYS
 from swingid.model.rig import Rig
 from swingid.model.rig.edit import edited
+from swingid.model.terms import FRICTION_KEYS
 from swingid.numerics.arrays import Array
 from swingid.result.result import BudgetEntry, Message, Parameter
 from swingid.units import Quantity
@@ -241,7 +241,7 @@ def _axis(rig: Rig, found: Mapping[str, Parameter]) -> dict[str, object]:
     if "axis.inertia" not in found:
         return {}
     values: dict[str, object] = {"axis.inertia": _quantity(found["axis.inertia"], least=0.0)}
-    for key in (*FRICTION_KEYS, "lugre"):
+    for key in (*(key for key in FRICTION_KEYS if "." not in key), "lugre"):
         name = f"axis.friction.{key}"
         if name in found:
             values[name] = _quantity(found[name], least=None if key == "offset" else 0.0)

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.agreement import SEEN
-from swingid.balance.friction_laws import friction_units
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import effects
 from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.model.rig import Rig
+from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.ranks import median
 from swingid.preparation.motion import Motion
@@ -84,7 +84,7 @@ def energy_answer(
 def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array], dict[str, str]]:
     """Weights of each parameter on the unknowns, and the units; `speed`: root mean square of the motion's."""
     unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
-    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    units = units_on(linear=scale.linear)
     plain: dict[str, Array] = {
         name: unit[name] for name in ("inertia", "gravity_torque", "coulomb", "viscous", "quadratic") if name in unit
     }

@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.balance.fits import columns_of, known_side
-from swingid.balance.friction_laws import friction_units, law_columns, parameter_weights, stribeck_slope
+from swingid.balance.friction_laws import law_columns, parameter_weights, stribeck_slope
 from swingid.methods.equation_error.effects import effects
 from swingid.methods.equation_error.judges import Judged
 from swingid.model.rig import Rig
+from swingid.model.terms import units_on
 from swingid.preparation.scale import Scale
 from swingid.result.result import BudgetEntry, Details, FrictionCurve, Parameter, SwingSeries, combined
 
@@ -20,7 +21,7 @@ def answer(judged: Judged, rig: Rig, scale: Scale) -> tuple[list[BudgetEntry], d
     """Budget and parameters: type A first, then every declared imperfection."""
     chosen, fit, law = judged.chosen, judged.chosen.fit, judged.law
     unit = np.eye(len(fit.unknowns))
-    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    units = units_on(linear=scale.linear)
     body = [name for name in fit.unknowns if name in ("inertia", "gravity_torque")]
     sought = {name: unit[fit.unknowns.index(name)] for name in body}
     friction = [fit.unknowns.index(name) for name in law.unknowns]

@@ -16,7 +16,7 @@ from swingid.balance.choice import Choice, choose
 from swingid.balance.declared import with_declared
 from swingid.balance.fits import BASIS, WindowFit, fit_rows, known_side
 from swingid.balance.friction import FrictionLaw
-from swingid.balance.friction_laws import friction_units, parameter_weights
+from swingid.balance.friction_laws import parameter_weights
 from swingid.balance.imperfections import imperfections, sensitivities
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Rows, Signals, rows_of
@@ -30,6 +30,7 @@ from swingid.errors import UnanswerableError
 from swingid.methods.momentum.latency import Seen, check_latency, with_latency
 from swingid.methods.momentum.loss import loss_unexplained
 from swingid.model.rig import Rig
+from swingid.model.terms import TERMS, units_on
 from swingid.numerics.ranks import median
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.motion import Motion, find_motion
@@ -153,7 +154,8 @@ def _estimate(choice: Choice, rig: Rig, scale: Scale, noise: Noise) -> _Estimate
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
     """Bias of the even fit that friction causes because the real motion is not quite symmetric, from the fitted law."""
-    torque = sum(law.value(name) * even.rows.friction[name] for name in ("coulomb", "viscous", "quadratic", "memory"))
+    odd = [name for name in law.unknowns if name in even.rows.friction and (name == "memory" or TERMS[name].odd)]
+    torque = sum((law.value(name) * even.rows.friction[name] for name in odd), np.zeros(len(even.rows.windows)))
     return float(even.fit.influence[0] @ torque)
 
 
@@ -179,7 +181,7 @@ def _answer(
         for effect in law.declared:
             shift = float(effect.shifts[k]) + (effect.direct * effect.std if name == "inertia" else 0.0)
             budget.append(_type_b(name, effect.source, shift, effect.std, effect.shared_id))
-    units = friction_units(scale.linear)
+    units = units_on(linear=scale.linear)
     b = law.value("gravity_torque") if scale.b is None else scale.b
     declared = imperfections(rig, signals, friction.rows, law.a11, b)
     for name, own in parameter_weights(friction.unknowns).items():

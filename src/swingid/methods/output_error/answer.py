@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.agreement import SEEN
-from swingid.balance.friction_laws import friction_units
 from swingid.methods.energy.checks import DISAGREES, SecondOpinion
 from swingid.methods.energy.fit import block_covariance
 from swingid.methods.output_error.curve import friction_curve
@@ -19,6 +18,7 @@ from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.solver import influence_of, informed, inverse_of, reduce
 from swingid.methods.output_error.unknowns import Unknowns
 from swingid.model.rig import Rig
+from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
@@ -146,7 +146,7 @@ def answer_of(
     another method can.
     """
     weights = _sought(estimate.unknowns)
-    units = friction_units(scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
+    units = units_on(linear=scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
     covariance = estimate.covariance
     budget = [
         BudgetEntry(SCATTER, "A", name, float(np.sqrt(np.maximum(own @ covariance @ own, 0.0))))

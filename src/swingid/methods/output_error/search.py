@@ -223,6 +223,9 @@ def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> 
         wanted.append("viscous_positive")
         if "viscous" not in wanted:
             wanted.append("viscous")
+    missing = set(wanted) - set(columns.names)
+    if missing:
+        raise ValueError(f"no column of {', '.join(sorted(missing))}, which the law {law!r} has")
     n = len(columns.names)
     own = [k for k, name in enumerate(columns.names) if name in wanted or name not in FRICTION]
     # the law's residual: what is left now plus what its unknowns must undo of the terms that it lacks

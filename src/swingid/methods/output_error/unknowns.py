@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from swingid.balance.friction_laws import DIRECTIONS, LAWS, friction_units, law_terms
+from swingid.balance.friction_laws import DIRECTIONS, LAWS, law_terms
 from swingid.errors import UsageError
 from swingid.methods.output_error.constants import (
     SCALE,
@@ -26,45 +26,20 @@ from swingid.methods.output_error.constants import (
     scaled_places,
     unit_of,
 )
-from swingid.model.parameters import (
-    A11,
-    AXIS_STICKS,
-    COULOMB_N,
-    COULOMB_P,
-    CUBIC,
-    OFFSET,
-    QUADRATIC,
-    SIZE,
-    STATIC_N,
-    STATIC_P,
-    STRIBECK_SPEED,
-    VISCOUS_N,
-    VISCOUS_P,
-    vector,
-)
+from swingid.model.parameters import A11, AXIS_STICKS, PLACES, SIZE, STATIC_N, STATIC_P, vector
 from swingid.model.rig import Rig
+from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.scale import Scale
 
 Entries = tuple[Ints, Ints, Array]
 
 FRICTION: dict[str, Places] = {
-    "viscous": ((VISCOUS_P, 1.0), (VISCOUS_N, 1.0)),
-    "viscous_positive": ((VISCOUS_P, 1.0),),
-    "viscous_negative": ((VISCOUS_N, 1.0),),
-    "coulomb": ((COULOMB_P, 1.0), (COULOMB_N, 1.0), (STATIC_P, 1.0), (STATIC_N, 1.0)),
-    "coulomb_positive": ((COULOMB_P, 1.0), (STATIC_P, 1.0)),
-    "coulomb_negative": ((COULOMB_N, 1.0), (STATIC_N, 1.0)),
-    "stribeck": ((STATIC_P, 1.0), (STATIC_N, 1.0)),
-    "stribeck_speed": ((STRIBECK_SPEED, 1.0),),
-    "quadratic": ((QUADRATIC, 1.0),),
-    "cubic": ((CUBIC, 1.0),),
-    "offset": ((OFFSET, 1.0),),
+    name: tuple((place, 1.0) for place in places)
+    for name, places in PLACES.items()
+    if name == "stribeck" or TERMS[name].key.startswith("axis.friction.")
 }
-"""Places of the friction unknowns; "stribeck" is the static less the Coulomb friction."""
-
-POWERS = {"viscous": 1, "quadratic": 2, "cubic": 3}
-"""Power of the speed that a coefficient of friction stands before, where not 0."""
+"""Places of the friction unknowns."""
 
 NEVER_FREE = ("drive.motor.gear_ratio", "log.torque_gain")
 """Constants whose places are those of small deviations only, or that nothing but another constant tells."""
@@ -216,7 +191,7 @@ def unknowns_of(
     Raises UsageError for an unknown law or constant.
     """
     places = constant_places(rig, scale)
-    units = friction_units(scale.linear)
+    units = units_on(linear=scale.linear)
     items = [Unknown("inertia", scale.unit, 1e-12, np.inf, ((A11, 1.0),))]
     for name in dict.fromkeys((*(("gravity_torque",) if scale.b is None else ()), *free)):
         key = free_key(name)
@@ -227,7 +202,7 @@ def unknowns_of(
         items.append(Unknown(name, unit_of(key, scale), 0.0, np.inf, places[key]))
     for name in friction_unknowns(law):
         low = -strongest if name == "offset" else 0.0
-        high = strongest / fastest ** POWERS.get(name.partition("_")[0], 0)
+        high = strongest / fastest ** power_of(name)
         if name == "stribeck_speed":
             low, high = 0.003 * fastest, fastest
         unit = units["coulomb" if name == "stribeck" else name]

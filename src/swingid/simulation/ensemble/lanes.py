@@ -37,6 +37,17 @@ RIG_LIMIT = 58
 ANGLE_STEP, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO, WHEEL_STEP, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(59, 67)
 ROWS = 67
 
+KNOWN = (
+    places.A11, places.A12, places.A22, places.B, places.DIRECT, places.GEAR, places.C1, places.C2, places.ETA,
+    places.D1, places.D2, places.F2, places.F3, places.WHEEL_STATIC, places.AXIS_STICKS, places.VISCOUS_P,
+    places.VISCOUS_N, places.COULOMB_P, places.COULOMB_N, places.STATIC_P, places.STATIC_N, places.STRIBECK_SPEED,
+    places.QUADRATIC, places.OFFSET,
+)  # fmt: skip
+"""The constants that the lanes move by."""
+
+OTHERS = np.setdiff1d(np.arange(places.SIZE), KNOWN)
+"""All others: a run in which one of them is not 0 goes to the loop of single runs."""
+
 
 def pack_motion(block: Array, p: Array, h: float) -> None:
     """Constants of motion into a block (ROWS, LANES), from p (LANES, SIZE) of `model.parameters`; step h (s)."""

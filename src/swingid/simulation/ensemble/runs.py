@@ -11,9 +11,10 @@ import numpy as np
 
 from swingid.control.compensator import Compensator
 from swingid.errors import UsageError
-from swingid.model import parameters as places
-from swingid.model.parameters import FRICTION_KEYS, MOTOR_KEYS, constants, vector
+from swingid.model.parameters import constants, vector
+from swingid.model.terms import TERMS
 from swingid.simulation.draws import CHANNELS, draw_constants, draw_nonlinearity, stream
+from swingid.simulation.ensemble.lanes import OTHERS
 from swingid.simulation.twin import Controller, Reference
 
 if TYPE_CHECKING:
@@ -22,13 +23,7 @@ if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
 
-CHANGEABLE = (
-    "axis.inertia",
-    "axis.gravity_torque",
-    *(f"axis.friction.{key}" for key in FRICTION_KEYS),
-    "drive.wheel.inertia",
-    *(f"drive.motor.{key}" for key in MOTOR_KEYS),
-)
+CHANGEABLE = tuple(term.key for term in TERMS.values() if term.key)
 """Keys of a rig file that may differ from run to run without a rig for each."""
 
 
@@ -64,8 +59,8 @@ class Run:
         return vector({key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), kind)
 
     def fits_lanes(self, p: Array) -> bool:
-        """Whether the lanes know its friction (of the constants p), controller and sensors."""
-        if p[places.CUBIC] != 0.0 or p[places.SIGMA0] != 0.0:
+        """Whether the lanes know all terms of its motion (of the constants p), its controller and sensors."""
+        if np.any(p[OTHERS]):
             return False
         if self.controller is not None and (
             not isinstance(self.controller, Compensator) or len(self.controller.k) != 1

@@ -7,11 +7,11 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from swingid.balance.friction_laws import friction_units
 from swingid.errors import UsageError
 from swingid.identification import METHODS
 from swingid.methods.output_error.unknowns import friction_unknowns
 from swingid.model.rig.fields import Column, Table, refuse
+from swingid.model.terms import TERMS
 
 Design = Literal["grid", "one-at-a-time", "random", "latin-hypercube", "sobol"]
 
@@ -156,7 +156,7 @@ class PlanTables(Table):
                 refuse("missing-key", f"is missing, which the design {self.design!r} needs", f"factors.{name}.steps")
         if self.design in SAMPLED and self.points is None:
             refuse("missing-key", f"is missing, which the design {self.design!r} needs", "points")
-        known = ("inertia", "gravity_torque", *friction_units(linear=False))
+        known = [name for name, term in TERMS.items() if term.key.startswith("axis.") and ".lugre." not in term.key]
         for name in self.quantities:
             if name not in known:
                 refuse("wrong-value", f"names {name!r}; choose of {', '.join(known)}", "quantities")

@@ -13,7 +13,6 @@ import numpy as np
 
 from swingid.balance.choice import choose
 from swingid.balance.fits import BASIS, columns_of
-from swingid.balance.friction_laws import friction_units
 from swingid.balance.identifiability import Identifiability, examine, examine_information
 from swingid.balance.imperfections import Imperfection, imperfections
 from swingid.balance.rows import Rows, Signals, rows_of
@@ -21,6 +20,7 @@ from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
+from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.spline import spline_at, spline_slopes
@@ -89,7 +89,7 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
     row_noise = float(np.sqrt(2 * power * CURVATURE_POWER))
     influence, effects = _fit(columns, items, row_noise)
     covariance = _sensors(log, rig, rows, influence, a11, gravity)
-    units = friction_units(scale.linear) | {"inertia": scale.unit, "gravity_torque": scale.torque_unit}
+    units = units_on(linear=scale.linear)
     named = [units.get(name, "") for name in unknowns]
     if np.linalg.matrix_rank(covariance, hermitian=True) == len(unknowns):
         seen = examine_information(unknowns, named, np.asarray(np.linalg.inv(covariance), dtype=np.float64))

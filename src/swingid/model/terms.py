@@ -1,0 +1,162 @@
+"""The registry of terms: every term of row (I) and every constant of a rig, one record each.
+
+    a11 q1'' + b sin q1 + Σ_k c_k f_k(q1, q1') = drive,    f(q, v) = (sgn v)^odd |v|^power g(q)
+
+A record says how a term is called, where rig.toml states its coefficient c, and what its regressor f is: a power of the
+speed, its parity in the speed, and a function g of the angle by an integer kind. Everything else follows from that: the
+torque, its partial derivatives, the potential energy. The twin, the methods and the report read this table, so a
+coefficient whose regressor has this form needs nothing but a record. (Kernels under njit have the kinds compiled in.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.units import Quantity
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
+
+# Kinds of g(q): 1, q − shift, sin(order q + shift), |cos q|.
+ONE, DISPLACEMENT, WAVE, WEIGHT = 0, 1, 2, 3
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """A term or constant: its name in results, key in rig.toml, words, unit on a rotary and a linear axis, symbol.
+
+    key: "" for what rig.toml does not state by itself. linear: None where the unit is the same. power: of |v| in the
+    regressor, None for a constant without a regressor of its own. odd: whether the regressor changes its sign with the
+    speed. kind: of g(q). order, shift: keys of the numbers in g. signed: whether the coefficient may be negative.
+    """
+
+    name: str
+    key: str
+    words: str
+    unit: str = ""
+    linear: str | None = None
+    symbol: str = ""
+    power: int | None = None
+    odd: bool = False
+    kind: int = ONE
+    order: str = ""
+    shift: str = ""
+    signed: bool = False
+
+    @property
+    def is_dry(self) -> bool:
+        """Whether it is friction that holds a resting axis: odd in the speed, and no less at rest."""
+        return self.odd and self.power == 0
+
+    @property
+    def is_conservative(self) -> bool:
+        """Whether its torque is a function of the angle alone, and so has a potential energy."""
+        return not self.odd and self.power == 0 and self.kind != ONE
+
+    def unit_on(self, *, linear: bool) -> str:
+        """SI unit on this kind of axis."""
+        return self.linear if linear and self.linear is not None else self.unit
+
+    def of_speed(self, v: Array) -> Array:
+        """The part of the regressor that the speed makes (rad/s or m/s), (sgn v)^odd |v|^power; 0 at rest if odd."""
+        assert self.power is not None
+        size = np.sign(v) if self.odd else np.ones_like(v)
+        for _ in range(self.power):
+            size = size * np.abs(v)
+        return np.asarray(size, dtype=np.float64)
+
+    def of_angle(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
+        """The part of the regressor that the angle makes, g(q) (rad or m)."""
+        if self.kind == DISPLACEMENT:
+            return np.asarray(q - shift)
+        if self.kind == WAVE:
+            return np.asarray(np.sin(order * q + shift))
+        return np.abs(np.cos(q)) if self.kind == WEIGHT else np.ones_like(q)
+
+    def angle_slope(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
+        """dg/dq."""
+        if self.kind == DISPLACEMENT:
+            return np.ones_like(q)
+        if self.kind == WAVE:
+            return np.asarray(order * np.cos(order * q + shift))
+        return np.asarray(-np.sign(np.cos(q)) * np.sin(q)) if self.kind == WEIGHT else np.zeros_like(q)
+
+    def shift_slope(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
+        """∂g/∂shift."""
+        if self.kind == WAVE:
+            return np.asarray(np.cos(order * q + shift))
+        return np.full_like(q, -1.0 if self.kind == DISPLACEMENT else 0.0)
+
+
+_N = ("N m", "N")
+_VISCOUS = ("N m s", "N s/m")
+_QUADRATIC = ("N m s^2", "N s^2/m^2")
+_CUBIC = ("N m s^3", "N s^3/m^3")
+_F, _M = "axis.friction", "drive.motor"
+
+_RECORDS = (
+    Term("inertia", "axis.inertia", "moment of inertia", "kg m^2", "kg", "J₁"),
+    Term("gravity_torque", "axis.gravity_torque", "gravity torque", *_N, "b", power=0, kind=WAVE),
+    # Friction of the axis; those without a power are nonlinear (Stribeck, LuGre) or sums of others (directions).
+    Term("viscous", f"{_F}.viscous", "viscous friction", *_VISCOUS, power=1, odd=True),
+    Term("coulomb", f"{_F}.coulomb", "Coulomb friction", *_N, "Fc", power=0, odd=True),
+    Term("static", f"{_F}.static", "static friction (brink of motion)", *_N, "Fs"),
+    Term("stribeck_speed", f"{_F}.stribeck_speed", "Stribeck speed", "rad/s", "m/s", "vs"),
+    Term("quadratic", f"{_F}.quadratic", "quadratic friction", *_QUADRATIC, power=2, odd=True),
+    Term("cubic", f"{_F}.cubic", "cubic friction", *_CUBIC, power=3, odd=True),
+    Term("viscous_positive", f"{_F}.viscous_positive", "viscous friction, speed > 0", *_VISCOUS),
+    Term("viscous_negative", f"{_F}.viscous_negative", "viscous friction, speed < 0", *_VISCOUS),
+    Term("coulomb_positive", f"{_F}.coulomb_positive", "Coulomb friction, speed > 0", *_N),
+    Term("coulomb_negative", f"{_F}.coulomb_negative", "Coulomb friction, speed < 0", *_N),
+    Term("offset", f"{_F}.offset", "constant torque", *_N, power=0, signed=True),
+    Term("lugre.bristle_stiffness", f"{_F}.lugre.bristle_stiffness", "LuGre bristle stiffness", "N m/rad", "N/m", "σ₀"),
+    Term("lugre.bristle_damping", f"{_F}.lugre.bristle_damping", "LuGre bristle damping", *_VISCOUS, "σ₁"),
+    Term("viscous_even", "", "direction-dependent friction", *_VISCOUS, power=1, signed=True),
+    Term("stribeck", "", "Stribeck's peak", *_N),
+    Term("memory", "", "friction's memory", "N m s", "N s", signed=True),
+    # The drive.
+    Term("wheel_inertia", "drive.wheel.inertia", "wheel inertia", "kg m^2", None, "J₂"),
+    Term("rotor_inertia", f"{_M}.rotor_inertia", "rotor inertia", "kg m^2", None, "Jr"),
+    Term("gear_ratio", f"{_M}.gear_ratio", "rotor turns per wheel turn", "", None, "N"),
+    Term("torque_per_volt", f"{_M}.torque_per_volt", "motor torque per volt", "N m/V", None, "c₁"),
+    Term("back_emf", f"{_M}.back_emf", "motor torque lost per wheel speed", "N m s", None, "c₂"),
+    Term("motor_viscous", f"{_M}.viscous", "viscous friction of motor and gear", "N m s", None, "f₂"),
+    Term("motor_coulomb", f"{_M}.coulomb", "Coulomb friction of motor and gear", "N m", None, "f₃"),
+    Term("efficiency", f"{_M}.efficiency", "efficiency", "", None, "η"),
+)
+
+TERMS: dict[str, Term] = {term.name: term for term in _RECORDS}
+"""All terms by name."""
+
+FRICTION_KEYS = tuple(name for name, term in TERMS.items() if term.key.startswith(_F))
+"""Keys of [axis.friction] that have a place of their own in the vector of constants."""
+
+MOTOR_KEYS = tuple(term.key.rpartition(".")[2] for term in TERMS.values() if term.key.startswith(_M))
+
+
+def units_on(*, linear: bool) -> dict[str, str]:
+    """Unit of every term by its name on a rotary or linear axis."""
+    return {name: term.unit_on(linear=linear) for name, term in TERMS.items()}
+
+
+def power_of(name: str) -> int:
+    """Power of the speed that a coefficient stands before; that of the two-sided one for one of a direction."""
+    term = TERMS[name if TERMS[name].power is not None else name.partition("_")[0]]
+    return term.power or 0
+
+
+def words_of(name: str) -> str:
+    """An unknown in words: its name where it is no term."""
+    return TERMS[name].words if name in TERMS else name.replace("_", " ")
+
+
+def stated_at(rig: Rig, key: str) -> Quantity | str | None:
+    """What a rig states at a dotted key: a Quantity, "unknown", or None."""
+    found: object = rig
+    for part in key.split("."):
+        found = getattr(found, part, None)
+    return found if isinstance(found, Quantity | str) else None

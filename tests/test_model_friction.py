@@ -108,7 +108,7 @@ def test_motor_friction_is_on_the_rotor():
 
 
 def test_every_place_of_the_vector_is_named_once():
-    names = {name: value for name, value in vars(places).items() if name.isupper() and isinstance(value, int)}
+    names = {name: value for name, value in vars(places).items() if name.isupper() and type(value) is int}
     assert names.pop("SIZE") == len(names)
     assert sorted(names.values()) == list(range(len(names)))
 

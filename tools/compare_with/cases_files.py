@@ -160,7 +160,9 @@ def mutated(content: bytes, draw: random.Random) -> bytes:
         elif kind == 4:
             content = content[:at] + draw.choice(TOKENS) + content[at:]
         else:
-            content = content[:at] + bytes(b ^ (1 << draw.randrange(8)) for b in content[at : at + 1]) + content[at + 1 :]
+            content = (
+                content[:at] + bytes(b ^ (1 << draw.randrange(8)) for b in content[at : at + 1]) + content[at + 1 :]
+            )
     return content
 
 

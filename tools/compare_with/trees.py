@@ -67,7 +67,9 @@ def prepare(folder: Path, shared: Path, rigs: Path, data: Path | None) -> None:
         (folder / "data").symlink_to(data.resolve())
 
 
-def start(tree: Path, folder: Path, results: Path, options: Sequence[str], cache: Path | None) -> subprocess.Popen[bytes]:
+def start(
+    tree: Path, folder: Path, results: Path, options: Sequence[str], cache: Path | None
+) -> subprocess.Popen[bytes]:
     """The worker process of a tree; with `cache`, compiled kernels go there and not to the user's folder."""
     environment = os.environ | {
         "PYTHONPATH": os.pathsep.join([str(tree / "src"), str(TOOLS)]),

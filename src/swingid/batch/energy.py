@@ -9,7 +9,6 @@ smooth through the angles has the slope f + h^2 f''/12, not f. What a single log
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -21,6 +20,7 @@ from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.scale import Scale
+from swingid.system import cores
 
 INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN, KNOWN, COLUMNS = range(8)
 """Places of the columns: q1'^2/2, running integrals of f(q1') q1' of the terms of friction, and the known side."""
@@ -206,7 +206,7 @@ def energy_batch(
         counts = energy_runs(angle[own], wheel[own], volts[own], step, span, LEVELS, weights, constants, columns)
         return _fitted(columns, counts)
 
-    with ThreadPoolExecutor(threads or len(os.sched_getaffinity(0))) as pool:
+    with ThreadPoolExecutor(threads or cores()) as pool:
         fits = list(pool.map(part, range(0, len(angle), TOGETHER)))
     a11, variance = np.concatenate([v for v, _ in fits]), np.concatenate([c for _, c in fits])
     if np.isnan(a11).all():

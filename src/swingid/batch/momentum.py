@@ -8,7 +8,6 @@ to `identify`.
 
 from __future__ import annotations
 
-import os
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
@@ -40,6 +39,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER, overlap_terms
 from swingid.preparation.scale import Scale
+from swingid.system import cores
 
 PLACES = (INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN)
 """Columns of the unknowns: a11 of the whole axis first, then the terms of friction that free it of friction."""
@@ -78,7 +78,7 @@ def momentum_batch(
         own = wheel[begin:end] if len(wheel) else wheel
         project_runs(angle[begin:end], own, step, (speed, kink), first, reach // 2, weights, columns[begin:end])
 
-    workers = threads or len(os.sched_getaffinity(0))
+    workers = threads or cores()
     edges = np.linspace(0, len(angle), workers + 1).astype(int)
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(part, edges[:-1], edges[1:]))

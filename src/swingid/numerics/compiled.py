@@ -16,6 +16,8 @@ from typing import Any, TypeVar
 
 import numba
 
+from swingid.system import user
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -39,7 +41,7 @@ def cache_folder() -> Path:
     try:
         wanted.mkdir(parents=True, exist_ok=True)
     except OSError:
-        wanted = Path(tempfile.gettempdir()) / f"swingid-{os.getuid()}" / wanted.name
+        wanted = Path(tempfile.gettempdir()) / f"swingid-{user()}" / wanted.name
         wanted.mkdir(parents=True, exist_ok=True)
     return wanted
 

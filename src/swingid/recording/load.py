@@ -15,6 +15,7 @@ from swingid.recording.findings import Finding, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
 from swingid.recording.repair import limited, repair
 from swingid.recording.rows import LARGEST, MANY
+from swingid.system import LARGEST_FILE, is_file, read_file
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 
 
 MOST_ROWS = 4_000_000
-LARGEST_FILE = 1 << 30
 
 
 def read_log(
@@ -85,7 +85,7 @@ def read_bytes(path: str | Path) -> bytes:
     """
     _refuse_large(path)
     try:
-        content = Path(path).read_bytes()
+        content = read_file(path)
     except FileNotFoundError:
         raise InputError(f"{path} does not exist; give the path of a log.", code="missing-file") from None
     except IsADirectoryError:
@@ -103,6 +103,8 @@ def read_bytes(path: str | Path) -> bytes:
 
 def _refuse_large(path: str | Path) -> None:
     """Raise InputError for a file that would need too much memory as a whole."""
+    if not is_file(path):
+        return
     try:
         size = Path(path).stat().st_size
         with Path(path).open("rb") as stream:

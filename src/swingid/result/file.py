@@ -8,6 +8,7 @@ from pathlib import Path
 
 from swingid.errors import InputError
 from swingid.result.result import SCHEMA, BudgetEntry, Message, Parameter, Result
+from swingid.system import read_file
 
 LARGEST = 200_000_000
 """Bytes beyond which no result file is read."""
@@ -55,7 +56,7 @@ def _document(name: str) -> dict[str, object]:
             raise InputError(f"{name} is a folder; give the result file in it.", code="not-a-file")
         if file.stat().st_size > LARGEST:
             raise InputError(f"{name} is too large for a result file.", code="not-a-result")
-        text = file.read_bytes().decode("utf-8-sig")
+        text = read_file(file, LARGEST).decode("utf-8-sig")
     except FileNotFoundError:
         message = f"{name} does not exist; swingid identify LOG --json {name} writes it."
         raise InputError(message, code="missing-file") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from swingid.control.references.base import require_positive, sampled_turning_points
 from swingid.errors import InputError, UsageError
 from swingid.numerics.arrays import Array
+from swingid.system import read_file
 
 FEWEST = 4
 
@@ -46,8 +48,8 @@ class Sampled:
         Raises InputError for a file that is missing or holds no such table, naming the row.
         """
         try:
-            with Path(path).open(newline="", encoding="utf-8-sig") as file:
-                rows = [row for row in csv.reader(file) if row]
+            text = read_file(path).decode("utf-8-sig")
+            rows = [row for row in csv.reader(StringIO(text, newline="")) if row]
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             sentence = f"Reference file {str(path)!r} cannot be read as CSV text: give an existing CSV file."
             raise InputError(sentence, code="missing-reference") from error

@@ -19,6 +19,7 @@ from swingid.model.rig.fields import Column, Table, refuse, stated
 from swingid.model.rig.log import LogConventions
 from swingid.model.rig.sensors import Sensors
 from swingid.model.rig.tables import Axis, Drive
+from swingid.system import read_file
 from swingid.units import Quantity, shown
 
 
@@ -250,7 +251,7 @@ _MOTOR_CONSTANTS = (
 def _read(path: Path) -> str:
     """The text of a rig file, or InputError that says why there is none."""
     try:
-        return path.read_bytes().decode("utf-8")
+        return read_file(path).decode("utf-8")
     except UnicodeDecodeError as error:
         message = f"{path} is not UTF-8 text (byte {error.start}); save it as UTF-8"
         raise InputError(message, code="not-utf8") from None

@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.system import limit_process
 
 if TYPE_CHECKING:
     from swingid.recording.formats.table import Columns
@@ -138,14 +139,9 @@ def _answer(request: dict[str, Any]) -> dict[str, str]:
         except Exception as error:
             return {"error": type(error).__name__}
         return {}
-    with contextlib.suppress(ImportError, ValueError, OSError):
-        import resource
-
-        hard = resource.getrlimit(resource.RLIMIT_AS)[1]
-        resource.setrlimit(resource.RLIMIT_AS, (MEMORY + TIMES * int(request["size"]), hard))
-        # nobody may be there any more to end a reader that hangs
-        used, hard = sum(os.times()[:2]), resource.getrlimit(resource.RLIMIT_CPU)[1]
-        resource.setrlimit(resource.RLIMIT_CPU, (int(used + 2 * (LONGEST + int(request["size"]) / SPEED)) + 1, hard))
+    size = int(request["size"])
+    # of time too, for nobody may be there any more to end a reader that hangs
+    limit_process(MEMORY + TIMES * size, 2 * (LONGEST + size / SPEED))
     module, _, name = str(request["reader"]).partition(":")
     try:
         columns, metadata = getattr(importlib.import_module(module), name)(request["path"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ from swingid.simulation.ensemble.pack import Block, blocks_of, run_packed
 from swingid.simulation.ensemble.runs import Run, runs_of
 from swingid.simulation.provenance import how_made, metadata
 from swingid.simulation.twin import Controller, Reference, loop_inputs, recording_of, row_count, simulate_run
+from swingid.system import cores
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -164,7 +164,7 @@ def _simulated(runs: list[Run], duration: float, rate: float, record: Record, th
     def made_alone(k: int) -> None:
         log[:, k], state[k] = _alone(runs[k], duration, rate, len(log))
 
-    workers = threads or len(os.sched_getaffinity(0))
+    workers = threads or cores()
     if workers > 1:
         with ThreadPoolExecutor(workers) as pool:
             list(pool.map(made, blocks))

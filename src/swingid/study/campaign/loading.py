@@ -15,6 +15,7 @@ from swingid.model.rig.errors import describe
 from swingid.study.campaign.experiment import experiment_of
 from swingid.study.campaign.plan import Plan, Point, levels_of
 from swingid.study.campaign.tables import MOST_TRIALS, PlanTables
+from swingid.system import read_file
 
 READY = ("coverage", "efficiency", "friction-laws", "imperfections", "gains", "paper-variants")
 """Names of the ready plans; the file of each is plans/NAME.toml."""
@@ -46,7 +47,7 @@ def load_plan(path_or_name: str | Path) -> Plan:
             f"no plan {name!r}: give a path ending in .toml or one of {', '.join(READY)}", code="unknown-plan"
         )
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = read_file(path).decode("utf-8")
     except FileNotFoundError:
         raise InputError(
             f"{path} does not exist; 'swingid campaign --list' names the ready plans", code="missing-file"

@@ -17,16 +17,14 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from swingid.errors import InputError, UsageError
 from swingid.study.campaign.batch import batch_rows
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
 from swingid.study.campaign.trial import Row, run_trial
-
-if TYPE_CHECKING:
-    pass
+from swingid.system import cores, locked
 
 Progress = Callable[[int, int, int], None]
 
@@ -100,7 +98,7 @@ def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, schedule
     if scheduler is not None:
         yield from _by_dask(plan, blocks, scheduler)
         return
-    count = min(workers or len(os.sched_getaffinity(0)), len(blocks))
+    count = min(workers or cores(), len(blocks))
     if count <= 1:
         for block in blocks:
             yield _one(plan, block)
@@ -214,13 +212,10 @@ def _marker(kind: str) -> Path:
 
 @cache
 def _ensure(kind: str, pickled: bytes) -> None:
-    import fcntl
-
     marker = _marker(kind)
     if marker.exists():
         return
-    with marker.with_name("campaign.lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)  # of several workers of a machine one compiles, the others wait
+    with locked(marker.with_name("campaign.lock"), wait=True):  # one worker of a machine compiles, the others wait
         if not marker.exists():
             subprocess.run([sys.executable, "-c", PROGRAM], input=pickled, capture_output=True, check=False)
             marker.touch()

@@ -13,7 +13,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from swingid.errors import InputError
 from swingid.recording.save import write_whole
 from swingid.study.campaign.plan import Plan, differing_key
 from swingid.study.campaign.tables import RESERVED
+from swingid.system import locked
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -91,11 +92,9 @@ class Store:
     @contextmanager
     def alone(self) -> Iterator[None]:
         """Keep other processes from writing into the folder; InputError where one does. It ends with the process."""
-        import fcntl
-
-        with (self.folder / ".lock").open("w") as file:
+        with ExitStack() as held:
             try:
-                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                held.enter_context(locked(self.folder / ".lock", wait=False))
             except OSError:
                 raise InputError(
                     f"another process runs the campaign in {self.folder}; wait for it", code="busy"

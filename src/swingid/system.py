@@ -1,0 +1,144 @@
+"""What differs between operating systems (cores, user, locks, limits of a process), and files that do not end."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import stat
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib import import_module
+from pathlib import Path
+from time import sleep
+
+from swingid.errors import InputError
+
+LARGEST_FILE = 1 << 30
+"""Bytes of a file or a pipe that are read whole, at most."""
+
+SILENCE = 10.0
+"""Seconds without a byte after which a pipe counts as one that nobody writes to or closes."""
+
+CHUNK = 1 << 20
+"""Bytes read from a pipe at once."""
+
+
+def cores() -> int:
+    """Processor cores that this process may use; where the system does not say, those of the machine."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def user() -> str:
+    """Something that tells the users of a machine apart, fit for the name of a folder."""
+    if hasattr(os, "getuid"):
+        return str(os.getuid())
+    try:
+        name = getpass.getuser()
+    except (OSError, ImportError, KeyError):
+        name = "user"
+    return "".join(letter if letter.isalnum() else "-" for letter in name)
+
+
+@contextmanager
+def locked(path: Path, *, wait: bool) -> Iterator[None]:
+    """Hold the lock of a file, which is made; it ends with the process. Without `wait` OSError where another has it.
+
+    By flock on POSIX, by msvcrt.locking on Windows; a system that has neither has no lock.
+    """
+    with path.open("w") as file:
+        try:
+            fcntl = import_module("fcntl")
+        except ImportError:
+            _lock_windows(file.fileno(), wait=wait)
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        yield
+
+
+def _lock_windows(descriptor: int, *, wait: bool) -> None:
+    try:
+        msvcrt = import_module("msvcrt")
+    except ImportError:
+        return
+    while True:
+        try:
+            msvcrt.locking(descriptor, msvcrt.LK_NBLCK, 1)
+            return
+        except OSError:
+            if not wait:
+                raise
+        sleep(0.1)
+
+
+def limit_process(memory: int, seconds: float) -> None:
+    """Limit the address space (bytes) of this process, and the time of the processor (s) it may take from now on.
+
+    Where the system cannot (Windows, some containers) nothing is limited.
+    """
+    with suppress(ImportError, ValueError, OSError):
+        resource = import_module("resource")
+        resource.setrlimit(resource.RLIMIT_AS, (memory, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        used, hard = sum(os.times()[:2]), resource.getrlimit(resource.RLIMIT_CPU)[1]
+        resource.setrlimit(resource.RLIMIT_CPU, (int(used + seconds) + 1, hard))
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether a path is a regular file, which has a size and can be read twice; False where it cannot be seen."""
+    try:
+        return Path(path).is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def read_file(path: str | Path, most: int = LARGEST_FILE) -> bytes:
+    """The bytes of a regular file, or of a pipe that ends.
+
+    Raises InputError for a device, a terminal or a socket, and for a pipe that brings more than `most` bytes or is
+    silent for longer than `SILENCE`; OSError and ValueError as `Path.read_bytes`.
+    """
+    path = Path(path)
+    mode = path.stat().st_mode
+    if stat.S_ISREG(mode) or stat.S_ISDIR(mode):
+        return path.read_bytes()
+    if not stat.S_ISFIFO(mode):
+        raise InputError(f"{path} is a device, not a file; give the path of a file.", code="not-a-file")
+    return _read_pipe(path, most)
+
+
+def _read_pipe(path: Path, most: int) -> bytes:
+    """What a pipe brings until it is closed, read in a thread, for opening one waits for a writer."""
+    chunks: list[bytes] = []
+    failed: list[OSError] = []
+    arrived, stop = threading.Event(), threading.Event()
+
+    def read() -> None:
+        try:
+            with path.open("rb", buffering=0) as stream:
+                while not stop.is_set() and (chunk := stream.read(CHUNK)):
+                    chunks.append(chunk)
+                    arrived.set()
+        except OSError as error:
+            failed.append(error)
+
+    reading = threading.Thread(target=read, daemon=True)
+    reading.start()
+    waited = 0.0
+    while reading.is_alive():
+        reading.join(0.05)
+        waited = 0.0 if arrived.is_set() else waited + 0.05
+        arrived.clear()
+        if sum(map(len, chunks)) > most:
+            stop.set()
+            raise InputError(f"{path} is a pipe that brings more than {most} bytes; give a file.", code="endless")
+        if waited > SILENCE and reading.is_alive():
+            stop.set()
+            raise InputError(
+                f"{path} is a pipe that nobody has written to or closed for {SILENCE:g} s; close it, or give a file.",
+                code="endless",
+            )
+    if failed:
+        raise failed[0]
+    return b"".join(chunks)

@@ -1,4 +1,4 @@
-"""Cases of files: dialects of text, faults of rows, damaged files of every format, rig files and results; no tree's code."""
+"""Cases of files: dialects of text, faults of rows, damaged files of every format, rigs, results; no tree's code."""
 
 from __future__ import annotations
 

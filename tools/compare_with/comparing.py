@@ -2,8 +2,8 @@
 
 Numbers are equal to `RELATIVE` of the larger one, or to `FLOOR` of the scale of the quantity. The floor is for what is
 essentially zero: a sum whose terms cancel keeps a rest of rounding, which another order of summation changes by 100 %.
-The scale is therefore that of numbers of one kind: the largest in the same list of numbers, in the same column of a list
-of tables (all standard uncertainties of a budget), or of one parameter (its value, uncertainty and interval).
+The scale is therefore that of numbers of one kind: the largest in the same list of numbers, in the same column of a
+list of tables (all standard uncertainties of a budget), or of one parameter (its value, uncertainty and interval).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ EXCLUDED = {
 """Patterns of paths that are not compared, and why."""
 
 IDENTITIES = (("source", "parameter"), ("code",), ("name",), ("log", "method"), ("method",), ("log",))
-"""Keys that name an entry of a list, the first that all entries have; without any, entries are paired by their place."""
+"""Keys that name an entry of a list, the first that all entries have; without any, entries pair by their place."""
 
 PARAMETER = {"value", "standard_uncertainty", "interval95"}
 

@@ -115,8 +115,9 @@ def text_of(found: Verdict, *, words: bool = False, everything: bool = False) ->
         f" (and {len(found.crashed_before)} in both trees)" if found.crashed_before else ""
     )
     lines += [f"  crashed in both trees: {case}" for case in found.crashed_before]
-    lines += ["", f"cases {found.cases}   equal {len(found.equal)}   differing {len(found.differing)} ({total} paths)   "
-              f"{crashed}   intended {len(found.intended)} paths"]  # fmt: skip
+    differing = f"differing {len(found.differing)} ({total} paths)"
+    intended = f"intended {len(found.intended)} paths"
+    lines += ["", f"cases {found.cases}   equal {len(found.equal)}   {differing}   {crashed}   {intended}"]
     return "\n".join(lines).lstrip("\n")
 
 

@@ -75,6 +75,31 @@ def test_functions_and_files_that_a_page_names_exist(page: Path) -> None:
     assert missing == []
 
 
+COINED = re.compile(
+    r"\b(tells? the truth|holds? the truth|stands? alone|stands? apart|is asked|believe[sd]?|by its own size"
+    r"|tells? (?:no|what|how|it|apart)|told apart|feigns?|leans? on|speaks? against|second opinion)\b"
+)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if page.name != "modules.md"], ids=name_of)
+def test_pages_use_terms_of_the_glossary(page: Path) -> None:
+    """None of the coined phrases of its last table. Tables that src writes, and the list of modules, have src's words."""
+    written = re.sub(r"^<!-- [\w]+: .*?^<!-- end -->", "", prose(page), flags=re.M | re.S)
+    assert COINED.findall(written.partition("## Words we used before")[0]) == []
+
+
+def test_every_reference_of_the_glossary_is_listed() -> None:
+    terms, _, listed = (DOCS / "glossary.md").read_text(encoding="utf-8").partition("## References")
+    cited = re.findall(r"([A-ZÅÖŠ][\w-]+)(?: (?:et al\.|and [\w ]*?\w+))? (1[89]\d\d|20\d\d)\b", terms)
+    assert len(cited) > 30
+    missing = {
+        (name, year)
+        for name, year in cited
+        if not any(name in entry and year in entry for entry in listed.splitlines())
+    }
+    assert missing == set()
+
+
 def anchors(page: Path) -> set[str]:
     """Anchors of a page's headings, as GitHub makes them."""
     headings = re.findall(r"^#+ (.*)$", prose(page), re.M)

@@ -25,7 +25,8 @@ import swingid as sw
 from swingid.identification import METHODS
 from swingid.simulation.ensemble import simulate_ensemble
 from swingid.study.compare import compare
-from swingid.study.rehearse import Expectation, encoder_places, through_file
+from swingid.study.experiment import encoder_places, through_file
+from swingid.study.rehearse import Expectation
 
 PAPER = sw.Rig.load("paper")
 MOTION = sw.parse_reference("sine 0.8 rad 8.5 rad/s")

@@ -19,6 +19,7 @@ from swingid.cli.campaign import progress_line
 from swingid.errors import InputError, UsageError
 from swingid.study.campaign import run_campaign, summarise, trial
 from swingid.study.campaign.loading import plan_from_text
+from swingid.study.experiment import Experiment
 
 PLAN = """
 name = "small"
@@ -98,14 +99,14 @@ def test_a_failed_trial_is_a_row_with_its_reason(tmp_path: Path, monkeypatch: py
     text = PLAN.replace("repeats = 6", "repeats = 2").replace('key = "rate"', 'key = "duration"')
     plan = plan_from_text(text.replace("[factors.rate]", "[factors.length]").replace("[250, 500]", "[0.3, 5]"))
     unlucky = plan.seed(1, 1)
-    real = trial.drawn_log
+    real = Experiment.log
 
-    def drawn(*given: object, seed: int, **named: object) -> object:
+    def drawn(experiment: Experiment, seed: int) -> object:
         if seed == unlucky:
             raise ZeroDivisionError("by chance")
-        return real(*given, seed=seed, **named)
+        return real(experiment, seed)
 
-    monkeypatch.setattr(trial, "drawn_log", drawn)
+    monkeypatch.setattr(Experiment, "log", drawn)
     rows = pq.read_table(run_campaign(plan, tmp_path / "one", workers=1)).to_pylist()
     assert [row["status"] for row in rows] == ["refused", "refused", "ok", "failed"]
     assert rows[0]["message"].endswith(".")
@@ -180,7 +181,7 @@ def test_runs_done_together_are_those_of_a_single_log(tmp_path: Path) -> None:
     assert np.sqrt(np.mean((value / truth - 1) ** 2)) < 2e-4
     # windows of so short a log are few, so that the least uncertainty that the sensors allow is often the one told
     assert 0.4 < np.sqrt(np.mean(((value - truth) / u) ** 2)) < 1.6
-    alone = trial.made_log(trial.experiment_at(trial.Known(plan), 1), rows[25]["seed"])
+    alone = trial.experiment_at(trial.Known(plan), 1).log(rows[25]["seed"])
     assert alone.metadata["truth"]["inertia"] == rows[25]["truth"]
 
 

@@ -76,8 +76,8 @@ def test_a_grid_has_every_combination() -> None:
         (a, b) for a in (500.0, 1000.0) for b in (1e-4, 1e-3, 1e-2)
     ]
     first = experiment_of(plan, plan.points[1])
-    assert (first.rate, first.twin.sensors.noise, first.told.sensors.noise) == (500.0, 1e-3, 0.0)
-    assert first.told.axis.inertia is None
+    assert (first.rate, first.twin.sensors.noise, first.stated.sensors.noise) == (500.0, 1e-3, 0.0)
+    assert first.stated.axis.inertia is None
 
 
 def test_one_at_a_time_is_the_base_and_each_level_alone() -> None:
@@ -88,7 +88,7 @@ def test_one_at_a_time_is_the_base_and_each_level_alone() -> None:
         ("base", "base"), ("0.95", "base"), ("1.05", "base"), ("base", "coulomb"),
     ]  # fmt: skip
     off, dry = (experiment_of(plan, plan.points[k]) for k in (1, 3))
-    assert off.told.drive.motor.torque_per_volt.value == pytest.approx(0.95 * 52.04e-4)
+    assert off.stated.drive.motor.torque_per_volt.value == pytest.approx(0.95 * 52.04e-4)
     assert off.twin.drive.motor.torque_per_volt.value == 52.04e-4
     assert dry.twin.axis.friction.coulomb.value == 2e-3
     assert dry.twin.axis.friction.viscous is None

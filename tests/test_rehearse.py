@@ -11,7 +11,8 @@ from swingid.cli import main
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.model.rig import Rig
-from swingid.study.rehearse import Expectation, encoder_places, rehearse
+from swingid.study.experiment import encoder_places
+from swingid.study.rehearse import Expectation, rehearse
 
 PAPER = Rig.builtin("paper")
 

@@ -35,6 +35,10 @@ SMALLEST_SWING = 0.05
 """Reversals that are nearer to each other than this share of the motion's range are noise."""
 
 
+TOGETHER = 32
+"""Logs whose nodes are in memory at once, per thread."""
+
+
 @njit_sums_threads
 def running(v1: Array, v2: Array, wheel: Array, voltage: Array, step: float, constants: Array, sums: Array) -> None:
     """Running integrals (5, rows): the drive's work (the voltage held), |v|, v^2, |v| v^2, |v| v (trapezoids)."""
@@ -164,10 +168,6 @@ def energy_runs(
             angle[k], own_wheel, own_voltage, step, span, levels, weights, constants, work, turns, result[k]
         )
     return counts
-
-
-TOGETHER = 32
-"""Logs whose nodes are in memory at once, per thread."""
 
 
 def energy_batch(

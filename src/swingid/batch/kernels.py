@@ -29,6 +29,13 @@ INERTIA, GRAVITY, WHEEL, VISCOUS, COULOMB, QUADRATIC, OFFSET, EVEN, LATE, COLUMN
 what is added to that of phi sgn v if all reversals are one standard uncertainty later."""
 
 
+FEWEST = 4
+"""Samples on each side that a cubic with a kink needs."""
+
+FARTHEST = 0.25
+"""Delay of a reversal, in half-widths, beyond which the axis may rest as well: it is taken as it is found."""
+
+
 def window_weights(reach: int, step: float) -> Array:
     """Weights (3, 2 reach + 1) of a window's samples for phi, phi', phi''; half-length `reach` steps of `step` (s)."""
     half = reach * step
@@ -71,13 +78,6 @@ def project_run(
         result[i, INERTIA], result[i, GRAVITY], result[i, WHEEL], result[i, VISCOUS] = a, g, w, v
         result[i, COULOMB], result[i, QUADRATIC], result[i, OFFSET], result[i, EVEN] = c, q, total, e
         result[i, LATE] = late
-
-
-FEWEST = 4
-"""Samples on each side that a cubic with a kink needs."""
-
-FARTHEST = 0.25
-"""Delay of a reversal, in half-widths, beyond which the axis may rest as well: it is taken as it is found."""
 
 
 def smoothing(half_width: float, step: float) -> Array:

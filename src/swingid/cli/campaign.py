@@ -71,7 +71,7 @@ def campaign(
 
 def _ready() -> str:
     from swingid.study.campaign.loading import described
-    from swingid.study.terminal import aligned
+    from swingid.study.output import aligned
 
     return "\n".join(aligned([(name, takes, about) for name, about, takes in described()]))
 

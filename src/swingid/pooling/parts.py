@@ -24,6 +24,27 @@ IN_PARTS = ("momentum", "energy")
 """Methods whose answers of parts can be pooled."""
 
 
+BETWEEN_PARTS = "scatter between the parts"
+
+AVERAGED = "averaging of rows"
+
+AVERAGE_OUT = ("momentum",)
+"""Methods whose scatter falls with the number of parts. Energy's smoothed speeds err alike in all of them, at the level
+of one part's scatter, so there its scatter counts as shared."""
+
+OFTEN = 0.1
+"""Share of the parts from which on what they doubt is a doubt of the whole; below it is told in a note."""
+
+JUDGED = 48
+"""Groups of successive parts, at most, of which each is held against the others."""
+
+OF_A_PART = ("segment", "friction-per-log")
+"""Notes that say nothing of the whole."""
+
+DRAWN = 2000
+"""Swings, at most, that the result keeps for drawing."""
+
+
 def require_in_parts(log: LargeLog, method: str) -> None:
     """Raise UsageError where a method does not read logs of this size."""
     if method not in IN_PARTS:
@@ -95,27 +116,6 @@ def _value(constants: object, key: str) -> float:
     found = constants.get(key) if isinstance(constants, dict) else None
     value = found.get("value") if isinstance(found, dict) else None
     return float(value) if value is not None else 0.0
-
-
-BETWEEN_PARTS = "scatter between the parts"
-
-AVERAGED = "averaging of rows"
-
-AVERAGE_OUT = ("momentum",)
-"""Methods whose scatter falls with the number of parts. Energy's smoothed speeds err alike in all of them, at the level
-of one part's scatter, so there its scatter counts as shared."""
-
-OFTEN = 0.1
-"""Share of the parts from which on what they doubt is a doubt of the whole; below it is told in a note."""
-
-JUDGED = 48
-"""Groups of successive parts, at most, of which each is held against the others."""
-
-OF_A_PART = ("segment", "friction-per-log")
-"""Notes that say nothing of the whole."""
-
-DRAWN = 2000
-"""Swings, at most, that the result keeps for drawing."""
 
 
 @dataclass(frozen=True)

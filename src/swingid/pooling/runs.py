@@ -23,6 +23,14 @@ GRAVITY = "axis.gravity_torque"
 ENCODERS = "sensors."
 
 
+TORQUE, WHEEL, GAIN = "drive.motor.torque_per_volt", "drive.wheel.inertia", "log.torque_gain"
+
+EFFICIENCY, ROTOR, GEAR = "drive.motor.efficiency", "drive.motor.rotor_inertia", "drive.motor.gear_ratio"
+
+WEAK = 1e-3
+"""A body whose difference leans on the scale by less than this share of itself calibrates nothing."""
+
+
 @dataclass(frozen=True)
 class Runs:
     """The results without (tare) and with (loaded) the body, how they are called, and notes on what they share."""
@@ -176,14 +184,6 @@ def _deviations(result: Result) -> dict[str, float]:
 
 def _alike(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=1e-6)
-
-
-TORQUE, WHEEL, GAIN = "drive.motor.torque_per_volt", "drive.wheel.inertia", "log.torque_gain"
-
-EFFICIENCY, ROTOR, GEAR = "drive.motor.efficiency", "drive.motor.rotor_inertia", "drive.motor.gear_ratio"
-
-WEAK = 1e-3
-"""A body whose difference leans on the scale by less than this share of itself calibrates nothing."""
 
 
 @dataclass(frozen=True)

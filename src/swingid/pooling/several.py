@@ -21,6 +21,15 @@ Identify = Callable[[Recording | LargeLog], Result]
 FRICTION = ("per-log", "shared")
 
 
+_LISTED = {"logs": "log", "logs_sha256": "log_sha256"}
+
+SINGLE = ("not-identifiable", "gravity-and-inertia")
+"""Warnings of a single log that several logs may settle."""
+
+HOPELESS, HARDLY = 0.3, 0.02
+"""Relative uncertainty (type A) above which inertia and gravity torque are not told apart; above which hardly."""
+
+
 def identify_several(
     logs: Sequence[Recording | LargeLog] | Mapping[str, Recording | LargeLog | SwingidError],
     identify_one: Identify,
@@ -196,22 +205,12 @@ def _provenance(sound: Sequence[Result], results: Sequence[Result], friction: st
     return logs | first | {"options": own}
 
 
-_LISTED = {"logs": "log", "logs_sha256": "log_sha256"}
-
-
 def _sensitivities(results: Sequence[Result], inertia: Pooled) -> dict[str, float]:
     """Of the pooled inertia, where every log knows its own."""
     keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
     return {
         key: float(sum(w * r.sensitivities[key] for w, r in zip(inertia.weights, results, strict=True))) for key in keys
     }
-
-
-SINGLE = ("not-identifiable", "gravity-and-inertia")
-"""Warnings of a single log that several logs may settle."""
-
-HOPELESS, HARDLY = 0.3, 0.02
-"""Relative uncertainty (type A) above which inertia and gravity torque are not told apart; above which hardly."""
 
 
 def refused(results: Sequence[Result], names: Sequence[str]) -> list[Message]:

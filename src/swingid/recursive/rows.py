@@ -26,6 +26,16 @@ TOO_MANY_BAD = 1000
 NAMES = ("time", "angle", "wheel_angle", "voltage or torque")
 
 
+BACK = 0.08
+"""Share of the last swing by which the angle must come back for its extreme to be a turning point."""
+
+MARGIN = 0.15
+"""Share of a swing before the first and after the last turning point that a piece holds too."""
+
+LONGEST = 200_000
+"""Rows that the buffer holds at most; a swing that is longer is no swing."""
+
+
 @dataclass
 class Reader:
     """Reads the rows of a stream and counts those left out.
@@ -88,16 +98,6 @@ class Reader:
                 code="bad-row",
             ) from None
         return (values[0], values[1], values[2], values[3]) if all(map(isfinite, values)) else None
-
-
-BACK = 0.08
-"""Share of the last swing by which the angle must come back for its extreme to be a turning point."""
-
-MARGIN = 0.15
-"""Share of a swing before the first and after the last turning point that a piece holds too."""
-
-LONGEST = 200_000
-"""Rows that the buffer holds at most; a swing that is longer is no swing."""
 
 
 @dataclass

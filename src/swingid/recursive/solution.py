@@ -31,6 +31,12 @@ SPARE = 3
 """Swings beyond the number of unknowns from which their scatter tells an uncertainty."""
 
 
+SCATTER = "scatter of the swings and sensor noise"
+
+PLAIN = ("gravity_torque", "coulomb", "viscous", "quadratic")
+"""Unknowns that are reported beside the inertia; what depends on the direction is fitted too, and not reported."""
+
+
 @dataclass(frozen=True)
 class Solution:
     """Values of the unknowns (p,), type A covariance (None: too few swings), effects of what is declared."""
@@ -203,12 +209,6 @@ class Recursion:
         )
         covariance = _covariance(inverse, scores, self._sensor, self.swings, int(sought.sum()))
         return Solution(self.origin + step, covariance, effects)
-
-
-SCATTER = "scatter of the swings and sensor noise"
-
-PLAIN = ("gravity_torque", "coulomb", "viscous", "quadratic")
-"""Unknowns that are reported beside the inertia; what depends on the direction is fitted too, and not reported."""
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING
 from swingid.format import interval
 from swingid.recording.save import write_whole
 from swingid.report import tables
+from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
+from swingid.report.figures.motion import draw_friction, draw_log, draw_residuals, draw_turning_points
+from swingid.report.style import house_style, to_svg
 from swingid.report.words import DRIVES, KINDS, parameter_word
 from swingid.result.result import Result
 from swingid.result.summary import log_row, relative, segment_text, value_text, why_unknown
 
 if TYPE_CHECKING:
-    import jinja2
     from matplotlib.figure import Figure
 
     from swingid.model.rig import Rig
@@ -47,31 +49,40 @@ def write_report(result: Result, log: Recording | None, rig: Rig | None, path: s
     What there are no data for is left out; a refused result says why, `log` and `rig` may then be None.
     Raises InputError when the file cannot be written; it appears whole or not at all.
     """
-    return write_page(render(result, log, rig), Path(path))
+    return write_page(render(result, log, rig), path)
 
 
-def write_page(page: str, target: Path) -> Path:
-    """Write a page whole or not at all, see `write_whole`; returns the target."""
+def write_page(page: str, path: str | Path) -> Path:
+    """Write a page whole or not at all, see `write_whole`; returns the path."""
+    target = Path(path)
     write_whole(target, page.encode("utf-8", "backslashreplace"))  # names of files may hold what is no text
     return target
 
 
 def render(result: Result, log: Recording | None, rig: Rig | None) -> str:
     """The report of `write_report` as HTML text, with all figures inside."""
-    return environment().get_template("report.html.j2").render(_context(result, log, rig))
+    return filled("report.html.j2", **_context(result, log, rig))
 
 
-def environment() -> jinja2.Environment:
-    """Where the templates are; a name that a template needs and does not get is an error."""
+def filled(template: str, **values: object) -> str:
+    """A template with its values; a name that it needs and does not get is an error."""
     import jinja2
 
-    return jinja2.Environment(
+    environment = jinja2.Environment(
         loader=jinja2.PackageLoader("swingid.report"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    return environment.get_template(template).render(values)
+
+
+def picture(figure: Figure | None, name: str, title: str) -> str:
+    """A figure as inline SVG for a template; "" for none."""
+    from markupsafe import Markup
+
+    return "" if figure is None else Markup(to_svg(figure, name, title))
 
 
 def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str, object]:
@@ -146,28 +157,22 @@ def _answer(result: Result, *, linear: bool) -> dict[str, str]:
     }
 
 
-def _figures(result: Result, log: Recording | None, *, linear: bool) -> dict[str, object]:
+def _figures(result: Result, log: Recording | None, *, linear: bool) -> dict[str, str]:
     """Inline SVG by name, only of what there is."""
-    from markupsafe import Markup
-
-    from swingid.report.style import house_style, to_svg
-
     with house_style():
         drawn = _drawn(result, log, linear=linear)
-        return {
-            name: Markup(to_svg(figure, name, TITLES[name])) for name, figure in drawn.items() if figure is not None
-        }
+        return {name: picture(figure, name, TITLES[name]) for name, figure in drawn.items() if figure is not None}
 
 
 def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, Figure | None]:
-    from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
-    from swingid.report.figures.motion import draw_friction, draw_log, draw_residuals, draw_turning_points
-
     details = result.details
-    drawn: dict[str, Figure | None] = {"budget": draw_budget(result), "swings": draw_swings(result)}
-    drawn["kinds"] = draw_kinds(result)
-    drawn["logs"] = draw_logs(result)
-    drawn["convergence"] = draw_convergence(result)
+    drawn: dict[str, Figure | None] = {
+        "budget": draw_budget(result),
+        "swings": draw_swings(result),
+        "kinds": draw_kinds(result),
+        "logs": draw_logs(result),
+        "convergence": draw_convergence(result),
+    }
     if log is not None:
         unused = details.unused(float(log.time[0]), float(log.time[-1])) if details else []
         drawn["log"] = draw_log(log, unused, linear=linear)

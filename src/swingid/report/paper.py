@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swingid.numerics.arrays import Array
-from swingid.report.html import environment, write_page
+from swingid.report.html import filled, write_page
 from swingid.report.style import envelope, house_style, legend_above, new_figure, to_svg
 from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
 from swingid.study.reproduce.tables import Table, tables
@@ -25,103 +25,10 @@ if TYPE_CHECKING:
     from swingid.study.reproduce.simulation import Simulation
 
 
-def _without_tests(found: list[Table]) -> list[Table]:
-    """The tables of a page that may stand far from this project: without the names of its tests."""
-    return [
-        replace(table, head=table.head[:-1], rows=tuple(row[:-1] for row in table.rows), caption="")
-        if table.key == "unclear"
-        else table
-        for table in found
-    ]
-
-
-def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Path) -> Path:
-    """Write the page of `Reproduction.results` and its figures to `path` and return it.
-
-    Raises InputError when the file cannot be written.
-    """
-    from markupsafe import Markup
-
-    from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY
-    from swingid.study.reproduce.tables import tables
-
-    drawn = {figure.number: figure for figure in figures}
-    page = (
-        environment()
-        .get_template("paper.html.j2")
-        .render(
-            tables={table.key: table for table in _without_tests(tables(results))},
-            figures={number: Markup(figure.svg) for number, figure in drawn.items()},
-            captions={number: (figure.caption, figure.here) for number, figure in drawn.items()},
-            seed=results["seed"],
-            verdicts={HOLDS: "holds", PARTLY: "part", FAILS: "fails"},
-        )
-    )
-    return write_page(page, Path(path))
-
-
 MARKS = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
-
-
-def with_tables(text: str, results: dict[str, Any]) -> str:
-    """The text of a page with every table between its marks renewed from `Reproduction.results`.
-
-    A table goes between `<!-- table: KEY -->` and `<!-- end -->`. Raises KeyError for a key that no table has.
-    """
-    made = {table.key: table for table in tables(results)}
-    return MARKS.sub(lambda match: f"{match[1]}\n{as_markdown(made[match[2]])}\n{match[3]}", text)
-
-
-def as_markdown(table: Table) -> str:
-    """Caption and table."""
-    lines = ["| " + " | ".join(_escaped(cell) for cell in row) + " |" for row in (table.head, *table.rows)]
-    lines.insert(1, "|" + "---|" * len(table.head))
-    caption = [_escaped(table.caption), ""] if table.caption else []
-    return "\n".join([*caption, *lines]) + "\n"
-
-
-def _escaped(cell: str) -> str:
-    if cell.startswith("`"):  # code, in which nothing is escaped
-        return cell
-    return cell.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_")
-
 
 DOTS = 150
 """Dots per inch of the PNG files."""
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure of the paper: its number, its caption there, what differs here, and its pictures."""
-
-    number: int
-    caption: str
-    here: str
-    svg: str
-    png: bytes
-
-    def files(self) -> dict[str, bytes]:
-        """File names and contents."""
-        return {f"fig{self.number}.svg": self.svg.encode("utf-8"), f"fig{self.number}.png": self.png}
-
-
-def drawn_figures(reproduction: Reproduction) -> list[Drawing]:
-    """All figures of a reproduction; the same one gives the same bytes."""
-    runs, ideal = reproduction.experiment.runs, reproduction.simulation
-    with house_style():
-        return [
-            *(_drawing(k, *EXPERIMENT[k], DRAW[k](runs)) for k in EXPERIMENT),
-            _drawing(7, *SIMULATION[7], draw_fig7(ideal.log)),
-            _drawing(8, *SIMULATION[8], draw_fig8(ideal)),
-        ]
-
-
-def _drawing(number: int, caption: str, here: str, figure: Figure) -> Drawing:
-    svg = to_svg(figure, f"fig{number}", f"Figure {number}. {caption}")
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DOTS, metadata={"Software": None})
-    return Drawing(number, caption, here, svg, buffer.getvalue())
-
 
 WHOLE = "Above the whole run, below the last two seconds of the part that is identified."
 
@@ -159,6 +66,100 @@ STYLES: dict[str, dict[str, Any]] = {
     "plain": {"color": BLUE, "ls": "-", "lw": 1.2, "label": "without body, 0.8 sin 8.5t"},
     "body": {"color": VERMILION, "ls": (0, (5, 2)), "lw": 1.2, "label": "with body, 0.8 sin 6t"},
 }
+
+GREEN, RED, BROWN = "#009E73", "#C8102E", "#8C510A"
+"""The colours that section 5 names, in tones that colour-blind readers tell apart."""
+
+ABOUT_TIMES = (8.9, 10.0)
+
+MAGNIFIED = 100
+
+
+def _without_tests(found: list[Table]) -> list[Table]:
+    """The tables of a page that may stand far from this project: without the names of its tests."""
+    return [
+        replace(table, head=table.head[:-1], rows=tuple(row[:-1] for row in table.rows), caption="")
+        if table.key == "unclear"
+        else table
+        for table in found
+    ]
+
+
+def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Path) -> Path:
+    """Write the page of `Reproduction.results` and its figures to `path` and return it.
+
+    Raises InputError when the file cannot be written.
+    """
+    from markupsafe import Markup
+
+    from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY
+
+    drawn = {figure.number: figure for figure in figures}
+    page = filled(
+        "paper.html.j2",
+        tables={table.key: table for table in _without_tests(tables(results))},
+        figures={number: Markup(figure.svg) for number, figure in drawn.items()},
+        captions={number: (figure.caption, figure.here) for number, figure in drawn.items()},
+        seed=results["seed"],
+        verdicts={HOLDS: "holds", PARTLY: "part", FAILS: "fails"},
+    )
+    return write_page(page, path)
+
+
+def with_tables(text: str, results: dict[str, Any]) -> str:
+    """The text of a page with every table between its marks renewed from `Reproduction.results`.
+
+    A table goes between `<!-- table: KEY -->` and `<!-- end -->`. Raises KeyError for a key that no table has.
+    """
+    made = {table.key: table for table in tables(results)}
+    return MARKS.sub(lambda match: f"{match[1]}\n{as_markdown(made[match[2]])}\n{match[3]}", text)
+
+
+def as_markdown(table: Table) -> str:
+    """Caption and table."""
+    lines = ["| " + " | ".join(_escaped(cell) for cell in row) + " |" for row in (table.head, *table.rows)]
+    lines.insert(1, "|" + "---|" * len(table.head))
+    caption = [_escaped(table.caption), ""] if table.caption else []
+    return "\n".join([*caption, *lines]) + "\n"
+
+
+def _escaped(cell: str) -> str:
+    if cell.startswith("`"):  # code, in which nothing is escaped
+        return cell
+    return cell.replace("|", "\\|").replace("*", "\\*").replace("_", "\\_")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure of the paper: its number, its caption there, what differs here, and its pictures."""
+
+    number: int
+    caption: str
+    here: str
+    svg: str
+    png: bytes
+
+    def files(self) -> dict[str, bytes]:
+        """File names and contents."""
+        return {f"fig{self.number}.svg": self.svg.encode("utf-8"), f"fig{self.number}.png": self.png}
+
+
+def drawn_figures(reproduction: Reproduction) -> list[Drawing]:
+    """All figures of a reproduction; the same one gives the same bytes."""
+    runs, ideal = reproduction.experiment.runs, reproduction.simulation
+    with house_style():
+        return [
+            *(_drawing(k, *EXPERIMENT[k], DRAW[k](runs)) for k in EXPERIMENT),
+            _drawing(7, *SIMULATION[7], draw_fig7(ideal.log)),
+            _drawing(8, *SIMULATION[8], draw_fig8(ideal)),
+        ]
+
+
+def _drawing(number: int, caption: str, here: str, figure: Figure) -> Drawing:
+    svg = to_svg(figure, f"fig{number}", f"Figure {number}. {caption}")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=DOTS, metadata={"Software": None})
+    return Drawing(number, caption, here, svg, buffer.getvalue())
 
 
 def draw_fig2(runs: Runs) -> Figure:
@@ -233,14 +234,6 @@ def _legend(source: Axes, target: Axes) -> None:
     target.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
 
 
-GREEN, RED, BROWN = "#009E73", "#C8102E", "#8C510A"
-"""The colours that section 5 names, in tones that colour-blind readers tell apart."""
-
-ABOUT_TIMES = (8.9, 10.0)
-
-MAGNIFIED = 100
-
-
 def draw_fig7(log: Recording) -> Figure:
     """Angle, reference, error and 0.005 k tilde; below, around the paper's four times."""
     from swingid.study.reproduce.published import TIMES
@@ -287,7 +280,7 @@ def draw_fig8(simulation: Simulation) -> Figure:
     """J1 − J1^ of all runs, in 10^-5 kg m^2, with the band of 5 %: as a whole, and near zero."""
     from swingid.study.reproduce.published import BACKSTEPPING
 
-    figure, (whole, close) = new_figure(4.8, 2, share_time=True)
+    figure, (whole, close) = new_figure(4.8, 2, sharex=True)
     colours = {2.0: VERMILION, 8.5: BLUE}
     for curve in simulation.curves:
         printed = curve.law == "printed"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -78,13 +78,23 @@ def house_style() -> Iterator[None]:
         yield
 
 
-def new_figure(height: float, rows: int = 1, *, share_time: bool = False) -> tuple[Figure, list[Axes]]:
-    """A figure of the house's width and so many inches of height, with `rows` panels; no pyplot, so no global state."""
+def new_figure(height: float, rows: int = 1, **panels: Any) -> tuple[Figure, list[Axes]]:
+    """A figure of the common width and so many inches of height, its panels row by row; no pyplot, so no global state.
+
+    panels: as of matplotlib's `subplots`.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(WIDTH, height))
-    axes = figure.subplots(rows, 1, squeeze=False, sharex=share_time)[:, 0]
-    return figure, list(axes)
+    return figure, list(figure.subplots(rows, squeeze=False, **panels).ravel())
+
+
+def name_rows(axes: Axes, names: Sequence[str]) -> None:
+    """One row of the vertical axis per name, the first on top."""
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
 
 
 def legend_above(axes: Axes, columns: int = 3) -> None:

@@ -181,8 +181,8 @@ class ResultData:
                 data[name] = getattr(self, name)
         if self.per_log:
             data["per_log"] = [result.to_dict() for result in self.per_log]
-        plain: dict[str, object] = _plain(data)
-        return plain
+        found: dict[str, object] = plain(data)
+        return found
 
     def to_json(self) -> str:
         """The result as JSON text."""
@@ -194,18 +194,18 @@ def combined(budget: Iterable[BudgetEntry], parameter: str) -> float:
     return math.sqrt(sum(entry.standard_uncertainty**2 for entry in budget if entry.parameter == parameter))
 
 
-def _plain(value: Any) -> Any:
-    """Recursively to what JSON knows."""
+def plain(value: Any) -> Any:
+    """Data that JSON knows: fields for a dataclass, lists for arrays, None for what is not finite; recursive."""
     if hasattr(value, "__dataclass_fields__"):
-        return {name: _plain(getattr(value, name)) for name in value.__dataclass_fields__}
+        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
-        return [_plain(item) for item in value.tolist()]
+        return [plain(item) for item in value.tolist()]
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     return value

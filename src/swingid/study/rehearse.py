@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,8 +19,8 @@ from swingid.identification import METHODS, check_options, identify, method_func
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
-from swingid.simulation import simulate
-from swingid.study.terminal import aligned, noted
+from swingid.study.experiment import Experiment, through_file, without_truth
+from swingid.study.output import Study, aligned, noted
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -34,6 +31,8 @@ SCHEMA = "swingid.rehearse/1"
 FEWEST_RUNS = 5
 
 NO_OPTIONS: Mapping[str, object] = {}
+
+HEADINGS = ("method", "RMSE", "bias", "95 % of errors", "95 % interval", "covers", "answers")
 
 
 @dataclass(frozen=True)
@@ -89,7 +88,7 @@ class Expectation:
 
 
 @dataclass(frozen=True)
-class Rehearsal:
+class Rehearsal(Study):
     """The expectations of all methods over the same runs."""
 
     rig: str
@@ -101,34 +100,36 @@ class Rehearsal:
         """The expectation of one method."""
         return next(e for e in self.expectations if e.method == method)
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain data, schema "swingid.rehearse/1"; what is unknown is null."""
         methods = [
             {
                 "method": e.method,
                 "answered": e.answered,
-                "bias": _plain(e.bias),
-                "rmse": _plain(e.rmse),
-                "p95": _plain(e.p95),
-                "median_half_width": _plain(e.half_width),
-                "coverage": _plain(e.coverage[0]),
-                "coverage_standard_error": _plain(e.coverage[1]),
+                "bias": e.bias,
+                "rmse": e.rmse,
+                "p95": e.p95,
+                "median_half_width": e.half_width,
+                "coverage": e.coverage[0],
+                "coverage_standard_error": e.coverage[1],
                 "refusals": e.refusals,
                 "warnings": e.warnings,
-                "errors": [_plain(x) for x in e.errors],
-                "half_widths": [_plain(x) for x in e.half_widths],
+                "errors": e.errors,
+                "half_widths": e.half_widths,
             }
             for e in self.expectations
         ]
         return {"schema": SCHEMA, "rig": self.rig, "runs": self.runs, "methods": methods, "notes": list(self.notes)}
 
-    def to_json(self) -> str:
-        """The rehearsal as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
     def summary(self) -> str:
-        """A table to read on a terminal."""
-        return tabulate(self)
+        """One line per method for a terminal: relative errors and half-widths to expect; then refusals and notes."""
+        rows = [HEADINGS, *(_cells(e, self.runs) for e in self.expectations)]
+        lines = [f"[[{self.runs} runs of the twin of {self.rig}: relative error of the inertia to expect]]"]
+        lines += [*aligned(rows), ""]
+        for e in self.expectations:
+            lines += [_told(e.method, "refused", e.refusals, self.runs)] if e.refusals else []
+            lines += [_told(e.method, "warned", e.warnings, self.runs)] if e.warnings else []
+        return "\n".join([*lines, *noted(self.notes)]).rstrip()
 
 
 def rehearse(
@@ -166,9 +167,12 @@ def rehearse(
     chosen = dict(methods) if isinstance(methods, Mapping) else dict.fromkeys(methods or METHODS, NO_OPTIONS)
     for name, options in chosen.items():
         check_options(name, method_function(name), dict(options))
-    plan = Plan(rig.text, str(rig.source), reference, controller, duration, rate, initial_angle, tuple(chosen.items()))
+    ways = tuple((name, name, options) for name, options in chosen.items())
+    experiment = Experiment(
+        rig, without_truth(rig), reference, controller, duration, rate, initial_angle, draw=True, methods=ways
+    )
     outcomes: list[tuple[Outcome, ...]] = []
-    for found in _runs(plan, [seed + k for k in range(runs)], workers or os.cpu_count() or 1):
+    for found in _runs(experiment, [seed + k for k in range(runs)], workers or os.cpu_count() or 1):
         outcomes.append(found)
         if progress is not None:
             progress(len(outcomes), runs)
@@ -181,14 +185,54 @@ def rehearse(
     return Rehearsal(rig.name, runs, expectations, tuple(_notes(rig)))
 
 
-def _runs(plan: Plan, seeds: list[int], workers: int) -> Iterator[tuple[Outcome, ...]]:
+@dataclass(frozen=True)
+class Outcome:
+    """The answer of one method in one run: relative error of the inertia, relative half-width of its 95 % interval.
+
+    Both are NaN where the method refused, the half-width also where the uncertainty is unknown; then `reason` is the
+    code of the refusal. warnings: codes.
+    """
+
+    error: float
+    half_width: float
+    reason: str = ""
+    warnings: tuple[str, ...] = ()
+
+
+def _runs(experiment: Experiment, seeds: list[int], workers: int) -> Iterator[tuple[Outcome, ...]]:
     """The runs in the order of their seeds; the first one here, so that kernels are compiled once."""
-    yield run_once(plan, seeds[0])
+    yield run_once(experiment, seeds[0])
     if workers == 1:
-        yield from (run_once(plan, seed) for seed in seeds[1:])
+        yield from (run_once(experiment, seed) for seed in seeds[1:])
         return
     with ProcessPoolExecutor(min(workers, len(seeds))) as pool:
-        yield from pool.map(partial(run_once, plan), seeds[1:])
+        yield from pool.map(partial(run_once, experiment), seeds[1:])
+
+
+def run_once(experiment: Experiment, seed: int) -> tuple[Outcome, ...]:
+    """Simulate with everything drawn by `seed`, write the log, read it as a lab would, and identify it."""
+    log = experiment.log(seed)
+    truth = log.metadata["truth"]
+    assert isinstance(truth, dict)
+    try:
+        read = through_file(log, experiment.stated)
+    except (UnanswerableError, InputError) as error:
+        return tuple(Outcome(np.nan, np.nan, error.code) for _ in experiment.methods)
+    inertia = float(truth["inertia"])
+    return tuple(
+        _outcome(read, experiment.stated, method, options, inertia) for _, method, options in experiment.methods
+    )
+
+
+def _outcome(log: Recording, rig: Rig, method: str, options: Mapping[str, object], truth: float) -> Outcome:
+    try:
+        result = identify(log, rig, method, **options)
+    except (UnanswerableError, InputError) as error:
+        return Outcome(np.nan, np.nan, error.code)
+    inertia = result.inertia
+    low, high = inertia.interval95 or (np.nan, np.nan)
+    warnings = tuple(warning.code for warning in result.warnings)
+    return Outcome(inertia.value / truth - 1, (high - low) / 2 / truth, warnings=warnings)
 
 
 def _expectation(method: str, outcomes: Sequence[Outcome]) -> Expectation:
@@ -207,134 +251,6 @@ def _notes(rig: Rig) -> Iterator[str]:
     exact = rig.constants_without_uncertainty()
     if exact:
         yield f"taken as exact, since rig.toml states no uncertainty: {', '.join(exact)}."
-
-
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-@dataclass(frozen=True)
-class Plan:
-    """The experiment: rig file as text, motion, controller, length (s), rate (1/s), initial angle, methods and options.
-
-    Everything in it can be sent to another process.
-    """
-
-    rig_text: str
-    rig_source: str
-    reference: Callable[[Array], Array] | None
-    controller: Compensator | Backstepping | None
-    duration: float
-    rate: float
-    initial_angle: float
-    methods: tuple[tuple[str, Mapping[str, object]], ...]
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What one method said of one run: relative error of the inertia, relative half-width of its 95 % interval.
-
-    Both are NaN where the method refused, the half-width also where the uncertainty is unknown; then `reason` is the
-    code of the refusal. warnings: codes.
-    """
-
-    method: str
-    error: float
-    half_width: float
-    reason: str = ""
-    warnings: tuple[str, ...] = ()
-
-
-def run_once(plan: Plan, seed: int) -> tuple[Outcome, ...]:
-    """Simulate with everything drawn by `seed`, write the log, read it as a lab would, and identify it."""
-    rig = Rig.from_text(plan.rig_text, plan.rig_source)
-    log = drawn_log(
-        rig,
-        plan.reference,
-        plan.controller,
-        duration=plan.duration,
-        rate=plan.rate,
-        initial_angle=plan.initial_angle,
-        seed=seed,
-    )
-    truth = log.metadata["truth"]
-    assert isinstance(truth, dict)
-    # what a method may know: neither inertia nor friction, and nothing that is not in the file
-    told = rig.changed({"axis.inertia": None, "axis.friction": None})
-    try:
-        read = through_file(log, told)
-    except (UnanswerableError, InputError) as error:
-        return tuple(Outcome(method, np.nan, np.nan, error.code) for method, _ in plan.methods)
-    inertia = float(truth["inertia"])
-    return tuple(_outcome(read, told, method, options, inertia) for method, options in plan.methods)
-
-
-def drawn_log(
-    rig: Rig,
-    reference: Callable[[Array], Array] | None,
-    controller: Compensator | Backstepping | None,
-    *,
-    duration: float,
-    rate: float,
-    initial_angle: float,
-    seed: int,
-    draw: bool = True,
-) -> Recording:
-    """A run of the twin with the places of its encoders' grids drawn, and with `draw` its constants too."""
-    return simulate(
-        rig,
-        reference,
-        controller,
-        duration=duration,
-        rate=rate,
-        seed=seed,
-        initial_angle=initial_angle,
-        draw=draw,
-        encoder_zero=encoder_places(rig, seed),
-    )
-
-
-def encoder_places(rig: Rig, seed: int) -> tuple[float, float]:
-    """What the encoders of axis and wheel read at angle 0, within half a step of 0 (rad).
-
-    Where the grid of an encoder lies is chance, and decides what its rounding does to a motion that repeats.
-    """
-    place = np.random.default_rng([seed, 1]).random(2) - 0.5
-    steps = (rig.sensors.of("angle").resolution, rig.sensors.of("wheel").resolution)
-    return float(place[0] * steps[0]), float(place[1] * steps[1])
-
-
-def through_file(log: Recording, rig: Rig) -> Recording:
-    """What a lab with `rig` reads from the file that is written of a log."""
-    with tempfile.TemporaryDirectory() as folder:
-        return Recording.load(log.save(Path(folder) / "run.parquet", rig), rig)
-
-
-def _outcome(log: Recording, rig: Rig, method: str, options: Mapping[str, object], truth: float) -> Outcome:
-    try:
-        result = identify(log, rig, method, **options)
-    except (UnanswerableError, InputError) as error:
-        return Outcome(method, np.nan, np.nan, error.code)
-    inertia = result.inertia
-    low, high = inertia.interval95 or (np.nan, np.nan)
-    warnings = tuple(warning.code for warning in result.warnings)
-    return Outcome(method, inertia.value / truth - 1, (high - low) / 2 / truth, warnings=warnings)
-
-
-HEADINGS = ("method", "RMSE", "bias", "95 % of errors", "95 % interval", "covers", "answers")
-
-
-def tabulate(rehearsal: Rehearsal) -> str:
-    """One line per method: relative errors and half-widths to expect of the inertia; then refusals and notes."""
-    rows = [HEADINGS, *(_cells(e, rehearsal.runs) for e in rehearsal.expectations)]
-    lines = [f"[[{rehearsal.runs} runs of the twin of {rehearsal.rig}: relative error of the inertia to expect]]"]
-    lines += aligned(rows)
-    lines.append("")
-    for e in rehearsal.expectations:
-        lines += [_told(e.method, "refused", e.refusals, rehearsal.runs)] if e.refusals else []
-        lines += [_told(e.method, "warned", e.warnings, rehearsal.runs)] if e.warnings else []
-    lines += noted(rehearsal.notes)
-    return "\n".join(lines).rstrip()
 
 
 def _cells(e: Expectation, runs: int) -> tuple[str, ...]:

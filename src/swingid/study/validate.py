@@ -6,11 +6,10 @@ fit = 100 % · (1 − ‖y − ŷ‖ / ‖y − mean y‖). In the free run only
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -35,7 +34,7 @@ from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 from swingid.result.provenance import constants
 from swingid.result.result import Result
-from swingid.study.terminal import aligned, noted
+from swingid.study.output import Study, aligned, noted
 
 SCHEMA = "swingid.validate/1"
 
@@ -46,6 +45,11 @@ POOR = 95.0
 
 STEPS = 8
 """Gauss–Newton steps towards the initial values of the free run; three do."""
+
+
+HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
+
+DRIVES = {"wheel": "measured wheel", "voltage": "voltage", "torque": "torque", "none": "nothing"}
 
 
 @dataclass(frozen=True)
@@ -86,7 +90,7 @@ class Prediction:
 
 
 @dataclass(frozen=True)
-class Validation:
+class Validation(Study):
     """Predictions of one result for several logs; notes: what a reader of the fits should know."""
 
     method: str
@@ -94,7 +98,7 @@ class Validation:
     predictions: tuple[Prediction, ...]
     notes: tuple[str, ...] = ()
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain data, schema "swingid.validate/1", without the curves."""
         logs = [
             {
@@ -102,10 +106,10 @@ class Validation:
                 "input": p.input,
                 "start": float(p.time[0]),
                 "stop": float(p.time[-1]),
-                "free_run_fit_percent": _plain(p.free_fit),
-                "one_swing_ahead_fit_percent": _plain(p.swing_fit),
-                "free_run_rms": _plain(p.free_rms),
-                "one_swing_ahead_rms": _plain(p.swing_rms),
+                "free_run_fit_percent": p.free_fit,
+                "one_swing_ahead_fit_percent": p.swing_fit,
+                "free_run_rms": p.free_rms,
+                "one_swing_ahead_rms": p.swing_rms,
                 "sensor_noise": p.noise,
                 "unit": "m" if self.linear else "rad",
             }
@@ -113,13 +117,11 @@ class Validation:
         ]
         return {"schema": SCHEMA, "method": self.method, "logs": logs, "notes": list(self.notes)}
 
-    def to_json(self) -> str:
-        """The validation as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
     def summary(self) -> str:
-        """A table to read on a terminal."""
-        return tabulate(self)
+        """One line per log for a terminal: normalised fit of the free run and one swing ahead, error and noise."""
+        rows = [HEADINGS, *(cells(p, linear=self.linear) for p in self.predictions)]
+        head = f"[[Predictions of the model that {self.method} identified: normalised fit, 100 % is perfect]]"
+        return "\n".join([head, *aligned(rows), *noted(self.notes)])
 
 
 def fit_percent(measured: Array, predicted: Array) -> float:
@@ -253,10 +255,6 @@ def _rms(error: Array) -> float:
     return float(np.sqrt(np.mean(error**2)))
 
 
-def _plain(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
 def model_vector(result: Result, rig: Rig) -> Array:
     """Parameter vector of `rig` with what `result` found in the place of axis.inertia, friction and unknown gravity.
 
@@ -320,20 +318,6 @@ def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | Non
             )
         return "voltage"
     return "wheel"
-
-
-HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
-
-DRIVES = {"wheel": "measured wheel", "voltage": "voltage", "torque": "torque", "none": "nothing"}
-
-
-def tabulate(validation: Validation) -> str:
-    """One line per log: normalised fit of the free run and one swing ahead, error and noise."""
-    rows = [HEADINGS, *(cells(p, linear=validation.linear) for p in validation.predictions)]
-    lines = [f"[[Predictions of the model that {validation.method} identified: normalised fit, 100 % is perfect]]"]
-    lines += aligned(rows)
-    lines += noted(validation.notes)
-    return "\n".join(lines)
 
 
 def cells(p: Prediction, *, linear: bool, fine: bool = False) -> tuple[str, ...]:

@@ -51,6 +51,28 @@ SHORTEST, LONGEST = 12, 1.0
 """Half-lengths of the windows: at least so many samples, at most so many seconds."""
 
 
+APART = 0.2
+"""A part of a sum counts as known when its own standard uncertainty is below this share of it."""
+
+NEARLY = 3.0
+"""… or when it is known as well as the sum, to this factor."""
+
+KNOWN = 1 / 3
+"""Gain and damping must be known to this share, or there is no answer."""
+
+SIDES = {POSITIVE: "positive", NEGATIVE: "negative"}
+
+WORDS = {
+    GAIN: "efficiency * torque_per_volt",
+    DAMPING: "efficiency * back_emf + gear_ratio * viscous",
+    POSITIVE: "coulomb + dead_zone[1]",
+    NEGATIVE: "coulomb - dead_zone[0]",
+    COULOMB: "coulomb",
+    EMF: "back_emf",
+    COUPLING: "rotor_inertia",
+}
+
+
 @dataclass(frozen=True)
 class LogRows:
     """One log on its windows: what does not depend on the branches is projected once.
@@ -218,28 +240,6 @@ def _gauss_newton(
     known = columns[:, ~free] @ values[~free]
     fit = fit_linear(weights[:, None] * columns[:, free], weights * (target - known))
     return values, columns, fit
-
-
-APART = 0.2
-"""A part of a sum counts as known when its own standard uncertainty is below this share of it."""
-
-NEARLY = 3.0
-"""… or when it is known as well as the sum, to this factor."""
-
-KNOWN = 1 / 3
-"""Gain and damping must be known to this share, or there is no answer."""
-
-SIDES = {POSITIVE: "positive", NEGATIVE: "negative"}
-
-WORDS = {
-    GAIN: "efficiency * torque_per_volt",
-    DAMPING: "efficiency * back_emf + gear_ratio * viscous",
-    POSITIVE: "coulomb + dead_zone[1]",
-    NEGATIVE: "coulomb - dead_zone[0]",
-    COULOMB: "coulomb",
-    EMF: "back_emf",
-    COUPLING: "rotor_inertia",
-}
 
 
 @dataclass(frozen=True)

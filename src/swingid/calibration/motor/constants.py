@@ -49,6 +49,9 @@ UNITS = {
 SCATTER = "scatter of the shots and sensor noise"
 
 
+MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb")
+
+
 def constants(values: Array, rig: Rig, *, coupled: bool) -> Array:
     """All of `UNITS`, in order, from products (7,); coupled: the rotor's inertia comes from the products."""
     motor, wheel = rig.drive.motor, rig.drive.wheel
@@ -201,9 +204,6 @@ def _by_axis(fit: OutputFit, error: Callable[[Array, Array], Array]) -> list[Arr
         other = shot.simulated(fit.values, start, shot.angle - error(shot.angle, time))[0]
         result.append(shot.simulated(fit.values, start)[0] - other)
     return result
-
-
-MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb")
 
 
 def calibrated_rig(

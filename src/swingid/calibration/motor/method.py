@@ -50,6 +50,9 @@ KINDS = {
 }
 
 
+RATIO = "gravity_per_inertia"
+
+
 @dataclass(frozen=True)
 class Calibration:
     """What `calibrate` found.
@@ -279,9 +282,6 @@ def _assembled(
         provenance=origin,
     )
     return Calibration(result, new, {} if motor is None else motor.first)
-
-
-RATIO = "gravity_per_inertia"
 
 
 @dataclass(frozen=True)

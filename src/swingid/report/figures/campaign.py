@@ -11,7 +11,7 @@ import numpy as np
 
 from swingid.format import percent
 from swingid.report.figures.studies import LOOKS
-from swingid.report.style import legend_above, new_figure, plain_powers
+from swingid.report.style import legend_above, name_rows, new_figure, plain_powers
 from swingid.result.plot import BLUE, GREEN, GREY, INK, ORANGE, PALE, SKY, VERMILION
 from swingid.result.result import COVERAGE_FACTOR
 from swingid.study.campaign.summary import cell_name
@@ -33,6 +33,39 @@ ROW, METHOD = 0.28, 0.1
 
 MANY_LOOKS = (*LOOKS, (GREEN, "P"), (INK, "X"), (GREY, "h"))
 """Colour and marker of a method, in turn."""
+
+
+WANTED = 95.0
+
+LEAST = 90.0
+"""%, from which the axis reaches at least to 100 %."""
+
+Values = np.ndarray[Any, np.dtype[np.float64]]
+
+WHISKERS = (2.5, 97.5)
+"""Percentiles at the ends of the whiskers: 95 % lie between."""
+
+LINEAR = 3.0
+"""Errors in claimed uncertainties up to which the axis is linear."""
+
+PANELS = (
+    ("tracking", 1e3, "tracking error, RMS, mrad"),
+    ("settling", 1.0, "gain k̃ settled within 1 % after, s"),
+    ("chatter", 1.0, "change of the voltage per sample, RMS, V"),
+    ("error", 100.0, "size of the inertia's error, %"),
+)
+"""Column of the results, factor, words."""
+
+FOLLOWS = 0.2
+"""Share of the wanted motion's RMS up to which the tracking error counts as following it."""
+
+DARK = 0.55
+"""Share of the colour scale from which on numbers are written in white."""
+
+MOST = 20
+
+DECADES = 4.0
+"""Below so many decades from the largest effect the axis is linear."""
 
 
 def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Figure | None:
@@ -66,7 +99,7 @@ def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Fig
         ax.set_xscale("log")
         plain_powers(ax.xaxis)
         ax.set_xlabel("RMSE of the inertia, %")
-        name_rows(ax, levels)
+        name_levels(ax, levels)
     legend_above(ax, LEGEND_COLUMNS)
     return figure
 
@@ -76,12 +109,9 @@ def shift(k: int, methods: Sequence[str]) -> float:
     return (k - (len(methods) - 1) / 2) * 0.7 / len(methods)
 
 
-def name_rows(ax: Axes, levels: Sequence[str]) -> None:
+def name_levels(ax: Axes, levels: Sequence[str]) -> None:
     """Levels by name on the vertical axis, the first on top, with lines between them."""
-    ax.set_yticks(range(len(levels)), levels)
-    ax.set_ylim(len(levels) - 0.5, -0.5)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)
+    name_rows(ax, levels)
     for k in range(len(levels) - 1):
         ax.axhline(k + 0.5, color=PALE, lw=0.8, zorder=0.4)
 
@@ -120,12 +150,6 @@ def _over_numbers(ax: Axes, factor: str, at: list[float], cells: list[Cell], num
     ax.set_ylabel("RMSE of the inertia, %")
 
 
-WANTED = 95.0
-
-LEAST = 90.0
-"""%, from which the axis reaches at least to 100 %."""
-
-
 def draw_coverage(summary: Summary) -> Figure | None:
     """Share of the intervals that hold the truth, with its binomial standard error; None where no interval is known."""
     cells = [cell for cell in summary.overall if math.isfinite(cell.statistics.coverage[0])]
@@ -138,10 +162,7 @@ def draw_coverage(summary: Summary) -> Figure | None:
         ax.errorbar(100 * share, row, xerr=bar, fmt="o", ms=5, mew=0, color=BLUE, elinewidth=1.2, capsize=2.5)
     lowest = min(100 * (cell.statistics.coverage[0] - 2 * cell.statistics.coverage[1]) for cell in cells)
     _shares(ax, lowest)
-    ax.set_yticks(range(len(cells)), [cell_name(cell) for cell in cells])
-    ax.set_ylim(len(cells) - 0.5, -0.5)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)
+    name_rows(ax, [cell_name(cell) for cell in cells])
     return figure
 
 
@@ -174,7 +195,7 @@ def draw_coverage_by(summary: Summary, factor: str, quantity: str = "inertia") -
             label=method,
         )
     _shares(ax, min(100 * (c.statistics.coverage[0] - 2 * c.statistics.coverage[1]) for c in cells))
-    name_rows(ax, levels)
+    name_levels(ax, levels)
     legend_above(ax, LEGEND_COLUMNS)
     return figure
 
@@ -191,15 +212,6 @@ def _shares(ax: Axes, lowest: float) -> None:
     ax.set_xlabel("95 % intervals that hold the truth, % (bars: one binomial standard error)")
 
 
-Values = np.ndarray[Any, np.dtype[np.float64]]
-
-WHISKERS = (2.5, 97.5)
-"""Percentiles at the ends of the whiskers: 95 % lie between."""
-
-LINEAR = 3.0
-"""Errors in claimed uncertainties up to which the axis is linear."""
-
-
 def draw_boxes(summary: Summary) -> Figure | None:
     """Absolute relative errors (log scale) and errors in standard uncertainties, a box per method; None without any."""
     pairs = [(cell.method, cell.quantity) for cell in summary.overall if cell.statistics.answered]
@@ -212,16 +224,13 @@ def draw_boxes(summary: Summary) -> Figure | None:
         u = summary.columns["u"][own] / np.abs(summary.columns["truth"][own])
         sizes.append(_known(100 * np.abs(error)))
         claimed.append(_known(error / u))
-    figure, (left,) = new_figure(1.2 + 0.3 * len(pairs))
-    figure.clear()
-    left, right = figure.subplots(1, 2, sharey=True)
+    figure, (left, right) = new_figure(1.2 + 0.3 * len(pairs), ncols=2, sharey=True)
     names = [method if quantity == "inertia" else f"{method}, {quantity}" for method, quantity in pairs]
     _boxes(left, sizes)
     left.set_xscale("log")
     plain_powers(left.xaxis)
     left.set_xlabel("size of the error, %")
-    left.set_yticks(range(len(names)), names)
-    left.set_ylim(len(names) - 0.5, -0.5)
+    name_rows(left, names)
     _boxes(right, claimed)
     right.axvspan(-COVERAGE_FACTOR, COVERAGE_FACTOR, color=GREEN, alpha=0.15, lw=0)
     far = max((float(np.max(np.abs(values))) for values in claimed if len(values)), default=0.0)
@@ -236,9 +245,8 @@ def draw_boxes(summary: Summary) -> Figure | None:
         reach = max(1.1 * far, 3.0)
         right.set_xlim(-reach, reach)
     right.set_xlabel("error, in standard uncertainties claimed")
-    for axes in (left, right):
-        axes.grid(visible=False, axis="y")
-        axes.tick_params(axis="y", length=0)
+    right.grid(visible=False, axis="y")
+    right.tick_params(axis="y", length=0)
     return figure
 
 
@@ -263,21 +271,6 @@ def _boxes(axes: Axes, groups: list[Values]) -> None:
     )
 
 
-PANELS = (
-    ("tracking", 1e3, "tracking error, RMS, mrad"),
-    ("settling", 1.0, "gain k̃ settled within 1 % after, s"),
-    ("chatter", 1.0, "change of the voltage per sample, RMS, V"),
-    ("error", 100.0, "size of the inertia's error, %"),
-)
-"""Column of the results, factor, words."""
-
-FOLLOWS = 0.2
-"""Share of the wanted motion's RMS up to which the tracking error counts as following it."""
-
-DARK = 0.55
-"""Share of the colour scale from which on numbers are written in white."""
-
-
 def draw_map(summary: Summary, pair: tuple[str, str]) -> Figure | None:
     """Four panels over the levels of two factors, the median over all else; None where one has fewer than two levels.
 
@@ -286,9 +279,7 @@ def draw_map(summary: Summary, pair: tuple[str, str]) -> Figure | None:
     across, up = (np.unique(summary.columns[name].astype(str if _is_text(summary, name) else float)) for name in pair)
     if len(across) < 2 or len(up) < 2:
         return None
-    figure, _ = new_figure(2.0 + 0.5 * len(up))
-    figure.clear()
-    panels = figure.subplots(2, 2, sharex=True, sharey=True).ravel()
+    figure, panels = new_figure(2.0 + 0.5 * len(up), 2, ncols=2, sharex=True, sharey=True)
     method = summary.plan.tables.base.methods[:1]
     for axes, (column, factor, words) in zip(panels, PANELS, strict=True):
         values = np.full((len(up), len(across)), np.nan)
@@ -348,12 +339,6 @@ def _panel(axes: Axes, values: Values, words: str) -> None:
     axes.tick_params(length=0)
 
 
-MOST = 20
-
-DECADES = 4.0
-"""Below so many decades from the largest effect the axis is linear."""
-
-
 def draw_tornado(summary: Summary, method: str, quantity: str = "inertia") -> Figure | None:
     """Bars from the lowest to the highest mean error over the levels of each factor, and the largest RMSE.
 
@@ -392,10 +377,7 @@ def draw_tornado(summary: Summary, method: str, quantity: str = "inertia") -> Fi
         ax.minorticks_off()
     ax.set_xlim(-1.5 * largest, 1.5 * largest)
     ax.axvline(0.0, color=INK, lw=0.8)
-    ax.set_yticks(range(len(effects)), [effect.factor for effect in effects])
-    ax.set_ylim(len(effects) - 0.5, -0.5)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)
+    name_rows(ax, [effect.factor for effect in effects])
     ax.set_xlabel("error of the inertia, %")
     legend_above(ax)
     return figure

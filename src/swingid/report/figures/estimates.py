@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.format import common_exponent, last_place, percent, plus_minus, power_of_ten, pretty_unit
-from swingid.report.style import legend_above, new_figure
+from swingid.report.style import legend_above, name_rows, new_figure
 from swingid.result.plot import BLUE, GREEN, GREY, INK, ORANGE, PALE, draw_swing_points, plot_result
 from swingid.result.result import COVERAGE_FACTOR, Result, combined
 from swingid.result.summary import folded, sorted_budget
@@ -19,6 +19,19 @@ if TYPE_CHECKING:
 
 HIDDEN = 5.0
 """How many times wider than the swings the answer's band must be for them to get a panel of their own."""
+
+
+REACH = 0.3
+"""The curve is shown within this share of the answer; it may come from ten times as far."""
+
+COARSE = 30.0
+"""An estimate so many times less certain than the others does not set the scale; its bar leaves the panel."""
+
+MOST = 9
+
+KINDS = {"A": (BLUE, "", "type A: from the data"), "B": (ORANGE, "////", "type B: from the rig's constants")}
+
+WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 
 
 def draw_swings(result: Result) -> Figure | None:
@@ -55,10 +68,6 @@ def draw_logs(result: Result) -> Figure | None:
     return figure
 
 
-REACH = 0.3
-"""The curve is shown within this share of the answer; it may come from ten times as far."""
-
-
 def draw_convergence(result: Result) -> Figure | None:
     """The estimate over the log, ±5 % and ±1 % of the answer, and when it stays within these."""
     curve = result.details.convergence if result.details else None
@@ -85,10 +94,6 @@ def draw_convergence(result: Result) -> Figure | None:
     ax.set_ylabel(f"inertia, {power}{pretty_unit(inertia.unit)}")
     legend_above(ax)
     return figure
-
-
-COARSE = 30.0
-"""An estimate so many times less certain than the others does not set the scale; its bar leaves the panel."""
 
 
 def draw_kinds(result: Result) -> Figure | None:
@@ -129,13 +134,9 @@ def draw_kinds(result: Result) -> Figure | None:
         _mark_cut_bars(
             ax, [100 * (value / inertia.value - 1) for value, _ in estimates.values()], list(spreads.values())
         )
-    ax.set_yticks(range(len(estimates)), list(estimates))
-    ax.set_ylim(len(estimates) - 0.5, -0.5)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)
+    name_rows(ax, list(estimates))
     ax.set_xlabel("from the answer, % (right: ± standard uncertainty)")
-    if own > 0:
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.2)
+    legend_above(ax)
     return figure
 
 
@@ -155,13 +156,6 @@ def _mark_cut_bars(ax: Axes, offs: list[float], spreads: list[float]) -> None:
         for edge, cut, marker in ((low, off - spread < low, "<"), (high, off + spread > high, ">")):
             if cut:
                 ax.plot([edge], [row], ls="", marker=marker, ms=5, mew=0, color=BLUE, clip_on=False)
-
-
-MOST = 9
-
-KINDS = {"A": (BLUE, "", "type A: from the data"), "B": (ORANGE, "////", "type B: from the rig's constants")}
-
-WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
 
 
 def draw_budget(result: Result) -> Figure | None:
@@ -210,5 +204,5 @@ def draw_budget(result: Result) -> Figure | None:
     ax.grid(visible=False, axis="y")
     ax.tick_params(axis="y", length=0)
     ax.set_xlabel("standard uncertainty, % of the answer")
-    ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    legend_above(ax, 2)
     return figure

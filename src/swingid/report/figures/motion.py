@@ -10,13 +10,29 @@ import numpy as np
 
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
-from swingid.report.style import WIDTH, envelope, legend_above, new_figure, prefixed
+from swingid.report.style import envelope, legend_above, new_figure, prefixed
 from swingid.result.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, SIDES, SKY, VERMILION
 from swingid.result.result import COVERAGE_FACTOR, Details, FrictionCurve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+
+CLOSE = 5
+"""Turning points in the close look."""
+
+LARGEST = 25
+"""Half of its length in half-lengths of a test function."""
+
+MOST_DOTS = 800
+
+BINS = 120
+
+_SAMPLE = ("sample", "angle")
+
+LONG = 36
+"""Letters of a law's name that no longer leave room for two columns of the legend."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +49,7 @@ class Panel:
 def draw_log(log: Recording, unused: Iterable[tuple[float, float]], *, linear: bool) -> Figure:
     """Panels of all channels that `log` has; the parts `unused` (s) are greyed."""
     panels = panels_of(log, linear=linear)
-    figure, axes = new_figure(0.6 + 1.05 * len(panels), len(panels), share_time=True)
+    figure, axes = new_figure(0.6 + 1.05 * len(panels), len(panels), sharex=True)
     for ax, panel in zip(axes, panels, strict=True):
         _draw(ax, log.time, panel)
         for begin, end in unused:
@@ -85,13 +101,6 @@ def _draw(ax: Axes, time: Array, panel: Panel) -> None:
     ax.set_title(f"{panel.label} (dashed: its reference)" if panel.behind is not None else panel.label, pad=3)
     ax.set_ylabel(unit)
     ax.locator_params(axis="y", nbins=4)
-
-
-CLOSE = 5
-"""Turning points in the close look."""
-
-LARGEST = 25
-"""Half of its length in half-lengths of a test function."""
 
 
 def draw_turning_points(log: Recording, details: Details, *, linear: bool) -> Figure | None:
@@ -171,13 +180,6 @@ def _draw_windows(ax: Axes, centres: Array, half: float) -> None:
         )
 
 
-MOST_DOTS = 800
-
-BINS = 120
-
-_SAMPLE = ("sample", "angle")
-
-
 def draw_residuals(details: Details, *, linear: bool) -> Figure | None:
     """Mean torque (or force) that each window leaves, or the angle that each sample does, and how they are spread."""
     known = np.isfinite(details.residuals)
@@ -186,10 +188,7 @@ def draw_residuals(details: Details, *, linear: bool) -> Figure | None:
     times, values = details.residual_times[known], details.residuals[known]
     factor, unit = prefixed(values, details.residual_unit or ("N" if linear else "N m"))
     each, what = ("window", f"mean {'force' if linear else 'torque'}") if details.residual_unit is None else _SAMPLE
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(WIDTH, 2.2))
-    ax, spread = figure.subplots(1, 2, sharey=True, width_ratios=(5, 1))
+    figure, (ax, spread) = new_figure(2.2, ncols=2, sharey=True, width_ratios=(5, 1))
     if len(times) > MOST_DOTS:
         _draw_bands(ax, times, values * factor, f"all {each}s")
     else:
@@ -215,10 +214,6 @@ def _draw_bands(ax: Axes, times: Array, values: Array, everything: str) -> None:
     ax.fill_between(middle, fifth, last, color=BLUE, alpha=0.4, lw=0, label="nine in ten")
     ax.plot(middle, median, color=INK, lw=0.8, label="median")
     legend_above(ax)
-
-
-LONG = 36
-"""Letters of a law's name that no longer leave room for two columns of the legend."""
 
 
 def draw_friction(curve: FrictionCurve, *, linear: bool) -> Figure | None:

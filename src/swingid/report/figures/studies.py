@@ -8,7 +8,7 @@ import numpy as np
 
 from swingid.format import power_of_ten
 from swingid.report.figures.motion import speed_of, wheel_span
-from swingid.report.style import WIDTH, envelope, legend_above, new_figure, prefixed
+from swingid.report.style import WIDTH, envelope, legend_above, name_rows, new_figure, prefixed
 from swingid.result.plot import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, file_label
 from swingid.result.result import COVERAGE_FACTOR
 
@@ -28,6 +28,13 @@ LOOKS = ((BLUE, "o"), (ORANGE, "s"), (PURPLE, "D"), (SKY, "^"), (VERMILION, "v")
 
 WIDEST = 40.0
 """A bar so many times longer than the shortest does not set the scale; an arrow shows that it leaves the panel."""
+
+
+CLOSE = 5.0
+"""The upper panel shows the last so many swings, where a free run has had most time to go astray."""
+
+SHOWN_POINTS = 200
+"""Turning points beyond which single marks tell nothing."""
 
 
 def draw_forest(comparison: Comparison) -> Figure | None:
@@ -57,7 +64,8 @@ def draw_forest(comparison: Comparison) -> Figure | None:
     true = any(trial.truth is not None for trial in answered)
     ax.axvline(0.0, color=GREEN, lw=1.4, zorder=0.5)
     ax.set_xlim(-reach, reach)
-    _name_rows(ax, methods, {trial.method for trial in answered})
+    name_rows(ax, methods)
+    _mark_refused(ax, methods, {trial.method for trial in answered})
     ax.set_xlabel(f"inertia from {'the truth' if true else 'the first method that answers'}, % (bars: 95 %)")
     if len(logs) > 1:
         for k, log in enumerate(logs):
@@ -100,8 +108,7 @@ def _arrow_where_outside(ax: Axes, off: float, row: float, reach: float, colour:
     )
 
 
-def _name_rows(ax: Axes, methods: list[str], answered: set[str]) -> None:
-    ax.set_yticks(range(len(methods)), methods)
+def _mark_refused(ax: Axes, methods: list[str], answered: set[str]) -> None:
     for label, method in zip(ax.get_yticklabels(), methods, strict=True):
         if method not in answered:
             label.set_color(GREY)
@@ -113,13 +120,6 @@ def _name_rows(ax: Axes, methods: list[str], answered: set[str]) -> None:
                 size=8.5,
                 color=GREY,
             )
-    ax.set_ylim(len(methods) - 0.5, -0.5)
-    ax.grid(visible=False, axis="y")
-    ax.tick_params(axis="y", length=0)
-
-
-CLOSE = 5.0
-"""The upper panel shows the last so many swings, where a free run has had most time to go astray."""
 
 
 def draw_validation(prediction: Prediction, *, linear: bool = False) -> Figure:
@@ -161,10 +161,6 @@ def _rows_of_swings(measured: np.ndarray) -> int:
     if len(crossings) < CLOSE + 1:
         return len(measured)
     return int(len(measured) - crossings[-int(CLOSE) - 1])
-
-
-SHOWN_POINTS = 200
-"""Turning points beyond which single marks tell nothing."""
 
 
 def draw_inspection(found: Inspection) -> Figure | None:

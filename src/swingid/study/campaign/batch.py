@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from itertools import groupby
 from typing import TYPE_CHECKING
@@ -17,24 +18,12 @@ from swingid.errors import SwingidError
 from swingid.result.result import Parameter
 from swingid.simulation.draws import draw_constants
 from swingid.simulation.ensemble import simulate_ensemble
-from swingid.study.campaign.trial import (
-    FAILED,
-    REFUSED,
-    Known,
-    Row,
-    bounds_of,
-    experiment_at,
-    head_of,
-    made_log,
-    numberless,
-    with_number,
-)
-from swingid.study.rehearse import encoder_places, through_file
+from swingid.study.campaign.trial import FAILED, REFUSED, Head, Known, Row, bounds_of, experiment_at
+from swingid.study.experiment import Experiment, encoder_places, through_file
 
 if TYPE_CHECKING:
     from swingid.batch import Batch, Plan
     from swingid.simulation.ensemble import Ensemble
-    from swingid.study.campaign.experiment import Experiment
     from swingid.study.campaign.plan import Plan as CampaignPlan
 
 FOR_CHOICES = 3
@@ -73,14 +62,14 @@ def _rows(plan: CampaignPlan, point: int, trials: list[int]) -> list[Row]:
         if len(trials) > 1:
             half = len(trials) // 2
             return _rows(plan, point, trials[:half]) + _rows(plan, point, trials[half:])
-        return [numberless(head_of(plan, trials[0]), name, "inertia", FAILED, error=error) for name in names]
+        return [Head.of(plan, trials[0]).row(name, "inertia", error, FAILED) for name in names]
     found = [_estimates(method, runs, experiment, chosen) for _, method, _ in experiment.methods]
     rows = []
     for k, trial in enumerate(trials):
         truth = {"inertia": _inertia(experiment, seeds[k])}
         bounds = bounds_of(plan, experiment, runs.recording(k)) if plan.tables.bound else {}
-        for name, batch in zip(names, found, strict=True):
-            rows.append(_row(head_of(plan, trial), name, batch, k, truth, bounds))
+        head = replace(Head.of(plan, trial), truth=truth, bounds=bounds)
+        rows += [_row(head, name, batch, k) for name, batch in zip(names, found, strict=True)]
     return rows
 
 
@@ -88,18 +77,18 @@ def _rows(plan: CampaignPlan, point: int, trials: list[int]) -> list[Row]:
 def _choices(known: Known, point: int) -> Plan:
     """What the batched estimators choose once for a point, from its first runs."""
     plan, experiment = known.plan, experiment_at(known, point)
-    logs = [made_log(experiment, plan.seed(point, repeat)) for repeat in range(FOR_CHOICES)]
-    return plan_batch([through_file(log, experiment.told) for log in logs], experiment.told)
+    logs = [experiment.log(plan.seed(point, repeat)) for repeat in range(FOR_CHOICES)]
+    return plan_batch([through_file(log, experiment.stated) for log in logs], experiment.stated)
 
 
 def _estimates(method: str, runs: Ensemble, experiment: Experiment, chosen: Plan) -> Batch | Exception:
     """The estimates of all runs by one method, or why there are none."""
-    angle, told = runs.channel("angle"), experiment.told
-    wheel = runs.channel("wheel_angle") if told.drive.kind == "reaction-wheel" else None
+    angle, stated = runs.channel("angle"), experiment.stated
+    wheel = runs.channel("wheel_angle") if stated.drive.kind == "reaction-wheel" else None
     try:
         if method == "momentum-batch":
-            return momentum_batch(angle, wheel, experiment.rate, told, chosen, threads=1)
-        return energy_batch(angle, wheel, runs.channel("command"), experiment.rate, told, chosen, threads=1)
+            return momentum_batch(angle, wheel, experiment.rate, stated, chosen, threads=1)
+        return energy_batch(angle, wheel, runs.channel("command"), experiment.rate, stated, chosen, threads=1)
     except Exception as error:  # the row says what happened
         return error
 
@@ -111,11 +100,11 @@ def _inertia(experiment: Experiment, seed: int) -> float:
     return drawn.get("axis.inertia", experiment.twin.axis.inertia.value)
 
 
-def _row(head: Row, name: str, batch: Batch | Exception, k: int, truth: Row, bounds: dict[str, float]) -> Row:
+def _row(head: Head, name: str, batch: Batch | Exception, k: int) -> Row:
     if isinstance(batch, Exception):
-        return numberless(head, name, "inertia", REFUSED, truth, bounds=bounds, error=batch)
+        return head.row(name, "inertia", batch, REFUSED)
     value, u = float(batch.inertia[k]), float(batch.u[k])
     if not math.isfinite(value):
         error = SwingidError("the log holds too few swings", code="too-short")
-        return numberless(head, name, "inertia", REFUSED, truth, bounds=bounds, error=error)
-    return with_number(numberless(head, name, "inertia", "ok", truth, bounds=bounds), Parameter.of(value, u, "kg m^2"))
+        return head.row(name, "inertia", error, REFUSED)
+    return head.row(name, "inertia", Parameter.of(value, u, "kg m^2"))

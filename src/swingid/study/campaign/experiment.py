@@ -1,10 +1,10 @@
-"""From a point of a plan to an experiment: the twin, what the lab is told of it, motion, controller, methods."""
+"""From a point of a plan to an experiment: the twin, the stated rig, motion, controller, methods."""
 
 from __future__ import annotations
 
 import string
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from swingid.control.backstepping import Backstepping
@@ -15,6 +15,7 @@ from swingid.identification import check_options, method_function
 from swingid.model.rig import Rig
 from swingid.study.campaign.plan import Point, Times, flattened
 from swingid.study.campaign.tables import BATCHED, KEYS_IN_WORDS, is_key
+from swingid.study.experiment import Experiment, without_truth
 from swingid.units import Quantity, parse_quantity
 
 if TYPE_CHECKING:
@@ -27,24 +28,6 @@ ABSENT = "absent"
 GAINS = {"experiment": Compensator.paper, "simulation": Compensator.paper_simulation}
 
 
-@dataclass(frozen=True)
-class Experiment:
-    """Everything of one point; `told` is the rig file that the lab has, without inertia and friction.
-
-    methods: name in the plan, method, options.
-    """
-
-    twin: Rig
-    told: Rig
-    reference: Reference | None
-    controller: Compensator | Backstepping | None
-    duration: float
-    rate: float
-    initial_angle: float
-    draw: bool
-    methods: tuple[tuple[str, str, Mapping[str, object]], ...]
-
-
 def experiment_of(plan: Plan, point: Point) -> Experiment:
     """The experiment of a point. Raises InputError or UsageError that names the key which cannot be."""
     base = plan.tables.base
@@ -53,7 +36,7 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
     source, text = plan.rigs[str(settings["rig"])]
     rig = changed(Rig.from_text(text, source), _under(settings, "both"))
     twin = changed(rig, _under(settings, "twin"))
-    told = changed(rig, _under(settings, "stated")).changed({"axis.inertia": None, "axis.friction": None})
+    stated = without_truth(changed(rig, _under(settings, "stated")))
     if twin.axis.inertia is None:
         raise InputError("twin.axis.inertia is missing, but the twin needs it", code="no-inertia")
     if isinstance(twin.axis.gravity_torque, str):
@@ -62,13 +45,13 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
             code="unknown-gravity",
         )
     reference = _reference(settings)
-    # a lab tunes its controller on the rig that it believes to have
-    controller = None if reference is None else _controller(told, _under(settings, "controller"))
+    # a lab tunes its controller by the rig file
+    controller = None if reference is None else _controller(stated, _under(settings, "controller"))
     if controller is None and _under(settings, "controller"):
         raise InputError("controller needs a reference to follow; give base.reference", code="no-reference")
     return Experiment(
         twin,
-        told,
+        stated,
         reference,
         controller,
         _positive(settings, "duration"),

@@ -16,6 +16,9 @@ from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
 from swingid.study.campaign.tables import BATCHED, SAMPLED, Factor, PlanTables
 
+BASE = "base"
+"""Label of a factor that is as the base has it, where one factor at a time is varied."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -96,10 +99,6 @@ def differing_key(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """The first dotted key at which two plain documents differ."""
     a, b = flattened(one), flattened(other)
     return next((key for key in sorted(a.keys() | b.keys()) if a.get(key) != b.get(key)), "")
-
-
-BASE = "base"
-"""Label of a factor that is as the base has it, where one factor at a time is varied."""
 
 
 @dataclass(frozen=True)

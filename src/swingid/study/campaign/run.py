@@ -29,6 +29,17 @@ from swingid.system import cores, locked
 Progress = Callable[[int, int, int], None]
 
 
+Done = tuple[int, list[Row]]
+
+IDLE = 20
+"""s after which a process without work ends, as it does when the one that started it was killed."""
+
+MOST_LOST = 3
+"""Times that processes may be lost before it is given up."""
+
+PROGRAM = "import sys; from swingid.study.campaign.run import compile_kernels; compile_kernels(sys.stdin.buffer.read())"
+
+
 def run_campaign(
     plan: Plan,
     folder: str | Path,
@@ -77,15 +88,6 @@ def block_rows(plan: Plan, trials: Sequence[int]) -> list[Row]:
     if plan.batched:
         return batch_rows(plan, trials)
     return [row for trial in trials for row in run_trial(plan, trial)]
-
-
-Done = tuple[int, list[Row]]
-
-IDLE = 20
-"""s after which a process without work ends, as it does when the one that started it was killed."""
-
-MOST_LOST = 3
-"""Times that processes may be lost before it is given up."""
 
 
 def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, scheduler: str | None) -> Iterator[Done]:
@@ -189,9 +191,6 @@ def _check_versions(client: Any) -> None:
                 "install the same everywhere",
                 code="other-version",
             )
-
-
-PROGRAM = "import sys; from swingid.study.campaign.run import compile_kernels; compile_kernels(sys.stdin.buffer.read())"
 
 
 def ensure_compiled(plan: Plan) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,11 +16,21 @@ from swingid.format import percent
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
+from swingid.study.output import Study, aligned, noted
 from swingid.study.rehearse import Expectation
-from swingid.study.terminal import aligned, noted
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+HEADINGS = ("RMSE", "bias", "covers", "half-width/RMSE", "efficiency", "answers")
+
+MOST_LEVELS = 12
+"""Levels of a factor beyond which its values are put into `BINS` groups of equal size."""
+
+BINS = 4
+
+LOOP = ("wanted", "tracking", "k_tilde", "settling", "chatter", "saturated")
 
 
 @dataclass(frozen=True)
@@ -125,14 +134,6 @@ def _efficiency(answers: Answers) -> tuple[float, float]:
     return 1 / mean, _error_of_mean(squares) / mean**2
 
 
-MOST_LEVELS = 12
-"""Levels of a factor beyond which its values are put into `BINS` groups of equal size."""
-
-BINS = 4
-
-LOOP = ("wanted", "tracking", "k_tilde", "settling", "chatter", "saturated")
-
-
 @dataclass(frozen=True)
 class Cell:
     """Figures of one method and quantity, over all runs (factor "") or those at one level of a factor."""
@@ -157,7 +158,7 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class Summary:
+class Summary(Study):
     """The figures of a campaign; `columns` holds the results by column, for pictures."""
 
     plan: Plan
@@ -186,7 +187,7 @@ class Summary:
             "about": self.plan.tables.about,
             "trials": self.trials,
             "points": len(self.plan.points),
-            "failures": dict(self.failures),
+            "failures": self.failures,
             "overall": [_cell(cell) for cell in self.overall],
             "by_level": [_cell(cell) for cell in self.by_level],
             "effects": [
@@ -194,22 +195,34 @@ class Summary:
                     "method": e.method,
                     "quantity": e.quantity,
                     "factor": e.factor,
-                    "lowest_bias": _plain(e.low),
-                    "highest_bias": _plain(e.high),
-                    "largest_rmse": _plain(e.rmse),
+                    "lowest_bias": e.low,
+                    "highest_bias": e.high,
+                    "largest_rmse": e.rmse,
                 }
                 for e in self.effects
             ],
-            "loop": _plain(dict(self.loop)),
+            "loop": self.loop,
         }
 
-    def to_json(self) -> str:
-        """The summary as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
     def text(self) -> str:
-        """Tables to read on a terminal."""
-        return tabulate(self)
+        """Figures of every method for a terminal: over all runs, then at each level of each factor."""
+        plan = self.plan
+        lines = [f"[[{plan.name}: {self.trials} runs of the twin, relative errors]]"]
+        lines += _table(("method",), self.overall, lambda cell: (cell_name(cell),))
+        for factor in plan.tables.factors:
+            cells = [cell for cell in self.by_level if cell.factor == factor]
+            if cells:
+                lines += ["", f"[[by {factor}]]"]
+                lines += _table((factor, "method"), cells, lambda cell: (cell.level, cell_name(cell)))
+        lines.append("")
+        for cell in self.overall:
+            s = cell.statistics
+            for what, codes in (("refused", s.refusals), ("warned", s.warnings)):
+                if codes:
+                    lines += noted([f"{cell_name(cell)} {what}: {counted(codes, s.runs)}"])
+        if self.failures:
+            lines += noted([f"runs without a log: {counted(self.failures, self.trials)}"])
+        return "\n".join(lines).rstrip()
 
 
 def summarise(plan: Plan, folder: str | Path) -> Summary:
@@ -316,39 +329,7 @@ def _cell(cell: Cell) -> dict[str, Any]:
         "refusals": s.refusals,
         "warnings": s.warnings,
     }
-    return place | {name: _plain(value) for name, value in figures.items()}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
-
-
-HEADINGS = ("RMSE", "bias", "covers", "half-width/RMSE", "efficiency", "answers")
-
-
-def tabulate(summary: Summary) -> str:
-    """Figures of every method over all runs, then at each level of each factor."""
-    plan = summary.plan
-    lines = [f"[[{plan.name}: {summary.trials} runs of the twin, relative errors]]"]
-    lines += _table(("method",), summary.overall, lambda cell: (cell_name(cell),))
-    for factor in plan.tables.factors:
-        cells = [cell for cell in summary.by_level if cell.factor == factor]
-        if cells:
-            lines += ["", f"[[by {factor}]]"]
-            lines += _table((factor, "method"), cells, lambda cell: (cell.level, cell_name(cell)))
-    lines.append("")
-    for cell in summary.overall:
-        s = cell.statistics
-        for what, codes in (("refused", s.refusals), ("warned", s.warnings)):
-            if codes:
-                lines += noted([f"{cell_name(cell)} {what}: {counted(codes, s.runs)}"])
-    if summary.failures:
-        lines += noted([f"runs without a log: {counted(summary.failures, summary.trials)}"])
-    return "\n".join(lines).rstrip()
+    return place | figures
 
 
 def cell_name(cell: Cell) -> str:

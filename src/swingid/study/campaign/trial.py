@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +17,8 @@ from swingid.errors import SwingidError
 from swingid.identification import identify
 from swingid.methods.output_error.bound import cramer_rao
 from swingid.recording.recording import Recording
-from swingid.study.campaign.experiment import Experiment, experiment_of
-from swingid.study.rehearse import drawn_log, through_file
+from swingid.study.campaign.experiment import experiment_of
+from swingid.study.experiment import Experiment, through_file
 
 if TYPE_CHECKING:
     from swingid.result.result import Parameter, Result
@@ -29,6 +29,12 @@ STILL = 0.01
 
 AT_LIMIT = 0.999
 """Share of the voltage limit from which on a command counts as saturated."""
+
+
+Row = dict[str, Any]
+
+FAILED, REFUSED = "failed", "refused"
+"""Status of a row where there was no log, and where the method has no number; others are those of a result."""
 
 
 @dataclass(frozen=True)
@@ -65,59 +71,88 @@ def loop_of(log: Recording, limit: float | None) -> Loop:
     return Loop(float(np.std(log.reference[half])), tracking, float(gain[-1]), float(settled), chatter, saturated)
 
 
-Row = dict[str, Any]
+@dataclass(frozen=True)
+class Head:
+    """What all rows of a trial have in common: its place, the twin's true values, measures of the loop, bounds."""
 
-FAILED, REFUSED = "failed", "refused"
-"""Status of a row where there was no log, and where the method has no number; others are those of a result."""
+    place: Row
+    truth: Row = field(default_factory=dict)
+    loop: Loop = field(default_factory=Loop)
+    bounds: dict[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, plan: Plan, trial: int) -> Head:
+        """The head of a trial of which no more than its place is known."""
+        point, repeat = plan.place(trial)
+        place = {"trial": trial, "point": point, "repeat": repeat, "seed": plan.seed(point, repeat)}
+        return cls({**place, **plan.points[point].labels})
+
+    def row(
+        self,
+        method: str,
+        quantity: str,
+        found: Parameter | Exception | None,
+        status: str = "ok",
+        warnings: Iterable[str] = (),
+    ) -> Row:
+        """A row with a number, with the reason why there is none, or with neither."""
+        nothing = dict.fromkeys(("value", "u", "low", "high", "error"), math.nan)
+        code, message = _reason(found) if isinstance(found, Exception) else ("", "")
+        row = {
+            **self.place,
+            "method": method,
+            "quantity": quantity,
+            "status": status,
+            "code": code,
+            "message": message,
+            "warnings": " ".join(sorted(set(warnings))),
+            "truth": _number(self.truth.get(quantity)),
+            **nothing,
+            "bound": self.bounds.get(quantity, math.nan),
+            **asdict(self.loop),
+        }
+        if found is None or isinstance(found, Exception):
+            return row
+        low, high = found.interval95 or (math.nan, math.nan)
+        u = math.nan if found.standard_uncertainty is None else found.standard_uncertainty
+        error = found.value / row["truth"] - 1 if row["truth"] else math.nan
+        return row | {"value": found.value, "u": u, "low": low, "high": high, "error": error}
 
 
 def run_trial(plan: Plan, trial: int) -> list[Row]:
     """The rows of one trial: one per method and quantity, whatever happens in it."""
-    head = head_of(plan, trial)
-    names = plan.tables.base.methods or [""]
+    head = Head.of(plan, trial)
+    quantities = plan.tables.quantities
     try:
-        experiment = experiment_at(Known(plan), head["point"])
-        log = made_log(experiment, head["seed"])
-        known = through_file(log, experiment.told)
+        experiment = experiment_at(Known(plan), head.place["point"])
+        log = experiment.log(head.place["seed"])
+        known = through_file(log, experiment.stated)
     except Exception as error:
-        # whatever it is, it is this trial's alone: the others go on, and the row says what happened
-        return [numberless(head, name, q, FAILED, error=error) for name in names for q in plan.tables.quantities]
+        # whatever it is, it concerns this trial alone: the others go on, and the row holds the reason
+        return [head.row(name, q, error, FAILED) for name in plan.tables.base.methods or [""] for q in quantities]
     motor = experiment.twin.drive.motor
     loop = loop_of(log, None if motor is None else motor.voltage_limit)
     truth = log.metadata["truth"]
     assert isinstance(truth, dict)
-    bounds = bounds_of(plan, experiment, log)
-    rows = []
-    if not experiment.methods:
-        rows += [numberless(head, "", q, "ok", truth, loop, bounds) for q in plan.tables.quantities]
+    head = replace(head, truth=truth, loop=loop, bounds=bounds_of(plan, experiment, log))
+    rows = [] if experiment.methods else [head.row("", q, None) for q in quantities]
     for name, method, options in experiment.methods:
         try:
-            result: Result | Exception = identify(known, experiment.told, method, **options)
+            result: Result | Exception = identify(known, experiment.stated, method, **options)
         except Exception as error:  # as above
             result = error
-        rows += [_answer(head, name, q, result, truth, loop, bounds) for q in plan.tables.quantities]
+        rows += [_answer(head, name, q, result) for q in quantities]
     return rows
 
 
-def head_of(plan: Plan, trial: int) -> Row:
-    """The columns that say which trial a row belongs to."""
-    point, repeat = plan.place(trial)
-    place = {"trial": trial, "point": point, "repeat": repeat, "seed": plan.seed(point, repeat)}
-    return {**place, **plan.points[point].labels}
-
-
-def made_log(experiment: Experiment, seed: int) -> Recording:
-    """The twin's log of an experiment, before it goes through a file."""
-    return drawn_log(
-        experiment.twin,
-        experiment.reference,
-        experiment.controller,
-        duration=experiment.duration,
-        rate=experiment.rate,
-        initial_angle=experiment.initial_angle,
-        seed=seed,
-        draw=experiment.draw,
-    )
+def _answer(head: Head, name: str, quantity: str, result: Result | Exception) -> Row:
+    if isinstance(result, Exception):
+        return head.row(name, quantity, result, REFUSED)
+    if quantity not in result.parameters:
+        missing = SwingidError(f"{name} does not identify {quantity}", code="not-identified")
+        return head.row(name, quantity, missing, REFUSED)
+    warnings = (warning.code for warning in result.warnings)
+    return head.row(name, quantity, result.parameters[quantity], result.status, warnings)
 
 
 class Known:
@@ -150,56 +185,6 @@ def bounds_of(plan: Plan, experiment: Experiment, log: Recording) -> dict[str, f
         return cramer_rao(log, experiment.twin, asked.law, free=asked.free, start=start)
     except SwingidError:
         return {}
-
-
-def _answer(
-    head: Row, name: str, quantity: str, result: Result | Exception, truth: Row, loop: Loop, bounds: dict[str, float]
-) -> Row:
-    if isinstance(result, Exception):
-        return numberless(head, name, quantity, REFUSED, truth, loop, bounds, error=result)
-    if quantity not in result.parameters:
-        missing = SwingidError(f"{name} does not identify {quantity}", code="not-identified")
-        return numberless(head, name, quantity, REFUSED, truth, loop, bounds, error=missing)
-    row = numberless(head, name, quantity, result.status, truth, loop, bounds, (w.code for w in result.warnings))
-    return with_number(row, result.parameters[quantity])
-
-
-def with_number(row: Row, found: Parameter) -> Row:
-    """A row with a number put in."""
-    low, high = found.interval95 or (math.nan, math.nan)
-    u = math.nan if found.standard_uncertainty is None else found.standard_uncertainty
-    error = found.value / row["truth"] - 1 if row["truth"] else math.nan
-    return row | {"value": found.value, "u": u, "low": low, "high": high, "error": error}
-
-
-def numberless(
-    head: Row,
-    name: str,
-    quantity: str,
-    status: str,
-    truth: Row | None = None,
-    loop: Loop | None = None,
-    bounds: dict[str, float] | None = None,
-    warnings: Iterable[str] = (),
-    *,
-    error: Exception | None = None,
-) -> Row:
-    """A row without a number."""
-    nothing = dict.fromkeys(("value", "u", "low", "high", "error"), math.nan)
-    code, message = ("", "") if error is None else _reason(error)
-    return {
-        **head,
-        "method": name,
-        "quantity": quantity,
-        "status": status,
-        "code": code,
-        "message": message,
-        "warnings": " ".join(sorted(set(warnings))),
-        "truth": _number((truth or {}).get(quantity)),
-        **nothing,
-        "bound": (bounds or {}).get(quantity, math.nan),
-        **asdict(loop or Loop()),
-    }
 
 
 def _reason(error: Exception) -> tuple[str, str]:

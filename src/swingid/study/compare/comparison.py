@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 import textwrap
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import number, percent, plus_minus
@@ -16,9 +16,22 @@ from swingid.pooling.shares import Identity, estimate_of, sum_of
 from swingid.recording.recording import Recording
 from swingid.result.result import Result, refusal
 from swingid.study.compare.assumptions import Assumptions, assumptions
-from swingid.study.terminal import NO_BREAK, WIDTH, aligned
+from swingid.study.output import NO_BREAK, WIDTH, Study, aligned
 
 SCHEMA = "swingid.compare/1"
+
+
+LONG = 2.0
+"""A first run longer than this (s) is repeated for the sake of its time only where it compiled kernels."""
+
+LIMIT = 2.0
+"""Difference, in its own standard uncertainties, beyond which two methods disagree."""
+
+MATTERS = 0.5
+"""Difference, in the smaller of the two methods' own uncertainties, below which it changes nothing.
+
+Methods that lean alike on the same constants differ by far less than either is uncertain.
+"""
 
 
 @dataclass(frozen=True)
@@ -49,7 +62,7 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class Comparison:
+class Comparison(Study):
     """Trials, log by log and method by method, and what they say of each other."""
 
     trials: tuple[Trial, ...]
@@ -64,7 +77,7 @@ class Comparison:
         """Trials of one log."""
         return tuple(trial for trial in self.trials if trial.log == log)
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain data, schema "swingid.compare/1": the results as `identify` writes them, each with time and truth."""
         results = []
         for trial in self.trials:
@@ -77,13 +90,9 @@ class Comparison:
             results.append(trial.result.to_dict() | {"log": trial.log, "comparison": extra})
         return {"schema": SCHEMA, "results": results, "verdicts": [vars(verdict) for verdict in self.verdicts]}
 
-    def to_json(self) -> str:
-        """The comparison as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
     def summary(self) -> str:
-        """Tables to read on a terminal."""
-        return tabulate(self)
+        """Per log: inertia ± standard uncertainty, assumptions, time, error; friction; verdict; for a terminal."""
+        return "\n\n".join(_of_log(self, log) for log in self.logs)
 
 
 def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[str] | None = None) -> Comparison:
@@ -129,10 +138,6 @@ def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:
     return result, seconds
 
 
-LONG = 2.0
-"""A first run longer than this (s) is repeated for the sake of its time only where it compiled kernels."""
-
-
 def _kernels() -> int:
     """Number of compiled kernels on disk."""
     from swingid.numerics.compiled import CACHE
@@ -145,16 +150,6 @@ def _truth(log: Recording) -> float | None:
     truth = log.metadata.get("truth")
     inertia = truth.get("inertia") if isinstance(truth, dict) else None
     return float(inertia) if isinstance(inertia, int | float) and inertia > 0 else None
-
-
-LIMIT = 2.0
-"""Difference, in its own standard uncertainties, beyond which two methods disagree."""
-
-MATTERS = 0.5
-"""Difference, in the smaller of the two methods' own uncertainties, below which it changes nothing.
-
-Methods that lean alike on the same constants differ by far less than either is uncertain.
-"""
 
 
 @dataclass(frozen=True)
@@ -230,11 +225,6 @@ def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
             "that needs none."
         )
     return "no assumption tells them apart; look at the residuals in their reports."
-
-
-def tabulate(comparison: Comparison) -> str:
-    """Per log: inertia ± standard uncertainty, what it rests on, time, error against the truth; friction; verdict."""
-    return "\n\n".join(_of_log(comparison, log) for log in comparison.logs)
 
 
 def _of_log(comparison: Comparison, log: str) -> str:

@@ -42,6 +42,10 @@ ENOUGH = 5
 """Candidates that reach what is wanted, after which no more are worked out."""
 
 
+ANGLE = 0.8
+"""Largest angle of a rotary axis where none is asked for, rad; the paper's."""
+
+
 def design(
     rig: Rig,
     uncertainty: float | str = "0.05 %",
@@ -215,10 +219,6 @@ def _notes(rig: Rig, trial: Trial | None) -> list[str]:
     if trial is None:
         notes.append("not tried on the twin, whose controller has no gains for this drive.")
     return notes
-
-
-ANGLE = 0.8
-"""Largest angle of a rotary axis where none is asked for, rad; the paper's."""
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,30 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.recording.recording import Recording
 
+Build = Callable[[float], Sine | Multisine]
+"""A motion from its amplitude."""
+
+FREQUENCIES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0, 15.0, 20.0, 25.0)
+"""rad/s; what a person might ask of a rig with a motor."""
+
+SPARE = 0.8
+"""Share of the voltage limit that a motion may need: the controller wants the rest."""
+
+SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.08)
+"""Amplitudes tried, in shares of the largest allowed."""
+
+SPLIT = (0.6, 0.4)
+"""Amplitudes of the slower and the faster of two sines."""
+
+APART = (1.5, 3.5)
+"""Least and largest ratio of two frequencies."""
+
+RESONANCE = (0.6, 1.35)
+"""A sine between these shares of the frequency of the free swing is near resonance: the wheel hardly works."""
+
+ROUGH = 200.0
+"""Rows per second at which limits are checked."""
+
 
 @dataclass(frozen=True)
 class Course:
@@ -126,31 +150,6 @@ def _voltage(rig: Rig, torque: Array, wheel_speed: Array) -> Array | None:
     ideal = shaft + np.where(shaft > 0, high, low)
     result: Array = (ideal / motor.efficiency.value + motor.back_emf.value * wheel_speed) / motor.torque_per_volt.value
     return result
-
-
-Build = Callable[[float], Sine | Multisine]
-"""A motion from its amplitude."""
-
-FREQUENCIES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0, 15.0, 20.0, 25.0)
-"""rad/s; what a person might ask of a rig with a motor."""
-
-SPARE = 0.8
-"""Share of the voltage limit that a motion may need: the controller wants the rest."""
-
-SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.15, 0.08)
-"""Amplitudes tried, in shares of the largest allowed."""
-
-SPLIT = (0.6, 0.4)
-"""Amplitudes of the slower and the faster of two sines."""
-
-APART = (1.5, 3.5)
-"""Least and largest ratio of two frequencies."""
-
-RESONANCE = (0.6, 1.35)
-"""A sine between these shares of the frequency of the free swing is near resonance: the wheel hardly works."""
-
-ROUGH = 200.0
-"""Rows per second at which limits are checked."""
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import math
 import shlex
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,12 +17,26 @@ from swingid.model.rig import Rig
 from swingid.result.summary import folded, sorted_budget
 from swingid.simulation import simulate
 from swingid.study.design.information import Prediction
-from swingid.study.terminal import aligned, noted
+from swingid.study.output import Study, aligned, json_text, noted
 
 if TYPE_CHECKING:
     from swingid.study.design.motions import Limits
 
 SCHEMA = "swingid.design/1"
+
+HEADINGS = ("motion", "time", "inertia", "sensors", "constants", "voltage", "wheel")
+
+MOST = 6
+
+
+OVER = 1.15
+"""How far beyond the asked angle and speed the controlled motion may swing."""
+
+SATURATED = 0.02
+"""Share of the rows at the voltage limit above which the controller does not hold the motion."""
+
+CLAIM = 1.5
+"""Largest uncertainty that the method may claim, in units of the one wanted."""
 
 
 @dataclass(frozen=True)
@@ -49,15 +61,6 @@ class Proposal:
 
     def to_dict(self) -> dict[str, object]:
         """Plain data."""
-        parameters = {
-            name: {
-                "value": p.value,
-                "standard_uncertainty": p.standard_uncertainty,
-                "interval95": None if p.interval95 is None else list(p.interval95),
-                "unit": p.unit,
-            }
-            for name, p in self.prediction.parameters.items()
-        }
         return {
             "reference": self.reference,
             "duration": self.duration,
@@ -65,16 +68,16 @@ class Proposal:
             "rate": self.rate,
             "delta0": self.delta0,
             "relative_uncertainty": self.relative,
-            "parameters": parameters,
-            "budget": [entry.__dict__ for entry in self.prediction.budget],
-            "condition": _finite(self.prediction.seen.condition),
-            "inflation": _finite(self.prediction.seen.inflation),
+            "parameters": self.prediction.parameters,
+            "budget": self.prediction.budget,
+            "condition": self.prediction.seen.condition,
+            "inflation": self.prediction.seen.inflation,
             "peaks": self.peaks,
         }
 
 
 @dataclass(frozen=True)
-class Design:
+class Design(Study):
     """The proposal that reaches the wanted relative standard uncertainty, those beside it, and one run on the twin."""
 
     rig: str
@@ -95,7 +98,7 @@ class Design:
             f"--duration {p.duration:g} --rate {p.rate:g} --delta0 {p.delta0:g} --out run.parquet"
         )
 
-    def to_dict(self) -> dict[str, object]:
+    def to_dict(self) -> dict[str, Any]:
         """Plain data, schema "swingid.design/1"."""
         return {
             "schema": SCHEMA,
@@ -106,39 +109,51 @@ class Design:
             "proposal": self.proposal.to_dict(),
             "command": self.command,
             "others": [other.to_dict() for other in self.others],
-            "trial": None if self.trial is None else self.trial.__dict__,
-            "notes": list(self.notes),
+            "trial": self.trial,
+            "notes": self.notes,
             "error": None,
         }
 
-    def to_json(self) -> str:
-        """The design as JSON text."""
-        return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-
     def summary(self) -> str:
-        """A table to read on a terminal."""
-        return tabulate(self)
+        """The proposals as a table for a terminal, then the first with interval, budget, trial and command."""
+        p = self.proposal
+        inertia = p.prediction.parameters["inertia"]
+        rows = [HEADINGS, *(_cells(candidate) for candidate in (p, *self.others))]
+        lines = [f"[[Motions of {self.rig} for an inertia to {percent(self.wanted)}, predicted for momentum]]"]
+        lines += aligned(rows)
+        lines += ["[[Proposal]]", f"    {p.reference}"]
+        lines.append(f"    {p.duration:g} s at {p.rate:g} rows per second, of which the first {p.settling:g} s settle")
+        for name, parameter in p.prediction.parameters.items():
+            text = plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit)
+            span = (
+                ""
+                if parameter.interval95 is None
+                else f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
+            )
+            lines.append(f"    {name}: {text}{span}")
+        shown, rest = folded(sorted_budget(p.prediction.budget, "inertia"), MOST)
+        lines += [f"    {e.type}  {e.source}  {percent(e.standard_uncertainty / inertia.value)}" for e in shown]
+        lines += [f"       {len(rest)} smaller ones"] if rest else []
+        seen = p.prediction.seen
+        condition = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
+        values = {name: q.value for name, q in p.prediction.parameters.items()}
+        lines.append(f"    {condition}; {seen.combination(values)}")
+        trial = self.trial
+        if trial is not None and trial.relative is not None and trial.error is not None:
+            lines.append("[[One run on the twin]]")
+            text = f"error {percent(trial.error, sign=True)}, the method says ± {percent(trial.relative)}"
+            volts = "" if trial.voltage is None else f", {trial.voltage:.3g} V"
+            lines.append(f"    {text}; largest angle {trial.angle:.3g}{volts}")
+        lines += ["[[Command]]", f"    {self.command}"]
+        lines += noted(self.notes)
+        return "\n".join(lines)
 
 
 def refused(rig: Rig, error: SwingidError) -> str:
     """The JSON text that says why there is no design."""
     reason = {"code": error.code, "message": error.message}
     data = {"schema": SCHEMA, "status": "refused", "rig": rig.name, "rig_source": str(rig.source), "error": reason}
-    return json.dumps(data, indent=2, ensure_ascii=False) + "\n"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
-
-
-OVER = 1.15
-"""How far beyond the asked angle and speed the controlled motion may swing."""
-
-SATURATED = 0.02
-"""Share of the rows at the voltage limit above which the controller does not hold the motion."""
-
-CLAIM = 1.5
-"""Largest uncertainty that the method may claim, in units of the one wanted."""
+    return json_text(data)
 
 
 @dataclass(frozen=True)
@@ -199,44 +214,6 @@ def try_on_twin(expected: Rig, proposal: Proposal, limits: Limits, wanted: float
     elif saturated > SATURATED:
         why = f"the voltage is at its limit {100 * saturated:.0f} % of the time"
     return Trial(start, angle, voltage, saturated, relative, error, why)
-
-
-HEADINGS = ("motion", "time", "inertia", "sensors", "constants", "voltage", "wheel")
-
-MOST = 6
-
-
-def tabulate(design: Design) -> str:
-    """Candidates as a table, then the proposal with its interval and budget, the run on the twin, the command."""
-    p = design.proposal
-    inertia = p.prediction.parameters["inertia"]
-    rows = [HEADINGS, *(_cells(candidate) for candidate in (p, *design.others))]
-    lines = [f"[[Motions of {design.rig} for an inertia to {percent(design.wanted)}, predicted for momentum]]"]
-    lines += aligned(rows)
-    lines += ["[[Proposal]]", f"    {p.reference}"]
-    lines.append(f"    {p.duration:g} s at {p.rate:g} rows per second, of which the first {p.settling:g} s settle")
-    for name, parameter in p.prediction.parameters.items():
-        text = plus_minus(parameter.value, parameter.standard_uncertainty, parameter.unit)
-        span = (
-            "" if parameter.interval95 is None else f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
-        )
-        lines.append(f"    {name}: {text}{span}")
-    shown, rest = folded(sorted_budget(p.prediction.budget, "inertia"), MOST)
-    lines += [f"    {e.type}  {e.source}  {percent(e.standard_uncertainty / inertia.value)}" for e in shown]
-    lines += [f"       {len(rest)} smaller ones"] if rest else []
-    seen = p.prediction.seen
-    condition = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
-    values = {name: q.value for name, q in p.prediction.parameters.items()}
-    lines.append(f"    {condition}; {seen.combination(values)}")
-    trial = design.trial
-    if trial is not None and trial.relative is not None and trial.error is not None:
-        lines.append("[[One run on the twin]]")
-        text = f"error {percent(trial.error, sign=True)}, the method says ± {percent(trial.relative)}"
-        volts = "" if trial.voltage is None else f", {trial.voltage:.3g} V"
-        lines.append(f"    {text}; largest angle {trial.angle:.3g}{volts}")
-    lines += ["[[Command]]", f"    {design.command}"]
-    lines += noted(design.notes)
-    return "\n".join(lines)
 
 
 def _cells(p: Proposal) -> tuple[str, ...]:

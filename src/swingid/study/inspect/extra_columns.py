@@ -52,6 +52,17 @@ SHARP = 3.0
 """Fits on windows of other lengths count where they are at most so many times less certain than the best."""
 
 
+STEPS = 3
+
+RESTING = 0.3
+"""Share of a window in which the wheel may rest."""
+
+FEWEST = 20
+
+GOOD = 0.05
+"""Share of the inertial side that may be left for the balance to be that of this motor."""
+
+
 @dataclass(frozen=True)
 class Extra:
     """A small quantity that the balance can tell: value and standard uncertainty (s or rad), and what it was before."""
@@ -174,17 +185,6 @@ def pooled(name: str, found: list[tuple[float, float]], prior: float) -> Extra:
     best, value = found[0]
     others = np.array([v for u, v in found if u < SHARP * best])
     return Extra(name, value, float(np.hypot(best, np.sqrt(np.mean((others - value) ** 2)))), prior)
-
-
-STEPS = 3
-
-RESTING = 0.3
-"""Share of a window in which the wheel may rest."""
-
-FEWEST = 20
-
-GOOD = 0.05
-"""Share of the inertial side that may be left for the balance to be that of this motor."""
 
 
 def voltage_latency(

@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
 from swingid.study.inspect.motion import Swings, read_motion
 from swingid.study.inspect.services import Service, services
+from swingid.study.output import Study
 
 SCHEMA = "swingid.inspect/1"
 
@@ -38,8 +39,15 @@ TOLD_BY_CLOCK = ("backwards", "unsorted", "repeated-times", "absurd-time")
 """Refusals of the reader that a fault of the clock has told already."""
 
 
+MOST = 4
+
+MARKS = {"ok": "ok  ", "note": "note", "unknown": "?   ", "advice": "tip ", "repair": "MEND", "fault": "BAD "}
+
+WIDTH = 118
+
+
 @dataclass(frozen=True, eq=False)
-class Inspection:
+class Inspection(Study):
     """All that was found. log: the channels as the rig, or the guess, reads them; None where they cannot be read.
 
     table: the text of a [log] table as guessed. rig: None where none was given; `log` is then in guessed units.
@@ -70,11 +78,11 @@ class Inspection:
         """Whether the axis is a linear one, as the rig says or the guess."""
         return self.roles.linear if self.rig is None else self.rig.axis.kind == "linear"
 
-    def to_json(self) -> str:
-        """The inspection as JSON text, schema "swingid.inspect/1"; what is not a number is null."""
-        data = {
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data, schema "swingid.inspect/1"."""
+        return {
             "schema": SCHEMA,
-            "verdict": {"status": self.verdict.status, "line": self.verdict.line, "advice": self.verdict.advice},
+            "verdict": self.verdict,
             "log": self.path,
             "sha256": self.sha256,
             "rows": self.rows,
@@ -84,17 +92,30 @@ class Inspection:
                 name: {"column": role.column, "unit": role.unit, "why": role.why, "sure": role.sure}
                 for name, role in self.roles.found.items()
             },
-            "other_columns": dict(self.roles.others),
+            "other_columns": self.roles.others,
             "log_table": self.table,
             "checks": [check.to_dict() for check in self.checks],
             "methods": [service.to_dict() for service in self.services],
-            "changes_tried": dict(self.tried),
+            "changes_tried": self.tried,
         }
-        return json.dumps(_plain(data), ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
     def summary(self) -> str:
-        """The inspection as text for a terminal."""
-        return summary(self)
+        """Verdict, columns, checks, methods and, without a rig, the guessed [log] table, for a terminal."""
+        lines = [f"{self.path}: {self.verdict.line}"]
+        lines += [f"advice: {self.verdict.advice}."] if self.verdict.advice else []
+        lines += ["", "columns", *_columns(self)]
+        lines += ["", "checks" if self.rig is None else f"checks against rig {self.rig.name}"]
+        for check in self.checks:
+            lines += wrapped(check)
+        if self.services:
+            lines += ["", "how much of it serves each method"]
+            wide = max(len(service.method) for service in self.services)
+            for service in self.services:
+                lines.append(f"  {service.method:<{wide}}  {service.seconds:8.4g} s  {service.why}")
+        if self.rig is None and self.roles.found:
+            lines += ["", "guessed for rig.toml (swingid init --from LOG DIR writes it)", ""]
+            lines += [f"  {line}" for line in self.table.splitlines()]
+        return "\n".join(lines)
 
 
 def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
@@ -245,24 +266,6 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
     return found
 
 
-def _plain(value: object) -> object:
-    """Data that JSON knows: no numpy numbers, null for what is not finite."""
-    if isinstance(value, dict):
-        return {str(key): _plain(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(one) for one in value]
-    if isinstance(value, bool | np.bool_):
-        return bool(value)
-    if isinstance(value, int | np.integer):
-        return int(value)
-    if isinstance(value, float | np.floating):
-        return float(value) if np.isfinite(value) else None
-    return value
-
-
-MOST = 4
-
-
 @dataclass(frozen=True)
 class Verdict:
     """status for scripts, the line for people, and what would serve better ("" for nothing).
@@ -307,30 +310,6 @@ def _sentences(checks: list[Check]) -> str:
         for check in checks[:2]
     ]
     return ". ".join(text[0].upper() + text[1:] if k else text for k, text in enumerate(texts)) + "."
-
-
-MARKS = {"ok": "ok  ", "note": "note", "unknown": "?   ", "advice": "tip ", "repair": "MEND", "fault": "BAD "}
-
-WIDTH = 118
-
-
-def summary(found: Inspection) -> str:
-    """Verdict, columns, checks, methods and, without a rig, the guessed [log] table."""
-    lines = [f"{found.path}: {found.verdict.line}"]
-    lines += [f"advice: {found.verdict.advice}."] if found.verdict.advice else []
-    lines += ["", "columns", *_columns(found)]
-    lines += ["", "checks" if found.rig is None else f"checks against rig {found.rig.name}"]
-    for check in found.checks:
-        lines += wrapped(check)
-    if found.services:
-        lines += ["", "how much of it serves each method"]
-        wide = max(len(service.method) for service in found.services)
-        for service in found.services:
-            lines.append(f"  {service.method:<{wide}}  {service.seconds:8.4g} s  {service.why}")
-    if found.rig is None and found.roles.found:
-        lines += ["", "guessed for rig.toml (swingid init --from LOG DIR writes it)", ""]
-        lines += [f"  {line}" for line in found.table.splitlines()]
-    return "\n".join(lines)
 
 
 def wrapped(check: Check) -> list[str]:

@@ -43,30 +43,6 @@ the paper reaches in its own ideal simulation is asked."""
 HOLDS, PARTLY, FAILS = "holds", "holds in part", "does not hold"
 
 
-@dataclass(frozen=True)
-class Claim:
-    """A claim in the paper's words, what was done, what was measured, the criterion and the verdict.
-
-    measured: (words, value, unit), "±%" for the size of an error; words before a colon are what several have in common.
-    """
-
-    claim: str
-    test: str
-    measured: tuple[tuple[str, float | None, str], ...]
-    criterion: str
-    verdict: str
-
-    def to_dict(self) -> Answer:
-        """Plain data."""
-        measured = [{"what": what, "value": value, "unit": unit} for what, value, unit in self.measured]
-        return vars(self) | {"measured": measured}
-
-
-def judged(whole: bool, part: bool = False) -> str:
-    """The verdict: the criterion is met, only the part of it that is named, or neither."""
-    return HOLDS if whole else PARTLY if part else FAILS
-
-
 BEARING = 1.144e-3
 """Viscous coefficient of the twin's bearing, f1 times 4.4, N m s."""
 
@@ -101,6 +77,30 @@ IDEAL, REAL = "ideal angles at 10 kHz", "14 bit at 1 kHz, speeds by local cubics
 OBSERVED = "14 bit at 1 kHz, speeds by the observers (23)"
 
 MIRRORS = ("paper's method", "the same about the reference", "momentum")
+
+
+@dataclass(frozen=True)
+class Claim:
+    """A claim in the paper's words, what was done, what was measured, the criterion and the verdict.
+
+    measured: (words, value, unit), "±%" for the size of an error; words before a colon are what several have in common.
+    """
+
+    claim: str
+    test: str
+    measured: tuple[tuple[str, float | None, str], ...]
+    criterion: str
+    verdict: str
+
+    def to_dict(self) -> Answer:
+        """Plain data."""
+        measured = [{"what": what, "value": value, "unit": unit} for what, value, unit in self.measured]
+        return vars(self) | {"measured": measured}
+
+
+def judged(whole: bool, part: bool = False) -> str:
+    """The verdict: the criterion is met, only the part of it that is named, or neither."""
+    return HOLDS if whole else PARTLY if part else FAILS
 
 
 def _log(friction: dict[str, object], reference: Reference, seed: int) -> Log:

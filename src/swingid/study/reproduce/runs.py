@@ -47,6 +47,9 @@ SPANS = {"plain": published.SERIES, "body": published.SERIES, "balanced": (15.0,
 """Parts that are identified, s. In 7 s at 2 rad/s there are only four swings, so the balanced pendulum has 25 s."""
 
 
+Answer = dict[str, object]
+
+
 @dataclass(frozen=True)
 class Log:
     """A log as a lab would have it: what was written and read back, and the rig without inertia and friction.
@@ -159,8 +162,6 @@ WAYS = {
     "backstepping": Way("backstepping (22) on the log", "backstepping", {}),
 }
 """By name, in the order of the tables."""
-
-Answer = dict[str, object]
 
 
 def result_by(way: str, log: Log, **options: object) -> Result | str:

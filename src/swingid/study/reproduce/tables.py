@@ -14,17 +14,6 @@ TWINS = {
 }
 
 
-@dataclass(frozen=True)
-class Table:
-    """A table: key, title, what it says in a sentence, heads of the columns, and rows of cells."""
-
-    key: str
-    title: str
-    caption: str
-    head: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-
 _UNITS = (
     "Inertias in 10⁻⁵ kg m², errors in %, f1 in 10⁻⁵ N m s; last column: s of log from the start of the run from which "
     "on J1 stays within 1.4 %. The twin: J1 = 302.2, J1 + J_e = 398.3, J_e = 96.1, f1 = 26"
@@ -42,6 +31,19 @@ GLANCE = {
     "observers": "with speeds by the observers (23)",
     "chain": "and the voltage through W_f",
 }
+
+NOTHING = "–"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table: key, title, what it says in a sentence, heads of the columns, and rows of cells."""
+
+    key: str
+    title: str
+    caption: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 def tables(results: dict[str, Any]) -> list[Table]:
@@ -281,9 +283,6 @@ def _measured(one: dict[str, Any]) -> str:
     if unit == "" and value is not None and value == int(value):
         return f"{value:g}"
     return f"{number(value)}\u00a0{unit}".strip()
-
-
-NOTHING = "–"
 
 
 def number(value: float | None, digits: int = 3, most: int = 7) -> str:

@@ -1,9 +1,13 @@
-"""Tables and notes of the studies as lines for a terminal."""
+"""What a study writes: JSON of its plain data, tables and notes as lines for a terminal."""
 
 from __future__ import annotations
 
+import json
 import textwrap
 from collections.abc import Iterable, Sequence
+from typing import Any
+
+from swingid.result.data import plain
 
 WIDTH = 100
 
@@ -12,6 +16,23 @@ NO_BREAK = "\u00a0"
 
 LEAST = 30
 """Characters that the last column has at least, however wide the others are."""
+
+
+class Study:
+    """The base of what a study returns: plain data as JSON text."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain data with its schema; numbers may be NaN or of numpy."""
+        raise NotImplementedError
+
+    def to_json(self) -> str:
+        """The plain data as JSON text; what is not finite is null."""
+        return json_text(self.to_dict())
+
+
+def json_text(data: object) -> str:
+    """Data as JSON text, with null for what is not finite."""
+    return json.dumps(plain(data), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:

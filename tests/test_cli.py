@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from swingid.cli import main
-from swingid.cli.identify import Method
+from swingid.cli.options import Method
 
 SINE = ["--reference", "sine 0.8 rad 8.5 rad/s"]
 Run = Callable[..., "Outcome"]
@@ -455,7 +455,7 @@ def test_simulate_free_decay_and_direct_drive(run: Run, tmp_path: Path) -> None:
 def test_compilation_is_announced_once(
     capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from swingid.cli.kernels import KERNELS, announce_compilation
+    from swingid.cli.output import KERNELS, announce_compilation
 
     monkeypatch.setattr("swingid.numerics.compiled.CACHE", tmp_path)
     monkeypatch.setattr("swingid.numerics.compiled.first_use", lambda: False)
@@ -468,7 +468,7 @@ def test_compilation_is_announced_once(
 
 
 def test_announced_kernels_are_those_that_are_compiled(run: Run, log: Path) -> None:
-    from swingid.cli.kernels import KERNELS
+    from swingid.cli.output import KERNELS
     from swingid.numerics.compiled import CACHE
 
     assert run("identify", log, "--rig", "paper").code == 0

@@ -18,7 +18,7 @@ import swingid as sw
 from closed_form_logs import INERTIA
 from large_logs import GIVEN, RATE, write_large_log
 from swingid.cli import main
-from swingid.cli.progress import Progress
+from swingid.cli.output import Progress
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.recording.large import LargeLog, is_large, log, parts
 from swingid.recording.large.parts import averaged, block_length
@@ -268,7 +268,7 @@ def test_the_command_reads_a_large_log(small_parts, parquet, tmp_path, capfd):
 
 def test_progress_says_how_far_and_how_long(capsys, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("swingid.cli.progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("swingid.cli.output.time.monotonic", lambda: now[0])
     progress = Progress()
     for rows, second in ((1_000_000, 20.0), (2_000_000, 21.0), (5_000_000, 36.0), (36_000_000, 60.0)):
         now[0] = second

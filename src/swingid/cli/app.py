@@ -11,20 +11,13 @@ import typer
 
 from swingid.cli.calibrate import calibrate
 from swingid.cli.campaign import campaign
-from swingid.cli.compare import compare
-from swingid.cli.convert import convert
-from swingid.cli.datasets import datasets
-from swingid.cli.design import design
-from swingid.cli.difference import difference
+from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
-from swingid.cli.init import init
-from swingid.cli.inspect import inspect
+from swingid.cli.logs import convert, datasets, init, inspect
 from swingid.cli.output import flush
-from swingid.cli.rehearse import rehearse
-from swingid.cli.reproduce import reproduce
+from swingid.cli.results import compare, difference, validate
 from swingid.cli.simulate import simulate
-from swingid.cli.validate import validate
 
 app = typer.Typer(
     name="swingid",
@@ -33,20 +26,11 @@ app = typer.Typer(
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
-app.command()(init)
-app.command()(simulate)
-app.command()(inspect)
-app.command()(identify)
-app.command()(calibrate)
-app.command()(campaign)
-app.command()(compare)
-app.command()(convert)
-app.command()(datasets)
-app.command()(difference)
-app.command()(design)
-app.command()(rehearse)
-app.command()(reproduce)
-app.command()(validate)
+for command in (
+    *(init, simulate, inspect, identify, calibrate, campaign, compare, convert, datasets, difference, design, rehearse),
+    *(reproduce, validate),
+):
+    app.command()(command)
 
 
 def _version(wanted: bool) -> None:

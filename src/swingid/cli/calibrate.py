@@ -7,7 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli.options import JsonOrRefusal, Report, RigFile
+from swingid.cli.output import announce_compilation, check_once, check_targets, check_writable, hand_over, refusals_to
 from swingid.errors import UsageError
+from swingid.files import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,7 +27,7 @@ def calibrate(
             help="Voltage tests with the rod clamped or free, and free swings; with --encoders, runs as for identify.",
         ),
     ],
-    rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
+    rig: RigFile,
     encoders: Annotated[
         bool,
         typer.Option("--encoders", help="Find nonlinearity and latency of the encoders, not the motor's constants."),
@@ -32,10 +35,8 @@ def calibrate(
     out: Annotated[
         str | None, typer.Option(metavar="NEW.toml", help="Write the rig with what was found, and its comments.")
     ] = None,
-    json: Annotated[
-        str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
-    ] = None,
-    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write a report as one HTML file.")] = None,
+    json: JsonOrRefusal = None,
+    report: Report = None,
 ) -> None:
     """Find the motor's constants from LOGs of a voltage test, and say which cannot be told apart.
 
@@ -44,28 +45,13 @@ def calibrate(
     """
     _check_usage(logs, rig, out, json, report)
     provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
-    try:
+    with refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
         found = _calibrate(logs, rig, encoders, out, json, report)
-    except Exception as error:
-        if json is not None:
-            from swingid.cli.identify import write_refusal
-
-            write_refusal(json, "calibrate-encoders" if encoders else "calibrate", error, provenance)
-        raise
-    from swingid.cli.output import say, tell, write_json
-
-    if json is not None:
-        write_json(found.result.to_json(), json)
-    tell(found.result.summary(), to_error=json == "-")
-    for target in (out, report):
-        if target is not None:
-            say(f"wrote {target}")
+    hand_over(found.result, json, out, report)
 
 
 def _check_usage(logs: list[str], rig: str, out: str | None, json: str | None, report: str | None) -> None:
     """Raise UsageError for a log given twice, and for targets that make no sense or would overwrite something."""
-    from swingid.cli.output import check_once, check_targets
-
     check_once(logs)
     if out is not None and not out.lower().endswith(".toml"):
         raise UsageError(f"--out {out} must end in .toml, as every rig file", code="bad-target")
@@ -77,12 +63,9 @@ def _calibrate(
     logs: list[str], rig: str, encoders: bool, out: str | None, json: str | None, report: str | None
 ) -> Calibration | EncoderCalibration:
     """From files to the calibration, its rig file and its report."""
-    from swingid.cli.output import check_writable, write_file
-
     check_writable(out, json, report)
     from swingid.calibration.encoders import calibrate_encoders
     from swingid.calibration.motor import calibrate as of_motor
-    from swingid.cli.kernels import announce_compilation
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
 
@@ -93,7 +76,7 @@ def _calibrate(
     run = calibrate_encoders if encoders else of_motor
     found = run(recordings, plant)
     if out is not None:
-        write_file(Path(out), found.rig.text.encode())
+        write_whole(Path(out), found.rig.text.encode())
     if report is not None:
         from swingid.report import write_report
 

@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from swingid.cli.options import Json
+from swingid.cli.output import check_writable, say, tell, time_left, write_json
 from swingid.errors import UsageError
 
 LINES = 20
@@ -28,17 +30,13 @@ def campaign(
         str | None, typer.Option(metavar="ADDRESS", help="Of a Dask scheduler, such as tcp://host:8786.")
     ] = None,
     runs: Annotated[int | None, typer.Option(help="At most so many runs, spread over the points.")] = None,
-    json: Annotated[
-        str | None, typer.Option(metavar="FILE", help='Write the summary here too; "-": standard output.')
-    ] = None,
+    json: Json = None,
     listed: Annotated[bool, typer.Option("--list", help="Name the ready plans and what they take, and end.")] = False,
 ) -> None:
     """Run a campaign: an experiment on the twin many times, something varied, every log identified by some methods.
 
     Killed and started again it goes on where it was. DIR gets results.parquet, summary.json and report.html.
     """
-    from swingid.cli.output import check_writable, say, tell, write_json
-
     check_writable(json)
     if listed:
         tell(_ready())
@@ -78,8 +76,6 @@ def _ready() -> str:
 
 def _progress() -> Callable[[int, int, int], None]:
     """Runs done and time left on standard error: a line that overwrites itself, or some lines in a file."""
-    from swingid.cli.output import tell
-
     start = time.monotonic()
     shown = -1
     terminal = sys.stderr is not None and sys.stderr.isatty()
@@ -101,14 +97,7 @@ def progress_line(done: int, trials: int, already: int, seconds: float) -> str:
     """How far it is, and the time left as the runs of this process took it."""
     line = f"{done} of {trials} runs"
     if done == trials:
-        return f"{line}, {_duration(seconds)}"
+        return f"{line}, {time_left(seconds)}"
     if done == already:
         return f"{line} were there already" if already else line
-    return f"{line}, {_duration(seconds * (trials - done) / (done - already))} left"
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    minutes = seconds / 60
-    return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"
+    return f"{line}, {time_left(seconds * (trials - done) / (done - already))} left"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from json import loads as parse_json
@@ -11,6 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli.options import JsonOrRefusal, Logs, Method, Report, RigFile
+from swingid.cli.output import Progress, announce_compilation, check_targets, check_writable, hand_over, refusals_to
 from swingid.errors import SwingidError, UsageError
 
 if TYPE_CHECKING:
@@ -35,22 +36,10 @@ class _Reading:
         from swingid.recording.recording import Recording
 
         if is_large(log):
-            from swingid.cli.progress import Progress
-
             large = LargeLog(log, rig, self.repairs, self.part, Progress())
             return large if self.part is None else large.small() or large
         recording = Recording.load(log, rig, repairs=self.repairs)
         return recording if self.part is None else recording.segment(*self.part)
-
-
-class Method(StrEnum):
-    """How the inertia is found."""
-
-    MOMENTUM = "momentum"
-    ENERGY = "energy"
-    OUTPUT_ERROR = "output-error"
-    EQUATION_ERROR = "equation-error"
-    BACKSTEPPING = "backstepping"
 
 
 class Variant(StrEnum):
@@ -61,10 +50,8 @@ class Variant(StrEnum):
 
 
 def identify(
-    logs: Annotated[
-        list[str], typer.Argument(metavar="LOG...", help="Logs of one body on the rig: .csv, .parquet or .mat.")
-    ],
-    rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
+    logs: Logs,
+    rig: RigFile,
     method: Annotated[Method, typer.Option(help="How the inertia is found.")] = Method.MOMENTUM,
     variant: Annotated[
         Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
@@ -78,10 +65,8 @@ def identify(
     without_repair: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Leave this fault of the log as it is; may be repeated.")
     ] = None,
-    json: Annotated[
-        str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
-    ] = None,
-    report: Annotated[str | None, typer.Option(metavar="FILE", help="Write a report as one HTML file.")] = None,
+    json: JsonOrRefusal = None,
+    report: Report = None,
 ) -> None:
     """Identify the moment of inertia and the friction that LOG shows, with their uncertainties.
 
@@ -98,21 +83,9 @@ def identify(
     if part is not None:
         source["part"] = part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
-    try:
+    with refusals_to(json, method.value, provenance, report):
         result = _identify(logs, rig, method.value, options, reading, provenance, json, report)
-    except Exception as error:
-        if json is not None:
-            write_refusal(json, method.value, error, provenance)
-        if report is not None:
-            _report_refusal(report, method.value, error, provenance)
-        raise
-    from swingid.cli.output import say, tell, write_json
-
-    if json is not None:
-        write_json(result.to_json(), json)
-    tell(result.summary(), to_error=json == "-")
-    if report is not None:
-        say(f"wrote {report}")
+    hand_over(result, json, report)
 
 
 def _options(given: list[str]) -> dict[str, object]:
@@ -153,8 +126,6 @@ def _check_usage(
     """Raise UsageError for a combination of options that makes no sense or would overwrite an input."""
     if variant is not None and method is not Method.ENERGY:
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
-    from swingid.cli.output import check_targets
-
     check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
 
 
@@ -169,10 +140,7 @@ def _identify(
     report: str | None,
 ) -> Result:
     """From files to the result, and to its report; `provenance` gains what becomes known on the way."""
-    from swingid.cli.output import check_writable
-
     check_writable(json, report)
-    from swingid.cli.kernels import announce_compilation
     from swingid.identification import identify as run
     from swingid.model.rig import Rig
     from swingid.recording.findings import switched_off
@@ -210,28 +178,3 @@ def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording
         except SwingidError as error:
             found[log] = error
     return found
-
-
-def write_refusal(target: str, method: str, error: Exception, provenance: Provenance) -> None:
-    """Write the JSON that says why there is no number; a second error while doing so gives way to the first."""
-    from swingid.cli.output import write_json
-
-    with suppress(SwingidError):
-        write_json(_refused(method, error, provenance).to_json(), target)
-
-
-def _report_refusal(target: str, method: str, error: Exception, provenance: Provenance) -> None:
-    """Write the report that says why there is no number; a second error while doing so gives way to the first."""
-    from swingid.report import write_report
-
-    with suppress(SwingidError):
-        write_report(_refused(method, error, provenance), None, None, Path(target))
-
-
-def _refused(method: str, error: Exception, provenance: Provenance) -> Result:
-    import swingid
-    from swingid.result.result import refusal
-
-    if not isinstance(error, SwingidError):
-        error = SwingidError(f"a bug of swingid: {type(error).__name__}", code="bug")
-    return refusal(method, error, provenance | {"versions": {"swingid": swingid.__version__}})

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Mapping, Sequence
-from contextlib import suppress
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TextIO
+from typing import Protocol, TextIO
 
-from swingid.errors import InputError, UsageError
+from swingid.errors import InputError, SwingidError, UsageError
+from swingid.files import write_whole
 
 
 def say(message: str) -> None:
@@ -36,7 +38,7 @@ def write_json(text: str, target: str) -> None:
     """Write JSON text (UTF-8) to a file, or to standard output where `target` is "-"; InputError where that fails."""
     content = text.encode("utf-8", "backslashreplace")
     if target != "-":
-        write_file(Path(target), content)
+        write_whole(Path(target), content)
         return
     if sys.stdout is None:
         raise InputError("cannot write to standard output: it is closed", code="cannot-write")
@@ -48,28 +50,6 @@ def write_json(text: str, target: str) -> None:
         raise
     except OSError as error:
         raise InputError(f"cannot write to standard output: {error.strerror}", code="cannot-write") from None
-
-
-def write_file(path: Path, content: bytes) -> None:
-    """Write a file that appears whole or not at all (devices and pipes are written as they are).
-
-    Raises InputError that names the file and the reason.
-    """
-    path = Path(os.path.realpath(path))
-    partial = path.with_name(f".{path.name[:100]}.{os.getpid()}.part")
-    try:
-        if path.exists() and not path.is_file():
-            path.write_bytes(content)
-            return
-        try:
-            partial.write_bytes(content)
-            partial.replace(path)
-        finally:
-            partial.unlink(missing_ok=True)
-    except BrokenPipeError:
-        raise
-    except OSError as error:
-        raise cannot_write(path, error.strerror or str(error)) from None
 
 
 def check_target(path: Path) -> None:
@@ -114,6 +94,12 @@ def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) 
         used[path] = f"what {option} writes"
 
 
+def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: str | None = None) -> None:
+    """`check_targets` and `check_writable` for the files of --json and --report."""
+    check_targets({"--json": json, "--report": report}, inputs)
+    check_writable(json, report)
+
+
 def check_once(logs: Sequence[str]) -> None:
     """Raise UsageError where the same file is given twice."""
     if len({os.path.realpath(log) for log in logs}) < len(logs):
@@ -140,3 +126,102 @@ def _write(stream: TextIO | None, text: str) -> None:
 def cannot_write(path: Path, reason: str) -> InputError:
     """The error that names the file which cannot be written and why."""
     return InputError(f"cannot write {path}: {reason}", code="cannot-write")
+
+
+class Answer(Protocol):
+    """What a command has found: JSON for scripts, a summary for people."""
+
+    def to_json(self) -> str:
+        """JSON text."""
+        ...
+
+    def summary(self) -> str:
+        """Text for people."""
+        ...
+
+
+def hand_over(found: Answer, json: str | None, *written: str | None) -> None:
+    """Write the JSON to its file, show the summary, and name the files written before; None are left out."""
+    if json is not None:
+        write_json(found.to_json(), json)
+    tell(found.summary(), to_error=json == "-")
+    for target in written:
+        if target is not None:
+            say(f"wrote {target}")
+
+
+@contextmanager
+def refusals_to(
+    json: str | None, method: str, provenance: dict[str, object], report: str | None = None
+) -> Iterator[None]:
+    """Write JSON and report that say why there is no number where the block raises; its error goes on.
+
+    A second error while doing so gives way to the first.
+    """
+    try:
+        yield
+    except Exception as error:
+        import swingid
+        from swingid.result.result import refusal
+
+        known = error
+        if not isinstance(known, SwingidError):
+            known = SwingidError(f"a bug of swingid: {type(error).__name__}", code="bug")
+        refused = refusal(method, known, provenance | {"versions": {"swingid": swingid.__version__}})
+        if json is not None:
+            with suppress(SwingidError):
+                write_json(refused.to_json(), json)
+        if report is not None:
+            from swingid.report import write_report
+
+            with suppress(SwingidError):
+                write_report(refused, None, None, Path(report))
+        raise
+
+
+KERNELS = {"simulate": ("loop", 15), "identify": ("test_functions", 20), "calibrate": ("wheel_motion", 20)}
+"""For each command a module with a kernel that every run of it calls, and about how long compiling takes (s)."""
+
+
+def announce_compilation(command: str) -> None:
+    """One line on standard error if the kernels of `command` are not compiled yet."""
+    from swingid.numerics.compiled import CACHE, first_use
+
+    module, seconds = KERNELS[command]
+    if first_use() or not any(CACHE.rglob(f"{module}.*.nbc")):
+        say(f"compiling kernels, once per version, about {seconds} s")
+
+
+EVERY = 10.0
+"""Seconds between two lines where standard error is no terminal; a terminal has one line that overwrites itself."""
+
+
+class Progress:
+    """Called with the rows read so far and the rows of the log."""
+
+    def __init__(self) -> None:
+        self.first: tuple[float, int] | None = None
+        self.told = time.monotonic()
+
+    def __call__(self, rows: int, total: int) -> None:
+        """Say how far it is; how long the rest takes is told from the second call on, for the first may compile."""
+        now = time.monotonic()
+        text = f"{rows / 1e6:.1f} of {total / 1e6:.1f} million rows"
+        if self.first is None:
+            self.first = now, rows
+        elif rows > self.first[1]:
+            text += f", {time_left((now - self.first[0]) / (rows - self.first[1]) * max(total - rows, 0))} left"
+        if sys.stderr is not None and sys.stderr.isatty():
+            with suppress(OSError):
+                sys.stderr.write(f"\r{text:<60}" + ("\n" if rows >= total else ""))
+                sys.stderr.flush()
+        elif now - self.told > EVERY:
+            self.told = now
+            say(text)
+
+
+def time_left(seconds: float) -> str:
+    """A duration in its largest fitting unit."""
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

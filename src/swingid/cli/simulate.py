@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli.options import Angle, Motion, Rate, RigFile
+from swingid.cli.output import announce_compilation, check_target, tell
 from swingid.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -47,22 +49,17 @@ class Gains(StrEnum):
 
 
 def simulate(
-    rig: Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")],
+    rig: RigFile,
     duration: Annotated[float, typer.Option(help="Length of the run, s.")],
     out: Annotated[str, typer.Option(metavar="FILE", help="Log to write, ending in .parquet, .csv or .mat.")],
-    reference: Annotated[
-        str | None,
-        typer.Option(metavar="MOTION", help='Motion to follow, such as "sine 0.8 rad 8.5 rad/s"; none: no command.'),
-    ] = None,
+    reference: Motion = None,
     voltage: Annotated[
         str | None,
         typer.Option(metavar="WORDS", help='Voltage without control, such as "multisine 3 V 1 rad/s + 2 V 7 rad/s".'),
     ] = None,
-    rate: Annotated[float, typer.Option(help="Rows and controller steps per second.")] = 1000.0,
+    rate: Rate = 1000.0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
-    initial_angle: Annotated[
-        str, typer.Option(metavar="ANGLE", help='Angle at the start, rad (m), or with a unit: "30 deg".')
-    ] = "0",
+    initial_angle: Angle = "0",
     draw: Annotated[
         bool, typer.Option("--draw", help="Draw every constant with a stated uncertainty, by the seed.")
     ] = False,
@@ -86,8 +83,6 @@ def simulate(
 
     Without --reference and --voltage nothing drives the rig: a free decay from --initial-angle.
     """
-    from swingid.cli.kernels import announce_compilation
-    from swingid.cli.output import check_target, tell
     from swingid.recording.formats import writer_for
 
     own = {"delta0": delta0, "sigma0": sigma0, "lambda0": lambda0, "k_tilde0": k_tilde0, "k_tilde_max": k_tilde_max}

@@ -9,13 +9,13 @@ from __future__ import annotations
 import difflib
 import hashlib
 import os
-import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import InputError, UsageError
+from swingid.files import write_whole
 from swingid.recording.formats.isolated import require
 
 if TYPE_CHECKING:
@@ -228,16 +228,12 @@ def _verify(path: Path, file: DataFile, advice: str) -> None:
 
 def _put(origin: Path, target: Path) -> None:
     """Copy a file; it appears whole or not at all."""
-    partial = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            shutil.copyfile(origin, partial)
-            partial.replace(target)
-        finally:
-            partial.unlink(missing_ok=True)
+        content = origin.read_bytes()
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
+    write_whole(target, content)
 
 
 def _download(file: DataFile, address: str, scratch: Path) -> Path:

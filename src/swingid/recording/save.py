@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.files import write_whole
 from swingid.recording.conventions import Conventions
 from swingid.recording.formats import writer_for
 
@@ -51,27 +50,6 @@ def write_log(
     content: bytes = module.write(conventions.to_log(written), own)
     write_whole(target, content)
     return target
-
-
-def write_whole(target: Path, content: bytes) -> None:
-    """Write a file that appears whole or not at all (a device as it is, a link where it leads).
-
-    Raises InputError that names the file and the reason.
-    """
-    partial = None
-    try:
-        place = Path(os.path.realpath(target))
-        if place.exists() and not place.is_file():
-            place.write_bytes(content)
-            return
-        partial = place.with_name(f".{place.name[:200]}.{os.getpid()}.part")
-        partial.write_bytes(content)
-        partial.replace(place)
-    except OSError as error:
-        if partial is not None:
-            with suppress(OSError):
-                partial.unlink(missing_ok=True)
-        raise InputError(f"cannot write {target}: {error.strerror}.", code="cannot-write") from None
 
 
 def _check_even(time: Array, rate: float, target: Path) -> None:

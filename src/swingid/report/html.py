@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from swingid.files import write_whole
 from swingid.format import interval
-from swingid.recording.save import write_whole
 from swingid.report import tables
 from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
 from swingid.report.figures.motion import draw_friction, draw_log, draw_residuals, draw_turning_points

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swingid.errors import InputError
-from swingid.recording.save import write_whole
+from swingid.files import write_whole
 from swingid.study.campaign.plan import Plan, differing_key
 from swingid.study.campaign.tables import RESERVED
 from swingid.system import locked

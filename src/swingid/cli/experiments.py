@@ -1,0 +1,161 @@
+"""``swingid design``, ``rehearse`` and ``reproduce``: experiments on the twin, before anyone touches the rig."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from swingid.cli.options import Angle, Json, Methods, Motion, Rate, RigFile
+from swingid.cli.output import (
+    announce_compilation,
+    cannot_write,
+    check_files,
+    check_target,
+    hand_over,
+    say,
+    tell,
+    write_json,
+)
+from swingid.cli.simulate import Gains, compensator_of, motion_of, parse_angle
+from swingid.errors import SwingidError, UsageError
+from swingid.files import write_whole
+
+
+def design(
+    rig: RigFile,
+    uncertainty: Annotated[
+        str, typer.Option(help='Wanted standard uncertainty of the inertia: "0.05 %", or with its unit.')
+    ],
+    duration: Annotated[float, typer.Option(help="Longest run allowed, s.")] = 60.0,
+    max_angle: Annotated[
+        str | None, typer.Option(metavar="ANGLE", help='Largest angle, rad (m), or "45 deg"; default 0.8 rad.')
+    ] = None,
+    max_speed: Annotated[
+        float | None, typer.Option(help="Largest speed of the wheel (without a wheel: of the axis), rad/s (m/s).")
+    ] = None,
+    inertia: Annotated[
+        str | None, typer.Option(help='Inertia to expect, such as "3e-3 kg*m^2"; default: axis.inertia of RIG.')
+    ] = None,
+    gravity_torque: Annotated[
+        str | None, typer.Option(help='Gravity torque to expect, such as "78 mN*m", where RIG says "unknown".')
+    ] = None,
+    rate: Rate = 1000.0,
+    settling: Annotated[float, typer.Option(help="Time the controller takes to reach its motion, s.")] = 6.0,
+    json: Json = None,
+) -> None:
+    """Propose the motion that gives the inertia of RIG with the wanted uncertainty, and say what to expect of it.
+
+    Voltage stays within the limit of RIG. Friction is expected as in axis.friction.
+    """
+    check_files({rig: "the rig file"}, json=json)
+    from swingid.model.rig import Rig
+    from swingid.study.design import asked, refused
+    from swingid.study.design import design as run
+
+    plant = Rig.load(rig)
+    angle = None if max_angle is None else parse_angle(max_angle, plant, "--max-angle")
+    options: dict[str, Any] = {
+        "duration": duration,
+        "max_angle": angle,
+        "max_speed": max_speed,
+        "inertia": inertia,
+        "gravity_torque": gravity_torque,
+        "rate": rate,
+        "settling": settling,
+    }
+    try:
+        asked(plant, uncertainty, **options)
+        announce_compilation("simulate")
+        found = run(plant, uncertainty, **options)
+    except SwingidError as error:
+        if json is not None and not isinstance(error, UsageError):
+            write_json(refused(plant, error), json)
+        raise
+    hand_over(found, json)
+
+
+def rehearse(
+    rig: RigFile,
+    duration: Annotated[float, typer.Option(help="Length of each run, s.")],
+    reference: Motion = None,
+    rate: Rate = 1000.0,
+    runs: Annotated[int, typer.Option(help="How many times.")] = 40,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = 0,
+    initial_angle: Angle = "0",
+    gains: Annotated[Gains | None, typer.Option(help="Of the controller; default: the paper's experiment.")] = None,
+    method: Methods = None,
+    json: Json = None,
+) -> None:
+    """Say what error and interval to expect of each method from this experiment on RIG, before the rig is touched.
+
+    Each run draws what rig.toml is unsure of: constants within their uncertainties, encoders, noise. RIG has to state
+    axis.inertia (what you expect) and should state axis.friction.
+    """
+    check_files({rig: "the rig file"}, json=json)
+    from swingid.model.rig import Rig
+    from swingid.study.rehearse import rehearse as run
+
+    plant = Rig.load(rig)
+    angle = parse_angle(initial_angle, plant)
+    motion = None if reference is None else motion_of(reference, plant)
+    if motion is None and angle == 0.0:
+        raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
+    if motion is None and gains is not None:
+        raise UsageError("--gains needs a motion to follow; give --reference, or leave it out", code="no-reference")
+    announce_compilation("simulate")
+    rehearsal = run(
+        plant,
+        motion,
+        None if motion is None else compensator_of(plant, gains, {}),
+        duration=duration,
+        rate=rate,
+        runs=runs,
+        seed=seed,
+        initial_angle=angle,
+        methods=[m.value for m in method] if method else None,
+        progress=_progress if sys.stderr is not None and sys.stderr.isatty() else None,
+    )
+    hand_over(rehearsal, json)
+
+
+def _progress(done: int, runs: int) -> None:
+    """A counter that overwrites itself, for terminals only."""
+    sys.stderr.write(f"\rrun {done} of {runs}" + ("\n" if done == runs else ""))
+    sys.stderr.flush()
+
+
+def reproduce(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder to write to; made if need be.")] = Path("paper"),
+    seed: Annotated[int, typer.Option(min=0, help="Of the encoders' grids and of what is drawn.")] = 0,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Without the table of imperfections and the paper's claims.")
+    ] = False,
+) -> None:
+    """Run the experiment and the simulations of the paper on the twin, and set its numbers beside these.
+
+    Writes index.html, fig2 to fig8 as .svg and .png, and results.json to DIR; the same seed gives the same files.
+    """
+    from swingid.study.reproduce import reproduce as run
+
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(out, error.strerror or str(error)) from None
+    names = [f"fig{k}.{ending}" for k in range(2, 9) for ending in ("svg", "png")]
+    for name in (*names, "results.json", "index.html"):
+        check_target(out / name)
+    announce_compilation("simulate")
+    reproduction = run(seed=seed, quick=quick, progress=say)
+    from swingid.report.paper import drawn_figures, write_paper
+
+    say("drawing figures 2 to 8")
+    figures = drawn_figures(reproduction)
+    for figure in figures:
+        for name, content in figure.files().items():
+            write_whole(out / name, content)
+    write_whole(out / "results.json", reproduction.to_json().encode("utf-8"))
+    page = write_paper(reproduction.results, figures, out / "index.html")
+    tell(f"wrote {page}, figures 2 to 8 and results.json to {out}")

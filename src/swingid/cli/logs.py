@@ -1,0 +1,178 @@
+"""``swingid init``, ``inspect``, ``convert`` and ``datasets``: logs and rig files before identification."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from swingid.cli.options import Json, Report
+from swingid.cli.output import (
+    announce_compilation,
+    cannot_write,
+    check_files,
+    check_target,
+    check_targets,
+    hand_over,
+    say,
+    tell,
+    write_json,
+)
+from swingid.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from swingid.recording.datasets import DataSet
+
+
+TEMPLATE = Path(__file__).with_name("rig_template.toml")
+
+
+def init(
+    folder: Annotated[str, typer.Argument(metavar="DIR", help="Folder for the new rig.toml; made if need be.")],
+    log: Annotated[
+        str | None, typer.Option("--from", metavar="LOG", help="A log of the rig: its columns and units are guessed.")
+    ] = None,
+) -> None:
+    """Write a commented rig.toml into DIR, to be filled in with your rig's constants and columns."""
+    path = Path(folder) / "rig.toml"
+    text = TEMPLATE.read_text(encoding="utf-8") if log is None else _text_for(log)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        if not path.parent.is_dir():
+            raise cannot_write(path, f"{folder} is not a folder") from None
+        raise InputError(
+            f"{path} exists already; give another folder, or remove the file", code="file-exists"
+        ) from None
+    except OSError as error:
+        raise cannot_write(path, error.strerror or str(error)) from None
+    if log is None:
+        tell(f"wrote {path}\nfill it in, then: swingid identify LOG --rig {path}")
+    else:
+        tell(f"wrote {path}\nfill it in and confirm its [log], then: swingid inspect {log} --rig {path}")
+
+
+def _text_for(log: str) -> str:
+    """The rig file with the [log] that the columns of a log speak for; InputError for one that has no angle."""
+    from swingid.recording.formats import read_table
+    from swingid.recording.inspect import describe, guess_roles, log_table
+    from swingid.recording.inspect.rig_text import rig_text
+    from swingid.recording.large import first_rows, is_large
+    from swingid.recording.load import read_bytes
+
+    found = first_rows(log) if is_large(log) else read_table(read_bytes(log), log)
+    columns = {column.name: column for column in describe(found)}
+    roles = guess_roles(list(columns.values()))
+    if "angle" not in roles.found:
+        names = ", ".join(repr(name[:40]) for name in list(columns)[:8])
+        raise InputError(f"{log}: none of its columns ({names}) looks like the angle of a swing", code="no-angle")
+    table = log_table(roles)
+    return rig_text(TEMPLATE.read_text(encoding="utf-8"), roles, columns, table, "my-rig", Path(log).name)
+
+
+def inspect(
+    log: Annotated[str, typer.Argument(metavar="LOG", help="A log in any format that swingid reads.")],
+    rig: Annotated[
+        str | None,
+        typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name; without it the file alone."),
+    ] = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
+    """Say what LOG holds: columns, clock, encoders, motion, and with a rig signs, latencies and encoder errors.
+
+    A verdict says whether it is ready for identify. Exit code 0 whenever the file could be read, whatever the verdict.
+    """
+    inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
+    check_files(inputs, json=json, report=report)
+    from swingid.model.rig import Rig
+    from swingid.study.inspect import inspect_log
+
+    plant = None if rig is None else Rig.load(rig)
+    announce_compilation("identify")
+    found = inspect_log(log, plant)
+    if report is not None:
+        from swingid.report.pages import write_inspection
+
+        write_inspection(found, report)
+    hand_over(found, json, report)
+
+
+def convert(
+    source: Annotated[str, typer.Argument(metavar="IN", help="Log: any format that swingid reads.")],
+    target: Annotated[
+        str, typer.Argument(metavar="OUT", help="File to write: .parquet, .csv, .mat, .h5, .mcap or .jsonl.")
+    ],
+) -> None:
+    """Write the table in IN to OUT in the format of its ending; numbers bit for bit, nothing resampled or repaired."""
+    from swingid.recording.convert import convert as run
+
+    check_targets({"OUT": target}, {source: "IN"})
+    check_target(Path(target))
+    rows, columns, dropped = run(source, target)
+    line = f"wrote {target}: {rows} rows of {', '.join(columns)}"
+    tell(line + (f"; left out, no numbers: {', '.join(dropped)}" if dropped else ""))
+
+
+def datasets(
+    words: Annotated[
+        list[str] | None, typer.Argument(metavar="[get NAME]", help="Get the data set NAME; without it, list all.")
+    ] = None,
+    source: Annotated[
+        str | None,
+        typer.Option("--from", metavar="DIR", help="A local copy; default $SWINGID_DATA, else they are downloaded."),
+    ] = None,
+    to: Annotated[
+        str, typer.Option(metavar="DIR", help="Where the folder NAME is made; default: the current folder.")
+    ] = ".",
+    json: Json = None,
+) -> None:
+    """List the public logs that swingid knows, with citation, licence, address and checksum, or get one of them."""
+    from swingid.recording.datasets import CATALOGUE, find, get
+
+    if not words:
+        if source is not None:
+            raise UsageError("--from belongs to datasets get NAME; give the name too", code="no-name")
+        _show(CATALOGUE, json)
+        return
+    if words[0] != "get" or len(words) != 2:
+        raise UsageError(f"datasets {' '.join(words)}: write datasets, or datasets get NAME", code="bad-words")
+    dataset = find(words[1])
+    if json is not None:
+        _show((dataset,), json)
+    folder = Path(to) / dataset.name
+    for path, origin in get(dataset, folder, None if source is None else Path(source)):
+        if origin == "copy-only":
+            say(f"{path.name} has no address of its own, it exists as a copy only; left out")
+        else:
+            tell(f"{path} ({'already there' if origin == 'there' else origin})", to_error=json == "-")
+    say(f"{dataset.licence}; cite {dataset.citation}; read it with examples/rigs/{dataset.rig}")
+
+
+def _show(sets: tuple[DataSet, ...], json: str | None) -> None:
+    if json is not None:
+        from dataclasses import asdict
+        from json import dumps
+
+        content = {"schema": "swingid.datasets/1", "datasets": [asdict(one) for one in sets]}
+        write_json(dumps(content, indent=2, ensure_ascii=False) + "\n", json)
+    else:
+        tell("\n\n".join(_entry(one) for one in sets))
+
+
+def _entry(dataset: DataSet) -> str:
+    """Some lines on one data set."""
+    rows = {
+        "cite": dataset.citation,
+        "licence": dataset.licence,
+        "from": f"https://github.com/{dataset.repository}",
+        "rig": f"examples/rigs/{dataset.rig}",
+    }
+    lines = [f"{dataset.name}: {dataset.title}", *(f"    {key:8s}{value}" for key, value in rows.items())]
+    for file in dataset.files:
+        lines.append(f"    {file.name}: {file.about}")
+        lines += [f"        sha256 {file.sha256}", f"        {file.address or 'a copy only, no address'}"]
+    return "\n".join(lines)

@@ -1,0 +1,108 @@
+"""``swingid compare``, ``validate`` and ``difference``: what follows from several methods, logs or results."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from swingid.cli.options import Json, JsonOrRefusal, Logs, Methods, Report, RigFile
+from swingid.cli.output import (
+    announce_compilation,
+    check_files,
+    check_once,
+    check_targets,
+    check_writable,
+    hand_over,
+    refusals_to,
+)
+
+
+def compare(
+    logs: Logs,
+    rig: RigFile,
+    method: Methods = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
+    """Put every method on the same LOGs: inertia, friction, time, what each rests on, and whether they agree."""
+    check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), json=json, report=report)
+    check_once(logs)
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+    from swingid.study.compare import compare as run
+
+    plant = Rig.load(rig)
+    recordings = [Recording.load(log, plant) for log in logs]
+    announce_compilation("identify")
+    comparison = run(recordings, plant, [m.value for m in method] if method else None)
+    if report is not None:
+        from swingid.report.pages import write_comparison
+
+        write_comparison(comparison, plant, report)
+    hand_over(comparison, json, report)
+
+
+class Input(StrEnum):
+    """What drives the prediction of a reaction wheel."""
+
+    WHEEL = "wheel"
+    VOLTAGE = "voltage"
+
+
+def validate(
+    result: Annotated[str, typer.Argument(metavar="RESULT.json", help="Result of identify --json.")],
+    logs: Annotated[list[str], typer.Argument(metavar="LOG...", help="Logs to predict, best ones not fitted.")],
+    rig: RigFile,
+    input: Annotated[
+        Input | None,
+        typer.Option(help="The measured wheel (default, needs no motor) or the voltage drives the prediction."),
+    ] = None,
+    json: Json = None,
+    report: Report = None,
+) -> None:
+    """Predict LOGs by the model in RESULT: in a free run and one swing ahead, with the normalised fit in per cent."""
+    inputs = {rig: "the rig file", result: "the result"} | dict.fromkeys(logs, "a log")
+    check_files(inputs, json=json, report=report)
+    check_once(logs)
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+    from swingid.result.file import load_result
+    from swingid.study.validate import validate as run
+
+    plant, found = Rig.load(rig), load_result(result)
+    recordings = [Recording.load(log, plant) for log in logs]
+    announce_compilation("identify")
+    validation = run(found, recordings, plant, input=None if input is None else input.value)
+    if report is not None:
+        from swingid.report.pages import write_validation
+
+        write_validation(validation, plant, report)
+    hand_over(validation, json, report)
+
+
+def difference(
+    tare: Annotated[str, typer.Argument(metavar="TARE.json", help="Result of identify without the body.")],
+    loaded: Annotated[str, typer.Argument(metavar="LOADED.json", help="Result of identify with the body.")],
+    mass: Annotated[
+        str | None, typer.Option(metavar="'M ± U'", help='Mass of the body, "68.0 ± 0.1 g": with --distance.')
+    ] = None,
+    distance: Annotated[
+        str | None,
+        typer.Option(metavar="'D ± U'", help="Its centre from the axis: gives the inertia about its own centre."),
+    ] = None,
+    known: Annotated[
+        str | None,
+        typer.Option(metavar="'J ± U'", help='Its inertia, "961 ± 1 kg*mm^2": calibrates the scale of both runs.'),
+    ] = None,
+    json: JsonOrRefusal = None,
+) -> None:
+    """Determine the inertia of a body from two results, with and without it."""
+    check_targets({"--json": json}, {tare: "the tare result", loaded: "the loaded result"})
+    with refusals_to(json, "difference", {"tare": tare, "loaded": loaded}):
+        check_writable(json)
+        from swingid.pooling import difference as subtract
+
+        result = subtract(tare, loaded, mass=mass, distance=distance, known=known)
+    hand_over(result, json)

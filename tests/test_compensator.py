@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swingid.control.chain import chain_output, exponential, held_chain
 from swingid.control.compensator import Compensator, compensator_step
-from swingid.control.law import FILTERED_ERROR, K_TILDE, XI, motor_compensation
+from swingid.control.law import FILTERED_ERROR, K_TILDE, XI, chain_output, exponential, held_chain, motor_compensation
 from swingid.errors import UsageError
 
 C1, C2, ETA, F3, D2, D1 = 52.04e-4, 3.697e-6, 0.9, 302.02e-5, -2.996e-4, 5.485e-4

@@ -11,7 +11,7 @@ from swingid.batch.kernels import kinked, signs, slopes, smoothing, window_weigh
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.simulation.ensemble import simulate_ensemble
-from swingid.simulation.ensemble.lane_functions import decay, sine_cosine
+from swingid.simulation.ensemble.series import decay, sine_cosine
 from twin_logs import given
 
 

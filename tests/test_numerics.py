@@ -10,16 +10,15 @@ from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 from scipy.interpolate import CubicSpline
 
-from swingid.numerics.hats import project_hats
+from swingid.numerics.arrays import median, quantile
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.ranks import median, quantile
 from swingid.numerics.regression import fit_linear, gram
-from swingid.numerics.search import rows_before
-from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+from swingid.numerics.spline import local_cubic, rows_before, spline_at, spline_slopes
 from swingid.numerics.test_functions import (
     curvature_overlap,
     overlaps,
     project,
+    project_hats,
     project_impulses,
     project_steps,
     superpose,

@@ -15,7 +15,7 @@ from swingid.balance.friction_laws import TERMS, stribeck_peak, stribeck_slope
 from swingid.balance.rows import Rows, Signals, Windows
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
-from swingid.numerics.hats import project_hats
+from swingid.numerics.test_functions import project_hats
 
 EXACT = tuple(TERMS)
 """Terms with a column of their own."""

@@ -11,9 +11,8 @@ import numpy as np
 from swingid.balance.fits import LAG
 from swingid.balance.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_terms
 from swingid.balance.friction_rows import EXACT, FrictionRows, law_weights, places_of, slope_weights
-from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.arrays import Array, Ints, median
 from swingid.numerics.compiled import njit
-from swingid.numerics.ranks import median
 from swingid.numerics.regression import gram, symmetric_inverse
 from swingid.preparation.motion import Motion
 

@@ -15,10 +15,9 @@ from functools import cached_property
 import numpy as np
 
 from swingid.model.rig import Rig
-from swingid.numerics.arrays import Array, Bools, Ints
+from swingid.numerics.arrays import Array, Bools, Ints, quantile
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.ranks import quantile
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import project_impulses, project_stacked, project_steps
 from swingid.preparation.motion import Motion

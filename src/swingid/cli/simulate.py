@@ -156,7 +156,7 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> Array:
 
     import numpy as np
 
-    from swingid.control.motor import require_torque
+    from swingid.control.controller import require_torque
     from swingid.control.references import parse_reference
 
     if rig.drive.kind != "reaction-wheel":

@@ -17,18 +17,15 @@ controller is given the same as `Compensator` and nothing of the future.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from swingid.control import law
+from swingid.control.controller import SampledController, motor_voltages, refused
 from swingid.control.law import motor_compensation
-from swingid.control.motor import motor_voltages
 from swingid.control.observer import OBSERVER_PARAMETERS, OBSERVER_STATES, VelocityObserver, observer_step
-from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 
@@ -97,7 +94,7 @@ def backstepping_step(reference: float, angle: float, wheel_angle: float, state:
 
 
 @dataclass(frozen=True)
-class Backstepping:
+class Backstepping(SampledController):
     """The controller (21) with its gains, its first estimates and what it knows of rig and motor.
 
     gravity_torque b (N m); a12, a22 and `carried` = J2 + Jr (kg m^2); c4 = a4/a2 and c7 = a7/a2 of (11) (1/V, s/rad).
@@ -131,18 +128,18 @@ class Backstepping:
     voltage_limit: float | None = None
     sample_time: float = 1e-3
 
+    _kernel = staticmethod(backstepping_step)
+
     def __post_init__(self) -> None:
         """Refuse gains that cannot work, in one sentence that names the gain."""
-        for name in ("gravity_torque", "a12", "a22", "c4", "n1", "n2", "alpha2", "alpha3", "least", "sample_time"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise _refused(f"{name} must be positive, and is {getattr(self, name)}")
+        for name in ("gravity_torque", "a12", "a22", "c4", "n1", "n2", "alpha2", "alpha3", "least"):
+            value = getattr(self, name)
+            self._require(0.0 < value < math.inf, f"{name} must be positive, and is {value}")
         for name in ("gamma1", "gamma2", "carried", "c7"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise _refused(f"{name} must be zero or positive, and is {getattr(self, name)}")
-        if self.voltage_limit is not None and not self.voltage_limit > 0.0:
-            raise _refused(f"voltage_limit must be positive, and is {self.voltage_limit}")
-        if self.law not in ("printed", "consistent"):
-            raise _refused(f"law must be 'printed' or 'consistent', not {self.law!r}")
+            value = getattr(self, name)
+            self._require(0.0 <= value < math.inf, f"{name} must be zero or positive, and is {value}")
+        self._require_motor()
+        self._require(self.law in ("printed", "consistent"), f"law must be 'printed' or 'consistent', not {self.law!r}")
 
     @classmethod
     def paper(
@@ -155,9 +152,11 @@ class Backstepping:
         """
         motor, wheel, gravity = rig.drive.motor, rig.drive.wheel, rig.axis.gravity_torque
         if rig.drive.kind != "reaction-wheel" or motor is None or wheel is None or rig.axis.kind == "linear":
-            raise _refused(f"rig {rig.name!r} is no reaction wheel pendulum with a motor, which (21) is made for")
+            raise refused(cls, f"rig {rig.name!r} is no reaction wheel pendulum with a motor, which (21) is made for")
         if isinstance(gravity, str) or gravity.value <= 0.0 or motor.torque_per_volt.value <= 0.0:
-            raise _refused(f"rig {rig.name!r} must state axis.gravity_torque and drive.motor.torque_per_volt above 0")
+            raise refused(
+                cls, f"rig {rig.name!r} must state axis.gravity_torque and drive.motor.torque_per_volt above 0"
+            )
         a12, a22, n = rig.drive.a12, rig.drive.a22, motor.gear_ratio.value
         c1, c2, eta = motor.torque_per_volt.value, motor.back_emf.value, motor.efficiency.value
         ratio = a12 * n / (a22 * gravity.value)
@@ -188,29 +187,12 @@ class Backstepping:
 
         Raises UsageError for a sample time that is not positive.
         """
-        h = self.sample_time if sample_time is None else float(sample_time)
-        if not 0.0 < h < math.inf:
-            raise _refused(f"the sample time must be positive, and is {h}")
-        head = np.zeros(law.ALPHA)
-        head[law.SAMPLE_TIME] = h
-        head[law.LIMIT] = math.inf if self.voltage_limit is None else self.voltage_limit
-        head[law.COULOMB], head[law.BACK_EMF] = self.coulomb_voltage, self.back_emf_ratio
-        head[law.DEAD_NEGATIVE], head[law.DEAD_POSITIVE] = self.dead_zone_voltage
+        head = self._common_parameters(sample_time)
+        h = float(head[law.SAMPLE_TIME])
         head[N1], head[N2], head[GAMMA1], head[GAMMA2] = self.n1, self.n2, self.gamma1, self.gamma2
         head[C4], head[C7], head[LEAST] = self.c4, self.c7, self.least
         head[CONSISTENT] = float(self.law == "consistent")
         return np.concatenate([head, *(observer.parameters(h) for observer in self.observers)])
-
-    def step(self, t: float, angles: Sequence[float], state: Array) -> tuple[float, Array]:
-        """One sample: (voltage (V) held to the next, new state).
-
-        `angles` = (reference, angle, wheel_angle) in rad. The law does not depend on `t` (s), which every controller
-        is given. `state` is left as it is.
-        """
-        del t
-        reference, angle, wheel_angle = angles
-        moved = state.copy()
-        return float(backstepping_step(reference, angle, wheel_angle, moved, _parameters(self))), moved
 
     def inertia(self, alpha2: Array | float) -> Array:
         """J1^ (kg m^2) of (22) for estimates of alpha_2 (1/s^2), of any shape."""
@@ -219,13 +201,3 @@ class Backstepping:
     def viscous(self, alpha2: Array | float, alpha3: Array | float) -> Array:
         """f1^ N (N m s) of (22) for estimates of alpha_2 (1/s^2) and alpha_3 (1/s)."""
         return np.asarray(np.asarray(alpha3) * self.gravity_torque / np.asarray(alpha2))
-
-
-@cache
-def _parameters(controller: Backstepping) -> Array:
-    """The parameter array of `step`, made once per controller."""
-    return controller.parameters()
-
-
-def _refused(sentence: str) -> UsageError:
-    return UsageError(f"Backstepping: {sentence}.", code="bad-controller")

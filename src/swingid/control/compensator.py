@@ -13,15 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from swingid.control import law
+from swingid.control.controller import SampledController, motor_voltages, refused
 from swingid.control.law import compensator_step
-from swingid.control.motor import motor_voltages
-from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
 
 if TYPE_CHECKING:
@@ -34,7 +32,7 @@ def _hurwitz(polynomial: Sequence[float]) -> bool:
 
 
 @dataclass(frozen=True)
-class Compensator:
+class Compensator(SampledController):
     """The consecutive compensator with its gains and what it knows of the motor.
 
     `delta0` (rad), `sigma0` (1/s), `lambda0` (1/s): (18), (19). `k_tilde0` start and `k_tilde_max` optional
@@ -70,29 +68,31 @@ class Compensator:
     wheel_filter_time: float = 0.0
     sample_time: float = 1e-3
 
+    _kernel = staticmethod(compensator_step)
+
     def __post_init__(self) -> None:
         """Refuse gains that cannot work, in one sentence that names the gain."""
         object.__setattr__(self, "alpha", tuple(float(value) for value in self.alpha))
         object.__setattr__(self, "k", tuple(float(value) for value in self.k))
         for name in ("delta0", "sigma0", "lambda0", "k_tilde0", "filter_time", "wheel_filter_time"):
-            if not 0.0 <= getattr(self, name) < math.inf:
-                raise _refused(f"{name} must be zero or positive, and is {getattr(self, name)}")
-        if not 0.0 < self.sample_time < math.inf:
-            raise _refused(f"sample_time must be positive, and is {self.sample_time}")
-        if self.k_tilde_max is not None and not self.k_tilde_max >= self.k_tilde0:
-            raise _refused(f"k_tilde_max = {self.k_tilde_max} must not lie below k_tilde0 = {self.k_tilde0}")
-        if self.voltage_limit is not None and not self.voltage_limit > 0.0:
-            raise _refused(f"voltage_limit must be positive, and is {self.voltage_limit}")
-        if self.plant_sign not in (-1, 1):
-            raise _refused(f"plant_sign must be -1 (reaction wheel) or 1, and is {self.plant_sign}")
-        if self.dead_zone_switch not in ("exact", "printed"):
-            raise _refused(f"dead_zone_switch must be 'exact' or 'printed', not {self.dead_zone_switch!r}")
-        if len(self.alpha) != len(self.k) + 1:
-            raise _refused(f"alpha has {len(self.alpha)} coefficients and k {len(self.k)}; alpha needs one more than k")
-        if self.alpha[0] <= 0.0 or not _hurwitz(self.alpha):
-            raise _refused(f"alpha = {self.alpha} must start positive and have its roots in the left half plane")
-        if not _hurwitz((1.0, *reversed(self.k))):
-            raise _refused(f"k = {self.k} makes the chain (16) unstable")
+            value = getattr(self, name)
+            self._require(0.0 <= value < math.inf, f"{name} must be zero or positive, and is {value}")
+        most, sign, switch = self.k_tilde_max, self.plant_sign, self.dead_zone_switch
+        self._require_motor()
+        self._require(
+            most is None or most >= self.k_tilde0, f"k_tilde_max = {most} must not lie below k_tilde0 = {self.k_tilde0}"
+        )
+        self._require(sign in (-1, 1), f"plant_sign must be -1 (reaction wheel) or 1, and is {sign}")
+        self._require(switch in ("exact", "printed"), f"dead_zone_switch must be 'exact' or 'printed', not {switch!r}")
+        self._require(
+            len(self.alpha) == len(self.k) + 1,
+            f"alpha has {len(self.alpha)} coefficients and k {len(self.k)}; alpha needs one more than k",
+        )
+        self._require(
+            self.alpha[0] > 0.0 and _hurwitz(self.alpha),
+            f"alpha = {self.alpha} must start positive and have its roots in the left half plane",
+        )
+        self._require(_hurwitz((1.0, *reversed(self.k))), f"k = {self.k} makes the chain (16) unstable")
 
     @property
     def relative_degree(self) -> int:
@@ -121,7 +121,7 @@ class Compensator:
     @classmethod
     def _for_rig(cls, rig: Rig, delta0: float, sigma0: float, lambda0: float, sample_time: float) -> Compensator:
         if rig.drive.kind == "none":
-            raise _refused(f"rig {rig.name!r} has no drive to control")
+            raise refused(cls, f"rig {rig.name!r} has no drive to control")
         return cls(
             delta0=delta0,
             sigma0=sigma0,
@@ -149,39 +149,14 @@ class Compensator:
 
         Raises UsageError for a sample time that is not positive.
         """
-        h = self.sample_time if sample_time is None else float(sample_time)
-        if not 0.0 < h < math.inf:
-            raise _refused(f"the sample time must be positive, and is {h}")
-        switched = self.back_emf_ratio if self.dead_zone_switch == "exact" else 0.0
-        head = np.zeros(law.ALPHA)
-        head[law.ORDER], head[law.SAMPLE_TIME] = len(self.k), h
+        head = self._common_parameters(sample_time)
+        h = head[law.SAMPLE_TIME]
+        head[law.ORDER] = len(self.k)
         head[law.DELTA0], head[law.LAMBDA0], head[law.SIGMA0] = self.delta0, self.lambda0, self.sigma0
         head[law.K_TILDE_MAX] = math.inf if self.k_tilde_max is None else self.k_tilde_max
         head[law.ERROR_DECAY] = math.exp(-h / self.filter_time) if self.filter_time > 0.0 else 0.0
         head[law.WHEEL_DECAY] = math.exp(-h / self.wheel_filter_time) if self.wheel_filter_time > 0.0 else 0.0
         head[law.PLANT_SIGN], head[law.DIFFERENTIATE_GAIN] = self.plant_sign, float(self.differentiate_gain)
-        head[law.LIMIT] = math.inf if self.voltage_limit is None else self.voltage_limit
-        head[law.COULOMB], head[law.BACK_EMF] = self.coulomb_voltage, switched
-        head[law.DEAD_NEGATIVE], head[law.DEAD_POSITIVE] = self.dead_zone_voltage
+        if self.dead_zone_switch == "printed":
+            head[law.BACK_EMF] = 0.0
         return np.concatenate([head, self.alpha, self.k])
-
-    def step(self, t: float, angles: Sequence[float], state: Array) -> tuple[float, Array]:
-        """One sample: (voltage (V) held to the next, new state).
-
-        `angles` = (reference, angle, wheel_angle) in rad (m), wheel_angle 0 without a wheel. The law does
-        not depend on `t` (s), which every controller is given. `state` is left as it is.
-        """
-        del t
-        reference, angle, wheel_angle = angles
-        moved = state.copy()
-        return float(compensator_step(reference, angle, wheel_angle, moved, _parameters(self))), moved
-
-
-@cache
-def _parameters(compensator: Compensator) -> Array:
-    """The parameter array of `step`, made once per compensator."""
-    return compensator.parameters()
-
-
-def _refused(sentence: str) -> UsageError:
-    return UsageError(f"Compensator: {sentence}.", code="bad-controller")

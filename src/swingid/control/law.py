@@ -1,16 +1,142 @@
-"""One sample of the consecutive compensator (14)-(20) as a compiled function.
+"""One sample of the consecutive compensator (14)-(20) as a compiled function, with the filter chain (16).
 
 `compensator_step` is the controller of the twin's compiled loop and of `Compensator.step` alike. State and
 parameters are flat arrays whose places are named here and made by `Compensator`.
+
+With the error e held, (16) is xi' = sigma(t) (A xi + B e) with a constant companion matrix A. All sigma(t)
+A commute, so the move over a sample is exp(A s), s the integral of sigma, however sigma varies; the rest
+point is (e, 0, ..., 0).
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from swingid.control.chain import chain_output, held_chain
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
+
+TAYLOR_TERMS = 14
+"""Terms of the scaled exponential: 0.5^15/15! lies below rounding."""
+
+
+@njit
+def exponential(matrix: Array) -> Array:
+    """Exponential of a small stable matrix (n, n), by scaling and squaring of a Taylor polynomial."""
+    n = matrix.shape[0]
+    size = 0.0
+    for i in range(n):
+        row = 0.0
+        for j in range(n):
+            row += abs(matrix[i, j])
+        size = max(size, row)
+    squarings = 0
+    while size > 0.5:
+        size *= 0.5
+        squarings += 1
+    result = np.eye(n)
+    for term in range(TAYLOR_TERMS, 0, -1):
+        result = multiply(matrix, result, 0.5**squarings / term)
+        for i in range(n):
+            result[i, i] += 1.0
+    for _ in range(squarings):
+        result = multiply(result, result, 1.0)
+    return result
+
+
+@njit
+def multiply(a: Array, b: Array, factor: float) -> Array:
+    """Product of two small square matrices and a factor, without BLAS."""
+    n = a.shape[0]
+    c = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for m in range(n):
+                c[i, j] += factor * a[i, m] * b[m, j]
+    return c
+
+
+@njit
+def held_chain(e: float, xi: Array, turn: float, k: Array) -> None:
+    """Move xi (n,) of (16) in place over one sample, the error e (rad or m) held.
+
+    turn: integral of sigma over the sample, a pure number; k (n,): k_1 ... k_n of (16). Exact, so stable at any rate.
+    """
+    n = xi.shape[0]
+    if n == 0:
+        return
+    if n == 1:
+        xi[0] = e + (xi[0] - e) * np.exp(-k[0] * turn)
+        return
+    companion = np.zeros((n, n))
+    for i in range(n - 1):
+        companion[i, i + 1] = turn
+    for i in range(n):
+        companion[n - 1, i] = -k[i] * turn
+    move = exponential(companion)
+    distance = xi.copy()
+    distance[0] -= e
+    for i in range(n):
+        xi[i] = 0.0
+        for j in range(n):
+            xi[i] += move[i, j] * distance[j]
+    xi[0] += e
+
+
+@njit
+def chain_output(
+    e: float,
+    xi: Array,
+    k_tilde: float,
+    slope: float,
+    sigma0: float,
+    alpha: Array,
+    k: Array,
+    differentiate_gain: bool,
+) -> float:
+    """alpha(p)(k xi_1) of (20), or k alpha(p) xi_1 of (15), at the start of a sample: -u2 of the paper (V).
+
+    e (rad or m) is held, xi (n,) the state of (16), k_tilde the gain, alpha (n + 1,) highest power first, k (n,);
+    differentiate_gain: (20), else (15).
+
+    `slope` is k tilde' (17). For order 1: alpha_1 (k' xi + k sigma k_1 (e - xi)) + alpha_0 k xi. Beyond,
+    the powers of p are read from the Taylor series of xi_1(t), with k tilde linear and sigma = sigma0 k^2
+    (19) quadratic in t.
+    """
+    n = xi.shape[0]
+    if n == 0:
+        return float(alpha[0] * k_tilde * e)
+    if n == 1:
+        rate = sigma0 * k_tilde * k_tilde * k[0] * (e - xi[0])
+        gain_term = slope * xi[0] if differentiate_gain else 0.0
+        return float(alpha[0] * (gain_term + k_tilde * rate) + alpha[1] * k_tilde * xi[0])
+    sigma = (
+        sigma0 * k_tilde * k_tilde,
+        2.0 * sigma0 * k_tilde * slope,
+        sigma0 * slope * slope,
+    )
+    series = np.zeros((n, n + 1))  # series[j, i]: coefficient of t^i of xi_(j+1)
+    for j in range(n):
+        series[j, 0] = xi[j]
+    for i in range(n):
+        for j in range(n):
+            for m in range(min(i, 2) + 1):
+                if j < n - 1:
+                    drive = series[j + 1, i - m]
+                else:
+                    drive = k[0] * e if i == m else 0.0
+                    for col in range(n):
+                        drive -= k[col] * series[col, i - m]
+                series[j, i + 1] += sigma[m] * drive / (i + 1)
+    output, factorial = 0.0, 1.0
+    for power in range(n + 1):
+        if power > 1:
+            factorial *= power
+        value = k_tilde * series[0, power]
+        if differentiate_gain and power > 0:
+            value += slope * series[0, power - 1]
+        output += alpha[n - power] * factorial * value
+    return output
+
 
 # Places in the state.
 K_TILDE, FILTERED_ERROR, WHEEL_MEMORY, WHEEL_SEEN, XI = 0, 1, 2, 3, 4

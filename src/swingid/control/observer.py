@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.control.chain import exponential
+from swingid.control.law import exponential
 from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit

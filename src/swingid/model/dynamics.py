@@ -19,7 +19,7 @@ from swingid.model.friction import sliding_friction
 from swingid.model.motor import branch_torque, motor_friction
 from swingid.model.parameters import A11, A12, A22, DIRECT, GEAR, B
 from swingid.numerics.arrays import Array
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit_inlined
 
 
 @njit_inlined

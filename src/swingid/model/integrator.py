@@ -15,8 +15,7 @@ from swingid.model.dynamics import accelerations
 from swingid.model.friction import bristle_rate
 from swingid.model.parameters import COULOMB_N, COULOMB_P, SIGMA0
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit, njit_inlined
 
 Q1, V1, Q2, V2, Z, STATES = 0, 1, 2, 3, 4, 5
 FIRST, LAST, TRIAL, NEW, NOW, ROWS = 0, 6, 7, 8, 9, 10

@@ -13,8 +13,7 @@ from __future__ import annotations
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, STATES, V1, V2, Mode, Z, derivative, quintic, step
 from swingid.model.sticking import choose_mode, first_dip, locate, margin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit, njit_inlined
 
 LONGEST = 1e-3  # s: no step is longer, so that two reversals seldom fall into one
 STRETCH = 1.0 + 1e-6

@@ -13,7 +13,7 @@ import numpy as np
 
 from swingid.model.parameters import C1, C2, D1, D2, ETA, F2, F3, GEAR
 from swingid.numerics.arrays import Array
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit_inlined
 
 
 @njit_inlined

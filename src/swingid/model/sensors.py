@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit_inlined
 
 # Places in an encoder's array.
 RESOLUTION, ALPHA, BETA, ZERO = 0, 1, 2, 3

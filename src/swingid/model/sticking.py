@@ -19,8 +19,7 @@ from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, Z,
 from swingid.model.motor import branch_margin, motor_branch
 from swingid.model.parameters import AXIS_STICKS, WHEEL_STATIC
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit, njit_inlined
 
 ROUNDING = 1e-9  # rad/s^2: an acceleration of the wrong side, but below this, is rounding
 RESOLUTION = 1e-14  # s: reversals and releases are located to this

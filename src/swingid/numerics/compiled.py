@@ -64,3 +64,18 @@ njit_sums: Callable[[Function], Function] = partial(
 
 njit_nogil: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy", nogil=True)
 """For kernels that take long enough to run in threads beside each other."""
+
+
+njit_inlined: Callable[[Function], Function] = partial(
+    numba.njit, cache=True, error_model="numpy", forceinline=True, _nrt=False
+)
+"""For functions that neither make nor return an array, nor call one that does.
+
+Without numba's runtime (_nrt) an array that is passed on is not counted as one more reference. The compiler cannot take
+these counts out where a function branches, and in a hot loop they cost more than the rest of the function.
+"""
+
+njit_inlined_with_arrays: Callable[[Function], Function] = partial(
+    numba.njit, cache=True, error_model="numpy", forceinline=True
+)
+"""For the others."""

@@ -1,7 +1,8 @@
-"""Test functions with compact support, and the projections of sampled signals on them.
+"""Modulating (test) functions with compact support, and the projections of sampled signals on them.
 
 φ(t) = (1 − s²)^m, s = (t − c)/L: zero with its first m − 1 derivatives at c ± L, so that integration by parts
-moves the derivatives of a signal on φ and leaves nothing at the ends.
+moves the derivatives of a signal on φ and leaves nothing at the ends. Functions of a signal's values are projected
+with hat functions of these values as their basis.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
-from swingid.numerics.search import rows_before
+from swingid.numerics.spline import rows_before
 
 POWER = 3
 """m of φ. With m = 3 φ'' is continuous; a larger m weights the window's middle more and passes more noise."""
@@ -286,3 +287,45 @@ def _overlap_table() -> tuple[Array, tuple[Array, Array, Array]]:
 def _curvature(s: Array) -> Array:
     p = 1 - s * s
     return -6 * p * (p - 4 * s * s)
+
+
+@njit
+def _project_hats(
+    time: Array, nodes: Array, knots: Array, centres: Array, half: Array, fractions: Array, weights: Array
+) -> Array:
+    points = nodes.shape[1]
+    place = np.empty(nodes.shape, np.int64)
+    share = np.empty(nodes.shape)
+    at = 0
+    for k in range(nodes.shape[0]):
+        for j in range(points):
+            # the speed changes little from node to node
+            while at < len(knots) - 2 and nodes[k, j] > knots[at + 1]:
+                at += 1
+            while at > 0 and nodes[k, j] <= knots[at]:
+                at -= 1
+            place[k, j] = at
+            share[k, j] = min(max((nodes[k, j] - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
+    result = np.zeros((len(centres), len(knots)))
+    for i in range(len(centres)):
+        k = max(rows_before(time, centres[i] - half[i], False) - 1, 0)
+        while k < len(time) - 1 and time[k] < centres[i] + half[i]:
+            h = time[k + 1] - time[k]
+            for j in range(points):
+                s = (time[k] + h * fractions[j] - centres[i]) / half[i]
+                if abs(s) < 1.0:
+                    w = h * weights[j] * phi(s, 0)
+                    result[i, place[k, j]] += w * (1.0 - share[k, j])
+                    result[i, place[k, j] + 1] += w * share[k, j]
+            k += 1
+    return result
+
+
+def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
+    """∫φ Λ_j(x) dt for the hat functions Λ_j on rising `knots`; returns (windows, knots).
+
+    The projection of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
+    Values of x beyond the knots count for the outermost one.
+    """
+    fractions, weights = gauss_rule(nodes.points)
+    return _project_hats(nodes.time, signal, knots, centres, half, fractions, weights)

@@ -11,9 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.arrays import Array, Ints, median, quantile
 from swingid.numerics.compiled import njit
-from swingid.numerics.ranks import median, quantile
 from swingid.numerics.spline import local_cubic
 from swingid.preparation.speed import NARROWEST, Speed, smooth_speed, typical_step
 

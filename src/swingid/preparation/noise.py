@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.model.rig import Rig
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, median
 from swingid.numerics.compiled import njit
-from swingid.numerics.ranks import median
 from swingid.preparation.motion import grid_step, sample_noise
 from swingid.recording.recording import Recording
 

@@ -7,10 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, median
 from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.ranks import median
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 
 NARROWEST = 3.5

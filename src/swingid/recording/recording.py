@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.numerics.ranks import median
+from swingid.numerics.arrays import median
 from swingid.recording.findings import Finding, Source
 
 if TYPE_CHECKING:

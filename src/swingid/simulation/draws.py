@@ -1,4 +1,4 @@
-"""What one run of the twin draws by its seed: constants, encoders, read times, noise, lost rows.
+"""What one run of the twin draws by its seed: constants, encoders, read times, noise, lost rows; and its metadata.
 
 Each kind of draw has a random stream of its own, so that turning one imperfection on leaves the draws of
 the others as they were.
@@ -6,7 +6,10 @@ the others as they were.
 
 from __future__ import annotations
 
+import platform
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -17,6 +20,7 @@ from swingid.model.sensors import Encoder
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array, Bools
+
 
 STREAMS = ("constants", "nonlinearity", "latency", "jitter", "noise", "dropouts")
 SIGNED = ("axis.gravity_torque", "axis.friction.offset")
@@ -103,3 +107,69 @@ def draw(
     else:
         values = {key: quantity.value for key, quantity in constants(rig).items()}
     return Draws(values, (encoders[0], encoders[1]), (latencies[0], latencies[1]), delays, noise, ~lost)
+
+
+PACKAGES = ("swingid", "numpy", "numba")
+
+
+@cache
+def versions() -> dict[str, str]:
+    """Versions of Python and of what computes the motion."""
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "unknown"
+    return found
+
+
+def describe(reference: object) -> str | None:
+    """A reference in words: its own `describe()`, else its name; None stays None."""
+    if reference is None:
+        return None
+    own = getattr(reference, "describe", None)
+    return str(own()) if callable(own) else str(getattr(reference, "__name__", type(reference).__name__))
+
+
+def truth(draws: Draws) -> dict[str, object]:
+    """What the run was really made with (SI), under the names of identified parameters.
+
+    For comparisons after the fact only: no method of identification may read it.
+    """
+    values = draws.values
+    found: dict[str, object] = {
+        "inertia": values["axis.inertia"],
+        "gravity_torque": values["axis.gravity_torque"],
+    }
+    prefix = "axis.friction."
+    found |= {key.removeprefix(prefix): value for key, value in values.items() if key.startswith(prefix)}
+    found["constants"] = dict(values)
+    for i, name in enumerate(("angle", "wheel")):
+        encoder = draws.encoders[i]
+        found[f"{name}_encoder"] = {
+            "nonlinearity_cosine": encoder.alpha,
+            "nonlinearity_sine": encoder.beta,
+            "latency": draws.latencies[i],
+        }
+    return found
+
+
+def metadata(rig: Rig, made: Draws, controller: object, reference: object, **arguments: object) -> dict[str, object]:
+    """Metadata of a twin's recording: how it was made, rig, versions, and the truth for comparisons.
+
+    controller: None where the loop was open; arguments: the others of `simulate`, by name.
+    """
+    return {
+        "made_by": "swingid simulate",
+        "simulation": {
+            **arguments,
+            "controller": "open loop" if controller is None else repr(controller),
+            "reference": describe(reference),
+        },
+        "rig": rig.text,
+        "rig_name": rig.name,
+        "rig_source": str(rig.source),
+        "versions": dict(versions()),
+        "truth": truth(made),
+    }

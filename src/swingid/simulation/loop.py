@@ -11,8 +11,7 @@ from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
 from swingid.model.parameters import OFFSET
 from swingid.model.sensors import encoder_reading
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit, njit_nogil
-from swingid.numerics.inlined import njit_inlined_with_arrays
+from swingid.numerics.compiled import njit, njit_inlined_with_arrays, njit_nogil
 
 # Kinds of controller.
 OPEN_LOOP, COMPENSATOR, BACKSTEPPING = 0, 1, 2

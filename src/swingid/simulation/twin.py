@@ -18,8 +18,8 @@ from swingid.model.motion import EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
+from swingid.simulation.draws import metadata
 from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
-from swingid.simulation.provenance import how_made, metadata
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -91,20 +91,7 @@ def simulate(
 
     Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
     """
-    return simulate_run(
-        rig,
-        reference,
-        controller,
-        duration=duration,
-        rate=rate,
-        seed=seed,
-        initial_angle=initial_angle,
-        initial_speed=initial_speed,
-        drive=drive,
-        push=push,
-        draw=draw,
-        encoder_zero=encoder_zero,
-    ).recording
+    return simulate_run(**locals()).recording  # the arguments as they are: both functions have the same
 
 
 def simulate_run(
@@ -162,20 +149,19 @@ def simulate_run(
         seen,
         log,
     )
-    how = how_made(
-        duration=duration,
-        rate=rate,
-        seed=seed,
-        drawn=draw,
-        initial_angle=initial_angle,
-        initial_speed=initial_speed,
-        encoder_zero=encoder_zero,
-        controller=None if open_loop else controller,
-        reference=reference,
-    )
+    arguments = {
+        "duration": duration,
+        "rate": rate,
+        "seed": seed,
+        "drawn": draw,
+        "initial_angle": initial_angle,
+        "initial_speed": initial_speed,
+        "encoder_zero": list(encoder_zero),
+    }
     if push is not None:
-        how["push"] = {"largest": float(np.max(np.abs(pushes))), "rows": int(np.count_nonzero(pushes))}
-    recording = recording_of(rig, times, inputs, open_loop, log, made, metadata(rig, how, made))
+        arguments["push"] = {"largest": float(np.max(np.abs(pushes))), "rows": int(np.count_nonzero(pushes))}
+    data = metadata(rig, made, None if open_loop else controller, reference, **arguments)
+    recording = recording_of(rig, times, inputs, open_loop, log, made, data)
     return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
 
 
@@ -276,14 +262,7 @@ def recording_of(
     )
 
 
-def _truth(
-    wanted: Array,
-    true: Array,
-    commands: Array,
-    p: Array,
-    made: draws.Draws,
-    counts: Ints,
-) -> Truth:
+def _truth(wanted: Array, true: Array, commands: Array, p: Array, made: draws.Draws, counts: Ints) -> Truth:
     return Truth(
         time=wanted,
         angle=true[:, Q1],

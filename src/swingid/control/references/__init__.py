@@ -1,13 +1,9 @@
-"""Reference motions: one file each, and `parse_reference` that reads them from text."""
+"""Reference motions: those with formulas, those given by samples, and `parse_reference` that reads them from text."""
 
 from swingid.control.references.base import Reference, require_axis
-from swingid.control.references.chirp import Chirp
-from swingid.control.references.multisine import Multisine
+from swingid.control.references.motions import Chirp, Multisine, Sine, Strokes, Triangle
 from swingid.control.references.parse import parse_reference
 from swingid.control.references.sampled import Motion, Sampled
-from swingid.control.references.sine import Sine
-from swingid.control.references.strokes import Strokes
-from swingid.control.references.triangle import Triangle
 
 __all__ = [
     "Chirp",

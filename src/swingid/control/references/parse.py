@@ -20,12 +20,8 @@ import re
 from collections.abc import Callable
 
 from swingid.control.references.base import Reference
-from swingid.control.references.chirp import Chirp
-from swingid.control.references.multisine import Multisine
+from swingid.control.references.motions import Chirp, Multisine, Sine, Strokes, Triangle
 from swingid.control.references.sampled import Sampled
-from swingid.control.references.sine import Sine
-from swingid.control.references.strokes import Strokes
-from swingid.control.references.triangle import Triangle
 from swingid.errors import InputError, UsageError
 
 EXAMPLES = {

@@ -13,8 +13,7 @@ from swingid.methods.energy.effects import effects
 from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
-from swingid.numerics.arrays import Array
-from swingid.numerics.ranks import median
+from swingid.numerics.arrays import Array, median
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
 from swingid.result.result import (

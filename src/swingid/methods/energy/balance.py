@@ -21,8 +21,7 @@ from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
-from swingid.numerics.cumulative import antiderivatives
-from swingid.numerics.quadrature import GaussNodes, gauss_rule
+from swingid.numerics.quadrature import GaussNodes, antiderivatives, gauss_rule
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale

@@ -14,9 +14,8 @@ import numpy as np
 
 from swingid.control.observer import VelocityObserver, filtered_both_ways
 from swingid.errors import UsageError
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, median
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.ranks import median
 from swingid.preparation.speed import Speed
 
 

@@ -17,7 +17,7 @@ from swingid.checks.zero import check_zero
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import left
 from swingid.model.rig import Rig
-from swingid.numerics.ranks import median, quantile
+from swingid.numerics.arrays import median, quantile
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale

@@ -17,7 +17,7 @@ from swingid.methods.energy.fit import NodeFit
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.arrays import Array
-from swingid.numerics.cumulative import running_integrals
+from swingid.numerics.quadrature import running_integrals
 from swingid.preparation.scale import Scale
 from swingid.units import Quantity
 

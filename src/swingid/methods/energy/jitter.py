@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.numerics.arrays import Array, Bools, Ints
-from swingid.numerics.ranks import median
+from swingid.numerics.arrays import Array, Bools, Ints, median
 from swingid.preparation.motion import DIFFERENCES, sixth_differences
 from swingid.preparation.noise import EVEN, Noise
 from swingid.recording.recording import Recording

@@ -8,7 +8,7 @@ import numpy as np
 
 from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.compiled import njit
-from swingid.numerics.search import rows_before
+from swingid.numerics.spline import rows_before
 from swingid.preparation.motion import Motion
 
 

@@ -25,7 +25,7 @@ from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.fit import NodeFit, block_covariance, columns_at, influence_of, within_blocks
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.cumulative import running_hats
+from swingid.numerics.quadrature import running_hats
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
 

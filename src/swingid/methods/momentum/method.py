@@ -31,7 +31,7 @@ from swingid.methods.momentum.latency import Seen, check_latency, with_latency
 from swingid.methods.momentum.loss import loss_unexplained
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, units_on
-from swingid.numerics.ranks import median
+from swingid.numerics.arrays import median
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise

@@ -30,8 +30,7 @@ from swingid.methods.output_error.partials import axis_row, friction_slope
 from swingid.model.friction import sliding_friction
 from swingid.model.parameters import A11, A12, SIZE, B
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit, njit_inlined
 
 GAIN = SIZE
 """Place of the gain of the torque (1), behind those of the rig's vector."""

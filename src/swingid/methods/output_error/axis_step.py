@@ -7,7 +7,7 @@ import math
 from swingid.model.friction import release_margin, sliding_friction
 from swingid.model.parameters import A11, A12, AXIS_STICKS, STRIBECK_SPEED, B
 from swingid.numerics.arrays import Array
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit_inlined
 
 WHEEL, SPEED, TORQUE, COURSES = 0, 1, 2, 3
 """Rows of `courses`: cubics of the wheel's angle (from the segment's start, rad), its speed, and the torque (N m)."""

@@ -18,8 +18,7 @@ from swingid.model.motion import COUNTS, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE, B
 from swingid.model.sticking import choose_mode, stop_reversed
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit, njit_inlined
 
 READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""

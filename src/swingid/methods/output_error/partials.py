@@ -34,7 +34,7 @@ from swingid.model.parameters import (
     B,
 )
 from swingid.numerics.arrays import Array
-from swingid.numerics.inlined import njit_inlined
+from swingid.numerics.compiled import njit_inlined
 
 
 @njit_inlined

@@ -41,10 +41,23 @@ from swingid.model.parameters import (
 )  # fmt: skip
 from swingid.model.sticking import mode_at_rest, side
 from swingid.numerics.arrays import Array, Ints
-from swingid.simulation.ensemble.lane_functions import decay, njit_lane, njit_threads, sine_cosine
 from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
-from swingid.simulation.ensemble.polynomial import INVERSES, MOST_TRIALS, TERMS, grade, last_terms, passed, root, value
-from swingid.simulation.ensemble.series import Axis, Mobility
+from swingid.simulation.ensemble.series import (
+    INVERSES,
+    MOST_TRIALS,
+    TERMS,
+    Axis,
+    Mobility,
+    decay,
+    grade,
+    last_terms,
+    njit_lane,
+    njit_threads,
+    passed,
+    root,
+    sine_cosine,
+    value,
+)
 
 LAST = 1e-13
 """rad per step: what the last term of a series may be, so that the next is well below it."""

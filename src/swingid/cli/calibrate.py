@@ -10,7 +10,7 @@ import typer
 from swingid.cli.options import JsonOrRefusal, Report, RigFile
 from swingid.cli.output import announce_compilation, check_once, check_targets, check_writable, hand_over, refusals_to
 from swingid.errors import UsageError
-from swingid.files import write_whole
+from swingid.system import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Callable

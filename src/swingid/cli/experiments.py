@@ -21,7 +21,7 @@ from swingid.cli.output import (
 )
 from swingid.cli.simulate import Gains, compensator_of, motion_of, parse_angle
 from swingid.errors import SwingidError, UsageError
-from swingid.files import write_whole
+from swingid.system import write_whole
 
 
 def design(

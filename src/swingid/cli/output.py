@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Protocol, TextIO
 
 from swingid.errors import InputError, SwingidError, UsageError
-from swingid.files import write_whole
+from swingid.system import write_whole
 
 
 def say(message: str) -> None:

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.files import write_whole
 from swingid.recording.formats import parquet, read_table, writer_for
 from swingid.recording.formats.table import METADATA_KEY
 from swingid.recording.large import is_large
 from swingid.recording.large.log import pieces_of
 from swingid.recording.load import read_bytes
+from swingid.system import write_whole
 
 
 def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], list[str]]:

@@ -15,8 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import InputError, UsageError
-from swingid.files import write_whole
 from swingid.recording.formats.isolated import require
+from swingid.system import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

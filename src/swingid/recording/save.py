@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.files import write_whole
 from swingid.recording.conventions import Conventions
 from swingid.recording.formats import writer_for
+from swingid.system import write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

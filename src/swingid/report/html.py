@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from swingid.files import write_whole
 from swingid.format import interval
 from swingid.report import tables
 from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
@@ -14,6 +13,7 @@ from swingid.report.style import house_style, to_svg
 from swingid.report.words import DRIVES, KINDS, parameter_word
 from swingid.result.result import Result
 from swingid.result.summary import log_row, relative, segment_text, value_text, why_unknown
+from swingid.system import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -19,10 +19,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swingid.errors import InputError
-from swingid.files import write_whole
 from swingid.study.campaign.plan import Plan, differing_key
 from swingid.study.campaign.tables import RESERVED
-from swingid.system import locked
+from swingid.system import locked, write_whole
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -1,4 +1,4 @@
-"""What differs between operating systems (cores, user, locks, limits of a process), and files read and written whole."""
+"""What differs between operating systems (cores, user, locks, limits of a process); files read and written whole."""
 
 from __future__ import annotations
 

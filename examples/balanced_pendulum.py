@@ -2,8 +2,8 @@
 
     python examples/balanced_pendulum.py [FOLDER]
 
-Two logs of the twin, identified from their files and subtracted; then the other direction: a wheel stated 1 % wrong is
-found out by the body, whose inertia is known. Logs and results (JSON) go to FOLDER, or to out/balanced_pendulum.
+Two logs of the twin, identified from their files and subtracted; then the other direction: a body of known inertia
+corrects a wheel that is stated 1 % wrong. Logs and results (JSON) go to FOLDER, or to out/balanced_pendulum.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A twin of the paper's pendulum, and its inertia out of the twin's log: what ``make demo`` runs.
 
 The twin has 14-bit encoders, a controller with the gains of the paper's experiment at 1 kHz, and a bearing whose
-friction is Stribeck + quadratic. Identification is told nothing of that bearing, nor of the twin's inertia: it gets
-the log's file and the rig named "paper", as a user would give them.
+friction is Stribeck + quadratic. The identification gets neither that friction nor the twin's inertia, only the log's
+file and the rig named "paper", as from a user.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""One estimate of the inertia per swing, while the log is still being written.
+"""One estimate of the inertia per swing, from a stream of rows.
 
     python examples/online.py [LOG RIG]
 
@@ -22,7 +22,7 @@ def rows(log: sw.Recording) -> Iterator[tuple[float | None, ...]]:
 
 
 def twin() -> tuple[sw.Recording, sw.Rig]:
-    """Twenty seconds of the paper's motion with Stribeck friction, and a rig that says nothing of it."""
+    """Twenty seconds of the paper's motion with Stribeck friction, and a rig that does not state it."""
     rig = sw.Rig.load("paper")
     friction = {"axis.friction.coulomb": 2e-3, "axis.friction.static": 4e-3, "axis.friction.stribeck_speed": 0.3}
     plant = rig.changed(friction)

@@ -1,8 +1,8 @@
-"""How the inertia depends on the length of the test functions, and what the exact treatment of their ends is worth.
+"""The inertia against the length of the modulating functions, with and without exact integration at their ends.
 
     python examples/windows.py LOG RIG [HALF-LENGTH ...]
 
-For every half-length (s) the "law" windows of the part worth using are fitted once with the integrals of the package,
+For every half-length (s) the "law" windows of the used part are fitted once with the integrals of the package,
 and once with the plain sum over the quadrature nodes that lie inside each window, which cuts the intervals at the
 window's ends off at a node.
 """

@@ -18,6 +18,7 @@ import swingid as sw
 from swingid.balance.fits import BASIS, Noise, WindowFit, fit_rows
 from swingid.balance.rows import Signals, Windows, rows_of
 from swingid.balance.windows import law_windows
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion, sample_noise
 from swingid.preparation.scale import Scale
 from swingid.preparation.segment import usable_part
@@ -45,7 +46,7 @@ def fits(log: sw.Recording, rig: sw.Rig, half: float) -> tuple[WindowFit, Window
     start, stop, _ = usable_part(whole, rig.drive.kind, float(log.time[0]), float(log.time[-1]))
     used = log.segment(start, stop)
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
-    signals = Signals.of(used, rig, motion, longest=0.0)  # blocks of one interval, for the sums to be plain
+    signals = Signals.of(used, rig, motion, Encoders.of(rig), longest=0.0)  # blocks of one interval: plain sums
     rows = rows_of(signals, law_windows(signals, half))
     exact = fit_rows(rows, Scale.of(rig), noise, BASIS)
     plain = fit_rows(replace(rows, inertia=plain_sum(signals, rows.windows)), Scale.of(rig), noise, BASIS)

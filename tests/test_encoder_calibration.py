@@ -28,7 +28,7 @@ from swingid.control.references import parse_reference
 from swingid.errors import InputError, UnanswerableError
 from swingid.identification import identify
 from swingid.model.rig import Rig
-from swingid.recording.encoders import straightened, true_angles
+from swingid.preparation.encoders import corrected, true_angles
 from swingid.recording.recording import Recording
 from swingid.recursive import swing_estimates
 from swingid.simulation.draws import draw
@@ -183,10 +183,10 @@ def test_the_repair_can_be_switched_off(three, calibrated, tmp_path):
     logs, _, rig = three
     path = logs[0].save(tmp_path / "again.parquet", rig)
     off = Recording.load(path, calibrated.rig, repairs={"encoders": False})
-    assert np.array_equal(straightened(off, calibrated.rig).angle, logs[0].angle)
+    assert np.array_equal(corrected(off, calibrated.rig)[0].angle, logs[0].angle)
     assert np.array_equal(off.angle, logs[0].angle)
-    once = straightened(logs[0], calibrated.rig)
-    assert straightened(once, calibrated.rig) is once
+    once = corrected(logs[0], calibrated.rig)[0]
+    assert corrected(once, calibrated.rig)[0] is once
 
 
 def test_what_is_stated_is_passed_on_and_not_found_again(three, calibrated):
@@ -207,12 +207,12 @@ def test_what_is_stated_is_passed_on_and_not_found_again(three, calibrated):
 
 def test_a_large_nonlinearity_without_values_is_warned_of(three):
     logs, rig = three[0], three[2].changed({"sensors.nonlinearity": "0.5 deg"})
-    (warning,) = straightened(logs[0], rig).findings[len(logs[0].findings) :]
+    (warning,) = corrected(logs[0], rig)[0].findings[len(logs[0].findings) :]
     assert (warning.code, warning.level) == ("large-nonlinearity", "warning")
     assert "calibrate --encoders" in warning.message
-    assert straightened(straightened(logs[0], rig), rig).findings.count(warning) == 1
+    assert corrected(corrected(logs[0], rig)[0], rig)[0].findings.count(warning) == 1
     for known in ({"sensors.nonlinearity": "0.2 deg"}, {"sensors.nonlinearity_sine": 0.001}):
-        assert warning not in straightened(logs[0], rig.changed(known)).findings
+        assert warning not in corrected(logs[0], rig.changed(known))[0].findings
 
 
 def test_the_rig_file_keeps_its_comments_and_what_was_declared(three):

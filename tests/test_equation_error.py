@@ -25,10 +25,10 @@ from swingid.balance.rows import Signals
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.methods.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff, choose_cutoff, lowpass
-from swingid.methods.equation_error.estimate import Part, estimate
+from swingid.methods.equation_error.estimate import OnGrid, estimate
 from swingid.methods.equation_error.grid import curvature, slope
 from swingid.numerics.regression import hac_covariance, parzen
-from swingid.preparation.noise import channel_noise
+from swingid.preparation.prepared import prepare
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
@@ -181,9 +181,9 @@ def test_what_noise_makes_of_the_difference_of_two_cutoffs_is_known():
     differences, predicted = [], []
     for seed in range(40):
         log = noisy(clean, 1e-3, seed)
-        part = Part.of(log, rig, channel_noise(log, rig))
-        signals = Signals.of(part.log, rig, part.motion)
-        judged, _ = estimate(part, signals, scale, Cutoff(8.0, ""), "viscous", instruments=True)
+        part = prepare(log, rig).part(reread=True)
+        signals = Signals.of(part.log, rig, part.motion, part.encoders)
+        judged, _ = estimate(OnGrid.of(part, rig), signals, scale, Cutoff(8.0, ""), "viscous", instruments=True)
         (other, *_) = judged.cutoffs.values()
         differences.append(other.fit.a11 - judged.chosen.fit.a11)
         predicted.append(judged.chosen.variance_of_difference(other, judged.motion))

@@ -16,6 +16,7 @@ from swingid.balance.windows import law_windows
 from swingid.identification import identify
 from swingid.numerics.spline import kinked_slopes
 from swingid.numerics.test_functions import phi
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.recording.recording import Recording
@@ -36,7 +37,7 @@ def nothing(v):
 def columns():
     """Friction columns on windows of a known motion, whose reversals are found to a microsecond."""
     log = wheel_log(exact_rig(), TWO_TONES, nothing, TIME)
-    signals = Signals.of(log, exact_rig(), find_motion(log.time, log.angle, 0.0))
+    signals = Signals.of(log, exact_rig(), find_motion(log.time, log.angle, 0.0), Encoders.of(exact_rig()))
     rows = rows_of(signals, law_windows(signals, 0.12))
     return FrictionRows.of(signals, rows)
 
@@ -120,7 +121,9 @@ def test_a_drive_that_balances_friction_leaves_no_delay():
     log = encoded(wheel_log(exact_rig(), ONE_TONE, lambda v: 3e-3 * np.sign(v), TIME))
     noise = channel_noise(log, exact_rig())
     found = find_motion(log.time, log.angle, noise.angle)
-    signals = Signals.of(log, exact_rig(), found.reread(log.time, log.angle, found.speed.half_width))
+    signals = Signals.of(
+        log, exact_rig(), found.reread(log.time, log.angle, found.speed.half_width), Encoders.of(exact_rig())
+    )
     predicted = lateness(signals.motion, lambda v: 3e-3 * np.sign(v), INERTIA)
     late = late_reversals(signals, lambda v: 3e-3 * np.sign(v), INERTIA, noise)
     assert np.mean(late) < 0.2 * np.mean(predicted)

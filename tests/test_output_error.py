@@ -26,6 +26,7 @@ from swingid.identification import identify
 from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.solver import loss_of, reduce
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.simulation import simulate
@@ -63,7 +64,7 @@ def error(result):
 
 def problem_and_unknowns(log, rig, source, law, free=()):
     noise = channel_noise(log, rig)
-    problem = problem_of(log, rig, noise, source, 0.8, 0.1)
+    problem = problem_of(log, Encoders.of(rig), noise, source, 0.8, 0.1)
     return problem, unknowns_of(rig, Scale.of(rig), law, free, 7.0, 1.0)
 
 

@@ -14,6 +14,7 @@ from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.resolution import grid_covariance
 from swingid.methods.output_error.solver import influence_of, solve
 from swingid.methods.output_error.unknowns import ZERO, unknowns_of
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.simulation import simulate
@@ -69,7 +70,7 @@ def test_the_place_of_the_grid_moves_the_answer_as_the_budget_says(source):
     noise = channel_noise(replace(log, angle=step * np.rint(log.angle / step)), rig)
     unknowns = unknowns_of(rig, Scale.of(rig), "viscous", (), 7.0, 1.0, noise.resolution)
     found = []
-    problem = problem_of(log, rig, noise, source, 1.5, 0.1)
+    problem = problem_of(log, Encoders.of(rig), noise, source, 1.5, 0.1)
     begin = np.array([INERTIA, 1.144e-3, 0.0])
     for place in np.arange(16) / 16:
         grids = np.where(problem.wheel, noise.wheel_resolution, step)

@@ -16,6 +16,7 @@ from swingid.methods.energy.passes import mirrored_passes
 from swingid.methods.energy.printed import DEPTHS, chosen_nodes, printed_fit, states_of_pairs
 from swingid.methods.energy.symmetry import Profile, asymmetry_bound, friction_profile
 from swingid.model.rig import Rig
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
@@ -39,7 +40,7 @@ def parts(log: Recording):
     """Course, nodes of (6), its fit, and the profile of friction of a log."""
     noise, scale = Noise(1e-7, 0.0, 1e-3), Scale.of(DIRECT)
     motion = find_motion(log.time, log.angle, noise.angle)
-    course = Course.of(log, DIRECT, motion, noise)
+    course = Course.of(log, DIRECT, motion, noise, Encoders.of(DIRECT))
     few = mirrored_passes(motion, DEPTHS, log.time, 0.1)
     states = states_of_pairs(course, chosen_nodes(few), linear=False)
     many = mirrored_passes(motion, method.LEVELS, log.time, 0.1)

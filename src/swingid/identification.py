@@ -11,8 +11,6 @@ from pathlib import Path
 
 from swingid.errors import SwingidError, UnanswerableError, UsageError
 from swingid.model.rig import Rig
-from swingid.preparation.push import without_pushes
-from swingid.recording.encoders import straightened
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
@@ -126,17 +124,13 @@ def _of_one(
     """The result of one log, to whose findings `more` are added."""
     if isinstance(log, Recording):
         log = replace(log, findings=(*log.findings, *more)) if more else log
-        used = without_pushes(straightened(log, rig), rig)
-        result = function(used, rig, **options)
-        if len(used.left_out) == 0 or result.details is None:
-            return result
-        return replace(result, details=replace(result.details, left_out=used.left_out))
+        return function(log, rig, **options)
     from swingid.pooling.parts import identify_large, require_in_parts
 
     require_in_parts(log, method)
     if "alone" in inspect.signature(function).parameters:
         options = {"alone": False} | dict(options)
-    return identify_large(log, lambda part: function(without_pushes(straightened(part, rig), rig), rig, **options))
+    return identify_large(log, lambda part: function(part, rig, **options))
 
 
 def method_function(method: str) -> Callable[..., Result]:

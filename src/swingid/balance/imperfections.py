@@ -75,11 +75,11 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
     What the rig file states of it was found in data, maybe in these, and is passed on: to find it again would count
     them twice. Fitted at the joint estimate and passed on, a11 has the variance of the joint fit.
     """
-    encoders = rig.sensors.of("angle"), rig.sensors.of("wheel")
-    if encoders[0].nonlinearity:
-        yield from _bent(encoders[0], axis_bends(signals, rows, a11, b), "angle", "sensors.nonlinearity")
-    if encoders[1].nonlinearity and rig.drive.kind == "reaction-wheel":
-        yield from _bent(encoders[1], wheel_bends(signals, rows, rig.drive.a12), "wheel", "sensors.wheel.nonlinearity")
+    axis, wheel = signals.encoders.angle, signals.encoders.wheel
+    if axis.nonlinearity:
+        yield from _bent(axis, axis_bends(signals, rows, a11, b), "angle", "sensors.nonlinearity")
+    if wheel.nonlinearity and rig.drive.kind == "reaction-wheel":
+        yield from _bent(wheel, wheel_bends(signals, rows, rig.drive.a12), "wheel", "sensors.wheel.nonlinearity")
 
 
 def _bent(sensor: Sensor, bends: dict[str, Array], which: str, key: str) -> Iterator[Imperfection]:
@@ -113,8 +113,8 @@ def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]
     Inertia, gravity and friction all come from the angle, so an angle that is late is a drive that is early; a free
     decay feels nothing of it.
     """
-    std = rig.sensors.of("angle").latency.std or 0.0
-    wheel = rig.sensors.of("wheel").latency.std or 0.0
+    std = signals.encoders.angle.latency.std or 0.0
+    wheel = signals.encoders.wheel.latency.std or 0.0
     if signals.wheel_values is not None and (std > 0 or wheel > 0):
         effect = late_channel(signals, rows, rig.drive.a12)
         yield Imperfection("angle latency", std, -effect, 0.0, "sensors.latency", True)

@@ -152,8 +152,8 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     assert signals.wheel_values is not None
     speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
     # the dead zone bends, so the torque is taken row by row, held in between, and only then gathered into blocks
-    middles = (stamps[1:] + stamps[:-1]) / 2
-    wheel_speed, voltage = speed.at(middles), _voltage(log, rig, middles, held=log.drive_held)
+    middles, late = (stamps[1:] + stamps[:-1]) / 2, signals.encoders.angle.latency.value
+    wheel_speed, voltage = speed.at(middles), _voltage(log, late, middles, held=log.drive_held)
     is_relative = rig.log.wheel_angle_is == "relative"
     sign = -1.0 if is_relative else 1.0
     other_speed = wheel_speed + sign * signals.motion.speed.at(middles)
@@ -178,14 +178,14 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
 
     as_stated = stated.residual(expected)
     # half a row is what both readings differ by, and a latency of it looks alike
-    unsure = max(rig.sensors.of("angle").latency.std or 0.0, rig.sensors.of("wheel").latency.std or 0.0)
+    unsure = max(signals.encoders.angle.latency.std or 0.0, signals.encoders.wheel.latency.std or 0.0)
     asked = as_stated > FINE and SURE * unsure < noise.step / 2
     return MotorBalance(
         as_stated=as_stated,
         otherwise=other.residual(expected),
         turned=under(-voltage) if as_stated > GOOD else np.inf,
         held=log.drive_held,
-        held_otherwise=under(_voltage(log, rig, middles, held=not log.drive_held)) if asked else np.inf,
+        held_otherwise=under(_voltage(log, late, middles, held=not log.drive_held)) if asked else np.inf,
         is_relative=is_relative,
         refitted=stated.refitted(tells, expected) if enough else None,
         refitted_otherwise=other.refitted(tells, expected) if enough else None,
@@ -193,10 +193,10 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     )
 
 
-def _voltage(log: Recording, rig: Rig, middles: Array, *, held: bool) -> Array:
-    """The voltage between the rows, on the clock of the angle: an angle that is read late meets a later voltage."""
+def _voltage(log: Recording, late: float, middles: Array, *, held: bool) -> Array:
+    """The voltage between the rows, on the clock of the angle: one that is read `late` (s) meets a later voltage."""
     assert log.voltage is not None
-    late, count = rig.sensors.of("angle").latency.value, len(middles)
+    count = len(middles)
     if held:
         moved = log.voltage[:, None] if late == 0.0 else GaussNodes(log.time, 2).hold(log.voltage, late)
         means: Array = moved[:count].mean(axis=1)

@@ -18,8 +18,9 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools, Ints, quantile
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.numerics.spline import spline_slopes
 from swingid.numerics.test_functions import project_impulses, project_stacked, project_steps
+from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.motion import Motion
 from swingid.preparation.speed import speed_on_grid
 from swingid.recording.recording import Recording
@@ -29,6 +30,9 @@ BLOCK = 1 / 8
 
 FEWEST_BLOCKS = 4
 """Blocks that half a window holds, at least."""
+
+COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness")
+"""Properties of `Signals` that depend neither on the turning points nor on what is declared of the encoders."""
 
 FINE = 1 / 6
 """Length of the blocks on which the friction near rest is seen, of those of the signals."""
@@ -78,6 +82,7 @@ class Signals:
     motion: Motion
     linear: bool
     source: tuple[Recording, Rig]
+    encoders: Encoders
     longest: float
 
     @cached_property
@@ -103,11 +108,17 @@ class Signals:
         """The same signals with every turning point `late` seconds earlier (one value each)."""
         motion = self.motion.earlier(late)
         edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
-        moved = replace(self, motion=motion, edges=edges, directions=directions)
+        changed = replace(self, motion=motion, edges=edges, directions=directions)
         # what does not depend on the turning points is computed once
-        for name in ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness"):
-            moved.__dict__[name] = getattr(self, name)
-        return moved
+        for name in COMPUTED:
+            changed.__dict__[name] = getattr(self, name)
+        return changed
+
+    def declaring(self, encoders: Encoders) -> Signals:
+        """The same signals, of encoders of which other uncertainties are declared."""
+        changed = replace(self, encoders=encoders)
+        changed.__dict__.update({name: value for name, value in self.__dict__.items() if name in COMPUTED})
+        return changed
 
     @cached_property
     def longest_step(self) -> float:
@@ -172,21 +183,23 @@ class Signals:
         """These signals, or on shorter blocks where half-lengths of `half` (s) need them."""
         if half >= FEWEST_BLOCKS * self.longest:
             return self
-        return Signals.of(*self.source, self.motion, longest=half / (2 * FEWEST_BLOCKS))
+        return Signals.of(*self.source, self.motion, self.encoders, longest=half / (2 * FEWEST_BLOCKS))
 
     @classmethod
-    def of(cls, log: Recording, rig: Rig, motion: Motion, *, longest: float | None = None) -> Signals:
-        """Signals of a log at the nodes of blocks no longer than `longest` (s).
+    def of(
+        cls, log: Recording, rig: Rig, motion: Motion, encoders: Encoders, *, longest: float | None = None
+    ) -> Signals:
+        """Signals of a log at the nodes of blocks no longer than `longest` (s), on the clock of the angle.
 
         By default they are short beside the quickest turn of the motion.
         """
         longest = BLOCK * motion.quickest if longest is None else longest
         nodes = BlockNodes.of(log.time, longest)
-        late = rig.sensors.of("angle").latency.value
+        late = encoders.angle.latency.value
         angle = nodes.spline(log.angle)
         wheel = wheel_values = wheel_slopes = None
         if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
-            wheel_values = moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value - late)
+            wheel_values = moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late)
             wheel_slopes = spline_slopes(log.time, wheel_values)
             wheel = nodes.cubics(wheel_values, wheel_slopes)
         torque = None
@@ -210,15 +223,9 @@ class Signals:
             motion=motion,
             linear=rig.axis.kind == "linear",
             source=(log, rig),
+            encoders=encoders,
             longest=longest,
         )
-
-
-def moved(time: Array, values: Array, late: float) -> Array:
-    """A channel read `late` seconds after its stamps, on the stamps (declared latencies only; usually 0)."""
-    if late == 0.0:
-        return values
-    return spline_at(time, values, spline_slopes(time, values), time - late, 0)
 
 
 @dataclass(frozen=True)

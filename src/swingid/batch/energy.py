@@ -14,11 +14,12 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from swingid.batch.kernels import njit_sums_threads, slopes, smoothing
-from swingid.batch.plan import Batch, Plan, require_batch
+from swingid.batch.plan import Batch, Plan, at_stamps, require_batch
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.scale import Scale
 from swingid.system import cores
 
@@ -187,6 +188,7 @@ def energy_batch(
     """
     scale = Scale.of(rig)
     require_batch(rig, scale)
+    encoders = Encoders.of(rig)
     if scale.drive == "reaction-wheel" and (wheel_angle is None or voltage is None):
         raise InputError(
             "the energy method needs the wheel angle and the voltage; record them.", code="missing-voltage"
@@ -202,8 +204,10 @@ def energy_batch(
 
     def part(begin: int) -> tuple[Array, Array]:
         own = slice(begin, begin + TOGETHER)
-        columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, COLUMNS))
-        counts = energy_runs(angle[own], wheel[own], volts[own], step, span, LEVELS, weights, constants, columns)
+        columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, passes.COLUMNS))
+        q1 = at_stamps(angle[own], rate, encoders.angle.latency.value)
+        q2 = at_stamps(wheel[own], rate, encoders.wheel.latency.value)
+        counts = energy_runs(q1, q2, volts[own], step, span, LEVELS, weights, constants, columns)
         return _fitted(columns, counts)
 
     with ThreadPoolExecutor(threads or cores()) as pool:

@@ -32,12 +32,13 @@ from swingid.batch.kernels import (
     smoothing,
     window_weights,
 )
-from swingid.batch.plan import Batch, Plan, require_batch
+from swingid.batch.plan import Batch, Plan, at_stamps, require_batch
 from swingid.errors import UnanswerableError
 from swingid.methods.energy.balance import SHARE
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER, overlap_terms
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.scale import Scale
 from swingid.system import cores
 
@@ -61,6 +62,8 @@ def momentum_batch(
     """
     scale = Scale.of(rig)
     require_batch(rig, scale)
+    encoders = Encoders.of(rig)
+    late = encoders.wheel.latency.value - encoders.angle.latency.value
     rows, step = angle.shape[1], 1.0 / rate
     reach = 2 * max(2, round(0.5 * plan.half * rate))
     width = max(plan.width, NARROWEST * step)
@@ -75,7 +78,7 @@ def momentum_batch(
     wheel = np.empty((0, rows)) if wheel_angle is None else wheel_angle
 
     def part(begin: int, end: int) -> None:
-        own = wheel[begin:end] if len(wheel) else wheel
+        own = at_stamps(wheel[begin:end], rate, late) if len(wheel) else wheel
         project_runs(angle[begin:end], own, step, (speed, kink), first, reach // 2, weights, columns[begin:end])
 
     workers = threads or cores()

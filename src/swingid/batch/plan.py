@@ -12,6 +12,7 @@ from swingid.methods.energy.balance import SHARE
 from swingid.methods.momentum.method import momentum
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import smooth_speed
@@ -88,9 +89,18 @@ def require_batch(rig: Rig, scale: Scale) -> None:
             "identify these logs one by one.",
             code="not-for-batches",
         )
-    if any(part.value for name in ("angle", "wheel") for part in rig.sensors.of(name).parts.values()):
+    encoders = Encoders.of(rig)
+    if any(part.value for sensor in (encoders.angle, encoders.wheel) for part in sensor.parts.values()):
         raise InputError(
             f"rig {rig.name}: many logs at once are taken as read, but sensors states a nonlinearity; "
             "identify these logs one by one.",
             code="not-for-batches",
         )
+
+
+def at_stamps(values: Array, rate: float, late: float) -> Array:
+    """A channel of many logs (n, rows) that was read `late` seconds after its stamps, at the stamps."""
+    if late == 0.0 or len(values) == 0:
+        return values
+    time = np.arange(values.shape[1]) / rate
+    return np.stack([moved(time, row, late) for row in values])

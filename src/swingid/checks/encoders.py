@@ -17,6 +17,7 @@ from swingid.balance.rows import Signals
 from swingid.checks.answer import LEAST
 from swingid.format import plus_minus
 from swingid.model.rig import Rig
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
@@ -42,12 +43,12 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale, noi
 
     Not where gravity is sought as well, whose column is nearly that of a nonlinearity.
     """
-    if signals.linear or scale.drive == "none" or scale.b is None or rig.sensors.of("angle").bent:
+    if signals.linear or scale.drive == "none" or scale.b is None or signals.encoders.angle.bent:
         return []
     if not _may_show(law, signals, scale):
         return []
-    declared = rig.changed({"sensors.nonlinearity": WIDE})
-    bent = with_declared(replace(law, declared=()), declared, signals, scale, noise)
+    declared = signals.declaring(Encoders.of(rig.changed({"sensors.nonlinearity": WIDE})))
+    bent = with_declared(replace(law, declared=()), rig, declared, scale, noise)
     before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))
     if not _shows(law, before, after):
         return []

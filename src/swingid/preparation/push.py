@@ -15,6 +15,7 @@ import numpy as np
 from swingid.format import number, percent
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools, Ints
+from swingid.preparation.encoders import Correction, Origin, is_off
 from swingid.recording.recording import CHANNELS, Finding, Recording
 
 if TYPE_CHECKING:
@@ -72,46 +73,81 @@ class Push:
 
 
 def without_pushes(log: Recording, rig: Rig) -> Recording:
-    """The log without the rows while a push acts, with a note among its findings; unchanged where there is none.
+    """The log of `push_decided`."""
+    return push_decided(log, rig)[0]
 
-    Where the repair "push" is switched off, or most pushes would not be seen, the rows stay, and a warning says what
-    was seen.
+
+def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]]:
+    """The log without the rows while a push acts, with a note among its findings, and each push with what was decided.
+
+    Where the repair "push" is switched off, where most pushes would not be seen, and where there are too many to be
+    pushes, the rows stay, and a warning says what was seen. Unchanged where there is none and where it was done before.
     """
     if any(finding.code in OTHER for finding in log.findings):
-        return log
+        return log, tuple(Correction("rows", "push", None, None, unit(rig), "found", *span) for span in log.left_out)
     pushes = find_pushes(log, rig)
     if not pushes:
-        return log
-    text = _told(pushes, "N" if rig.axis.kind == "linear" else "N m")
-    if any(finding.code == "repair-off" and finding.repair == REPAIR for finding in log.findings):
-        message = f"{text}; these rows were used all the same, as wanted, and spoil the balance."
-        return replace(log, findings=(*log.findings, Finding(LEFT_IN, message, "warning")))
-    unseen = max(one.unseen for one in pushes)
-    gentler = f"pushes of less than {percent(unseen)} of the largest torque would not show"
-    if unseen > BLIND:
-        message = f"{text}; {gentler}, so nothing was left out: take a part without pushes (--part FROM:TO)."
-        return replace(log, findings=(*log.findings, Finding(LEFT_IN, message, "warning")))
+        return log, ()
+    left = _reason_to_leave(pushes, log)
+    if left:
+        found = Finding(LEFT_IN, f"{_told(pushes, unit(rig))}{left}", "warning")
+        return replace(log, findings=(*log.findings, found)), _corrections(pushes, rig, "switched off")
     acts = np.zeros(len(log), dtype=bool)
     for one in pushes:
         acts |= (log.time >= one.start) & (log.time <= one.stop)
-    message = f"{text}; {np.count_nonzero(acts)} of {len(log)} rows were left out, those after it were used"
+    unseen = max(one.unseen for one in pushes)
+    message = f"{_told(pushes, unit(rig))}; {np.count_nonzero(acts)} of {len(log)} rows were left out, those after it "
+    message += "were used"
     if unseen > BLUNT:
-        message += f"; {gentler}, so rather take a part without pushes (--part FROM:TO)"
+        message += f"; {_gentler(unseen)}, so rather take a part without pushes (--part FROM:TO)"
     found = Finding(REPAIR, f"{message}.", "warning" if unseen > BLUNT else "note", REPAIR)
     kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
     spans = np.array([(one.start, one.stop) for one in pushes])
-    return replace(log, findings=(*log.findings, found), left_out=spans, **kept)
+    return replace(log, findings=(*log.findings, found), left_out=spans, **kept), _corrections(pushes, rig, "found")
+
+
+def _reason_to_leave(pushes: list[Push], log: Recording) -> str:
+    """Why the rows stay in, in words that follow the list of pushes; none where they are left out."""
+    unseen = max(one.unseen for one in pushes)
+    lost = sum(one.stop - one.start for one in pushes)
+    if is_off(log, REPAIR):
+        return "; these rows were used all the same, as wanted, and spoil the balance."
+    if len(pushes) > MOST or lost > MOST_TIME * log.duration:
+        return (
+            f"; {len(pushes)} times, {percent(lost / log.duration)} of the log, is more than is left out (at most "
+            f"{MOST} times and {percent(MOST_TIME)}), so nothing was: take a part without pushes (--part FROM:TO), and check "
+            "the constants and channels of the rig."
+        )
+    if unseen > BLIND:
+        return f"; {_gentler(unseen)}, so nothing was left out: take a part without pushes (--part FROM:TO)."
+    return ""
+
+
+def _gentler(unseen: float) -> str:
+    return f"pushes of less than {percent(unseen)} of the largest torque would not show"
+
+
+def _corrections(pushes: list[Push], rig: Rig, origin: Origin) -> tuple[Correction, ...]:
+    of = unit(rig)
+    return tuple(Correction("rows", "push", one.torque, None, of, origin, one.start, one.stop) for one in pushes)
+
+
+def unit(rig: Rig) -> str:
+    """Unit of a torque or force."""
+    return "N" if rig.axis.kind == "linear" else "N m"
 
 
 def _told(pushes: list[Push], unit: str) -> str:
     """When, and how strongly."""
-    said = [f"{one.start:.4g} to {one.stop:.4g} s ({number(one.torque, unit, digits=2)})" for one in pushes]
+    said = [f"{one.start:.4g} to {one.stop:.4g} s ({number(one.torque, unit, digits=2)})" for one in pushes[:MOST]]
+    if len(pushes) > MOST:
+        said.append(f"{len(pushes) - MOST} times more")
     listed = said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
     return f"a torque from outside acts on the axis, as of a hand, from {listed}"
 
 
 def find_pushes(log: Recording, rig: Rig) -> list[Push]:
-    """Pushes in a driven log, in the order of time; none where the balance cannot tell, or leaves too much."""
+    """Pushes in a driven log, in the order of time, however many; none where the balance does not show any."""
     from swingid.preparation.quick_balance import quick_balance
 
     balance = quick_balance(log, rig)
@@ -123,9 +159,7 @@ def find_pushes(log: Recording, rig: Rig) -> list[Push]:
         return []
     quiet = _quiet(balance, max(usual, 3 * balance.scatter))
     around = [_around(k, balance, quiet, float(expected[k]), log) for k in _peaks(found, size, quiet)]
-    pushes = _merged(around, balance.half)
-    time_lost = sum(one.stop - one.start for one in pushes)
-    return pushes if len(pushes) <= MOST and time_lost <= MOST_TIME * log.duration else []
+    return _merged(around, balance.half)
 
 
 def _quiet(balance: QuickBalance, least: float) -> Bools:

@@ -99,3 +99,22 @@ def require_channels(log: Recording, rig: Rig) -> None:
             "name its column as torque under [log], or use a rig of another drive kind.",
             code="missing-torque",
         )
+
+
+def require_motor(log: Recording, rig: Rig, scale: Scale, method: str) -> None:
+    """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants."""
+    if scale.drive != "reaction-wheel":
+        return
+    if log.voltage is None:
+        raise InputError(
+            f"{log.source.path or 'the log'} has no voltage, which the {method} method needs; name its column as "
+            "voltage under [log], or use the momentum method, which does not.",
+            code="missing-voltage",
+        )
+    motor = rig.drive.motor
+    if motor is None or motor.torque_per_volt.value == 0:
+        raise UnanswerableError(
+            f"rig {rig.name}: drive.motor.torque_per_volt is not given, but the {method} method needs the motor's "
+            "constants; give them, or use the momentum method, which does not need them.",
+            code="no-motor-constants",
+        )

@@ -20,10 +20,10 @@ from swingid.methods.energy.effects import effects
 from swingid.methods.energy.fit import BASIS as ENERGY_BASIS
 from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.methods.energy.method import LEVELS
-from swingid.methods.energy.needs import without_latency
 from swingid.methods.energy.passes import mirrored_passes
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Encoders, on_stamps
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
@@ -54,7 +54,9 @@ class Block:
     declared: Callable[[Array], list[Imperfection]]
 
 
-def momentum_block(log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, at: int) -> Block | None:
+def momentum_block(
+    log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, encoders: Encoders, at: int
+) -> Block | None:
     """Block of windows around turning point `at` of the piece; None where they do not fit in."""
     windows = _windows(motion, at)
     inside = (windows.centres - windows.half >= log.time[0]) & (windows.centres + windows.half <= log.time[-1])
@@ -62,7 +64,7 @@ def momentum_block(log: Recording, rig: Rig, scale: Scale, noise: Noise, motion:
         inside &= (windows.centres + windows.half <= begin) | (windows.centres - windows.half >= end)
     if not inside.any():
         return None
-    signals = Signals.of(log, rig, motion)
+    signals = Signals.of(log, rig, motion, encoders)
     rows = rows_of(signals, windows.select(inside))
     unknowns, columns = columns_of(rows, scale, (*BASIS, "memory"))
 
@@ -85,15 +87,16 @@ def _windows(motion: Motion, at: int) -> Windows:
     return Windows(turning + spans * places, np.full(len(places), half))
 
 
-def energy_block(log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, at: int) -> Block | None:
+def energy_block(
+    log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, encoders: Encoders, at: int
+) -> Block | None:
     """Block of mirrored nodes around turning point `at` of the piece; None where there is no whole pass."""
     turning = float(motion.turning_times[at])
     passes = mirrored_passes(motion, LEVELS, log.time, np.inf)
     chosen = np.nonzero(passes.turning == turning)[0]
     if len(chosen) != 1:
         return None
-    log = without_latency(log, rig)
-    course = Course.of(log, rig, motion, noise)
+    course = Course.of(on_stamps(log, encoders), rig, motion, noise, encoders.on_time())
     states = states_at(course, passes.instants[chosen], linear=scale.linear)
     named = columns_at(states, scale, ENERGY_BASIS)
     columns = np.column_stack([within_blocks(column) for column in named.values()])

@@ -9,19 +9,18 @@ from itertools import chain, islice
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.methods.energy.needs import require_motor
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Encoders, straightened
 from swingid.preparation.motion import Motion, find_motion, grid_step, sample_noise
 from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale
-from swingid.recording.encoders import straightened
+from swingid.preparation.scale import Scale, require_motor
 from swingid.recording.recording import Recording
 from swingid.recursive.blocks import Block, energy_block, momentum_block
 from swingid.recursive.rows import Reader, SwingBuffer
 from swingid.recursive.solution import Recursion, Reporter, SwingEstimate, first_solution, solve_all
 
-Maker = Callable[[Recording, Rig, Scale, Noise, Motion, int], Block | None]
+Maker = Callable[[Recording, Rig, Scale, Noise, Motion, Encoders, int], Block | None]
 
 METHODS: dict[str, Maker] = {"momentum": momentum_block, "energy": energy_block}
 
@@ -101,6 +100,7 @@ class _Swings:
     rig: Rig
     method: str
     scale: Scale = field(init=False)
+    encoders: Encoders = field(init=False)
     reader: Reader = field(init=False)
     without: int = 0
     buffer: SwingBuffer | None = None
@@ -113,6 +113,7 @@ class _Swings:
                 f"online knows no method {self.method!r}; choose one of {', '.join(METHODS)}.", code="unknown-method"
             )
         self.scale = Scale.of(self.rig)
+        self.encoders = Encoders.of(self.rig)
         drive = self.rig.drive.kind
         voltage = drive == "reaction-wheel" and self.method == "energy"
         self.reader = Reader((True, True, drive == "reaction-wheel", drive == "direct" or voltage))
@@ -143,7 +144,7 @@ class _Swings:
 
     def _least(self, rows: Array) -> float:
         """The least swing (rad or m): well above noise and steps of the angle, as declared or as seen."""
-        sensor = self.rig.sensors.of("angle")
+        sensor = self.encoders.angle
         angle = rows[:, 1]
         return NOISES * max(sensor.noise, sample_noise(angle), sensor.resolution / 4, grid_step(angle) / 4, 1e-9)
 
@@ -171,7 +172,7 @@ class _Swings:
         longest = max(4.5 * float(np.median(steps)), 0.05 * motion.half_period)
         if steps.max() > longest or not self._left_alone(motion, at):
             return None
-        return METHODS[self.method](log, self.rig, self.scale, self.noise, motion, at)
+        return METHODS[self.method](log, self.rig, self.scale, self.noise, motion, self.encoders, at)
 
     def _left_alone(self, motion: Motion, at: int) -> bool:
         """Whether nothing but friction acts: in a free decay each swing is smaller than the one before."""
@@ -192,7 +193,7 @@ class _Swings:
             torque=None if wheel else drive,
             drive_held=self.reader.held,
         )
-        return straightened(log, self.rig)
+        return straightened(log, self.encoders, rotary=not self.scale.linear)
 
 
 def _check_sign(estimate: SwingEstimate) -> None:

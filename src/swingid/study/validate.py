@@ -25,12 +25,10 @@ from swingid.model.parameters import vector
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS
 from swingid.numerics.arrays import Array, Ints
-from swingid.preparation.motion import Motion, find_motion
-from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale, require_channels
-from swingid.preparation.segment import part_of
+from swingid.preparation.noise import Noise
+from swingid.preparation.prepared import Part, Prepared, prepare
+from swingid.preparation.scale import Scale
 from swingid.preparation.speed import smooth_speed
-from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 from swingid.result.provenance import constants
 from swingid.result.result import Result
@@ -144,11 +142,10 @@ def validate(
     """
     p = model_vector(result, rig)
     several = [
-        with_found_gain(straightened(log, rig), result, rig)
-        for log in ([logs] if isinstance(logs, Recording) else logs)
+        prepare(with_found_gain(log, result, rig), rig) for log in ([logs] if isinstance(logs, Recording) else logs)
     ]
-    predictions = tuple(_of_log(log, rig, p, input, log.source.path or f"log {k + 1}") for k, log in enumerate(several))
-    notes = (*_notes(result, several, rig), *_misfits(predictions))
+    predictions = tuple(_of_log(one, p, input, one.log.source.path or f"log {k + 1}") for k, one in enumerate(several))
+    notes = (*_notes(result, [one.log for one in several], rig), *_misfits(predictions))
     return Validation(result.method, rig.axis.kind == "linear", predictions, notes)
 
 
@@ -181,32 +178,29 @@ def _misfits(predictions: Sequence[Prediction]) -> Iterator[str]:
         )
 
 
-def _check_sign(log: Recording, rig: Rig, motion: Motion, noise: Noise, where: str) -> None:
+def _check_sign(part: Part, rig: Rig, scale: Scale, where: str) -> None:
     """Raise InputError where the wheel (torque) of the log has the wrong sign."""
-    scale, signals = Scale.of(rig), Signals.of(log, rig, motion)
-    fit = fit_rows(rows_of(signals, law_windows(signals, motion.half_period / 4)), scale, noise, BASIS)
+    signals = Signals.of(part.log, rig, part.motion, part.encoders)
+    fit = fit_rows(rows_of(signals, law_windows(signals, part.motion.half_period / 4)), scale, part.noise, BASIS)
     if fit is not None:
         check_sign(fit, scale, where)
 
 
-def _of_log(log: Recording, rig: Rig, p: Array, wanted: Literal["voltage", "wheel"] | None, name: str) -> Prediction:
-    require_channels(log, rig)
-    source = drive_of(log, rig, wanted)
-    noise = channel_noise(log, rig)
-    motion = find_motion(log.time, log.angle, noise.angle)
-    start, stop, _ = part_of(log, motion, rig.drive.kind)
-    used = log.segment(start, stop)
-    whole = motion.within(start, stop)
-    if len(whole.turning_times) > 1:
-        _check_sign(used, rig, whole, noise, name)
-    gap = max(4.5 * noise.step, 0.05 * whole.half_period)
-    runs = [problem_of(used, rig, noise, source, length, gap) for length in (np.inf, whole.half_period)]
+def _of_log(prepared: Prepared, p: Array, wanted: Literal["voltage", "wheel"] | None, name: str) -> Prediction:
+    source = drive_of(prepared.log, prepared.rig, wanted)
+    part = prepared.part()
+    noise, half_period = part.noise, part.motion.half_period
+    if len(part.motion.turning_times) > 1:
+        _check_sign(part, prepared.rig, prepared.scale, name)
+    runs = [
+        problem_of(part.log, part.encoders, noise, source, length, part.longest_gap) for length in (np.inf, half_period)
+    ]
     if not len(runs[0].measured):
         raise UnanswerableError(f"{name} has no stretch of rows long enough to predict.", code="too-short")
     free = _readings(runs[0], p, _estimated_starts(runs[0], p))
     # half a swing more at either end, for a speed smoothed at the end of its rows is a worse one
-    around = log.segment(start - whole.half_period, stop + whole.half_period)
-    swing = _readings(runs[1], p, _measured_starts(runs[1], around, rig, noise))
+    around = prepared.log.segment(part.start - half_period, part.stop + half_period)
+    swing = _readings(runs[1], p, _measured_starts(runs[1], around, noise))
     axis, steps = ~runs[0].wheel, ~runs[1].wheel
     time = runs[0].times[axis]
     # segments too short to predict are left out of either; what both hold is compared
@@ -220,15 +214,15 @@ def _readings(problem: Problem, p: Array, starts: Array) -> Array:
     return found.outputs if found.finite else np.full(len(problem.measured), np.nan)
 
 
-def _measured_starts(problem: Problem, log: Recording, rig: Rig, noise: Noise) -> Array:
+def _measured_starts(problem: Problem, log: Recording, noise: Noise) -> Array:
     """Angle and speed of the channels at the start of every segment, from their smoothed angles, see `motion.Speed`."""
     instants = problem.knots[problem.bounds[:-1]]
-    channels: list[tuple[Literal["angle", "wheel"], Array, float]] = [("angle", log.angle, noise.angle)]
+    channels = [(problem.encoders.angle, log.angle, noise.angle)]
     if problem.input == "voltage" and log.wheel_angle is not None:
-        channels.append(("wheel", log.wheel_angle, noise.wheel))
+        channels.append((problem.encoders.wheel, log.wheel_angle, noise.wheel))
     columns = []
-    for name, values, sigma in channels:
-        speed = smooth_speed(log.time + rig.sensors.of(name).latency.value, values, sigma)
+    for sensor, values, sigma in channels:
+        speed = smooth_speed(log.time + sensor.latency.value, values, sigma)
         columns += [speed.angle_at(instants), speed.at(instants)]
     return np.column_stack(columns)
 

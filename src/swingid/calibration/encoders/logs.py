@@ -17,11 +17,11 @@ from swingid.checks.answer import check_sign
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
+from swingid.preparation.encoders import Encoders, straightened
 from swingid.preparation.motion import find_motion
-from swingid.preparation.noise import Noise, channel_noise
+from swingid.preparation.noise import Noise
+from swingid.preparation.prepared import Prepared
 from swingid.preparation.scale import Scale, require_channels
-from swingid.preparation.segment import part_of
-from swingid.recording.encoders import straightened
 from swingid.recording.recording import Recording
 
 
@@ -76,27 +76,24 @@ class CalibrationLog:
     @classmethod
     def of(cls, log: Recording, rig: Rig) -> CalibrationLog:
         """Find the useful part and the windows; raises as the method momentum."""
-        scale = Scale.of(rig)
+        # nothing is straightened yet: the nonlinearities are what is sought
+        prepared = Prepared(log, rig, Scale.of(rig), Encoders.of(bounded(rig)), ())
         require_channels(log, rig)
-        noise = channel_noise(log, rig)
-        whole = find_motion(log.time, log.angle, noise.angle)
-        start, stop, _ = part_of(log, whole, rig.drive.kind)
-        used = log.segment(start, stop)
-        motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(
-            log.time, log.angle, whole.speed.half_width
-        )
-        # the windows are those that tell most beside bent encoders, whatever is known of a latency already
-        choice = choose(Signals.of(used, rig, motion), bounded(rig), scale, noise)
-        check_sign(choice.law, scale, log.source.path or "the log")
-        late = motion.turning_times - choice.signals.motion.turning_times
-        return cls(used, noise, choice.law, late)
+        part = prepared.part(reread=True)
+        # the windows are those that determine most beside bent encoders, whatever is known of a latency already
+        choice = choose(Signals.of(part.log, rig, part.motion, part.encoders), rig, prepared.scale, part.noise)
+        check_sign(choice.law, prepared.scale, log.source.path or "the log")
+        late = part.motion.turning_times - choice.signals.motion.turning_times
+        # a repair that is switched off holds for methods, not for what is sought here
+        return cls(replace(part.log, findings=()), part.noise, choice.law, late)
 
     def signals(self, rig: Rig) -> Signals:
         """The signals with the encoders as `rig` states them."""
-        log = straightened(self.log, rig)
+        encoders = Encoders.of(rig)
+        log = straightened(self.log, encoders, rotary=rig.axis.kind == "rotary")
         motion = find_motion(log.time, log.angle, self.noise.angle)
         motion = motion.reread(log.time, log.angle, motion.speed.half_width)
-        signals = Signals.of(log, rig, motion)
+        signals = Signals.of(log, rig, motion, encoders)
         same = len(self.late) == len(motion.turning_times)
         return signals.earlier(self.late) if same else signals
 

@@ -16,6 +16,8 @@ from swingid.calibration.encoders.rig_file import with_encoders
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import plus_minus
 from swingid.model.rig import Rig
+from swingid.preparation.encoders import Encoders
+from swingid.preparation.push import without_pushes
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_in_row_one, provenance
 from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined
@@ -65,7 +67,7 @@ def calibrate_encoders(logs: Recording | Sequence[Recording], rig: Rig) -> Encod
     UnanswerableError
         No motion, or logs that tell none of it.
     """
-    several = [logs] if isinstance(logs, Recording) else list(logs)
+    several = [without_pushes(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
     if not several:
         raise InputError("no log was given; calibrate needs at least one log of a motion.", code="no-log")
     plain = uncalibrated(rig)
@@ -112,7 +114,8 @@ def _names(logs: Sequence[Recording]) -> str:
 def _parameter(found: Estimate, budget: list[BudgetEntry], part: Part, rig: Rig) -> Parameter:
     value = found.values[part.key]
     if part.unit == "s":
-        value += rig.sensors.of("angle" if part.key.startswith(f"{ANGLE}.latency") else "wheel").latency.value
+        encoders = Encoders.of(rig)
+        value += (encoders.angle if part.key.startswith(f"{ANGLE}.latency") else encoders.wheel).latency.value
     return Parameter.of(value, combined(budget, part.key), part.unit)
 
 

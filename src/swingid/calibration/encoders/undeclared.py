@@ -16,8 +16,7 @@ from swingid.calibration.encoders.method import calibrate_encoders
 from swingid.calibration.encoders.parts import ANGLE, LATEST, WHEEL, WIDE, declared_spread, latency_key
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.model.rig import Rig
-from swingid.preparation.push import without_pushes
-from swingid.recording.encoders import UNKNOWN
+from swingid.preparation.encoders import UNKNOWN
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
 
@@ -70,7 +69,7 @@ def _codes(result: Result) -> set[str]:
 
 def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
     """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell."""
-    found = calibrate_encoders([without_pushes(log, rig) for log in logs], rig)
+    found = calibrate_encoders(logs, rig)
     parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]
     if not any(abs(part.value) > SURE * (part.standard_uncertainty or np.inf) for part in parts):
         raise UnanswerableError("the logs hardly tell how far the encoders are bent.", code="not-identifiable")

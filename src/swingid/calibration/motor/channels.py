@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from swingid.balance.rows import moved
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import GaussNodes
+from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.motion import FEWEST_ROWS
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.speed import NARROWEST, Speed, smooth_speed, speed_on_grid
@@ -66,7 +66,7 @@ def kind_of(log: Recording, rig: Rig) -> Kind:
 
 @dataclass(frozen=True)
 class WheelLog:
-    """The channels of one log of a turning wheel, at samples and at Gauss nodes.
+    """The channels of one log of a turning wheel, at samples and at Gauss nodes; what is declared of its encoders.
 
     wheel, angle (n,): rad, moved to their stamps. voltage (n,) in V; held from row to row where `held`. speed: the
     wheel's smoothed speed. runs (k, 2): begin and end (s) of the parts in which the wheel turns one way without rest
@@ -84,9 +84,10 @@ class WheelLog:
     noise: Noise
     runs: Array
     smooth: Array
+    encoders: Encoders
 
     @classmethod
-    def of(cls, log: Recording, rig: Rig, kind: Kind) -> WheelLog:
+    def of(cls, log: Recording, rig: Rig, kind: Kind, encoders: Encoders) -> WheelLog:
         """The channels of a log; InputError without voltage, UnanswerableError where the wheel hardly turns."""
         name = log.source.path or "the log"
         if log.voltage is None:
@@ -100,11 +101,11 @@ class WheelLog:
                 f"{name} has {len(log)} rows, too few to see the wheel turn; log a longer test.", code="too-short"
             )
         noise = channel_noise(log, rig)
-        wheel = moved(log.time, log.wheel_angle, rig.sensors.of("wheel").latency.value)
+        wheel = moved(log.time, log.wheel_angle, encoders.wheel.latency.value)
         speed = smooth_speed(log.time, wheel, noise.wheel)
         angle = smooth = np.zeros(len(log))
         if kind == "driven":
-            angle = moved(log.time, log.angle, rig.sensors.of("angle").latency.value)
+            angle = moved(log.time, log.angle, encoders.angle.latency.value)
             smooth = _smoothed(log.time, angle, noise, _slowest(speed))
         runs = _runs(speed, log.time, GAP * noise.step)
         if len(runs) == 0:
@@ -125,6 +126,7 @@ class WheelLog:
             noise=noise,
             runs=runs,
             smooth=smooth,
+            encoders=encoders,
         )
 
     def voltage_between(self) -> Array:

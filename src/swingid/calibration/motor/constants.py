@@ -170,7 +170,7 @@ def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
 
 def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[str, float, str, list[Array]]]:
     """Declared imperfections of the encoders as changes of the logged wheel angle of every shot."""
-    wheel, angle = rig.sensors.of("wheel"), rig.sensors.of("angle")
+    wheel, angle = logs[0].encoders.wheel, logs[0].encoders.angle
     if wheel.latency.std:
         yield "wheel latency", wheel.latency.std, "sensors.wheel.latency", late_wheel(fit, wheel.latency.std)
     for name, wave in (("cosine", np.cos), ("sine", np.sin)):

@@ -33,7 +33,7 @@ from swingid.methods.momentum.method import momentum
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
 from swingid.numerics.arrays import Array
-from swingid.recording.encoders import straightened
+from swingid.preparation.encoders import Encoders, corrected
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_constants, provenance
 from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined
@@ -100,13 +100,19 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     UnanswerableError
         Nothing moves, the voltage is too plain to tell gain from damping, a wrong sign.
     """
-    several = [straightened(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
+    # a push on the axis does not enter row (II), so its rows stay in
+    read = [corrected(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
+    several = [log for log, _, _ in read]
     if not several:
         raise InputError("no log was given; calibrate needs at least one voltage test or free swing.", code="no-log")
     _require_wheel(rig)
     kinds = [kind_of(log, rig) for log in several]
     swings = [free_swing(log, rig) for log, kind in zip(several, kinds, strict=True) if kind == "free swing"]
-    turning = [WheelLog.of(log, rig, kind) for log, kind in zip(several, kinds, strict=True) if kind != "free swing"]
+    turning = [
+        WheelLog.of(log, rig, kind, encoders)
+        for (log, encoders, _), kind in zip(read, kinds, strict=True)
+        if kind != "free swing"
+    ]
     motor = _motor(turning, rig) if turning else None
     return _assembled(several, rig, motor, _best(swings), len(swings))
 
@@ -153,7 +159,7 @@ def _motor(logs: list[WheelLog], rig: Rig) -> _Motor:
         known=known,
         budget=[entry for entry in budget if entry.parameter in known],
         warnings=warnings,
-        notes=[*notes, *split.notes, *_delay(refined, rig), *_assumed(rig, coupled=coupled)],
+        notes=[*notes, *split.notes, *_delay(refined, logs[0].encoders), *_assumed(rig, coupled=coupled)],
         split=split,
         coupled=coupled,
         first={name: own[name] for name in known},
@@ -210,9 +216,9 @@ def _judged(
     return warnings, notes
 
 
-def _delay(fit: OutputFit, rig: Rig) -> list[Message]:
+def _delay(fit: OutputFit, encoders: Encoders) -> list[Message]:
     """What a delay between voltage and wheel angle would do, where the rig says nothing of it."""
-    if rig.sensors.of("wheel").latency.std is not None:
+    if encoders.wheel.latency.std is not None:
         return []
     change = float(fit.shift(late_wheel(fit, 1e-3))[GAIN] / fit.values[GAIN])
     text = (

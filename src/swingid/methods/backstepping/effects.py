@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.rows import moved
 from swingid.model.rig import Rig
+from swingid.model.rig.sensors import Sensor
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Encoders, moved
 from swingid.recording.recording import Recording
 from swingid.units import Quantity
 
@@ -34,11 +35,11 @@ Again = Callable[[Recording, Rig], Estimates]
 """The estimates that another log or another rig gives, over the same part."""
 
 
-def effects(log: Recording, rig: Rig, again: Again) -> list[Effect]:
+def effects(log: Recording, rig: Rig, encoders: Encoders, again: Again) -> list[Effect]:
     """Effects of all constants that the model uses and of all declared imperfections, by differences."""
     plain = again(log, rig)
     found = []
-    for source, std, shared, step, changed_log, changed_rig in _changes(log, rig):
+    for source, std, shared, step, changed_log, changed_rig in _changes(log, rig, encoders):
         changed = again(changed_log, changed_rig)
         slopes = {name: (changed[name] - value) / step for name, value in plain.items()}
         found.append(Effect(source, std, shared, slopes))
@@ -49,7 +50,7 @@ Change = tuple[str, float, str, float, Recording, Rig]
 """Source, its standard uncertainty, shared id, step, log and rig with the step taken."""
 
 
-def _changes(log: Recording, rig: Rig) -> Iterator[Change]:
+def _changes(log: Recording, rig: Rig, encoders: Encoders) -> Iterator[Change]:
     for key, quantity in _constants(rig).items():
         step = STEP * abs(quantity.value) or float(quantity.std or 0.0)
         if step == 0.0:
@@ -60,9 +61,9 @@ def _changes(log: Recording, rig: Rig) -> Iterator[Change]:
             yield key, quantity.std or 0.0, key, step, changed, rig
         else:
             yield key, quantity.std or 0.0, key, step, log, rig.changed({key: quantity.value + step})
-    yield from _of_sensor(log, rig, "angle")
+    yield from _of_sensor(log, rig, encoders.angle, "angle")
     if log.wheel_angle is not None:
-        yield from _of_sensor(log, rig, "wheel")
+        yield from _of_sensor(log, rig, encoders.wheel, "wheel")
 
 
 def _constants(rig: Rig) -> dict[str, Quantity]:
@@ -78,9 +79,8 @@ def _constants(rig: Rig) -> dict[str, Quantity]:
     return found | {f"drive.motor.{key}": getattr(rig.drive.motor, key) for key in MOTOR_KEYS}
 
 
-def _of_sensor(log: Recording, rig: Rig, name: str) -> Iterator[Change]:
+def _of_sensor(log: Recording, rig: Rig, sensor: Sensor, name: str) -> Iterator[Change]:
     """Once-per-turn nonlinearity q + α cos q + β sin q, and latency, of one encoder; only what is declared."""
-    sensor = rig.sensors.of("angle" if name == "angle" else "wheel")
     values = log.angle if name == "angle" else log.wheel_angle
     assert values is not None
     prefix = "sensors" if name == "angle" else "sensors.wheel"

@@ -25,15 +25,13 @@ from swingid.methods.backstepping.signals import (
 )
 from swingid.methods.backstepping.words import told
 from swingid.methods.energy.checks import check_energy, second_opinion
-from swingid.methods.energy.needs import require_motor, without_latency
 from swingid.model.rig import Rig
-from swingid.preparation.motion import Motion, find_motion
-from swingid.preparation.noise import channel_noise
-from swingid.preparation.scale import Scale, require_channels
-from swingid.preparation.segment import longest_run, part_of
+from swingid.preparation.motion import Motion
+from swingid.preparation.prepared import prepare
+from swingid.preparation.scale import Scale, require_motor
 from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, provenance
-from swingid.result.result import Message, Result
+from swingid.result.provenance import add_findings
+from swingid.result.result import Result
 
 
 def backstepping(
@@ -65,15 +63,15 @@ def backstepping(
             f'unknown velocities {velocities!r} of "backstepping"; choose "smoothed" or "observers".',
             code="no-velocities",
         )
-    scale = Scale.of(rig)
-    _require_gravity(rig, scale)
-    require_channels(log, rig)
-    require_motor(log, rig, scale, "backstepping")
-    log = longest_run(log)
-    noise = channel_noise(log, rig)
-    used, motion, note = _used_part(without_latency(log, rig), rig, noise.angle)
+    _require_gravity(rig, Scale.of(rig))
+    prepared = prepare(log, rig, unbroken=True)
+    require_motor(prepared.log, rig, prepared.scale, "backstepping")
+    # a transient feeds the adaptation, so all of the log; a free decay from its release
+    part = prepared.part(whole=rig.drive.kind != "none", at_stamps=True)
+    log, scale, used, motion, noise = prepared.log, prepared.scale, part.log, part.motion, part.noise
     widths = widths_of(used, motion, noise) if velocities == "smoothed" else None
-    opinion = second_opinion(log.segment(float(used.time[0]), float(used.time[-1])), rig, motion, scale, noise)
+    as_read = log.segment(float(used.time[0]), float(used.time[-1]))
+    opinion = second_opinion(as_read, rig, motion, scale, noise, prepared.encoders)
     channels = channels_of(used, widths)
     run = _run(channels, rig, motion, gains)
     others = {f"{_other(law)} law": _run(channels, rig, motion, replace(gains, law=_other(law)))}
@@ -89,11 +87,11 @@ def backstepping(
         seen = channels if changed_log is used else channels_of(changed_log, widths)
         return _run(seen, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
 
-    found = effects(used, rig, again)
+    found = effects(used, rig, part.encoders, again)
     budget, parameters, sensitivities = answer(run, others, found, scale)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, motion)
     doubts, words = told(run, gains, widths, parameters["inertia"])
-    warnings, notes = [*doubts, *warnings], [note, *words, *notes]
+    warnings, notes = [*doubts, *warnings], [part.note, *words, *notes]
     add_findings(log, warnings, notes)
     options: dict[str, object] = {"law": law, "velocities": velocities}
     standard = Gains(law)
@@ -105,8 +103,8 @@ def backstepping(
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(budget),
-        provenance=provenance(log, rig, options),
-        details=details(run, others, f"{law} law", motion, opinion.balance),
+        provenance=prepared.provenance(part, options),
+        details=replace(details(run, others, f"{law} law", motion, opinion.balance), left_out=log.left_out),
         sensitivities=sensitivities,
     )
 
@@ -123,18 +121,6 @@ def _require_gravity(rig: Rig, scale: Scale) -> None:
             "or use the momentum method.",
             code="no-gravity-torque",
         )
-
-
-def _used_part(log: Recording, rig: Rig, noise: float) -> tuple[Recording, Motion, Message]:
-    """The whole log of a driven axis, for a transient feeds the adaptation; a free decay from its release."""
-    whole = find_motion(log.time, log.angle, noise)
-    start, stop, note = part_of(log, whole, rig.drive.kind)
-    if rig.drive.kind != "none":
-        start, stop = float(log.time[0]), float(log.time[-1])
-        note = Message(
-            "segment", f"used the whole log from {start:.4g} to {stop:.4g} s, with which the estimate begins."
-        )
-    return log.segment(start, stop), whole.within(start, stop), note
 
 
 def _run(channels: Channels, rig: Rig, motion: Motion, gains: Gains, *, sooner: bool = False) -> Run:

@@ -14,7 +14,7 @@ from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, median
-from swingid.preparation.motion import Motion
+from swingid.preparation.prepared import Part
 from swingid.preparation.scale import Scale
 from swingid.result.result import (
     BudgetEntry,
@@ -146,9 +146,7 @@ def judged_chain(
     return judged, [Message("filtered-drive", text)]
 
 
-def energy_details(
-    estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course, motion: Motion, span: tuple[float, float]
-) -> Details:
+def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course, part: Part) -> Details:
     """What the report draws."""
     fit, states, carried = estimate.fit, estimate.states, scale.carried
     travelled = np.abs(np.diff(states.angle, axis=1)).sum(axis=1)
@@ -156,10 +154,10 @@ def energy_details(
     estimates |= {name: (other.a11 - carried, other.u()) for name, other in estimate.others.items()}
     better = estimate.each is None
     return Details(
-        start=span[0],
-        stop=span[1],
-        turning_times=motion.turning_times,
-        turning_angles=motion.turning_angles,
+        start=part.start,
+        stop=part.stop,
+        turning_times=part.motion.turning_times,
+        turning_angles=part.motion.turning_angles,
         swings=_per_swing(estimate, rig, scale),
         friction=_curve(fit, float(np.max(np.abs(course.axis.speed)))) if better else None,
         estimates=estimates,

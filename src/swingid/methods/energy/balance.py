@@ -22,6 +22,7 @@ from swingid.model.rig.tables import Motor
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes, antiderivatives, gauss_rule
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
@@ -44,7 +45,7 @@ class Course:
     axis: q1' smoothed. power: what the drive puts in (W), motor losses taken off. turn: q2' as the samples show it,
     whose integral over an interval is the measured turn (or smoothed, see `of`); wheel_speed: q2' smoothed. voltage:
     as held; active: 1 where the motor is outside its dead zone. Direct drive: turn is q1', voltage the torque, wheel
-    None. Free decay: power 0.
+    None. Free decay: power 0. encoders: what is declared of them.
     """
 
     nodes: GaussNodes
@@ -56,10 +57,19 @@ class Course:
     voltage: Array
     active: Array
     power: Array
+    encoders: Encoders
 
     @classmethod
     def of(
-        cls, log: Recording, rig: Rig, motion: Motion, noise: Noise, chain: Chain = SMOOTHED, *, measured: bool = True
+        cls,
+        log: Recording,
+        rig: Rig,
+        motion: Motion,
+        noise: Noise,
+        encoders: Encoders,
+        chain: Chain = SMOOTHED,
+        *,
+        measured: bool = True,
     ) -> Course:
         """The course of the part of a log that `motion` describes; angles at their stamps (latency taken off).
 
@@ -74,7 +84,7 @@ class Course:
         speed = axis.at_nodes(nodes)
         nothing = np.zeros_like(speed)
         if rig.drive.kind == "none":
-            return cls(nodes, axis, None, speed, nothing, nothing, nothing, nothing, nothing)
+            return cls(nodes, axis, None, speed, nothing, nothing, nothing, nothing, nothing, encoders)
         command = log.voltage if rig.drive.kind == "reaction-wheel" else log.torque
         assert command is not None
         if chain.filter_time > 0:
@@ -83,7 +93,7 @@ class Course:
             drive = between_rows(nodes, command, held=log.drive_held)
         if rig.drive.kind == "direct":
             turn = speed if chain.observers or not measured else nodes.spline(log.angle, derivative=1)
-            return cls(nodes, axis, None, speed, turn, nothing, drive, nothing, drive * turn)
+            return cls(nodes, axis, None, speed, turn, nothing, drive, nothing, drive * turn, encoders)
         assert log.wheel_angle is not None
         assert rig.drive.motor is not None
         if chain.observers:
@@ -96,7 +106,7 @@ class Course:
         torque = motor_torque(motor, drive, wheel_speed)
         active = (torque != 0.0).astype(np.float64)
         power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
-        return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power)
+        return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power, encoders)
 
 
 def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:

@@ -18,6 +18,7 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.format import left
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import median, quantile
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
@@ -29,6 +30,9 @@ DISAGREES = "disagreement with the momentum balance"
 
 CLOSE = 0.003
 """Relative difference to the momentum balance that is not worth a warning."""
+
+SATURATED = 0.6
+"""Share of the rows with the voltage at its limits from which on what its jumps do to the energy is seen."""
 
 FEWEST_PER_SWING = 10
 """Rows per swing below which smoothed speeds are per cents off, and the interval does not know of it."""
@@ -50,7 +54,9 @@ class SecondOpinion:
     scale: tuple[Message, ...] = ()
 
 
-def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise) -> SecondOpinion:
+def second_opinion(
+    log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise, encoders: Encoders
+) -> SecondOpinion:
     """Fit row (I) and weigh row (II) on one set of windows over the first swings of a log.
 
     Raises InputError where wheel, torque or voltage has the wrong sign.
@@ -58,7 +64,7 @@ def second_opinion(log: Recording, rig: Rig, motion: Motion, scale: Scale, noise
     if len(motion.turning_times) > SWINGS:
         log = log.segment(float(log.time[0]), float(motion.turning_times[SWINGS]))
         motion = motion.within(float(log.time[0]), float(log.time[-1]))
-    signals = Signals.of(log, rig, motion)
+    signals = Signals.of(log, rig, motion, encoders)
     speed = motion.speed
     quickest = quantile(np.abs(speed.acceleration(speed.grid)), 0.99)
     length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
@@ -182,3 +188,22 @@ def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parame
     moves = [f"{key} by {sensitivities[key] * value / inertia.value:+.2g} %" for key, value in shares.items()]
     text = f"1 % more of a constant moves this inertia: {', '.join(moves)}; momentum needs no motor constant."
     return Message("leans-on-the-motor", text)
+
+
+def check_saturation(used: Recording, rig: Rig) -> list[Message]:
+    """A warning where the voltage mostly stands at its limits: it is known there, but it jumps from one to the other.
+
+    At a jump the wheel's acceleration jumps too, which a smoothed speed does not follow. `momentum` needs no speed.
+    """
+    if rig.drive.kind != "reaction-wheel" or used.voltage is None:
+        return []
+    low, high = float(used.voltage.min()), float(used.voltage.max())
+    near = 1e-3 * (high - low)
+    share = float(np.mean((used.voltage <= low + near) | (used.voltage >= high - near)))
+    if high <= low or share < SATURATED:
+        return []
+    text = (
+        f"the voltage stands at its limits in {share:.0%} of the rows and jumps between them, which smoothed speeds do "
+        "not follow (some 0.1 % of the inertia); use the momentum method, or record a smaller or slower motion."
+    )
+    return [Message("voltage-saturated", text)]

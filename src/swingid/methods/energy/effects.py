@@ -74,7 +74,7 @@ def _motor(motor: Motor, states: States) -> Iterator[Imperfection]:
 
 def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
     """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of each encoder."""
-    sensor, driven = rig.sensors.of("angle"), rig.drive.kind == "direct"
+    sensor, driven = course.encoders.angle, rig.drive.kind == "direct"
     along = course.nodes.instants.ravel() if driven else np.empty(0)
     if sensor.nonlinearity and rig.axis.kind == "rotary":
         q, v = states.angle, states.speed
@@ -123,7 +123,7 @@ def _angle_effect(
 
 def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfection]:
     """As for the angle; the motor's work feels q2' all along."""
-    motor, wheel, sensor = rig.drive.motor, course.wheel, rig.sensors.of("wheel")
+    motor, wheel, sensor = rig.drive.motor, course.wheel, course.encoders.wheel
     assert motor is not None
     assert wheel is not None
     if not sensor.nonlinearity and not sensor.latency.std:

@@ -17,10 +17,16 @@ from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, judged_chain
 from swingid.methods.energy.balance import Course, States, states_at
 from swingid.methods.energy.chain import Chain
-from swingid.methods.energy.checks import DISAGREES, SecondOpinion, check_energy, gap_to_momentum, second_opinion
+from swingid.methods.energy.checks import (
+    DISAGREES,
+    SecondOpinion,
+    check_energy,
+    check_saturation,
+    gap_to_momentum,
+    second_opinion,
+)
 from swingid.methods.energy.fit import BASIS, fit_nodes, sensor_variance
 from swingid.methods.energy.jitter import find_jitter
-from swingid.methods.energy.needs import check_saturation, require_motor, without_latency
 from swingid.methods.energy.passes import Passes, mirrored_passes
 from swingid.methods.energy.printed import (
     DEPTHS,
@@ -36,29 +42,16 @@ from swingid.methods.energy.printed import (
 from swingid.methods.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.motion import Motion, find_motion
-from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale, require_channels
-from swingid.preparation.segment import part_of
+from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.scale import Scale, require_motor
 from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, provenance
+from swingid.result.provenance import add_findings
 from swingid.result.result import Message, Result
 
 LEVELS = (1 - np.cos(np.linspace(0.1, 1.55, 24))) / 2
 """Depths of the nodes in shares of a swing: evenly spread in time over the half that is next to its turning point."""
 
 FEWEST_BLOCKS = 3
-
-
-@dataclass(frozen=True)
-class _Part:
-    """The part of the log that is used, and what was found in it."""
-
-    log: Recording
-    motion: Motion
-    span: tuple[float, float]
-    note: Message
-    longest_gap: float
 
 
 def energy(
@@ -84,18 +77,18 @@ def energy(
     """
     _check_options(variant, nodes, work)
     how = _How(variant, nodes, work, Chain.of(velocities, filter_time))
-    scale = Scale.of(rig)
-    require_channels(log, rig)
+    prepared = prepare(log, rig)
+    log, scale = prepared.log, prepared.scale
     require_motor(log, rig, scale, "energy")
-    jitter = find_jitter(log, channel_noise(log, rig))
-    noise = jitter.noise
-    part = _used_part(without_latency(log, rig), rig, noise, keep_all=nodes is not None)
-    opinion = second_opinion(log.segment(*part.span), rig, part.motion, scale, noise)
-    estimate, course = _estimate(part, rig, scale, noise, how, jittery=jitter.spread > 0)
+    jitter = find_jitter(log, prepared.noise)
+    part = prepared.part(whole=nodes is not None, few=nodes is not None, at_stamps=True, noise=jitter.noise)
+    as_read = log.segment(part.start, part.stop)
+    opinion = second_opinion(as_read, rig, part.motion, scale, part.noise, prepared.encoders)
+    estimate, course = _estimate(part, rig, scale, how, jittery=jitter.spread > 0)
     plain, plain_course = estimate, course
     doubts: list[Message] = []
     if how.chain.observers:  # whose noise would pass for asymmetry
-        plain, plain_course = _estimate(part, rig, scale, noise, replace(how, chain=Chain()), jittery=jitter.spread > 0)
+        plain, plain_course = _estimate(part, rig, scale, replace(how, chain=Chain()), jittery=jitter.spread > 0)
         estimate, doubts = judged_chain(estimate, plain, how.chain, scale)
     estimate = _judged(estimate, opinion, scale)
     symmetry = _symmetry(plain, part, rig, scale, plain_course)
@@ -104,7 +97,7 @@ def energy(
     budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)
     warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, part.motion)
     if jitter.spread > 0 and not how.chain.observers:
-        other, _ = _estimate(part, rig, scale, noise, how, jittery=False)
+        other, _ = _estimate(part, rig, scale, how, jittery=False)
         said = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
         (doubts if said.code == "jitter-matters" else notes).append(said)
     doubts += check_saturation(part.log, rig) if variant == "better" else []
@@ -113,7 +106,7 @@ def energy(
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
         notes.append(Message("no-uncertainty-inertia", text))
     add_findings(log, warnings, notes)
-    details = energy_details(estimate, rig, scale, course, part.motion, part.span)
+    details = energy_details(estimate, rig, scale, course, part)
     if symmetry is not None:
         notes.append(symmetry.note(parameters["inertia"].value))
         details = replace(details, extra=details.extra | {"symmetry_bound": symmetry.bound})
@@ -126,8 +119,8 @@ def energy(
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(budget),
-        provenance=provenance(log, rig, how.options()),
-        details=details,
+        provenance=prepared.provenance(part, how.options()),
+        details=replace(details, left_out=log.left_out),
         sensitivities=sensitivities,
     )
 
@@ -153,10 +146,8 @@ class _How:
         return options
 
 
-def _estimate(
-    part: _Part, rig: Rig, scale: Scale, noise: Noise, how: _How, *, jittery: bool
-) -> tuple[EnergyEstimate, Course]:
-    course = Course.of(part.log, rig, part.motion, noise, how.chain, measured=not jittery)
+def _estimate(part: Part, rig: Rig, scale: Scale, how: _How, *, jittery: bool) -> tuple[EnergyEstimate, Course]:
+    course = Course.of(part.log, rig, part.motion, part.noise, part.encoders, how.chain, measured=not jittery)
     if how.variant == "printed":
         return _printed(part, rig, scale, course, how.nodes, how.work), course
     return _better(part, rig, scale, course), course
@@ -171,20 +162,7 @@ def _check_options(variant: str, nodes: object, work: str) -> None:
         raise UsageError('nodes and work belong to variant="printed"; leave them out.', code="printed-only")
 
 
-def _used_part(log: Recording, rig: Rig, noise: Noise, *, keep_all: bool) -> _Part:
-    """The steady part of the log (all of it where the nodes are given), its motion, and the longest gap to bear."""
-    whole = find_motion(log.time, log.angle, noise.angle)
-    start, stop = float(log.time[0]), float(log.time[-1])
-    note = Message("segment", f"used the nodes given, of a log from {start:.4g} to {stop:.4g} s.")
-    if not keep_all:
-        start, stop, note = part_of(log, whole, rig.drive.kind)
-    used = log.segment(start, stop)
-    motion = whole.within(float(used.time[0]), float(used.time[-1]))
-    period = motion.half_period if len(motion.turning_times) > 1 else stop - start
-    return _Part(used, motion, (start, stop), note, max(4.5 * noise.step, 0.05 * period))
-
-
-def _passes(part: _Part, depths: Array) -> Passes:
+def _passes(part: Part, depths: Array) -> Passes:
     passes = mirrored_passes(part.motion, depths, part.log.time, part.longest_gap)
     if len(passes.turning) < FEWEST_BLOCKS:
         raise UnanswerableError(
@@ -195,7 +173,7 @@ def _passes(part: _Part, depths: Array) -> Passes:
     return passes
 
 
-def _better(part: _Part, rig: Rig, scale: Scale, course: Course) -> EnergyEstimate:
+def _better(part: Part, rig: Rig, scale: Scale, course: Course) -> EnergyEstimate:
     passes = _passes(part, LEVELS)
     states = states_at(course, passes.instants, linear=scale.linear)
     fit = fit_nodes(states, rig, scale, BASIS)
@@ -207,7 +185,7 @@ def _better(part: _Part, rig: Rig, scale: Scale, course: Course) -> EnergyEstima
     return EnergyEstimate("better", fit, states, passes.turning, passes.sides, others, {}, sensor, None, ())
 
 
-def _symmetry(estimate: EnergyEstimate, part: _Part, rig: Rig, scale: Scale, course: Course) -> Symmetry | None:
+def _symmetry(estimate: EnergyEstimate, part: Part, rig: Rig, scale: Scale, course: Course) -> Symmetry | None:
     """What the asymmetry of the passes can do; None where too few swings show the friction."""
     states = estimate.states
     if estimate.variant != "better":  # whose states are at the same places
@@ -237,7 +215,7 @@ def _judged(estimate: EnergyEstimate, opinion: SecondOpinion, scale: Scale) -> E
 
 
 def _printed(
-    part: _Part, rig: Rig, scale: Scale, course: Course, nodes: Sequence[Nodes] | Nodes | None, work: str
+    part: Part, rig: Rig, scale: Scale, course: Course, nodes: Sequence[Nodes] | Nodes | None, work: str
 ) -> EnergyEstimate:
     if scale.b is None:
         raise UnanswerableError(

@@ -22,14 +22,14 @@ def effects(rig: Rig, row_filter: RowFilter, rows: Rows, a11: float, b: float) -
 def _encoders(rig: Rig, row_filter: RowFilter, a11: float, b: float) -> Iterator[Imperfection]:
     """Once-per-turn nonlinearity, measured = q + α cos q + β sin q, on each encoder."""
     grid = row_filter.grid
-    sensor = rig.sensors.of("angle")
+    sensor = grid.encoders.angle
     if sensor.nonlinearity and rig.axis.kind == "rotary":
         q = grid.angle
         for name, error in (("cosine", np.cos(q)), ("sine", np.sin(q))):
             (effect,) = row_filter(-(a11 * curvature(error, grid.step) + b * np.cos(q) * error))
             source, shared = f"angle encoder nonlinearity ({name})", f"sensors.nonlinearity.{name}"
             yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
-    sensor = rig.sensors.of("wheel")
+    sensor = grid.encoders.wheel
     if sensor.nonlinearity and grid.wheel is not None:
         for name, error in (("cosine", np.cos(grid.wheel)), ("sine", np.sin(grid.wheel))):
             (effect,) = row_filter(-rig.drive.a12 * curvature(error, grid.step))
@@ -40,8 +40,8 @@ def _encoders(rig: Rig, row_filter: RowFilter, a11: float, b: float) -> Iterator
 def _latencies(rig: Rig, row_filter: RowFilter) -> Iterator[Imperfection]:
     """A channel read δ later than its stamp shows q + q' δ; an angle that is late is a drive that is early."""
     grid = row_filter.grid
-    std = rig.sensors.of("angle").latency.std or 0.0
-    wheel = rig.sensors.of("wheel").latency.std or 0.0
+    std = grid.encoders.angle.latency.std or 0.0
+    wheel = grid.encoders.wheel.latency.std or 0.0
     if grid.wheel is not None and (std > 0 or wheel > 0):
         (effect,) = row_filter(rig.drive.a12 * slope(curvature(grid.wheel, grid.step), grid.step))
         yield Imperfection("angle latency", std, effect, 0.0, "sensors.latency")

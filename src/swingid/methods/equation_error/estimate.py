@@ -20,12 +20,10 @@ from swingid.methods.equation_error.rows import RowFilter, filtered_rows, fricti
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.motion import Motion, find_motion
+from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
+from swingid.preparation.prepared import Part
 from swingid.preparation.scale import Scale
-from swingid.preparation.segment import part_of
-from swingid.recording.recording import Recording
-from swingid.result.result import Message
 
 EARLIER = 0.75
 """Least lag of the instruments in half periods, for a controller to have answered the noise."""
@@ -41,33 +39,22 @@ SETTLED = 0.1
 
 
 @dataclass(frozen=True)
-class Part:
+class OnGrid:
     """The part of the log that is used, on its grid, its motion, and intervals that are closed to rows."""
 
-    log: Recording
-    motion: Motion
     grid: Grid
+    motion: Motion
     closed: Array
     noise: Noise
-    span: tuple[float, float]
-    note: Message
 
     @classmethod
-    def of(cls, log: Recording, rig: Rig, noise: Noise) -> Part:
-        """The part after the transient (or of the decay), see `preparation/segment.py`."""
-        found = find_motion(log.time, log.angle, noise.angle)
-        start, stop, note = part_of(log, found, rig.drive.kind)
-        used = log.segment(start, stop)
-        span = float(used.time[0]), float(used.time[-1])
-        motion = found.within(*span)
-        if len(motion.turning_times):
-            motion = motion.reread(log.time, log.angle, found.speed.half_width)
-        longest = (
-            max(4.5 * noise.step, 0.05 * motion.half_period) if len(motion.turning_times) > 1 else 4.5 * noise.step
-        )
-        late = np.nonzero(np.diff(used.time) > longest)[0]
-        gaps = np.column_stack([used.time[late], used.time[late + 1]])
-        return cls(used, motion, even_grid(used, rig), np.vstack([motion.rests, gaps]), noise, span, note)
+    def of(cls, part: Part, rig: Rig) -> OnGrid:
+        """The grid of a part; rests of the axis and gaps between rows are closed."""
+        time, motion = part.log.time, part.motion
+        late = np.nonzero(np.diff(time) > part.longest_gap)[0]
+        gaps = np.column_stack([time[late], time[late + 1]])
+        grid = even_grid(part.log, rig, part.encoders)
+        return cls(grid, motion, np.vstack([motion.rests, gaps]), part.noise)
 
     def reach(self, row_step: float, rows: int) -> int:
         """Rows over which correlation is looked for: two periods."""
@@ -75,7 +62,7 @@ class Part:
 
 
 def estimate(
-    part: Part, signals: Signals, scale: Scale, cutoff: Cutoff, given: str | None, instruments: bool
+    part: OnGrid, signals: Signals, scale: Scale, cutoff: Cutoff, given: str | None, instruments: bool
 ) -> tuple[Judged, Laws]:
     """The chosen fit with its judges, and the laws that the log allows. given: name of a law, None to choose one.
 
@@ -101,7 +88,7 @@ def estimate(
 
 
 def _law(
-    part: Part, signals: Signals, scale: Scale, row_filter: RowFilter, given: str | None
+    part: OnGrid, signals: Signals, scale: Scale, row_filter: RowFilter, given: str | None
 ) -> tuple[Law, Laws, Array]:
     """The law, all that may be, and how late the turning points are found with it.
 
@@ -124,14 +111,14 @@ def _law(
     return law, laws, late
 
 
-def _peaked(part: Part, scale: Scale, row_filter: RowFilter, law: Law) -> bool:
+def _peaked(part: OnGrid, scale: Scale, row_filter: RowFilter, law: Law) -> bool:
     """Whether Stribeck's peak is more than what noise and the encoder's grid, which comes again, make of one."""
     fit = _fit(part, scale, row_filter, law, (), instruments=False)
     return abs(fit.fit.value("stribeck")) > SEEN * spread_of(fit, "stribeck", part.motion)
 
 
 def _fit(
-    part: Part,
+    part: OnGrid,
     scale: Scale,
     row_filter: RowFilter,
     law: Law,
@@ -151,7 +138,7 @@ def _fit(
     return Fitted(fit, row_filter, rows, lag, reach, 0.0 if scale.linear else b, scale, part.noise)
 
 
-def _lag(part: Part, scale: Scale, row_filter: RowFilter, rows: Rows, terms: tuple[str, ...]) -> int:
+def _lag(part: OnGrid, scale: Scale, row_filter: RowFilter, rows: Rows, terms: tuple[str, ...]) -> int:
     least = max(SETTLING / row_filter.cutoff.frequency, EARLIER * part.motion.half_period)
     shortest = int(np.ceil(least / row_filter.row_step))
     period = 2 * part.motion.half_period / row_filter.row_step

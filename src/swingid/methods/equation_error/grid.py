@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.rows import moved
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.noise import EVEN
 from swingid.recording.recording import Recording
 
@@ -30,7 +30,7 @@ class Grid:
     """Channels of a log on an even grid: time (n,) s, step s, angle, wheel angle and torque where the drive has them.
 
     A held torque is the difference of its double integral, as the acceleration is that of the angle. resampled: whether
-    the stamps of the log were uneven.
+    the stamps of the log were uneven. encoders: what is declared of them.
     """
 
     time: Array
@@ -39,10 +39,14 @@ class Grid:
     wheel: Array | None
     torque: Array | None
     resampled: bool
+    encoders: Encoders
 
 
-def even_grid(log: Recording, rig: Rig) -> Grid:
-    """The log on its even grid; the angles' declared latencies are taken off against each other, as in momentum."""
+def even_grid(log: Recording, rig: Rig, encoders: Encoders) -> Grid:
+    """The log on its even grid, on the clock of the angle: wheel and torque are moved by the latencies, as in momentum.
+
+    Raises UnanswerableError where the log is mostly gaps.
+    """
     steps = np.diff(log.time)
     resampled = bool(np.ptp(steps) > EVEN * steps[0])
     count = int(np.rint(log.duration * log.rate)) + 1
@@ -58,19 +62,21 @@ def even_grid(log: Recording, rig: Rig) -> Grid:
         return spline_at(log.time, values, spline_slopes(log.time, values), time, 0) if resampled else values
 
     wheel = torque = None
+    late = encoders.angle.latency.value
     step = float(time[1] - time[0])
     if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
-        late = rig.sensors.of("wheel").latency.value - rig.sensors.of("angle").latency.value
-        wheel = carried(moved(log.time, log.wheel_angle, late))
+        wheel = carried(moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late))
     if rig.drive.kind == "direct" and log.torque is not None:
-        torque = as_held(log.time, log.torque[:-1], time) if log.drive_held else carried(log.torque)
-    return Grid(time, step, carried(log.angle), wheel, torque, resampled)
+        # a torque that acts at t is met by the angle in the row stamped t − late
+        measured = moved(log.time, log.torque, -late)
+        torque = as_held(log.time - late, log.torque[:-1], time) if log.drive_held else carried(measured)
+    return Grid(time, step, carried(log.angle), wheel, torque, resampled, encoders)
 
 
 def as_held(edges: Array, levels: Array, time: Array) -> Array:
     """A piecewise constant signal as the second difference of its exact double integral shows it on an even grid.
 
-    levels[k] holds from edges[k] to edges[k+1]; `time` lies between the outermost edges.
+    levels[k] holds from edges[k] to edges[k+1], the first and the last also beyond the outermost edges.
     """
     steps = np.diff(edges)
     once = np.concatenate([[0.0], np.cumsum(levels * steps)])

@@ -27,16 +27,18 @@ from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.checks import CLOSE
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import Cutoff, choose_cutoff
-from swingid.methods.equation_error.estimate import Part, estimate
+from swingid.methods.equation_error.estimate import OnGrid, estimate
 from swingid.methods.equation_error.fit import RowFit
+from swingid.methods.equation_error.grid import Grid
 from swingid.methods.equation_error.judges import Judged
 from swingid.methods.equation_error.laws import Laws
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
-from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.noise import Noise
+from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, exact_in_row_one, provenance
+from swingid.result.provenance import add_findings, exact_in_row_one
 from swingid.result.result import Message, Result
 
 
@@ -60,22 +62,23 @@ def equation_error(
     """
     if friction != "auto":
         _require_law(friction)
-    scale = Scale.of(rig)
-    require_channels(log, rig)
-    noise = channel_noise(log, rig)
-    part = Part.of(log, rig, noise)
+    prepared = prepare(log, rig)
+    part = prepared.part(reread=True)
+    log, scale, noise = prepared.log, prepared.scale, part.noise
+    on_grid = OnGrid.of(part, rig)
     if len(part.motion.turning_times) < 2:
         message = "the part of the log that can be used holds no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")
-    signals = Signals.of(part.log, rig, part.motion)
+    signals = Signals.of(part.log, rig, part.motion, part.encoders)
     doubts = _second_opinion(part, signals, rig, scale, noise)
-    cut = choose_cutoff(part.motion.speed, *part.span, noise, cutoff)
-    judged, laws = estimate(part, signals, scale, cut, None if friction == "auto" else friction, instruments)
+    span = float(part.log.time[0]), float(part.log.time[-1])
+    cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
+    judged, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
     chosen = judged.chosen
     budget, parameters = answer(judged, rig, scale)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
     warnings, notes = check_answer(parameters, budget, _as_windows(chosen), scale, amplitude)
-    how = _how(part, cut, judged, laws, given=friction != "auto")
+    how = _how(on_grid.grid, cut, judged, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), *notes, *doubts[1]]
     warnings = [*warnings, *_unlikely(judged, laws, scale), *doubts[0]]
     add_findings(log, warnings, notes)
@@ -87,8 +90,8 @@ def equation_error(
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(budget),
-        provenance=provenance(log, rig, options),
-        details=details(judged, scale, part.span),
+        provenance=prepared.provenance(part, options),
+        details=replace(details(judged, scale, span), left_out=log.left_out),
         sensitivities=sensitivities(rig, chosen.rows, chosen.fit.fit.influence[0]),
         covariance=_covariance(chosen.fit) if scale.b is None else {},
     )
@@ -144,7 +147,7 @@ def _second_opinion(
     return [*doubts, *own[0]], own[1]
 
 
-def _how(part: Part, cutoff: Cutoff, judged: Judged, laws: Laws, *, given: bool) -> list[Message]:
+def _how(grid: Grid, cutoff: Cutoff, judged: Judged, laws: Laws, *, given: bool) -> list[Message]:
     """Notes on what was done to the log."""
     text = f"low-pass at {cutoff.frequency:.3g} Hz ({cutoff.reason}), zero phase, every term alike."
     notes = [Message("cutoff", text)]
@@ -156,7 +159,7 @@ def _how(part: Part, cutoff: Cutoff, judged: Judged, laws: Laws, *, given: bool)
     if "memory" in judged.chosen.fit.unknowns:
         law += ", with an impulse at each reversal (friction with a memory)"
     notes.append(Message("friction-law", f"{law}; a wrong one biases the inertia."))
-    if part.grid.resampled:
+    if grid.resampled:
         notes.append(Message("resampled", "the stamps are uneven, so splines carried the log to an even grid first."))
     lag = judged.chosen.lag * judged.chosen.row_filter.row_step
     if lag > 0:

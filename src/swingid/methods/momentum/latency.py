@@ -18,7 +18,9 @@ from swingid.balance.imperfections import Imperfection, imperfections, late_chan
 from swingid.balance.rows import Signals
 from swingid.format import percent, plus_minus
 from swingid.model.rig import Rig
+from swingid.model.rig.sensors import Sensor
 from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.preparation.encoders import Channel, Correction, Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
@@ -59,11 +61,33 @@ class Seen:
     rig: Rig
     scale: Scale
     noise: Noise
+    encoders: Encoders
 
     def moved(self, by: float) -> Choice:
         """The choice with the late channel moved `by` (s) beyond what the rig file says."""
-        rig = self.rig.changed({_key(self.rig): _declared(self.rig) + by})
-        return choose(Signals.of(self.log, rig, self.motion), self.rig, self.scale, self.noise)
+        own = self.late.latency
+        encoders = self.encoders.with_latency(self.channel, own.value + by, own.std)
+        return choose(Signals.of(self.log, self.rig, self.motion, encoders), self.rig, self.scale, self.noise)
+
+    @property
+    def channel(self) -> Channel:
+        """The channel that is moved: the wheel where there is one, else the angle against the torque."""
+        return "wheel" if self.rig.drive.kind == "reaction-wheel" else "angle"
+
+    @property
+    def late(self) -> Sensor:
+        """The encoder of that channel."""
+        return self.encoders.wheel if self.channel == "wheel" else self.encoders.angle
+
+    @property
+    def spread(self) -> float:
+        """Declared standard deviation (s) of the latency that the balance feels; 0 in a free decay."""
+        if self.rig.drive.kind == "none":
+            return 0.0
+        stds = [self.encoders.angle.latency.std or 0.0]
+        if self.rig.drive.kind == "reaction-wheel":
+            stds.append(self.encoders.wheel.latency.std or 0.0)
+        return float(np.hypot.reduce(stds))
 
 
 @dataclass(frozen=True)
@@ -74,14 +98,14 @@ class Latency:
     u: float
 
 
-def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message]]:
-    """The choice with a channel moved by the declared latency that the balance tells, and what to say of it.
+def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message], tuple[Correction, ...]]:
+    """The choice with a channel moved by the latency found within what is declared, messages, and what was moved.
 
-    Where it tells nothing, the uncertainty that stays is of first order; a warning where its square matters as well.
+    Where none is found, the uncertainty that stays is of first order; a warning where its square matters as well.
     """
     rig, scale = seen.rig, seen.scale
-    if not _spread(rig):
-        return choice, []
+    if not seen.spread:
+        return choice, [], ()
     moved, found = 0.0, latency_of(choice.law, choice.signals, rig, scale, seen.noise)
     for _ in range(STEPS):
         if _second_order(choice.signals, found.value) < SMALL * choice.law.total / abs(choice.law.a11):
@@ -89,13 +113,15 @@ def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message]]:
         moved += found.value
         choice = seen.moved(moved)
         found = latency_of(choice.law, choice.signals, rig, scale, seen.noise)
-    messages = []
+    messages: list[Message] = []
+    corrections: tuple[Correction, ...] = ()
     if moved:
         text = (
             f"the balance tells that {_channel(rig)} {plus_minus(1e3 * (moved + found.value), 1e3 * found.u, 'ms')} "
             "later than the rig file says, within what it allows; it was moved by that."
         )
         messages.append(Message("latency-told", text))
+        corrections = (Correction(seen.channel, "latency", moved, found.u, "s", "found"),)
     left = _second_order(choice.signals, found.u)
     if left > choice.law.total / abs(choice.law.a11):
         text = (
@@ -104,7 +130,7 @@ def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message]]:
             "calibrate it."
         )
         messages.append(Message("latency-squared", text))
-    return choice, messages
+    return choice, messages, corrections
 
 
 def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Message]:
@@ -113,31 +139,33 @@ def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Messag
     uncertainty: the inertia's, with all declared imperfections.
     """
     rig, scale = seen.rig, seen.scale
-    if scale.drive == "none" or _spread(rig) or not _may_show(choice, rig, scale):
+    if scale.drive == "none" or seen.spread or not _may_show(choice, rig, scale):
         return []
-    allowed = _allowed(rig)
+    # as if the rig file said that its latency may be off by so much
+    allowed = seen.encoders.with_latency(seen.channel, seen.late.latency.value, LATEST)
     best, moved = choice, 0.0
     for _ in range(STEPS):
-        moved += latency_of(best.law, best.signals, allowed, scale, seen.noise).value
+        moved += latency_of(best.law, best.signals.declaring(allowed), rig, scale, seen.noise).value
         best = seen.moved(moved)
-    law, found = best.law, latency_of(best.law, best.signals, allowed, scale, seen.noise)
+    law, found = best.law, latency_of(best.law, best.signals.declaring(allowed), rig, scale, seen.noise)
     moved += found.value
-    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals, allowed, seen)))
+    u = float(np.hypot(found.u, _scatter(best.tried.values(), best.signals.declaring(allowed), seen)))
     if abs(moved) < CERTAIN * u:
         return []
     # what a latency leaves of the balance widens the interval as well, and would then hide it
     if abs(law.a11 - choice.law.a11) < MATTERS * min(uncertainty, law.u):
         return []
+    key = "sensors.wheel.latency" if seen.channel == "wheel" else "sensors.latency"
     text = (
         f"{_channel(rig)} {plus_minus(1e3 * moved, 1e3 * u, 'ms')} later than the rig file says; moved by that the "
         f"inertia would be {plus_minus(law.a11 - scale.carried, None, scale.unit)}. State "
-        f'{_key(rig)} = "{1e3 * (_declared(rig) + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
+        f'{key} = "{1e3 * (seen.late.latency.value + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
     )
     return [Message("late-channel", text)]
 
 
 def latency_of(law: WindowFit, signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Latency:
-    """The latency within what `rig` declares, found beside inertia, friction and the declared nonlinearities.
+    """The latency within what is declared of the encoders, found beside inertia, friction and nonlinearities.
 
     Its uncertainty is what the rows scatter, and no less than what noise of the sensors makes of it.
     """
@@ -169,9 +197,10 @@ def _counts(item: Imperfection, rig: Rig) -> float:
     return {"angle latency": 1.0}.get(item.source, 0.0)
 
 
-def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig, seen: Seen) -> float:
+def _scatter(fits: Iterable[WindowFit], signals: Signals, seen: Seen) -> float:
     """How far windows of other lengths, which tell the latency about as well, lie from each other."""
-    found = [latency_of(fit, signals, rig, seen.scale, seen.noise) for fit in fits if len(fit.rows.windows) >= FEWEST]
+    enough = [fit for fit in fits if len(fit.rows.windows) >= FEWEST]
+    found = [latency_of(fit, signals, seen.rig, seen.scale, seen.noise) for fit in enough]
     least = min((one.u for one in found), default=0.0)
     values = [one.value for one in found if one.u < SHARP * least]
     return float(np.std(values)) if len(values) > 1 else 0.0
@@ -194,29 +223,6 @@ def _second_order(signals: Signals, late: float) -> float:
 
 def _friction(law: WindowFit) -> tuple[str, ...]:
     return tuple(name for name in law.unknowns if name in law.rows.friction)
-
-
-def _key(rig: Rig) -> str:
-    return "sensors.wheel.latency" if rig.drive.kind == "reaction-wheel" else "sensors.latency"
-
-
-def _declared(rig: Rig) -> float:
-    return rig.sensors.of("wheel" if rig.drive.kind == "reaction-wheel" else "angle").latency.value
-
-
-def _spread(rig: Rig) -> float:
-    """Declared standard deviation (s) of the latency that the balance feels; 0 in a free decay."""
-    if rig.drive.kind == "none":
-        return 0.0
-    sensors = [rig.sensors.of("angle")]
-    if rig.drive.kind == "reaction-wheel":
-        sensors.append(rig.sensors.of("wheel"))
-    return float(np.hypot.reduce([sensor.latency.std or 0.0 for sensor in sensors]))
-
-
-def _allowed(rig: Rig) -> Rig:
-    """The rig as if it said that its latency may be off by LATEST."""
-    return rig.changed({_key(rig): {"value": _declared(rig), "std": LATEST}})
 
 
 def _channel(rig: Rig) -> str:

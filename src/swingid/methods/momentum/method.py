@@ -33,12 +33,12 @@ from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, units_on
 from swingid.numerics.arrays import median
 from swingid.numerics.test_functions import CURVATURE_POWER
-from swingid.preparation.motion import Motion, find_motion
-from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale, require_channels
-from swingid.preparation.segment import part_of
+from swingid.preparation.motion import Motion
+from swingid.preparation.noise import Noise
+from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, exact_in_row_one, provenance
+from swingid.result.provenance import add_findings, exact_in_row_one
 from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
 
 NEGLIGIBLE = 1e-3
@@ -72,15 +72,12 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
 
     Raises InputError where a channel is missing, UnanswerableError where the motion cannot tell.
     """
-    scale = Scale.of(rig)
-    require_channels(log, rig)
-    noise = channel_noise(log, rig)
-    whole = find_motion(log.time, log.angle, noise.angle)
-    start, stop, segment_note = part_of(log, whole, rig.drive.kind)
-    used = log.segment(start, stop)
-    motion = whole.within(float(used.time[0]), float(used.time[-1])).reread(log.time, log.angle, whole.speed.half_width)
-    seen = Seen(used, motion, rig, scale, noise)
-    choice, late = with_latency(choose(Signals.of(used, rig, motion), rig, scale, noise), seen)
+    prepared = prepare(log, rig)
+    part = prepared.part(reread=True)
+    log, scale, noise, encoders = prepared.log, prepared.scale, part.noise, part.encoders
+    seen = Seen(part.log, part.motion, rig, scale, noise, encoders)
+    first = choose(Signals.of(part.log, rig, part.motion, encoders), rig, scale, noise)
+    choice, late, moved = with_latency(first, seen)
     signals, motion = choice.signals, choice.signals.motion
     estimate = _estimate(choice, rig, scale, noise)
     check_sign(estimate.law, scale, log.source.path or "the log")
@@ -92,13 +89,13 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
         if alone or scale.b is not None or error.code != "not-identifiable":
             raise
         warnings, notes = [Message(error.code, error.message)], []
-    balance = motor_balance(used, rig, signals, estimate.law.rows.windows, noise)
+    balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, noise)
     motor_warnings, motor_notes = check_motor(balance, signals)
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
     lost = loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
     if lost is not None:
         extra["loss_unexplained"] = lost
-    notes = [segment_note, *exact_in_row_one(rig), *notes, *motor_notes]
+    notes = [part.note, *exact_in_row_one(rig), *notes, *motor_notes]
     u = parameters["inertia"].standard_uncertainty or 0.0
     off = check_zero(estimate.law, signals, scale, u)
     if not off:  # a zero that is off bends the gravity torque, too
@@ -116,8 +113,8 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(budget),
-        provenance=provenance(log, rig),
-        details=replace(_details(estimate, signals, scale, noise, motion, (start, stop)), extra=extra),
+        provenance=prepared.provenance(part, found=moved),
+        details=replace(_details(estimate, signals, scale, part, motion), left_out=log.left_out, extra=extra),
         sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0]),
         covariance=_covariance(estimate.law) if scale.b is None else {},
     )
@@ -220,19 +217,18 @@ def _details(
     estimate: _Estimate,
     signals: Signals,
     scale: Scale,
-    noise: Noise,
+    part: Part,
     motion: Motion,
-    part: tuple[float, float],
 ) -> Details:
     law = estimate.law
     kinds = {"law": law, "swing": estimate.swing, "even": estimate.even}
     return Details(
-        start=part[0],
-        stop=part[1],
+        start=part.start,
+        stop=part.stop,
         turning_times=motion.turning_times,
         turning_angles=motion.turning_angles,
         window=law.half,
-        swings=_per_swing(estimate, signals, scale, noise),
+        swings=_per_swing(estimate, signals, scale, part.noise),
         friction=estimate.friction.curve,
         estimates={
             name: (fit.a11 - scale.carried, fit.u)

@@ -72,7 +72,7 @@ def estimate_of(
     fit = searched.fit
     influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
     covariance = _covariance(influence, fit.residuals, problem, motion)
-    declared = declared_effects(searched, problem, influence, log, rig, scale, motion, noise)
+    declared = declared_effects(searched, problem, influence, log, rig, scale, noise)
     grid = np.zeros_like(covariance)
     if log.averaged == 1:
         grid = grid_covariance(problem, fit, influence, noise)

@@ -18,6 +18,7 @@ from swingid.methods.output_error.unknowns import unknowns_of
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
@@ -41,12 +42,13 @@ def cramer_rao(
     Raises InputError for a rig without inertia or noise, UnanswerableError where the unknowns cannot be told apart.
     """
     scale, source = Scale.of(rig), INPUTS[rig.drive.kind]
-    noise = Noise(rig.sensors.of("angle").noise, rig.sensors.of("wheel").noise, 1 / log.rate)
+    encoders = Encoders.of(rig)
+    noise = Noise(encoders.angle.noise, encoders.wheel.noise, 1 / log.rate)
     if rig.axis.inertia is None or noise.angle == 0.0:
         missing = "axis.inertia" if rig.axis.inertia is None else "sensors.noise"
         raise InputError(f"rig {rig.name}: {missing} is missing, but the bound needs it; give it.", code="missing-key")
     duration = float(log.time[-1] - log.time[0])
-    problem = problem_of(log, rig, noise, source, 2 * duration, np.inf)
+    problem = problem_of(log, encoders, noise, source, 2 * duration, np.inf)
     # only bounds of a search are made of the last two, and nothing is searched here
     unknowns = unknowns_of(rig, scale, law, tuple(free), 1.0, 1.0)
     states = problem.starts if start is None else np.array([start], dtype=np.float64)

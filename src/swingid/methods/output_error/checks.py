@@ -65,7 +65,7 @@ def check_fit(
     require_seen(seen)
     _require_told_apart(estimate)
     spread = _scatter_of_inertia(budget)
-    poor = _poor_fit(estimate, problem, rig, scale)
+    poor = _poor_fit(estimate, problem, scale)
     held = _held_doubt(opinion, problem)
     whole = inertia.standard_uncertainty or spread
     if poor and (spread > HOPELESS * inertia.value or whole > inertia.value):
@@ -144,19 +144,19 @@ def _scatter_of_inertia(budget: list[BudgetEntry]) -> float:
     return next(e.standard_uncertainty for e in budget if e.parameter == "inertia" and e.source == SCATTER)
 
 
-def misfit(fit: Fit, unknowns: Unknowns, problem: Problem, rig: Rig) -> dict[str, tuple[float, float]]:
+def misfit(fit: Fit, unknowns: Unknowns, problem: Problem) -> dict[str, tuple[float, float]]:
     """Residual (rms, rad or m) of each channel, and what noise, jitter and the input's nonlinearity explain of it."""
     found = {}
     for channel, here in (("angle", ~problem.wheel), ("wheel", problem.wheel)):
         if not here.any():
             continue
-        sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
+        sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
         left = float(np.sqrt(np.mean((fit.residuals * problem.sigma)[here] ** 2)))
         rate = float(np.sqrt(np.mean(fit.prediction.rates[here] ** 2)))
         # a nonlinearity that is no unknown, and that of the wheel as input, which enters the prediction
         key = f"sensors.{'' if channel == 'angle' else 'wheel.'}nonlinearity."
         own = 0.0 if any(name.startswith(key) for name in unknowns.names) else sensor.nonlinearity
-        bent = rig.sensors.of("wheel").nonlinearity if problem.input == "wheel" else 0.0
+        bent = problem.encoders.wheel.nonlinearity if problem.input == "wheel" else 0.0
         parts = (problem.sigma[here][0], own, bent, sensor.jitter * rate)
         found[channel] = left, float(np.sqrt(np.sum(np.square(parts))))
     return found
@@ -172,17 +172,17 @@ def left_of_channels(fit: Fit, problem: Problem) -> dict[str, float]:
     return found
 
 
-def misfit_ratios(fit: Fit, unknowns: Unknowns, problem: Problem, rig: Rig) -> dict[str, float]:
+def misfit_ratios(fit: Fit, unknowns: Unknowns, problem: Problem) -> dict[str, float]:
     """Residual of each channel over what is explained; infinite where the motion ran away."""
     if not np.isfinite(fit.cost):
         return {"angle": np.inf}
-    return {channel: left / expected for channel, (left, expected) in misfit(fit, unknowns, problem, rig).items()}
+    return {channel: left / expected for channel, (left, expected) in misfit(fit, unknowns, problem).items()}
 
 
-def _poor_fit(estimate: Estimate, problem: Problem, rig: Rig, scale: Scale) -> list[Message]:
+def _poor_fit(estimate: Estimate, problem: Problem, scale: Scale) -> list[Message]:
     """A warning where the residuals are far above what the sensors explain."""
     told = []
-    for channel, (left, expected) in misfit(estimate.searched.fit, estimate.unknowns, problem, rig).items():
+    for channel, (left, expected) in misfit(estimate.searched.fit, estimate.unknowns, problem).items():
         if left > POOR * expected:
             told.append(f"{left / expected:.3g} times for the {channel}")
     if not told:

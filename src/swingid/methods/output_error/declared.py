@@ -16,7 +16,6 @@ from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.solver import inverse_of
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
@@ -32,14 +31,13 @@ def declared_effects(
     log: Recording,
     rig: Rig,
     scale: Scale,
-    motion: Motion,
     noise: Noise,
 ) -> tuple[Declared, ...]:
     """What every constant of the rig and every imperfection of its sensors does to the unknowns of a fit."""
     return (
         *_constants(searched, problem, influence, rig, scale),
-        *_encoders(searched, problem, influence, log, rig, noise, motion),
-        *_latencies(problem, searched.fit.prediction.rates, influence, rig),
+        *_encoders(searched, problem, influence, log, rig, noise),
+        *_latencies(problem, searched.fit.prediction.rates, influence),
     )
 
 
@@ -99,14 +97,14 @@ def _constants(searched: Searched, problem: Problem, influence: Array, rig: Rig,
 
 
 def _encoders(
-    searched: Searched, problem: Problem, influence: Array, log: Recording, rig: Rig, noise: Noise, motion: Motion
+    searched: Searched, problem: Problem, influence: Array, log: Recording, rig: Rig, noise: Noise
 ) -> Iterator[Declared]:
     """Once-per-turn nonlinearity of each encoder, measured = q + α cos q + β sin q."""
     if rig.axis.kind == "linear":
         return
     shapes = (("cosine", np.cos), ("sine", np.sin))
     for channel, prefix, here in (("angle", "", ~problem.wheel), ("wheel", "wheel.", problem.wheel)):
-        sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
+        sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
         if channel == "wheel" and problem.input not in ("voltage", "wheel"):
             continue
         for name, shape in shapes:
@@ -115,21 +113,19 @@ def _encoders(
                 continue
             if channel == "wheel" and problem.input == "wheel":
                 assert log.wheel_angle is not None
-                effect = -_other_input(searched, problem, log, rig, noise, motion, std * shape(log.wheel_angle)) / std
+                effect = -_other_input(searched, problem, log, noise, std * shape(log.wheel_angle)) / std
             else:
                 effect = np.where(here, shape(problem.measured), 0.0)
             shift = influence @ (effect / problem.sigma)
             yield f"{channel} encoder nonlinearity ({name})", std, f"sensors.{prefix}nonlinearity.{name}", shift
 
 
-def _other_input(
-    searched: Searched, problem: Problem, log: Recording, rig: Rig, noise: Noise, motion: Motion, error: Array
-) -> Array:
+def _other_input(searched: Searched, problem: Problem, log: Recording, noise: Noise, error: Array) -> Array:
     """Change of the predicted readings when the measured wheel, which is the input, is off by `error` (rows,)."""
     assert log.wheel_angle is not None
     other = replace(log, wheel_angle=log.wheel_angle + error)
     length = float(np.max(np.diff(problem.knots[np.append(problem.bounds[:-1], problem.bounds[-1] - 1)])))
-    again = problem_of(other, rig, noise, "wheel", length, np.inf)
+    again = problem_of(other, problem.encoders, noise, "wheel", length, np.inf)
     if len(again.measured) != len(problem.measured):
         return np.zeros(len(problem.measured))
     fit, unknowns = searched.fit, searched.unknowns
@@ -140,13 +136,13 @@ def _other_input(
     return prediction.outputs - fit.prediction.outputs
 
 
-def _latencies(problem: Problem, rates: Array, influence: Array, rig: Rig) -> Iterator[Declared]:
+def _latencies(problem: Problem, rates: Array, influence: Array) -> Iterator[Declared]:
     """A channel read δ later than stated shows q + q' δ; as the input, a late wheel is an early angle."""
     late = influence @ (np.where(problem.wheel, 0.0, rates) / problem.sigma)
-    std = rig.sensors.of("angle").latency.std
+    std = problem.encoders.angle.latency.std
     if std and problem.input != "none":
         yield "angle latency", std, "sensors.latency", late
-    std = rig.sensors.of("wheel").latency.std
+    std = problem.encoders.wheel.latency.std
     if std and problem.input in ("voltage", "wheel"):
         turning = influence @ (np.where(problem.wheel, rates, 0.0) / problem.sigma)
         yield "wheel latency", std, "sensors.wheel.latency", turning if problem.input == "voltage" else -late

@@ -27,12 +27,11 @@ from swingid.methods.output_error.solver import solve
 from swingid.methods.output_error.unknowns import Unknowns, unknowns_of
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.motion import Motion, find_motion
-from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale, require_channels
-from swingid.preparation.segment import part_of
+from swingid.preparation.motion import Motion
+from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, provenance
+from swingid.result.provenance import add_findings
 from swingid.result.result import Result
 
 SHORTEST = 48
@@ -71,24 +70,21 @@ def output_error(
     """
     free = names_of(free)
     check_options(law, loss, starts, segment)
-    scale = Scale.of(rig)
-    require_channels(log, rig)
+    prepared = prepare(log, rig)
+    log, scale = prepared.log, prepared.scale
     require_rows(segment, log)
     source = input_of(input, log, rig, scale)
-    noise = channel_noise(log, rig)
-    whole = find_motion(log.time, log.angle, noise.angle)
-    start, stop, note = part_of(log, whole, rig.drive.kind)
-    used = log.segment(start, stop)
-    motion = whole.within(float(used.time[0]), float(used.time[-1]))
-    opinion = second_opinion(used, rig, motion, scale, noise)
-    setup = _Setup(used, rig, scale, noise, motion, source, opinion, free, loss, starts)
+    part = prepared.part()
+    used, motion, noise = part.log, part.motion, part.noise
+    opinion = second_opinion(used, rig, motion, scale, noise, part.encoders)
+    setup = _Setup(part, rig, scale, source, opinion, free, loss, starts)
     problem, searched, law = _best_fit(setup, law, segment)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
     parameters, budget, sensitivities = answer_of(estimate, rig, scale, opinion)
     warnings, notes = check_fit(parameters, budget, sensitivities, estimate, problem, opinion, rig, scale, motion)
-    notes = [note, *notes]
+    notes = [part.note, *notes]
     add_findings(log, warnings, notes)
-    details = details_of(estimate, problem, scale, motion, (start, stop), law)
+    details = details_of(estimate, problem, scale, motion, (part.start, part.stop), law)
     extra = left_of_channels(searched.fit, problem)
     if opinion.balance is not None:
         extra["motor_balance_residual"] = opinion.balance.as_stated
@@ -100,9 +96,9 @@ def output_error(
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(budget),
-        provenance=provenance(log, rig, options | ({"free": free} if free else {}))
+        provenance=prepared.provenance(part, options | ({"free": free} if free else {}))
         | ({"constants_found": found} if (found := constants_found(searched, rig)) else {}),
-        details=replace(details, extra=extra),
+        details=replace(details, left_out=log.left_out, extra=extra),
         sensitivities=sensitivities,
     )
 
@@ -111,11 +107,9 @@ def output_error(
 class _Setup:
     """What every fit of one log shares; moves: whether what rig.toml is unsure of may move within what it states."""
 
-    log: Recording
+    part: Part
     rig: Rig
     scale: Scale
-    noise: Noise
-    motion: Motion
     source: Input
     opinion: SecondOpinion
     free: tuple[str, ...]
@@ -135,19 +129,20 @@ class _Setup:
     @property
     def fastest(self) -> float:
         """Highest speed of the axis, rad/s."""
-        return float(np.max(np.abs(self.motion.speed.speed)))
+        return float(np.max(np.abs(self.part.motion.speed.speed)))
 
     def unknowns(self, law: str) -> Unknowns:
         """The unknowns with a friction law."""
-        strongest = _strongest(self.windows, self.motion, self.scale)
+        strongest = _strongest(self.windows, self.part.motion, self.scale)
         more = self.uncertain if self.moves else ((), {})
-        resolution = self.noise.resolution
+        resolution = self.part.noise.resolution
         return unknowns_of(self.rig, self.scale, law, self.free, self.fastest, strongest, resolution, *more)
 
     @property
     def uncertain(self) -> tuple[tuple[str, ...], dict[str, float]]:
         """Constants and sensors that rig.toml is unsure of, see `unknowns_of`."""
-        return uncertain_constants(self.rig, self.scale, self.source), uncertain_readings(self.rig, self.source)
+        readings = uncertain_readings(self.part.encoders, self.source, rotary=not self.scale.linear)
+        return uncertain_constants(self.rig, self.scale, self.source), readings
 
     def first(self, unknowns: Unknowns) -> Array:
         """Where the search begins."""
@@ -155,12 +150,12 @@ class _Setup:
 
     def problem(self, length: float) -> Problem:
         """The log in segments of about `length` s."""
-        gap = max(4.5 * self.noise.step, 0.05 * self.motion.half_period)
-        return problem_of(self.log, self.rig, self.noise, self.source, length, gap)
+        part = self.part
+        return problem_of(part.log, part.encoders, part.noise, self.source, length, part.longest_gap)
 
     def is_poor(self, problem: Problem, found: Searched) -> bool:
         """Whether a fit leaves more than the sensors explain."""
-        return max(misfit_ratios(found.fit, found.unknowns, problem, self.rig).values()) > POOR
+        return max(misfit_ratios(found.fit, found.unknowns, problem).values()) > POOR
 
 
 def _best_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem, Searched, str]:
@@ -189,7 +184,7 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
     """
     unknowns = setup.unknowns(law)
     values = setup.first(unknowns)
-    length = SWINGS * setup.motion.half_period if segment is None else segment
+    length = SWINGS * setup.part.motion.half_period if segment is None else segment
     tried: list[tuple[Problem, Searched]] = []
     while True:
         problem = setup.problem(length)
@@ -201,11 +196,11 @@ def _rough_fit(setup: _Setup, law: str, segment: float | None) -> tuple[Problem,
         tried.append((problem, found))
         # where not even the search settles the segments are far too long
         length /= 2 if found.fit.converged else 4
-        if segment is not None or not setup.is_poor(problem, found) or length * setup.log.rate < SHORTEST:
+        if segment is not None or not setup.is_poor(problem, found) or length * setup.part.log.rate < SHORTEST:
             break
     best = 0
     if len(tried) > 1:
-        certain = [type_a(problem, found, setup.motion) for problem, found in tried]
+        certain = [type_a(problem, found, setup.part.motion) for problem, found in tried]
         best = int(np.argmin(np.where(np.isfinite(certain), certain, np.inf)))
     problem, found = tried[best]
     found = replace(found, law=law)

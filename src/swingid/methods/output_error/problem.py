@@ -17,9 +17,9 @@ from swingid.methods.output_error.axis_motion import axis_motion
 from swingid.methods.output_error.axis_step import COURSES, SPEED, TORQUE, WHEEL
 from swingid.methods.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion
 from swingid.methods.output_error.unknowns import Entries
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
@@ -64,6 +64,7 @@ class Problem:
     sigma: Array
     times: Array
     starts: Array
+    encoders: Encoders
 
     @property
     def states(self) -> int:
@@ -99,6 +100,7 @@ class Problem:
             self.sigma[rows],
             self.times[rows],
             self.starts[chosen],
+            self.encoders,
         )
 
 
@@ -106,14 +108,15 @@ def _edges(lengths: list[int]) -> Ints:
     return np.concatenate([[0], np.cumsum(np.array(lengths, dtype=np.int64))])
 
 
-def problem_of(log: Recording, rig: Rig, noise: Noise, source: Input, length: float, longest_gap: float) -> Problem:
+def problem_of(
+    log: Recording, encoders: Encoders, noise: Noise, source: Input, length: float, longest_gap: float
+) -> Problem:
     """Cut a log into segments of about `length` s, also where rows are missing for more than `longest_gap` s.
 
     A held voltage or torque acts from its stamp; angles are read their declared latency after theirs. Raises
     UnanswerableError where no segment has rows enough.
     """
-    late = rig.sensors.of("angle").latency.value
-    wheel_late = rig.sensors.of("wheel").latency.value
+    late, wheel_late = encoders.angle.latency.value, encoders.wheel.latency.value
     sigma = (_floor(noise.angle, log.angle), 1.0)
     drives = _Drives.of(log, source, wheel_late, noise)
     if source == "voltage":
@@ -147,6 +150,7 @@ def problem_of(log: Recording, rig: Rig, noise: Noise, source: Input, length: fl
         np.where(wheel, sigma[1], sigma[0]),
         times,
         _starts(log, [part[0][0] for part in parts], length, late, wheel_late, source),
+        encoders,
     )
 
 

@@ -12,11 +12,11 @@ import numpy as np
 
 from swingid.methods.output_error.problem import Input, Prediction, Problem
 from swingid.methods.output_error.unknowns import ZERO
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Encoders
 
 
-def uncertain_readings(rig: Rig, source: Input) -> dict[str, float]:
+def uncertain_readings(encoders: Encoders, source: Input, *, rotary: bool) -> dict[str, float]:
     """What rig.toml leaves open of the sensors whose angles are compared: standard deviations by their keys.
 
     The wheel's sensor is not among them where its angle is the input; neither is a latency in a free decay, which has
@@ -26,8 +26,8 @@ def uncertain_readings(rig: Rig, source: Input) -> dict[str, float]:
     for channel, prefix in (("angle", "sensors."), ("wheel", "sensors.wheel.")):
         if channel == "wheel" and source != "voltage":
             continue
-        sensor = rig.sensors.of("angle" if channel == "angle" else "wheel")
-        if rig.axis.kind != "linear":
+        sensor = encoders.angle if channel == "angle" else encoders.wheel
+        if rotary:
             found |= {f"{prefix}nonlinearity.{name}": part.std for name, part in sensor.parts.items()}
         if source != "none":
             found[f"{prefix}latency"] = sensor.latency.std

@@ -25,6 +25,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import CURVATURE_POWER, superpose
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
@@ -73,9 +74,10 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
     scale = Scale.of(rig)
     seen_log = with_errors(log, rig, np.random.default_rng(0))
     noise = channel_noise(seen_log, rig)
+    encoders = Encoders.of(rig)
     moving = find_motion(log.time, seen_log.angle, noise.angle)
-    half = choose(Signals.of(seen_log, rig, moving), rig, scale, noise).law.half
-    signals = Signals.of(log, rig, find_motion(log.time, log.angle, noise.angle)).suited(half)
+    half = choose(Signals.of(seen_log, rig, moving, encoders), rig, scale, noise).law.half
+    signals = Signals.of(log, rig, find_motion(log.time, log.angle, noise.angle), encoders).suited(half)
     rows = rows_of(signals, law_windows(signals, half))
     unknowns, columns = columns_of(rows, scale, BASIS)
     if len(rows.windows) <= 2 * len(unknowns):

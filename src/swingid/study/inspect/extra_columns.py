@@ -216,7 +216,7 @@ def voltage_latency(
     gear, gain = motor.gear_ratio.value, motor.efficiency.value * motor.torque_per_volt.value
     direction = np.sign(rate) * turns
     friction = gear * (motor.viscous.value * gear * rate + motor.coulomb.value * direction)
-    late, found = rig.sensors.of("angle").latency.value, 0.0
+    late, found = signals.encoders.angle.latency.value, 0.0
     for _ in range(STEPS):
         voltage = _held_between(log, late + found)
         torque = motor_torque(motor, voltage, rate)

@@ -15,9 +15,9 @@ from swingid.checks.answer import check_motor, check_sign
 from swingid.checks.gravity import check_gravity
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
+from swingid.preparation.encoders import corrected
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale, require_channels
-from swingid.recording.encoders import straightened
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording
 from swingid.study.inspect.extra_columns import (
@@ -78,12 +78,12 @@ def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balanc
     """The balance on at most MOST_ROWS rows from the middle of the useful part; errors as those of `identify`."""
     scale = Scale.of(rig)
     require_channels(log, rig)
-    used = straightened(log.segment(swings.start, swings.stop), rig)
+    used, encoders, _ = corrected(log.segment(swings.start, swings.stop), rig)
     if len(used) > MOST_ROWS:
         begin = (len(used) - MOST_ROWS) // 2
         used = used.segment(float(used.time[begin]), float(used.time[begin + MOST_ROWS - 1]))
     motion = swings.motion.within(float(used.time[0]), float(used.time[-1]))
-    choice = choose(Signals.of(used, rig, motion), rig, scale, noise)
+    choice = choose(Signals.of(used, rig, motion, encoders), rig, scale, noise)
     law = choice.law
     check_sign(law, scale, log.source.path or "the log")
     return Balance(used, choice.signals, scale, noise, law, list(choice.tried.values()))

@@ -30,6 +30,7 @@ from swingid.methods.energy.printed import (
 )
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
@@ -193,7 +194,8 @@ def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> t
     """
     recording, rig, scale = log.recording, log.rig, Scale.of(log.rig)
     noise = channel_noise(recording, rig)
-    course = Course.of(recording, rig, find_motion(recording.time, recording.angle, noise.angle), noise)
+    motion = find_motion(recording.time, recording.angle, noise.angle)
+    course = Course.of(recording, rig, motion, noise, Encoders.of(rig))
     instants = given_nodes(nodes, recording)
     states = states_of_pairs(course, instants, linear=False)
     if work == "trapezoid":

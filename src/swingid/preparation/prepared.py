@@ -1,0 +1,115 @@
+"""The stage between a Recording and every method: what was decided of a log, applied once, and listed in the result.
+
+Rows while a push acts are left out, known errors of the encoders are taken off, the rig's constants checked; then the
+part to use with its motion. What no method needs is not computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from swingid.model.rig import Rig
+from swingid.preparation.encoders import Correction, Encoders, corrected, on_stamps
+from swingid.preparation.motion import Motion, find_motion
+from swingid.preparation.noise import Noise, channel_noise
+from swingid.preparation.push import push_decided
+from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.segment import longest_run, part_of
+from swingid.recording.recording import Recording
+from swingid.result.provenance import provenance
+from swingid.result.result import Message
+
+
+@dataclass(frozen=True)
+class Part:
+    """The rows that a method uses and their motion; noise of one sample.
+
+    start, stop: as chosen (s), at most a row beyond the first and last row; note: how. encoders: latencies that are
+    still to be taken off `log`, and what stays uncertain.
+    """
+
+    log: Recording
+    motion: Motion
+    start: float
+    stop: float
+    note: Message
+    noise: Noise
+    encoders: Encoders
+
+    @property
+    def longest_gap(self) -> float:
+        """Time between rows (s) that is no gap yet: a few rows, or a twentieth of a swing."""
+        several = len(self.motion.turning_times) > 1
+        return max(4.5 * self.noise.step, 0.05 * (self.motion.half_period if several else self.stop - self.start))
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A log as methods read it: encoders corrected as `corrections` say, rows of pushes left out, at its own stamps."""
+
+    log: Recording
+    rig: Rig
+    scale: Scale
+    encoders: Encoders
+    corrections: tuple[Correction, ...]
+
+    @cached_property
+    def noise(self) -> Noise:
+        """Noise and grid of the channels."""
+        return channel_noise(self.log, self.rig)
+
+    def part(
+        self,
+        *,
+        whole: bool = False,
+        few: bool = False,
+        reread: bool = False,
+        at_stamps: bool = False,
+        noise: Noise | None = None,
+    ) -> Part:
+        """The part to use: the steady motion of a driven axis, or the free decay.
+
+        whole: all of the log instead, few: also with too few turning points to choose a part. reread: turning points
+        read off narrow cubics. at_stamps: latencies are taken off the angles here, for methods that read them beside
+        the drive. noise: another than that of the channels. Raises UnanswerableError without motion or with too few
+        turning points.
+        """
+        noise = noise or self.noise
+        log = on_stamps(self.log, self.encoders) if at_stamps else self.log
+        found = find_motion(log.time, log.angle, noise.angle)
+        if not few:
+            start, stop, note = part_of(log, found, self.rig.drive.kind)
+        if whole:
+            start, stop = float(log.time[0]), float(log.time[-1])
+            note = Message("segment", f"used the whole log from {start:.4g} to {stop:.4g} s.")
+        used = log.segment(start, stop)
+        motion = found.within(float(used.time[0]), float(used.time[-1]))
+        if reread and len(motion.turning_times):
+            motion = motion.reread(log.time, log.angle, found.speed.half_width)
+        return Part(used, motion, start, stop, note, noise, self.encoders.on_time() if at_stamps else self.encoders)
+
+    def provenance(
+        self, part: Part, options: dict[str, object] | None = None, found: tuple[Correction, ...] = ()
+    ) -> dict[str, object]:
+        """Where a result comes from, with all that was decided of its log; `found`: corrections by the method."""
+        return provenance(self.log, self.rig, options) | {
+            "preparation": {
+                "corrections": [one.as_dict() for one in (*self.corrections, *found)],
+                "part": [part.start, part.stop],
+                "noise": {"angle": part.noise.angle, "wheel": part.noise.wheel if self.scale.a12 else None},
+            }
+        }
+
+
+def prepare(log: Recording, rig: Rig, *, unbroken: bool = False) -> Prepared:
+    """Decide what is taken off a log and left out of it, and do it.
+
+    unbroken: the longest run of rows without a part left out, for methods that go on from row to row. Raises InputError
+    where the log lacks what the rig's drive needs, UnanswerableError where nothing sets the scale.
+    """
+    log, encoders, corrections = corrected(log, rig)
+    log, pushes = push_decided(log, rig)
+    scale = Scale.of(rig)
+    require_channels(log, rig)
+    return Prepared(longest_run(log) if unbroken else log, rig, scale, encoders, (*corrections, *pushes))

@@ -115,8 +115,8 @@ def _reason_to_leave(pushes: list[Push], log: Recording) -> str:
     if len(pushes) > MOST or lost > MOST_TIME * log.duration:
         return (
             f"; {len(pushes)} times, {percent(lost / log.duration)} of the log, is more than is left out (at most "
-            f"{MOST} times and {percent(MOST_TIME)}), so nothing was: take a part without pushes (--part FROM:TO), and check "
-            "the constants and channels of the rig."
+            f"{MOST} times and {percent(MOST_TIME)}), so nothing was: take a part without "
+            "pushes (--part FROM:TO), and check the constants and channels of the rig."
         )
     if unseen > BLIND:
         return f"; {_gentler(unseen)}, so nothing was left out: take a part without pushes (--part FROM:TO)."

@@ -204,7 +204,7 @@ def energy_batch(
 
     def part(begin: int) -> tuple[Array, Array]:
         own = slice(begin, begin + TOGETHER)
-        columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, passes.COLUMNS))
+        columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, COLUMNS))
         q1 = at_stamps(angle[own], rate, encoders.angle.latency.value)
         q2 = at_stamps(wheel[own], rate, encoders.wheel.latency.value)
         counts = energy_runs(q1, q2, volts[own], step, span, LEVELS, weights, constants, columns)

@@ -1,1 +1,1 @@
-"""From a Recording and a Rig to what methods read: motion, used part, noise, known constants."""
+"""The stage between a Recording and every method: corrections, pushes, used part, motion, noise, known constants."""

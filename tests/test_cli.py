@@ -379,6 +379,12 @@ def test_init_never_overwrites(run: Run, tmp_path: Path) -> None:
         ([*SINE, "--gains", "wild"], "invalid value for '--gains': 'wild' is not one of"),
         ([*SINE, "--voltage", "sine 3 V 1 Hz"], "give one of them"),
         (["--voltage", "3 V"], "--voltage '3 V': it must begin with one of sine"),
+        (
+            ["--voltage", "chirp 3 V 1 Hz 2 Hz"],
+            "not 3; write for example 'chirp 3 V 0.5 Hz 2 Hz 20 s'",
+        ),
+        (["--voltage", "triangle 3 V"], "write for example 'triangle 3 V 1 Hz 0.1 s'"),
+        (["--voltage", "multisine 3 V"], "write for example 'multisine 3 V 5 rad/s + 3 V 8.5 rad/s'"),
         (["--voltage", "sine -3 V 1 Hz"], "--voltage 'sine -3 V 1 Hz': amplitude must be positive"),
     ],
 )

@@ -13,10 +13,11 @@ from swingid.cli import main
 from swingid.errors import UnanswerableError
 from swingid.identification import METHODS
 from swingid.report.figures.studies import draw_forest
+from swingid.report.pages import write_comparison
 from swingid.result.result import BudgetEntry, Message, Parameter
 from swingid.study.compare import Trial, compare
 from swingid.study.compare.assumptions import OF_METHOD, Assumptions, assumptions
-from swingid.study.compare.comparison import deviation, verdict
+from swingid.study.compare.comparison import Comparison, deviation, verdict
 from twin_logs import INERTIA, given, logged, twin
 
 
@@ -150,3 +151,22 @@ def test_command_writes_page_and_json(tmp_path, capsys):
 def test_wrong_usage_is_one_sentence(capsys, extra, code):
     assert main(["compare", "a.csv", *extra, "--rig", "paper"]) == code
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
+
+
+def test_what_several_methods_say_alike_is_said_once(tmp_path):
+    reading = Message("clock-jump", "three rows are late.")
+    own = Message("motor-balance", "the motor's balance leaves 20 %.")
+    trials = (
+        trial("momentum", replace(answer(1.0, 0.1), warnings=(reading,))),
+        trial("energy", replace(answer(1.0, 0.1), warnings=(reading, own))),
+        trial("backstepping", replace(answer(1.0, 0.1), warnings=(reading,))),
+    )
+    comparison = Comparison(trials, (verdict("a.csv", trials),))
+    assert comparison.doubts("a.csv") == [("all methods", reading), ("energy", own)]
+    assert comparison.summary().count(reading.message) == 1
+    assert "all methods, clock-jump: three rows are late." in comparison.summary()
+    page = write_comparison(comparison, rotary_rig(), tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.count(reading.message) == 1
+    assert "energy: the motor" in page
+    without = Comparison((*trials[:2], trial("output-error", refused_result())), ())
+    assert [who for who, _ in without.doubts("a.csv")] == ["momentum, energy", "energy", "output-error"]

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swingid.format import interval, number, percent, plus_minus, pretty_unit, rounded, span
+from swingid.format import interval, noise_of, number, percent, plus_minus, pretty_unit, rounded, span
 
 values = st.floats(allow_nan=False, allow_infinity=False, min_value=-1e30, max_value=1e30)
 spreads = st.floats(min_value=1e-30, max_value=1e30)
@@ -109,3 +109,9 @@ def test_numbers_and_spans_without_uncertainty() -> None:
 def test_units_read_as_print(unit: str, pretty: str) -> None:
     assert pretty_unit(unit) == pretty
     assert pretty_unit(pretty) == pretty
+
+
+def test_noise_that_is_rounding_reads_as_none() -> None:
+    assert noise_of(42.3e-21, 1.6, "rad") == "0 rad"
+    assert noise_of(0.0, 0.0, "rad") == "0 rad"
+    assert noise_of(1.1068e-4, 1.6, "rad") == "111e-6 rad"

@@ -1,6 +1,6 @@
 """Circles of imports between files of src, also those through imports inside functions and for types only.
 
-    python tools/import_circles.py        prints each circle with its imports; exit 1 if one is not known
+    python tools/import_circles.py        prints each circle with its imports; exit 1 if there is one
 
 import-linter keeps the order of folders; inside a folder it sees nothing. A file's imports are read from its syntax
 tree, so nothing is run. The module of a package (its __init__.py) is a file like any other.
@@ -12,9 +12,6 @@ import ast
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-
-BEING_MENDED = ("swingid.recording",)
-"""Folders whose circles are known and on their way out; to be empty."""
 
 SOURCE = Path(__file__).resolve().parents[1] / "src"
 Graph = dict[str, dict[str, int]]
@@ -84,22 +81,17 @@ def circles(graph: Graph) -> list[list[str]]:
     return sorted(found)
 
 
-def is_known(circle: list[str]) -> bool:
-    """Whether all of a circle lies inside one folder of BEING_MENDED."""
-    return any(all(name.startswith(f"{folder}.") for name in circle) for folder in BEING_MENDED)
-
-
 def main() -> int:
-    """Print the circles; 1 if there are any that are not known."""
+    """Print the circles; 1 if there are any."""
     graph = imports_of(SOURCE)
     found = circles(graph)
     for circle in found:
-        print(f"{len(circle)} files import one another{' (known)' if is_known(circle) else ''}:")
+        print(f"{len(circle)} files import one another:")
         for name in circle:
             for other in sorted(set(graph[name]) & set(circle)):
                 print(f"    {name}:{graph[name][other]} imports {other}")
     print(f"{len(graph)} files, {len(found)} circles")
-    return 0 if all(map(is_known, found)) else 1
+    return 1 if found else 0
 
 
 if __name__ == "__main__":

@@ -18,6 +18,9 @@ from decimal import ROUND_HALF_EVEN, Context, Decimal
 EXACT = Context(prec=400, rounding=ROUND_HALF_EVEN)
 TWO_DIGITS = Context(prec=2, rounding=ROUND_HALF_EVEN)
 RAISED = str.maketrans("0123456789-+", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻⁺")
+ROUNDING = 1e-9
+"""Share of a signal's range below which its noise is rounding of the logged numbers: finer than a 30 bit encoder."""
+
 FINEST = 15
 """Digits of a double; an uncertainty below them is written on its own."""
 
@@ -107,6 +110,11 @@ def number(value: float, unit: str = "", digits: int = 4, *, fine: bool = False)
     exponent = common_exponent([value])
     shown = _strip(f"{_shift(Decimal(f'{value:.{digits}g}'), -exponent):f}")
     return _assemble(shown, exponent, unit, fine, bracket=False)
+
+
+def noise_of(noise: float, span: float, unit: str, digits: int = 3, *, fine: bool = False) -> str:
+    """Standard deviation of the noise of a signal whose range is `span`; '0 rad' where it is rounding."""
+    return number(noise if noise > ROUNDING * span else 0.0, unit, digits, fine=fine)
 
 
 def pretty_unit(unit: str) -> str:

@@ -157,12 +157,15 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> Array:
     import numpy as np
 
     from swingid.control.controller import require_torque
-    from swingid.control.references import parse_reference
+    from swingid.control.references.parse import EXAMPLES, parse_reference
 
     if rig.drive.kind != "reaction-wheel":
         raise UsageError(f"--voltage needs a reaction wheel, and rig {rig.name!r} has none", code="no-drive")
     words, count = re.subn(r"(?<![A-Za-z])V(?![A-Za-z])", " rad", text)
-    example = "; write for example 'multisine 3 V 1 rad/s + 2 V 7 rad/s'"
+    kind = text.strip().partition(" ")[0]
+    # the grammar's example of this kind, with an amplitude that moves the wheel
+    shown = re.sub(r"[\d.]+ (rad|deg)(?!/)", "3 V", EXAMPLES[kind if kind in EXAMPLES else "multisine"])
+    example = f"; write for example {shown!r}"
     if count == 0 and not text.startswith("file "):
         raise UsageError(f"--voltage {text!r} has no amplitude in V{example}", code="bad-voltage")
     try:

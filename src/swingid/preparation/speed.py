@@ -15,6 +15,10 @@ from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 NARROWEST = 3.5
 """Half-width of the narrowest local cubic in sample steps."""
 
+NOISES = 14.0
+"""Standard deviations of noise at the mean speed that the narrowest local cubic spans: of an encoder (step/√12) four
+steps, where its errors begin to look independent."""
+
 EDGE = 0.1
 """Of the half-width: how far into a gap a speed is read off."""
 
@@ -68,8 +72,7 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
     spacing: places of the grid per half-width; fewer cost less, a spline runs through them either way. share: of the
     half-width found, to use; less than 1 where noise averages out later and bias does not.
 
-    The narrowest width also spans twelve standard deviations of noise at the mean speed (four steps of an encoder),
-    where the errors of a coarse encoder begin to look independent.
+    The narrowest width also spans `NOISES` standard deviations of noise at the mean speed.
     """
     least = narrowest(time, angle, noise)
     # the search looks at some hundred places of the log, the speed itself is computed everywhere
@@ -109,7 +112,7 @@ def narrowest(time: Array, angle: Array, noise: float) -> float:
     step = typical_step(time)
     duration = float(time[-1] - time[0])
     mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / duration
-    return max(NARROWEST * step, min(14 * noise / max(mean_speed, 1e-300), duration / 100))
+    return max(NARROWEST * step, min(NOISES * noise / max(mean_speed, 1e-300), duration / 100))
 
 
 def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing: float) -> Speed:

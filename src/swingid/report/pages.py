@@ -134,9 +134,8 @@ def write_comparison(comparison: Comparison, rig: Rig, path: str | Path) -> Path
         {
             "log": log,
             "known": any(t.truth is not None for t in comparison.of(log)),
-            "rows": [
-                (answer_cells(t, fine=True), friction_text(t.result, fine=True), t.result) for t in comparison.of(log)
-            ],
+            "rows": [(answer_cells(t, fine=True), friction_text(t.result, fine=True)) for t in comparison.of(log)],
+            "doubts": comparison.doubts(log),
             "verdict": next(v.message for v in comparison.verdicts if v.log == log),
         }
         for log in comparison.logs

@@ -18,7 +18,7 @@ from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
 from swingid.errors import InputError, UnanswerableError
-from swingid.format import number
+from swingid.format import noise_of, number
 from swingid.methods.output_error.problem import Input, Problem, problem_of
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector
@@ -317,7 +317,7 @@ def drive_of(log: Recording, rig: Rig, wanted: Literal["voltage", "wheel"] | Non
 def cells(p: Prediction, *, linear: bool, fine: bool = False) -> tuple[str, ...]:
     """One line of the table."""
     unit = "m" if linear else "rad"
-    errors = (number(p.swing_rms, unit, 2, fine=fine), number(p.noise, unit, 2, fine=fine))
+    errors = (number(p.swing_rms, unit, 2, fine=fine), noise_of(p.noise, float(np.ptp(p.measured)), unit, 2, fine=fine))
     return (p.log, DRIVES[p.input], fit_text(p.free_fit), fit_text(p.swing_fit), *errors)
 
 

@@ -14,7 +14,7 @@ from swingid.identification import METHODS, identify
 from swingid.model.rig import Rig
 from swingid.pooling.shares import Identity, estimate_of, sum_of
 from swingid.recording.recording import Recording
-from swingid.result.result import Result, refusal
+from swingid.result.result import Message, Result, refusal
 from swingid.study.compare.assumptions import Assumptions, assumptions
 from swingid.study.output import NO_BREAK, WIDTH, Study, aligned
 
@@ -76,6 +76,17 @@ class Comparison(Study):
     def of(self, log: str) -> tuple[Trial, ...]:
         """Trials of one log."""
         return tuple(trial for trial in self.trials if trial.log == log)
+
+    def doubts(self, log: str) -> list[tuple[str, Message]]:
+        """Refusals and warnings of one log, each once with the methods that say it; "all methods" where all do."""
+        trials = self.of(log)
+        by: dict[Message, list[str]] = {}
+        for trial in trials:
+            own = (trial.result.error,) if trial.result.error is not None else trial.result.warnings
+            for message in dict.fromkeys(own):
+                by.setdefault(message, []).append(trial.method)
+        everyone = len(trials) if len(trials) > 1 else 2
+        return [("all methods" if len(who) == everyone else ", ".join(who), m) for m, who in by.items()]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, schema "swingid.compare/1": the results as `identify` writes them, each with time and truth."""
@@ -234,10 +245,7 @@ def _of_log(comparison: Comparison, log: str) -> str:
     lines = [f"[[{log}]]", *aligned([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
     lines += ["", *aligned([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
     lines += [""] + [line for v in comparison.verdicts if v.log == log for line in _wrapped(f"verdict: {v.message}")]
-    for trial in trials:
-        if trial.result.error is not None:
-            lines += _wrapped(f"{trial.method}: {trial.result.error.message}")
-        lines += [line for w in trial.result.warnings for line in _wrapped(f"{trial.method}, {w.code}: {w.message}")]
+    lines += [line for who, m in comparison.doubts(log) for line in _wrapped(f"{who}, {m.code}: {m.message}")]
     return "\n".join(lines)
 
 

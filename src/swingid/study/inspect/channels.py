@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.format import noise_of, number
 from swingid.preparation.motion import sample_noise
 from swingid.preparation.noise import EVEN, uneven_noise
 from swingid.recording.inspect import Check, Column, Level
@@ -115,7 +116,7 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
         noise = white_noise(log, values)
         values_of["noise"] = noise
         if channel.role in ("angle", "wheel_angle"):
-            text += f"; noise {_size(noise, unit)} per sample"
+            text += f"; noise {noise_of(noise, float(np.ptp(values)), unit)} per sample"
     yield Check(code, word, level, f"{text}.", remedy, values_of)
     if channel.role in ("voltage", "torque"):
         yield from _saturation(channel)
@@ -141,8 +142,6 @@ def _steps(channel: Channel, step: float, values: dict[str, object]) -> str:
 
 
 def _size(value: float, unit: str) -> str:
-    from swingid.format import number
-
     return number(value, unit, 3)
 
 

@@ -34,7 +34,7 @@ bench-ensemble: $(STAMP)
 
 compare-with: $(STAMP)
 	@test -n "$(REV)" || { echo "give the old revision: make compare-with REV=main"; exit 2; }
-	@PYTHONPATH=tools $(BIN)/python -m compare_with "$(REV)" $(if $(QUICK),--quick) $(if $(WORDS),--words) $(if $(CASES),--cases "$(CASES)")
+	@PYTHONPATH=tools $(BIN)/python -m compare_with "$(REV)" $(if $(QUICK),--quick) $(if $(WORDS),--words) $(if $(ALL),--all) $(if $(STRICT),--strict) $(if $(FRESH),--fresh) $(if $(CASES),--cases "$(CASES)")
 
 venv: $(STAMP)
 

@@ -1,9 +1,11 @@
-"""Cases of files: dialects of text, faults of rows, damaged files of every format, rigs, results; no tree's code."""
+"""Cases of files: dialects of text, faults of rows, damaged files of every format, and rig files."""
 
 from __future__ import annotations
 
+import io
 import json
 import random
+from contextlib import redirect_stderr, redirect_stdout
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -174,10 +176,11 @@ def write(folder: Path) -> None:
     own.mkdir(exist_ok=True)
     for name, content in (_dialects() | _faults()).items():
         (own / name).write_bytes(content)
-    for name, text in _rigs().items():
-        (own / f"{name}.toml").write_text(text, encoding="utf-8")
-    for ending in FORMATS:
-        main(["convert", str(own / "plain.csv"), str(own / f"plain{ending}")])
+    for name, rig in _rigs().items():
+        (own / f"{name}.toml").write_text(rig, encoding="utf-8")
+    with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        for ending in FORMATS:
+            main(["convert", str(own / "plain.csv"), str(own / f"plain{ending}")])
     for ending in (".csv", *FORMATS):
         content = (own / f"plain{ending}").read_bytes()
         for k in range(MUTANTS):

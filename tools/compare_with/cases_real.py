@@ -42,8 +42,9 @@ def cases() -> list[Case]:
             ]
     pair = [f"data/dfki_pendulum/{name}.csv" for name in ("energy_shaping", "sac")]
     given = ["--rig", "rigs/dfki_pendulum.toml", "--json", JSON]
+    two = ["--method", "momentum", "--method", "energy"]
     found.append(command("real/dfki-two/momentum", ["identify", *pair, *given], needs_logs=False))
-    found.append(command("real/dfki-two/compare", ["compare", *pair, *given], needs_logs=False))
+    found.append(command("real/dfki-two/compare", ["compare", *pair, *given, *two], needs_logs=False))
     free = ["data/free_pendulum/free_swing.csv", "--rig", "rigs/free_pendulum.toml"]
-    found.append(command("real/free/compare", ["compare", *free, "--json", JSON], needs_logs=False))
+    found.append(command("real/free/compare", ["compare", *free, *two, "--json", JSON], needs_logs=False))
     return found

@@ -43,7 +43,7 @@ EXCLUDED = {
 """Patterns of paths that are not compared, and why."""
 
 IDENTITIES = (("source", "parameter"), ("code",), ("name",), ("log", "method"), ("method",), ("log",))
-"""Keys that name an entry of a list, the first that all entries have; without any, entries pair by their place."""
+"""Keys that name an entry of a list, the first that all entries have; without any, its place does."""
 
 PARAMETER = {"value", "standard_uncertainty", "interval95"}
 
@@ -52,12 +52,16 @@ Kind = Literal["value", "missing", "added", "words"]
 
 @dataclass(frozen=True)
 class Difference:
-    """What differs at a path; kind "added": only the new tree has it."""
+    """What differs at a path; kind "added": only the new tree has it.
+
+    size: of two numbers, their difference in shares of the larger one or of their scale; of all else infinite.
+    """
 
     path: str
     kind: Kind
     old: Any = None
     new: Any = None
+    size: float = math.inf
 
 
 def differences(old: Any, new: Any) -> list[Difference]:
@@ -81,7 +85,7 @@ def _compare(old: Any, new: Any, path: str, scale: float, words: bool = False) -
         if old != new:
             yield Difference(path, "words", old, new)
     elif not same(old, new, scale):
-        yield Difference(path, "value", old, new)
+        yield Difference(path, "value", old, new, _size(old, new, scale))
 
 
 def same(old: Any, new: Any, scale: float = 0.0) -> bool:
@@ -164,6 +168,12 @@ def _scale_of(value: Any) -> float:
     if isinstance(value, list):
         return max((_scale_of(item) for item in value), default=0.0)
     return abs(value) if _is_number(value) and math.isfinite(value) else 0.0
+
+
+def _size(old: Any, new: Any, scale: float) -> float:
+    if not (_is_number(old) and _is_number(new) and math.isfinite(old) and math.isfinite(new)):
+        return math.inf
+    return abs(old - new) / max(abs(old), abs(new), scale)
 
 
 def _is_number(value: Any) -> bool:

@@ -1,4 +1,4 @@
-"""What a case leaves behind, as plain data: of a command its exit code, JSON and words; of a call value or error."""
+"""What a case leaves behind: of a command its exit code, JSON and words; of a call its value or error."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -9,6 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from compare_with.comparing import Difference, differences
+
+NOISE = 10.0
+"""Times that a difference may exceed what rounding did to the same quantity of the same case in the old tree."""
+
+MOST = 0.5
+"""Size of a difference beyond which nothing is called rounding. Motor calibration of a log without noise, for one, has
+uncertainties that are rounding alone, and differ by 20 %. Inertias and their uncertainties have 1e-9 at most."""
+
+Noise = dict[tuple[str, str], float]
 
 SHOWN = 4
 """Differing paths that are shown of a case."""
@@ -33,6 +43,7 @@ class Verdict:
     crashed: dict[str, str] = field(default_factory=dict)
     crashed_before: list[str] = field(default_factory=list)
     intended: list[tuple[str, Difference, Intended]] = field(default_factory=list)
+    rounded: dict[str, list[Difference]] = field(default_factory=dict)
     added: dict[str, list[Difference]] = field(default_factory=dict)
     words: dict[str, list[Difference]] = field(default_factory=dict)
     unused: list[Intended] = field(default_factory=list)
@@ -56,8 +67,26 @@ def matches(text: str, pattern: str) -> bool:
     return fnmatchcase(text, pattern.replace("[", "[[]"))
 
 
-def verdict(old: dict[str, Any], new: dict[str, Any], intended: list[Intended]) -> Verdict:
-    """Compare the outcomes of two trees, by case."""
+def rounding(old: dict[str, Any], first: dict[str, Any]) -> Noise:
+    """What rounding does to the old tree's numbers: size of differences by case and path, places in lists as one.
+
+    `first` are its outcomes with kernels just compiled, `old` those with the same kernels from the cache, whose sums
+    end in other last digits. Some numbers are a small rest of large ones, and show that in their sixth digit.
+    """
+    noise: Noise = {}
+    for case in old.keys() & first.keys():
+        for one in differences(old[case].get("outcome"), first[case].get("outcome")):
+            place = case, _kind_of(one.path)
+            noise[place] = max(noise.get(place, 0.0), one.size)
+    return {place: size for place, size in noise.items() if size < MOST}
+
+
+def _kind_of(path: str) -> str:
+    return re.sub(r"\[\d+\]", "[]", path)
+
+
+def verdict(old: dict[str, Any], new: dict[str, Any], intended: list[Intended], noise: Noise | None = None) -> Verdict:
+    """Compare the outcomes of two trees, by case; with `noise`, what rounding explains is no failure."""
     found, used = Verdict(len(old.keys() | new.keys())), set()
     for case in sorted(old.keys() | new.keys()):
         if case not in old or case not in new:
@@ -81,6 +110,8 @@ def verdict(old: dict[str, Any], new: dict[str, Any], intended: list[Intended]) 
             elif wanted is not None:
                 used.add(wanted)
                 found.intended.append((case, one, wanted))
+            elif one.size <= min(NOISE * (noise or {}).get((case, _kind_of(one.path)), 0.0), MOST):
+                found.rounded.setdefault(case, []).append(one)
             else:
                 failing.append(one)
         if failing:
@@ -102,6 +133,14 @@ def text_of(found: Verdict, *, words: bool = False, everything: bool = False) ->
         for case, one, wanted in found.intended if everything else found.intended[:40]:
             lines.append(f"  {case} {one.path}: {short(one.old)} -> {short(one.new)}   ({wanted.reason})")
     lines += [f"intended.toml: no difference fits {one.case} {one.path}" for one in found.unused]
+    if found.rounded:
+        ones = [one for case in found.rounded.values() for one in case]
+        largest = max(one.size for one in ones)
+        lines += ["", f"rounding: {len(ones)} paths in {len(found.rounded)} cases, at most {largest:.1e} relative"]
+        lines.append("  (no more than 10 times what rounding does there in the old tree; --strict fails for them)")
+        if everything:
+            for case, some in found.rounded.items():
+                lines += [f"  {case}", *_rows(some, len(some))]
     if found.added:
         lines += ["", "added in the new tree (no failure):", *_added(found.added)]
     if words:
@@ -111,13 +150,12 @@ def text_of(found: Verdict, *, words: bool = False, everything: bool = False) ->
             for case, ones in found.words.items():
                 lines += [f"  {case}", *_rows(ones, len(ones))]
     total = sum(len(failing) for failing in found.differing.values())
-    crashed = f"crashed {len(found.crashed)}" + (
-        f" (and {len(found.crashed_before)} in both trees)" if found.crashed_before else ""
-    )
     lines += [f"  crashed in both trees: {case}" for case in found.crashed_before]
-    differing = f"differing {len(found.differing)} ({total} paths)"
-    intended = f"intended {len(found.intended)} paths"
-    lines += ["", f"cases {found.cases}   equal {len(found.equal)}   {differing}   {crashed}   {intended}"]
+    crashed = f"crashed {len(found.crashed)}"
+    if found.crashed_before:
+        crashed += f" (and {len(found.crashed_before)} in both trees)"
+    counts = f"cases {found.cases}   equal {len(found.equal)}   differing {len(found.differing)} ({total} paths)"
+    lines += ["", f"{counts}   {crashed}   intended {len(found.intended)} paths"]
     return "\n".join(lines).lstrip("\n")
 
 

@@ -2,6 +2,10 @@
 
 The tree is the one that PYTHONPATH names. Cases run in this process one after the other, since starting Python and
 compiling kernels takes longer than most cases; each is guarded, and its outcome written down whatever happens.
+
+A kernel that was compiled in this process differs in the last digits from the same kernel loaded from the cache. Some
+results show that in their sixth digit. So where anything had to be compiled the worker ends with `AGAIN`, and is
+started once more with all kernels in the cache.
 """
 
 from __future__ import annotations
@@ -23,13 +27,18 @@ from compare_with.case import Case
 from compare_with.logs import recipes, write_log
 
 LIMIT = 120
-"""Seconds after which a case counts as crashed."""
+"""Seconds of this process's work after which a case counts as crashed; of the clock, `PATIENCE` times as many."""
+
+PATIENCE = 10
 
 READY = "logs/.written"
 
+AGAIN = 75
+"""Exit code (EX_TEMPFAIL of sysexits.h) that asks for another pass, since kernels were compiled in this one."""
 
-class Overdue(Exception):  # noqa: N818
-    """A case takes longer than `LIMIT`."""
+
+class Overdue(BaseException):
+    """A case takes longer than `LIMIT`; no Exception, for which the command line has an exit code."""
 
 
 def chosen(level: str, part: str) -> list[Case]:
@@ -48,7 +57,8 @@ def run_case(case: Case) -> dict[str, Any]:
     folder = Path("out") / re.sub(r"[^\w.-]", "_", case.name)
     folder.mkdir(parents=True, exist_ok=True)
     begin = time.perf_counter()
-    signal.alarm(LIMIT)
+    signal.setitimer(signal.ITIMER_PROF, LIMIT)
+    signal.alarm(PATIENCE * LIMIT)
     try:
         found = {"outcome": case.run(folder)}
     except KeyboardInterrupt:
@@ -56,6 +66,7 @@ def run_case(case: Case) -> dict[str, Any]:
     except BaseException as error:
         found = {"crash": f"{type(error).__name__}: {error}", "where": traceback.format_exc()}
     finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
         signal.alarm(0)
     return found | {"seconds": time.perf_counter() - begin}
 
@@ -76,6 +87,25 @@ def write_logs(part: str, level: str) -> None:
     Path(READY).touch()
 
 
+def compilations() -> list[Any]:
+    """A list that grows with each kernel that is compiled, and not loaded from the cache: what numba tells of it."""
+    from numba.core import event
+
+    found: list[Any] = []
+
+    class Count(event.Listener):  # type: ignore[misc]
+        """Counts ends of compilations."""
+
+        def on_start(self, event: object) -> None:
+            pass
+
+        def on_end(self, event: Any) -> None:
+            found.append(event.data)
+
+    event.register("numba:compile", Count())
+    return found
+
+
 def main() -> int:
     """Run the cases and write their outcomes to the file that is named first."""
     parser = argparse.ArgumentParser()
@@ -84,13 +114,16 @@ def main() -> int:
     parser.add_argument("--writes-logs", action="store_true")
     parser.add_argument("--level", default="full")
     parser.add_argument("--cases", default="")
+    parser.add_argument("--last", action="store_true", help="no other pass after this one")
     given = parser.parse_args()
     import swingid as sw
 
     if not Path(str(sw.__file__)).resolve().is_relative_to(given.source.resolve()):
         sys.exit(f"{sw.__file__} is not the tree in {given.source}")
     warnings.simplefilter("ignore")
-    signal.signal(signal.SIGALRM, _overdue)
+    for number in (signal.SIGALRM, signal.SIGPROF):
+        signal.signal(number, _overdue)
+    compiled = compilations()
     if given.writes_logs and not Path(READY).exists():
         write_logs(given.cases, given.level)
     outcomes = {}
@@ -104,7 +137,10 @@ def main() -> int:
         if k % 50 == 49:
             print(f"{given.results.stem}: {k + 1} of {len(cases)} cases", file=sys.stderr, flush=True)
     given.results.write_text(json.dumps(outcomes), encoding="utf-8")
-    return 0
+    count = sum(one["args"] in one["dispatcher"].overloads for one in compiled)  # the others could not be compiled
+    if count:
+        print(f"{given.results.stem}: {count} kernels compiled", file=sys.stderr, flush=True)
+    return AGAIN if count and not given.last else 0
 
 
 if __name__ == "__main__":

@@ -41,11 +41,11 @@ def make_log(rig: sw.Rig, path: Path) -> None:
 
 
 def compare(results: dict[str, sw.Result], truth: float) -> Table:
-    """The inertias found, beside the twin's."""
+    """The inertias found, beside the true value of the twin."""
     table = Table(title="moment of inertia J1, kg m²")
-    for column in ("method", "value", "± standard uncertainty", "error against the truth", "status"):
+    for column in ("method", "value", "± standard uncertainty", "error", "status"):
         table.add_column(column, justify="left" if column in ("method", "status") else "right")
-    table.add_row("the twin's truth", f"{truth:.6e}", "", "", "")
+    table.add_row("true value of the twin", f"{truth:.6e}", "", "", "")
     for method, result in results.items():
         found = result.inertia
         spread = "unknown" if found.standard_uncertainty is None else f"{found.standard_uncertainty:.1e}"

@@ -9,7 +9,6 @@ import numpy as np
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording, Source
 from swingid.result.result import (
-    BudgetEntry,
     Details,
     FrictionCurve,
     Message,
@@ -17,6 +16,7 @@ from swingid.result.result import (
     Result,
     SwingSeries,
 )
+from swingid.uncertainty.budget import BudgetEntry, scatter, stated
 
 ROTARY = """
 name = "bench"
@@ -102,10 +102,10 @@ def clean_result(log: Recording | None = None) -> Result:
     """What momentum says of `rotary_log`."""
     log = rotary_log() if log is None else log
     budget = (
-        BudgetEntry("drive.wheel.inertia", "B", "inertia", 6e-6, 20.0, "drive.wheel.inertia"),
-        BudgetEntry("axis.gravity_torque", "B", "inertia", 2e-6, 0.01, "axis.gravity_torque"),
-        BudgetEntry("scatter of the windows", "A", "inertia", 1e-6),
-        BudgetEntry("scatter of the windows", "A", "viscous", 3e-5),
+        BudgetEntry(stated("drive.wheel.inertia", "drive.wheel.inertia"), "inertia", 6e-6, 20.0),
+        BudgetEntry(stated("axis.gravity_torque", "axis.gravity_torque"), "inertia", 2e-6, 0.01),
+        BudgetEntry(scatter("scatter of the windows"), "inertia", 1e-6),
+        BudgetEntry(scatter("scatter of the windows"), "viscous", 3e-5),
     )
     return Result(
         method="momentum",
@@ -191,7 +191,7 @@ def linear_result() -> Result:
         estimates={},
         extra={},
     )
-    budget = (BudgetEntry("scatter of the windows", "A", "inertia", 0.5),)
+    budget = (BudgetEntry(scatter("scatter of the windows"), "inertia", 0.5),)
     parameters = {
         "inertia": Parameter.of(95.1, 0.5, "kg"),
         "coulomb": Parameter.of(20.4, 0.3, "N"),

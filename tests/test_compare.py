@@ -14,10 +14,12 @@ from swingid.errors import UnanswerableError
 from swingid.identification import METHODS
 from swingid.report.figures.studies import draw_forest
 from swingid.report.pages import write_comparison
-from swingid.result.result import BudgetEntry, Message, Parameter
+from swingid.result.result import Message, Parameter
 from swingid.study.compare import Trial, compare
 from swingid.study.compare.assumptions import OF_METHOD, Assumptions, assumptions
 from swingid.study.compare.comparison import Comparison, deviation, verdict
+from swingid.uncertainty.budget import BudgetEntry, stated
+from swingid.uncertainty.budget import scatter as scattering
 from twin_logs import INERTIA, given, logged, twin
 
 
@@ -30,8 +32,8 @@ def comparison(tmp_path_factory):
 
 def answer(value, scatter, *shared):
     """A result with an inertia whose budget is scatter and shared (signed) contributions of constants."""
-    budget = [BudgetEntry("scatter", "A", "inertia", scatter)]
-    budget += [BudgetEntry(key, "B", "inertia", abs(u), float(np.sign(u)), key) for key, u in shared]
+    budget = [BudgetEntry(scattering("scatter"), "inertia", scatter)]
+    budget += [BudgetEntry(stated(key, key), "inertia", abs(u), float(np.sign(u))) for key, u in shared]
     total = float(np.sqrt(scatter**2 + sum(u**2 for _, u in shared)))
     return replace(
         clean_result(), parameters={"inertia": Parameter.of(value, total, "kg m^2")}, budget=tuple(budget), warnings=()

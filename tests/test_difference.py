@@ -9,7 +9,8 @@ import pytest
 
 import swingid as sw
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined, refusal
+from swingid.result.result import Message, Parameter, Result, combined, refusal
+from swingid.uncertainty.budget import BudgetEntry, scatter, stated
 
 Shared = tuple[str, float, float]
 WHEEL = {"drive.wheel.inertia": {"value": 1e-4, "std": 1e-6}, "drive.motor.rotor_inertia": {"value": 0.0, "std": None}}
@@ -24,8 +25,8 @@ def made(
 ) -> Result:
     """A result with scatter u, shared constants (key, standard deviation, sensitivity) and the rig's constants."""
     budget = (
-        BudgetEntry("scatter of the windows", "A", "inertia", u),
-        *(BudgetEntry(key, "B", "inertia", abs(slope) * std, slope, key) for key, std, slope in shared),
+        BudgetEntry(scatter("scatter of the windows"), "inertia", u),
+        *(BudgetEntry(stated(key, key), "inertia", abs(slope) * std, slope) for key, std, slope in shared),
     )
     fields: dict[str, object] = {
         "method": "momentum",
@@ -67,7 +68,7 @@ def test_opposite_sensitivities_add() -> None:
 
 
 def test_a_source_without_a_sign_does_not_cancel() -> None:
-    entry = BudgetEntry("motor", "B", "inertia", 1e-6, None, "motor")
+    entry = BudgetEntry(stated("motor", "motor"), "inertia", 1e-6, None)
     runs = [made(value, 0.0) for value in (3e-3, 4e-3)]
     tare, loaded = (replace(run, budget=(entry,)) for run in runs)
     assert sw.difference(tare, loaded).inertia.standard_uncertainty == pytest.approx(math.sqrt(2) * 1e-6)

@@ -22,7 +22,8 @@ from swingid.recording.recording import Recording, Source
 from swingid.report import write_report
 from swingid.report.html import render
 from swingid.report.style import house_style
-from swingid.result.result import BudgetEntry, Message, Result
+from swingid.result.result import Message, Result
+from swingid.uncertainty.budget import BudgetEntry, scatter
 
 VOID = {"meta", "br", "hr", "img", "input", "link"}
 Case = tuple[Result, Recording | None, Rig | None]
@@ -182,7 +183,7 @@ def test_everything_foreign_is_escaped() -> None:
         result,
         notes=(Message(evil, evil),),
         warnings=(Message(evil, evil),),
-        budget=(BudgetEntry(evil, "A", "inertia", 1e-6),),
+        budget=(BudgetEntry(scatter(evil), "inertia", 1e-6),),
         provenance={evil: evil},
         details=replace(
             result.details,

@@ -13,7 +13,9 @@ from swingid.pooling.consistency import FALSE_ALARMS, deviations, outliers
 from swingid.pooling.pooling import pool
 from swingid.pooling.several import combine, identify_several
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
-from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined, refusal
+from swingid.result.result import Message, Parameter, Result, combined, refusal
+from swingid.uncertainty.budget import BudgetEntry, stated, systematic
+from swingid.uncertainty.budget import scatter as scattering
 
 BCG = """4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 47 5761; 180 1361 372 1079; 8 2537 10 619
 505 87886 499 87892; 29 7470 45 7232; 17 1699 65 1600; 186 50448 141 27197; 5 2493 3 2338; 27 16886 29 17825"""
@@ -21,14 +23,14 @@ BCG = """4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 4
 
 
 def alone(value: float, u: float, name: str = "") -> Estimate:
-    return Estimate(value, {f"scatter of {name or value}": Share("scatter", "A", u)})
+    return Estimate(value, {f"scatter of {name or value}": Share(scattering("scatter"), u)})
 
 
 def made(value: float, u: float, *shared: tuple[str, float, float], name: str = "run", **more: object) -> Result:
     """A result with scatter u and shared constants (key, standard deviation, sensitivity)."""
     budget = (
-        BudgetEntry("scatter of the windows", "A", "inertia", u),
-        *(BudgetEntry(key, "B", "inertia", abs(slope) * std, slope, key) for key, std, slope in shared),
+        BudgetEntry(scattering("scatter of the windows"), "inertia", u),
+        *(BudgetEntry(stated(key, key), "inertia", abs(slope) * std, slope) for key, std, slope in shared),
     )
     return Result(
         method="momentum",
@@ -98,7 +100,7 @@ def test_scatter_that_a_shared_constant_explains_is_none_between_logs() -> None:
 
 
 def test_errors_alike_in_every_run_do_not_average_out() -> None:
-    drift = BudgetEntry("drift with the length of the windows", "A", "inertia", 0.5)
+    drift = BudgetEntry(systematic("drift with the length of the windows"), "inertia", 0.5)
     runs = [made(10.0, 0.1) for _ in range(25)]
     runs = [replace(run, budget=(*run.budget, drift)) for run in runs]
     assert combine(runs, names(25)).inertia.standard_uncertainty == pytest.approx(math.hypot(0.5, 0.02))
@@ -117,8 +119,8 @@ def test_the_interval_covers(count: int, between: float) -> None:
 
 
 def test_sums_know_what_their_terms_share() -> None:
-    one = Estimate(3.0, {"wheel": Share("wheel", "B", 0.4, 0.2, "wheel"), "a": Share("a", "A", 0.1)})
-    other = Estimate(5.0, {"wheel": Share("wheel", "B", 0.5, 0.2, "wheel"), "b": Share("b", "A", 0.2)})
+    one = Estimate(3.0, {"wheel": Share(stated("wheel", "wheel"), 0.4, 0.2), "a": Share(scattering("a"), 0.1)})
+    other = Estimate(5.0, {"wheel": Share(stated("wheel", "wheel"), 0.5, 0.2), "b": Share(scattering("b"), 0.2)})
     gap = sum_of([other, one], [1.0, -1.0], constant=1.0)
     assert gap.value == 3.0
     assert gap.u == pytest.approx(math.sqrt(0.1**2 + 0.1**2 + 0.2**2))
@@ -148,7 +150,7 @@ def test_of_two_logs_both_are_named() -> None:
 
 def test_normalised_deviation_by_hand() -> None:
     """E_n = 0.5 (10.6 - 10) / sqrt(0.3² + 0.4²), what they share left out."""
-    shared = {"wheel": Share("wheel", "B", 5.0, 1.0, "wheel")}
+    shared = {"wheel": Share(stated("wheel", "wheel"), 5.0, 1.0)}
     logs = [alone(10.6, 0.3), alone(10.0, 0.4)]
     both = deviations([Estimate(e.value, e.shares | shared) for e in logs])
     assert [d.normalised for d in both] == [pytest.approx(0.6), pytest.approx(-0.6)]
@@ -171,7 +173,7 @@ def test_no_majority() -> None:
 def test_friction_is_each_logs_own_and_judged() -> None:
     def with_friction(value: float) -> Result:
         run = made(10.0, 0.1)
-        entry = BudgetEntry("scatter of the windows", "A", "viscous", 0.01)
+        entry = BudgetEntry(scattering("scatter of the windows"), "viscous", 0.01)
         parameters = run.parameters | {"viscous": Parameter.of(value, 0.01, "N m s")}
         return replace(run, parameters=parameters, budget=(*run.budget, entry))
 
@@ -218,7 +220,7 @@ def pair(inertia: float, b: float, speed: float, across: float, along: float) ->
     seen = np.array([1.0, -1 / speed**2])
     own = np.linalg.inv(np.outer(seen, seen) / across**2 + np.outer([1, 0], [1, 0]) / along**2)
     run = made(inertia, math.sqrt(own[0, 0]))
-    entry = BudgetEntry("scatter of the windows", "A", "gravity_torque", math.sqrt(own[1, 1]))
+    entry = BudgetEntry(scattering("scatter of the windows"), "gravity_torque", math.sqrt(own[1, 1]))
     keys = ("inertia", "gravity_torque")
     table = {one: {other: float(own[i, j]) for j, other in enumerate(keys)} for i, one in enumerate(keys)}
     parameters = run.parameters | {"gravity_torque": Parameter.of(b, entry.standard_uncertainty, "N m")}

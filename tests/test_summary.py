@@ -7,8 +7,9 @@ from dataclasses import replace
 import pytest
 
 import factories
-from swingid.result.result import BudgetEntry, Message, Parameter, Result
+from swingid.result.result import Message, Parameter, Result
 from swingid.result.summary import folded, segment_text, summarise, value_text
+from swingid.uncertainty.budget import BudgetEntry, stated
 
 
 def sections(text: str) -> dict[str, list[str]]:
@@ -98,7 +99,7 @@ def test_the_least_that_a_method_can_give() -> None:
     ],
 )
 def test_small_or_surplus_entries_are_folded(sizes: list[float], shown: int) -> None:
-    entries = [BudgetEntry(f"s{k}", "B", "inertia", size) for k, size in enumerate(sizes)]
+    entries = [BudgetEntry(stated(f"s{k}", None), "inertia", size) for k, size in enumerate(sizes)]
     listed, rest = folded(entries, 4)
     assert len(listed) == shown
     assert listed + rest == entries

@@ -58,9 +58,9 @@ def _calibrated(
         )
         residuals = solved.residuals[:rows]
     data = LinearFit(solved.values[:unknowns], residuals, solved.influence[:unknowns, :rows], fit.fit.condition)
-    covariance = covariance_of(data, fit.rows, fit.unknowns, scale, noise)
+    covariance, computed = covariance_of(data, fit.rows, fit.unknowns, scale, noise)
     effects = [
         Effect(item.source, item.std, solved.influence[:unknowns, rows + k] * error, item.direct, item.shared_id)
         for k, item in enumerate(items)
     ]
-    return replace(fit, fit=data, covariance=covariance), effects
+    return replace(fit, fit=data, covariance=covariance, computed=computed), effects

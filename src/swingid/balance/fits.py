@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,8 @@ from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, overlaps
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
+from swingid.uncertainty.dark import shrunk
+from swingid.uncertainty.freedom import bartlett, effective_freedom, scatter_freedom
 
 BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 """Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|.
@@ -44,7 +47,8 @@ class WindowFit:
     """A fit of the balance on windows of one kind.
 
     unknowns names the columns ("inertia" first); a11 and its uncertainties are for the whole axis. covariance is of
-    type A; `declared` holds what each declared imperfection of the rig does to every unknown, in its units.
+    type A; `declared` holds what each declared imperfection of the rig does to every unknown, in its units. computed:
+    variance of a11 that is not from the scatter of the rows: by the sensors' noise, and of attenuation.
     """
 
     rows: Rows
@@ -53,6 +57,7 @@ class WindowFit:
     covariance: Array
     half: float
     declared: tuple[Effect, ...] = ()
+    computed: float = 0.0
 
     def value(self, name: str) -> float:
         """Fitted value of an unknown, 0 where it was not fitted."""
@@ -72,6 +77,13 @@ class WindowFit:
     def u(self) -> float:
         """Type A standard uncertainty of a11."""
         return float(np.sqrt(self.covariance[0, 0]))
+
+    @property
+    def freedom(self) -> float:
+        """Degrees of freedom of the covariance: those of the scatter, for what the sensors' noise does is computed."""
+        of_scatter = scatter_freedom(self.fit.influence[0], bartlett(LAG), len(self.unknowns))
+        scattered = max(float(self.covariance[0, 0]) - self.computed, 0.0)
+        return effective_freedom(((scattered**0.5, of_scatter), (self.computed**0.5, math.inf)))
 
     @property
     def total(self) -> float:
@@ -99,12 +111,17 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
     if len(rows.windows) < 2 * LAG or len(rows.windows) / (LAG / 2) <= len(unknowns):
         return None
     fit = fit_linear(columns, known_side(rows, scale))
-    covariance = covariance_of(fit, rows, unknowns, scale, noise)
-    return WindowFit(rows, unknowns, fit, covariance, rows.windows.middle)
+    covariance, computed = covariance_of(fit, rows, unknowns, scale, noise)
+    return WindowFit(rows, unknowns, fit, covariance, rows.windows.middle, computed=computed)
 
 
-def covariance_of(fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise) -> Array:
-    """Type A covariance of the unknowns: sensor noise, what the rows scatter beyond it, and the bias of attenuation."""
+def covariance_of(
+    fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise
+) -> tuple[Array, float]:
+    """Type A covariance of the unknowns: sensor noise, what the rows scatter beyond it, and the bias of attenuation.
+
+    Also the variance of a11 that is not from the scatter.
+    """
     covariance = fit.covariance(LAG)
     a11 = float(fit.values[0])
     b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
@@ -114,7 +131,7 @@ def covariance_of(fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: 
         covariance = covariance * (with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns)) / scatter)
     bias = _attenuation(rows.windows, fit, noise)
     result: Array = covariance + bias[:, None] * bias
-    return result
+    return result, sensor + float(bias[0]) ** 2
 
 
 def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
@@ -123,14 +140,13 @@ def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
     sensor: variance by sensor noise. seen: what Newey and West's sum makes of that noise alone, which is more, for its
     weights let through some of the fast noise of φ''. scatter: that sum for the rows. spare: rows less unknowns.
 
-    The sum of a few dozen rows is itself uncertain by tens of per cent: an excess counts by how sure it is, as
-    e²/(e² + s²) of it, with s the standard deviation of the sum for sensor noise alone (for Bartlett's weights s² is
-    4/3 (LAG + 1) / rows of the square).
+    The sum of a few dozen rows is itself uncertain by tens of per cent: an excess counts by how sure it is (`shrunk`),
+    beside the standard deviation s of the sum for sensor noise alone (for Bartlett's weights s² is 4/3 (LAG + 1) / rows
+    of the square).
     """
     # as shares of the scatter, whose squares neither overflow nor vanish
     noise = np.minimum(seen / np.maximum(scatter, 1e-300), 1.0)
-    excess = 1.0 - noise
-    return sensor + scatter * excess**3 / (excess**2 + noise**2 * (4 / 3) * (LAG + 1) / spare)
+    return sensor + scatter * shrunk(1.0 - noise, noise * ((4 / 3) * (LAG + 1) / spare) ** 0.5)
 
 
 def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:

@@ -23,7 +23,8 @@ from swingid.units import Quantity
 class Imperfection:
     """A declared uncertainty: standard deviation, its effect ρ on the rows per unit, and on J1 directly per unit.
 
-    shared_id names the physical constant. calibrates: whether a fit may find the value in the data.
+    shared_id names the physical constant. calibrates: whether a fit may find the value in the data. constant: whether
+    it is a constant of the model, not an imperfection of a sensor.
     """
 
     source: str
@@ -32,6 +33,7 @@ class Imperfection:
     direct: float
     shared_id: str | None
     calibrates: bool = False
+    constant: bool = False
 
 
 def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> list[Imperfection]:
@@ -52,7 +54,7 @@ def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
     """The constants of row (I), exact ones (std 0) too."""
 
     def known(key: str, quantity: Quantity, effect: Array, direct: float) -> Imperfection:
-        return Imperfection(key, quantity.std or 0.0, effect, direct, key)
+        return Imperfection(key, quantity.std or 0.0, effect, direct, key, constant=True)
 
     if rig.drive.wheel is not None:
         yield known("drive.wheel.inertia", rig.drive.wheel.inertia, -rows.wheel, -1.0)

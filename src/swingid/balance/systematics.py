@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from swingid.balance.fits import WindowFit
-from swingid.balance.rows import Signals
+from swingid.balance.rows import Signals, Windows
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import superpose
 from swingid.preparation.noise import Noise
@@ -61,3 +63,19 @@ def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit, s
     pairs = zip(*(angle_weights(signals, fit, scale, "inertia") for fit in (one, other)), strict=True)
     axis, wheel = [float(signals.nodes.flat[1] @ (mine - theirs) ** 2) for mine, theirs in pairs]
     return noise.step * (noise.angle**2 * axis + noise.wheel**2 * wheel)
+
+
+def common_instants(windows: Sequence[Windows]) -> Array:
+    """Even instants over all windows, 16 in the shortest of them, for `noise_weights` (instants,)."""
+    first = min(float(np.min(one.centres - one.half)) for one in windows)
+    last = max(float(np.max(one.centres + one.half)) for one in windows)
+    step = min(float(np.min(one.half)) for one in windows) / 8
+    return np.arange(first, last + step, step)
+
+
+def noise_weights(windows: Windows, influence: Array, instants: Array) -> Array:
+    """What noise of an angle at each instant does to values whose rows have this `influence` (p, windows).
+
+    (p, instants), per radian, but for a factor that all values share: through φ'', beside which gravity hardly counts.
+    """
+    return np.array([superpose(instants, windows.centres, windows.half, row, 2) for row in influence])

@@ -8,7 +8,8 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
 from swingid.pooling.runs import Runs, calibrated
 from swingid.pooling.shares import Estimate, Share, sum_of
-from swingid.result.result import Message, Parameter, Result
+from swingid.result.result import Message, Result
+from swingid.uncertainty.budget import Parameter, stated
 from swingid.units import Quantity, parse_quantity
 
 HOPELESS = 0.3
@@ -126,7 +127,7 @@ def _require_seen(found: Estimate, runs: Runs, *, calibrating: bool) -> None:
 
 def _share(source: str, slope: float, quantity: Quantity) -> Share:
     std = quantity.std or 0.0
-    return Share(source, "B", slope * std, std or None, source)
+    return Share(stated(source, source), slope * std, std or None)
 
 
 def _about_own_centre(about_axis: Estimate, mass: Quantity, distance: Quantity, unit: str) -> Estimate:
@@ -164,7 +165,8 @@ def _parameters(estimates: dict[str, Estimate], runs: Runs) -> dict[str, Paramet
         source = "inertia" if name.startswith("inertia") else name
         pair = [result.parameters[source] for result in (runs.tare, runs.loaded)]
         known = all(parameter.standard_uncertainty is not None for parameter in pair)
-        found[name] = Parameter.of(estimate.value, estimate.u if known else None, pair[0].unit)
+        unit = pair[0].unit
+        found[name] = estimate.parameter(unit) if known else Parameter.of(estimate.value, None, unit)
     return found
 
 

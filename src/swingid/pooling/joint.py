@@ -18,6 +18,7 @@ from swingid.pooling.consistency import FALSE_ALARMS
 from swingid.pooling.pooling import BETWEEN, Pooled
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.result.result import Result
+from swingid.uncertainty.budget import scatter as scatter_source
 
 PAIR = ("inertia", "gravity_torque")
 SCATTER = "scatter of the logs, inertia and gravity torque together"
@@ -41,7 +42,7 @@ class Pairs:
         """From the results and the estimates of each of the two parameters, per log."""
         flat = [estimates[name][k] for k in range(len(results)) for name in PAIR]
         own = [_own_covariance(result, estimates[PAIR[0]][k]) for k, result in enumerate(results)]
-        type_b = [Estimate(e.value, {key: s for key, s in e.shares.items() if s.type == "B"}) for e in flat]
+        type_b = [Estimate(e.value, {key: s for key, s in e.shares.items() if s.source.type == "B"}) for e in flat]
         return cls(np.array([e.value for e in flat]).reshape(-1, 2), np.array(own), type_b)
 
     def gains(self, used: Sequence[int]) -> Array:
@@ -86,9 +87,9 @@ def pool_pair(pairs: Pairs) -> dict[str, Pooled]:
     pooled = {}
     for i, name in enumerate(PAIR):
         estimate = sum_of(pairs.type_b, gains[i])
-        shares = estimate.shares | {SCATTER: Share(SCATTER, "A", math.sqrt(scatter[i, i]))}
+        shares = estimate.shares | {SCATTER: Share(scatter_source(SCATTER), math.sqrt(scatter[i, i]))}
         if excess > 0:
-            shares[BETWEEN] = Share(BETWEEN, "A", math.sqrt(excess * scatter[i, i]))
+            shares[BETWEEN] = Share(scatter_source(BETWEEN, freedom), math.sqrt(excess * scatter[i, i]))
         estimate = Estimate(estimate.value, shares)
         effective = freedom * (estimate.u / shares[BETWEEN].u) ** 4 if excess > 0 else math.inf
         weights = np.array([gains[i, 2 * k + i] for k in range(count)])
@@ -119,7 +120,7 @@ def _own_covariance(result: Result, inertia: Estimate) -> Array:
     wrong balance moves the pair along the direction that this log hardly sees.
     """
     matrix = np.array([[result.covariance[one][other] for other in PAIR] for one in PAIR])
-    whole = sum(share.u**2 for share in inertia.shares.values() if share.type == "A")
+    whole = sum(share.u**2 for share in inertia.shares.values() if share.source.type == "A")
     widened: Array = matrix * max(1.0, whole / max(matrix[0, 0], 1e-300))
     return widened
 

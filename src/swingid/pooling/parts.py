@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -18,7 +19,9 @@ from swingid.pooling.several import SINGLE, conditioning, estimates_of
 from swingid.pooling.shares import Estimate, sum_of
 from swingid.recording.large import LARGE, LargeLog
 from swingid.recording.recording import Recording
-from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries
+from swingid.result.result import Details, Message, Result, SwingSeries
+from swingid.uncertainty.budget import BudgetEntry, Parameter, systematic
+from swingid.uncertainty.freedom import effective_freedom
 
 IN_PARTS = ("momentum", "energy")
 """Methods whose answers of parts can be pooled."""
@@ -201,17 +204,20 @@ def _with_averaging(
     inertia = parameters["inertia"]
     if smear == 0.0 or inertia.standard_uncertainty is None or inertia.interval95 is None:
         return budget, parameters
-    entry = BudgetEntry(AVERAGED, "A", "inertia", float(abs(inertia.value) * smear / 3**0.5))
-    reach = (inertia.interval95[1] - inertia.interval95[0]) / 2 / inertia.standard_uncertainty
-    u = float(np.hypot(inertia.standard_uncertainty, entry.standard_uncertainty))
-    interval = (inertia.value - reach * u, inertia.value + reach * u)
-    return (*budget, entry), parameters | {"inertia": replace(inertia, standard_uncertainty=u, interval95=interval)}
+    entry = BudgetEntry(systematic(AVERAGED, "rectangular"), "inertia", float(abs(inertia.value) * smear / 3**0.5))
+    own, more = inertia.standard_uncertainty, entry.standard_uncertainty
+    freedom = effective_freedom(((own, inertia.degrees_of_freedom), (more, math.inf)))
+    whole = Parameter.of(inertia.value, math.hypot(own, more), inertia.unit, freedom)
+    return (*budget, entry), parameters | {"inertia": whole}
 
 
 def _entries(name: str, pooled: Pooled) -> list[BudgetEntry]:
     """The budget of one parameter, the scatter named for what it is here."""
-    entries = pooled.estimate.entries(name)
-    return [replace(entry, source=BETWEEN_PARTS) if entry.source == BETWEEN else entry for entry in entries]
+    share = pooled.estimate.shares.get(BETWEEN)
+    if share is None:
+        return pooled.estimate.entries(name)
+    renamed = replace(share, source=replace(share.source, name=BETWEEN_PARTS))
+    return replace(pooled.estimate, shares=pooled.estimate.shares | {BETWEEN: renamed}).entries(name)
 
 
 def _said(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:

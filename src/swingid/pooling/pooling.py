@@ -20,7 +20,7 @@ import numpy as np
 
 from swingid.numerics.arrays import Array
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
-from swingid.result.result import COVERAGE_FACTOR, Parameter
+from swingid.uncertainty.budget import Parameter, scatter
 
 BETWEEN = "scatter between the logs"
 
@@ -36,7 +36,7 @@ class Pooled:
 
     def parameter(self, unit: str) -> Parameter:
         """Value with its interval."""
-        return student(self.estimate.value, self.estimate.u, self.freedom, unit)
+        return Parameter.of(self.estimate.value, self.estimate.u, unit, self.freedom)
 
 
 def pool(estimates: Sequence[Estimate]) -> Pooled:
@@ -53,9 +53,9 @@ def pool(estimates: Sequence[Estimate]) -> Pooled:
     weights = weights / weights.sum()
     pooled = sum_of(estimates, weights)
     if between == 0:
-        return Pooled(pooled, weights, 0.0, math.inf)
+        return Pooled(pooled, weights, 0.0, pooled.freedom)
     extra = math.sqrt(between * float(weights @ weights))
-    pooled = replace(pooled, shares=pooled.shares | {BETWEEN: Share(BETWEEN, "A", extra)})
+    pooled = replace(pooled, shares=pooled.shares | {BETWEEN: Share(scatter(BETWEEN, len(values) - 1), extra)})
     # τ is known from these logs alone, so what averages out over them has n − 1 degrees of freedom
     averaged = between + np.array([_alone(estimates, k) for k in range(len(values))])
     share = float(weights**2 @ averaged) / pooled.u**2
@@ -66,17 +66,6 @@ def _alone(estimates: Sequence[Estimate], k: int) -> float:
     """Variance of log k by sources that no other log has."""
     others = {key for j, estimate in enumerate(estimates) if j != k for key in estimate.shares}
     return sum(share.u**2 for key, share in estimates[k].shares.items() if key not in others)
-
-
-def student(value: float, u: float, freedom: float, unit: str) -> Parameter:
-    """Parameter whose 95 % interval is Student's for effective degrees of freedom (Welch–Satterthwaite; GUM, G.4)."""
-    if not math.isfinite(freedom) or freedom > 1000:
-        return Parameter.of(value, u, unit)
-    from scipy.special import stdtrit
-
-    reach = float(stdtrit(max(freedom, 1.0), 0.975)) * u
-    assert reach >= COVERAGE_FACTOR * u * (1 - 1e-9)
-    return Parameter(value, u, (value - reach, value + reach), unit)
 
 
 def _weight_variances(estimates: Sequence[Estimate]) -> Array:

@@ -14,9 +14,11 @@ from pathlib import Path
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import percent
-from swingid.pooling.shares import Estimate, Identity, estimate_of, sum_of
+from swingid.pooling.shares import Estimate, estimate_of, sum_of
 from swingid.result.file import load_result
-from swingid.result.result import COVERAGE_FACTOR, BudgetEntry, Message, Parameter, Result
+from swingid.result.result import Message, Result
+from swingid.uncertainty.budget import BudgetEntry, Parameter
+from swingid.uncertainty.freedom import COVERAGE_FACTOR
 
 GRAVITY = "axis.gravity_torque"
 
@@ -54,19 +56,18 @@ class Runs:
 
     def estimates(self, parameter: str) -> tuple[Estimate, Estimate]:
         """Of a parameter of both runs; shared constants have one identity, everything else two."""
-        tare = estimate_of(self.tare, parameter, self._identity("tare"))
-        loaded = estimate_of(self.loaded, parameter, self._identity("loaded"))
-        return _labelled(tare, "tare"), _labelled(loaded, "loaded")
+        return self._estimate(self.tare, "tare", parameter), self._estimate(self.loaded, "loaded", parameter)
 
-    def _identity(self, run: str) -> Identity:
-        def key(entry: BudgetEntry) -> str:
-            shared = entry.shared_id
-            # without the sign of its effect a shared source cannot cancel
-            if shared is None or shared in self.apart or entry.sensitivity is None:
-                return f"{entry.source} ({run})"
-            return shared
+    def _estimate(self, result: Result, run: str, parameter: str) -> Estimate:
+        own = replace(result, budget=tuple(self._labelled(entry, run) for entry in result.budget))
+        return estimate_of(own, parameter, lambda entry: entry.shared_id or entry.source)
 
-        return key
+    def _labelled(self, entry: BudgetEntry, run: str) -> BudgetEntry:
+        """With the run named in a source that is its own: without the sign of its effect a shared one cannot cancel."""
+        shared = entry.shared_id
+        if shared is not None and shared not in self.apart and entry.sensitivity is not None:
+            return entry
+        return replace(entry, origin=replace(entry.origin, name=f"{entry.source} ({run})", shared_id=None))
 
     @property
     def unit(self) -> str:
@@ -76,17 +77,6 @@ class Runs:
     def constant(self, key: str) -> tuple[float, float] | None:
         """Value and standard uncertainty (0: exact) of a constant of the rig, None where the results do not say."""
         return _constant(self.tare, key)
-
-
-def _labelled(estimate: Estimate, run: str) -> Estimate:
-    """With the run named in the sources that are its own."""
-    return Estimate(
-        estimate.value,
-        {
-            key: replace(share, source=key.partition(" #")[0], shared_id=None) if key.endswith(f"({run})") else share
-            for key, share in estimate.shares.items()
-        },
-    )
 
 
 def _name(given: Result | str | Path, otherwise: str) -> str:
@@ -248,7 +238,7 @@ def calibrated(runs: Runs, inertias: tuple[Estimate, Estimate], known: Estimate)
         for entry in estimate.entries(name)
         if entry.standard_uncertainty > 1e-9 * estimate.u
     ]
-    parameters = {name: Parameter.of(estimate.value, estimate.u, unit) for name, (estimate, unit) in found.items()}
+    parameters = {name: estimate.parameter(unit) for name, (estimate, unit) in found.items()}
     return ScaleCorrection(parameters, budget, warnings, notes)
 
 

@@ -11,10 +11,11 @@ from swingid.format import percent, plus_minus
 from swingid.pooling.consistency import outliers
 from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair, pool_pair
 from swingid.pooling.pooling import Pooled, pool
-from swingid.pooling.shares import Estimate, Identity, estimate_of, scatters
+from swingid.pooling.shares import Estimate, Identity, estimate_of
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
-from swingid.result.result import BudgetEntry, Message, Parameter, Result, refusal
+from swingid.result.result import Message, Result, refusal
+from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 Identify = Callable[[Recording | LargeLog], Result]
 
@@ -189,7 +190,8 @@ def _identity(log: int, scatter_is_shared: bool) -> Identity:
     def key(entry: BudgetEntry) -> str:
         if entry.type == "B":
             return entry.shared_id or f"log {log}: {entry.source}"
-        return f"log {log}: {entry.source}" if scatters(entry) and not scatter_is_shared else entry.source
+        own = entry.origin.averages_over_logs and not scatter_is_shared
+        return f"log {log}: {entry.source}" if own else entry.source
 
     return key
 

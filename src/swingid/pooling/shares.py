@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swingid.numerics.arrays import Array
-from swingid.result.result import BudgetEntry, Result
+from swingid.result.result import Result
+from swingid.uncertainty.budget import BudgetEntry, Parameter, Source
+from swingid.uncertainty.freedom import effective_freedom
 
 
 @dataclass(frozen=True)
@@ -22,14 +23,12 @@ class Share:
     """What one source does to a value.
 
     u: change of the value for one standard deviation of the source, with its sign where that is known. std: the
-    source's standard deviation in its own unit (None: type A). shared_id: the physical constant, as in `BudgetEntry`.
+    source's standard deviation in its own unit (None: type A).
     """
 
-    source: str
-    type: Literal["A", "B"]
+    source: Source
     u: float
     std: float | None = None
-    shared_id: str | None = None
 
 
 @dataclass(frozen=True)
@@ -44,17 +43,27 @@ class Estimate:
         """Standard uncertainty."""
         return math.sqrt(sum(share.u**2 for share in self.shares.values()))
 
+    @property
+    def freedom(self) -> float:
+        """Effective degrees of freedom."""
+        return effective_freedom((share.u, share.source.degrees_of_freedom) for share in self.shares.values())
+
     def entries(self, parameter: str) -> list[BudgetEntry]:
         """The budget of a parameter with this value; sources of one name and nature are one entry."""
-        merged: dict[tuple[str, str, str | None], list[Share]] = {}
+        merged: dict[Source, list[Share]] = {}
         for share in self.shares.values():
-            merged.setdefault((share.source, share.type, share.shared_id), []).append(share)
+            merged.setdefault(replace(share.source, degrees_of_freedom=math.inf), []).append(share)
         found = []
-        for shares in merged.values():
+        for source, shares in merged.items():
             first, u = shares[0], math.sqrt(sum(share.u**2 for share in shares))
             slope = first.u / first.std if len(shares) == 1 and first.std else None
-            found.append(BudgetEntry(first.source, first.type, parameter, u, slope, first.shared_id))
+            freedom = effective_freedom((share.u, share.source.degrees_of_freedom) for share in shares)
+            found.append(BudgetEntry(replace(source, degrees_of_freedom=freedom), parameter, u, slope))
         return found
+
+    def parameter(self, unit: str) -> Parameter:
+        """The value with its interval."""
+        return Parameter.of(self.value, self.u, unit, self.freedom)
 
 
 Identity = Callable[[BudgetEntry], str]
@@ -71,7 +80,7 @@ def estimate_of(result: Result, parameter: str, identity: Identity) -> Estimate:
             u = math.copysign(u, entry.sensitivity)
         key = identity(entry)
         # two entries of one identity in one budget are two quantities
-        shares[key if key not in shares else f"{key} #{k}"] = Share(entry.source, entry.type, u, std, entry.shared_id)
+        shares[key if key not in shares else f"{key} #{k}"] = Share(entry.origin, u, std)
     return Estimate(result.parameters[parameter].value, shares)
 
 
@@ -83,7 +92,7 @@ def sum_of(estimates: Sequence[Estimate], weights: Iterable[float], constant: fl
         value += weight * estimate.value
         for key, share in estimate.shares.items():
             u = weight * share.u + (shares[key].u if key in shares else 0.0)
-            shares[key] = Share(share.source, share.type, u, share.std, share.shared_id)
+            shares[key] = Share(share.source, u, share.std)
     return Estimate(value, shares)
 
 
@@ -94,12 +103,3 @@ def covariance(estimates: Sequence[Estimate]) -> Array:
     matrix = matrix.reshape(len(estimates), len(keys))
     result: Array = matrix @ matrix.T
     return result
-
-
-def scatters(entry: BudgetEntry) -> bool:
-    """Whether this type A source differs from log to log: scatter does, with the sensors' noise in it.
-
-    The others (drift with the length of windows, disagreement, the encoder's grid, timing, bias by noise) come from
-    motion, friction and sensors, which are alike in logs of one rig, so they do not average out.
-    """
-    return entry.type == "A" and entry.source.startswith(("scatter", "sensor noise"))

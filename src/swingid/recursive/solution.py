@@ -7,6 +7,7 @@ relative to a first solution, so that nothing of size cancels in those sums.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,7 +23,8 @@ from swingid.numerics.test_functions import curvature_overlap
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recursive.blocks import Block
-from swingid.result.result import BudgetEntry, Parameter, combined
+from swingid.uncertainty.budget import BudgetEntry, Declared, Parameter, Scatter, evaluate, stated
+from swingid.uncertainty.freedom import bartlett, effective_freedom, lag_weights_power
 
 MEMORY = "memory"
 """The unknown that is sought only where it is seen: an impulse of friction at each reversal."""
@@ -39,11 +41,15 @@ PLAIN = ("gravity_torque", "coulomb", "viscous", "quadratic")
 
 @dataclass(frozen=True)
 class Solution:
-    """Values of the unknowns (p,), type A covariance (None: too few swings), effects of what is declared."""
+    """Values of the unknowns (p,), type A covariance (None: too few swings), effects of what is declared.
+
+    freedom: degrees of freedom of the covariance.
+    """
 
     values: Array
     covariance: Array | None
     effects: tuple[Effect, ...]
+    freedom: float
 
 
 def first_solution(blocks: list[Block]) -> Array:
@@ -85,8 +91,8 @@ def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, scale: Sca
         for k, one in enumerate(declared[0])
     )
     scatter = scores.T @ scores + (cross + cross.T) / 2
-    covariance = _covariance(fit.influence @ fit.influence.T, scatter, sensor, len(blocks), int(sought.sum()))
-    return Solution(fit.values, covariance, effects)
+    covariance, freedom = _covariance(fit.influence @ fit.influence.T, scatter, sensor, len(blocks), int(sought.sum()))
+    return Solution(fit.values, covariance, effects, freedom)
 
 
 def _plain(unknowns: tuple[str, ...]) -> Bools:
@@ -127,16 +133,21 @@ def _overlap(first: Windows, second: Windows) -> Array:
     return np.asarray(curvature_overlap((first.centres[:, None] - second.centres) / half) / half**3)
 
 
-def _covariance(inverse: Array, scores: Array, sensor: Array, swings: int, unknowns: int) -> Array | None:
-    """Covariance from the scatter of swings (neighbours may be correlated), or from sensor noise if that is more."""
+def _covariance(inverse: Array, scores: Array, sensor: Array, swings: int, unknowns: int) -> tuple[Array | None, float]:
+    """Covariance from the scatter of swings (neighbours may be correlated), or from sensor noise if that is more.
+
+    Also its degrees of freedom: those of the scatter's part beyond the noise, which is computed.
+    """
     if swings < unknowns + SPARE:
-        return None
+        return None, math.inf
     seen = inverse @ scores @ inverse * (swings / (swings - unknowns))
     expected = inverse @ sensor @ inverse
-    if seen[0, 0] <= 0:
-        return expected
-    result: Array = seen * max(1.0, expected[0, 0] / seen[0, 0])
-    return result
+    if seen[0, 0] <= expected[0, 0]:
+        return (expected if seen[0, 0] <= 0 else seen * (expected[0, 0] / seen[0, 0])), math.inf
+    noise = math.sqrt(max(float(expected[0, 0]), 0.0))
+    beyond = math.sqrt(float(seen[0, 0]) - noise**2)
+    of_scatter = max((swings - unknowns) / lag_weights_power(bartlett(1)), 1.0)
+    return seen, effective_freedom(((noise, math.inf), (beyond, of_scatter)))
 
 
 @dataclass
@@ -207,8 +218,8 @@ class Recursion:
             Effect(source, std, inverse @ total * std, direct, shared)
             for source, (std, direct, shared, total) in self._declared.items()
         )
-        covariance = _covariance(inverse, scores, self._sensor, self.swings, int(sought.sum()))
-        return Solution(self.origin + step, covariance, effects)
+        covariance, freedom = _covariance(inverse, scores, self._sensor, self.swings, int(sought.sum()))
+        return Solution(self.origin + step, covariance, effects, freedom)
 
 
 @dataclass(frozen=True)
@@ -257,25 +268,29 @@ class Reporter:
         units = units_on(linear=self.scale.linear)
         names = ["inertia", *(name for name in PLAIN if name in block.unknowns)]
         at = [block.unknowns.index(name) for name in names]
-        budget = tuple(_budget(names, at, solution))
-        values = {name: float(solution.values[k]) for name, k in zip(names, at, strict=True)}
-        values["inertia"] -= self.scale.carried
-        known = solution.covariance is not None
-        parameters = {
-            name: Parameter.of(value, combined(budget, name) if known else None, units[name])
-            for name, value in values.items()
-        }
+        values = {name: (float(solution.values[k]), units[name]) for name, k in zip(names, at, strict=True)}
+        values["inertia"] = values["inertia"][0] - self.scale.carried, units["inertia"]
+        declared = []
+        for effect in solution.effects:
+            slopes = effect.shifts[at] / effect.std
+            slopes[0] += effect.direct
+            declared.append(Declared(stated(effect.source, effect.shared_id), effect.std, slopes))
+        known, scattered = solution.covariance is not None, None
+        if solution.covariance is not None:
+            freedom = np.full(len(at), solution.freedom)
+            scattered = Scatter(SCATTER, solution.covariance[np.ix_(at, at)], freedom)
+        found = evaluate(values, scattered, (), declared, unknown=() if known else values)
         self.swings += 1
         alone = self._alone(block, solution)
-        self._squares += (alone - values["inertia"]) ** 2
+        self._squares += (alone - values["inertia"][0]) ** 2
         spread = float(np.sqrt(self._squares / (self.swings - 1))) if known else None
         return SwingEstimate(
             swing=self.swings,
             time=block.time,
             side=block.side,
             swing_inertia=Parameter.of(alone, spread, self.scale.unit),
-            parameters=parameters,
-            budget=budget,
+            parameters=found.parameters,
+            budget=tuple(found.budget),
             rows_skipped=skipped,
             swings_lost=lost,
         )
@@ -289,15 +304,3 @@ class Reporter:
         own = block.columns[:, 0]
         left = block.target - block.columns[:, 1:] @ solution.values[1:]
         return float(own @ left / (own @ own)) - self.scale.carried
-
-
-def _budget(names: list[str], at: list[int], solution: Solution) -> list[BudgetEntry]:
-    entries = []
-    for name, k in zip(names, at, strict=True):
-        if solution.covariance is not None:
-            entries.append(BudgetEntry(SCATTER, "A", name, float(np.sqrt(max(solution.covariance[k, k], 0.0)))))
-        for effect in solution.effects:
-            shift = float(effect.shifts[k]) + (effect.direct * effect.std if name == "inertia" else 0.0)
-            slope = shift / effect.std
-            entries.append(BudgetEntry(effect.source, "B", name, abs(shift), slope, effect.shared_id))
-    return entries

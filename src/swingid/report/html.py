@@ -110,6 +110,7 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
         ],
         "logs": [log_row(one, result, fine=True) for one in result.per_log],
         "budget": tables.budget_rows(result),
+        "correlations": tables.correlation_rows(result),
         "extra": tables.extra_rows(result),
         "swings_off": tables.swings_off(result),
         "figures": _figures(result, log, linear=linear) if answered else {},

@@ -12,7 +12,16 @@ import numpy as np
 from swingid.format import interval, number, percent, plus_minus, span
 from swingid.report.words import EXTRA, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.result.result import Result
-from swingid.result.summary import relative, sorted_budget, value_text, why_unknown
+from swingid.result.summary import (
+    correlated_pairs,
+    freedom_text,
+    relative,
+    sorted_budget,
+    value_text,
+    why_unknown,
+)
+from swingid.uncertainty.budget import Parameter
+from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -68,13 +77,20 @@ def parameter_rows(result: Result, *, linear: bool) -> list[Row]:
                 key=name,
                 value=value_text(parameter, fine=True),
                 spread=relative(parameter, fine=True),
-                remark=interval(bounds, middle=parameter.value, fine=True)
+                remark=interval(bounds, middle=parameter.value, fine=True) + _coverage(parameter)
                 if bounds
                 else f"uncertainty unknown: {why_unknown(result, name)}",
                 bounded=bounds is not None,
             )
         )
     return rows
+
+
+def _coverage(parameter: Parameter) -> str:
+    """Coverage factor and degrees of freedom where these are so few that they widen the interval."""
+    if parameter.degrees_of_freedom >= MANY:
+        return ""
+    return f" (k = {parameter.coverage_factor:.2f}, ν = {freedom_text(parameter)})"
 
 
 def rig_rows(rig: Rig) -> list[Row]:
@@ -199,6 +215,11 @@ def budget_rows(result: Result) -> list[Row]:
             text = number(entry.standard_uncertainty, parameter.unit, 2, fine=True)
             rows.append(Row(name, entry.type, entry.source, text, percent(share, fine=True)))
     return rows
+
+
+def correlation_rows(result: Result) -> list[Row]:
+    """Pairs of parameters whose errors go together, the strongest first."""
+    return [Row(one, two, f"{r:+.2f}".replace("-", "−")) for one, two, r in correlated_pairs(result)]
 
 
 def truth_row(result: Result, log: Recording) -> Row | None:

@@ -4,35 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from swingid.numerics.arrays import Array
+from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
-COVERAGE_FACTOR = 1.959963984540054
-"""Half-width of a 95 % interval in standard uncertainties of a normal quantity."""
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """An identified constant in SI units; `standard_uncertainty` None means unknown, never zero."""
-
-    value: float
-    standard_uncertainty: float | None
-    interval95: tuple[float, float] | None
-    unit: str
-
-    @classmethod
-    def of(cls, value: float, standard_uncertainty: float | None, unit: str) -> Parameter:
-        """Parameter with the 95 % interval value ± 1.96 standard uncertainties."""
-        if standard_uncertainty is None or not math.isfinite(standard_uncertainty):
-            return cls(float(value), None, None, unit)
-        reach = COVERAGE_FACTOR * standard_uncertainty
-        return cls(float(value), float(standard_uncertainty), (float(value - reach), float(value + reach)), unit)
 
 
 @dataclass(frozen=True)
@@ -41,23 +21,6 @@ class Message:
 
     code: str
     message: str
-
-
-@dataclass(frozen=True)
-class BudgetEntry:
-    """One source of uncertainty of one parameter.
-
-    type "A": from the scatter of the data; "B": from what rig.toml says about the rig (GUM). `sensitivity` is the
-    change of the parameter per unit of the source (None for type A). `shared_id` names the physical constant, so
-    that two results of one rig can be correlated by it.
-    """
-
-    source: str
-    type: Literal["A", "B"]
-    parameter: str
-    standard_uncertainty: float
-    sensitivity: float | None = None
-    shared_id: str | None = None
 
 
 @dataclass(frozen=True)
@@ -140,8 +103,9 @@ class ResultData:
     status: "ok", "warning" (doubt the number for the reasons in `warnings`) or "refused" (no parameters, `error`
     says why). `notes` hold assumptions and what was done; they do not change the status. sensitivities:
     change of the inertia per unit of each constant of the rig file, by its key, exact ones too. covariance: of type A,
-    between parameters fitted together where that matters (inertia and an unknown gravity torque). per_log: the
-    ordinary results of several logs, of which this one is the common answer.
+    between parameters fitted together where that matters (inertia and an unknown gravity torque). correlation: of all
+    parameters whose uncertainty is known, of type A and B together. per_log: the ordinary results of several logs, of
+    which this one is the common answer.
     """
 
     method: str
@@ -155,6 +119,7 @@ class ResultData:
     details: Details | None = None
     sensitivities: dict[str, float] = field(default_factory=dict)
     covariance: dict[str, dict[str, float]] = field(default_factory=dict)
+    correlation: dict[str, dict[str, float]] = field(default_factory=dict)
     per_log: tuple[ResultData, ...] = ()
 
     @property
@@ -176,7 +141,7 @@ class ResultData:
             "error": self.error,
             "details": self.details,
         }
-        for name in ("sensitivities", "covariance"):
+        for name in ("sensitivities", "covariance", "correlation"):
             if getattr(self, name):
                 data[name] = getattr(self, name)
         if self.per_log:
@@ -189,13 +154,10 @@ class ResultData:
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
 
 
-def combined(budget: Iterable[BudgetEntry], parameter: str) -> float:
-    """Root of the sum of squares of all entries of a parameter."""
-    return math.sqrt(sum(entry.standard_uncertainty**2 for entry in budget if entry.parameter == parameter))
-
-
 def plain(value: Any) -> Any:
     """Data that JSON knows: fields for a dataclass, lists for arrays, None for what is not finite; recursive."""
+    if isinstance(value, BudgetEntry | Parameter):
+        value = value.to_dict()
     if hasattr(value, "__dataclass_fields__"):
         return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
     if isinstance(value, dict):

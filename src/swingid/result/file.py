@@ -7,8 +7,9 @@ import math
 from pathlib import Path
 
 from swingid.errors import InputError
-from swingid.result.result import SCHEMA, BudgetEntry, Message, Parameter, Result
+from swingid.result.result import SCHEMA, Message, Result
 from swingid.system import read_file
+from swingid.uncertainty.budget import BudgetEntry, Distribution, Parameter, Source
 
 LARGEST = 200_000_000
 """Bytes beyond which no result file is read."""
@@ -96,7 +97,8 @@ def _result(data: dict[str, object]) -> Result:
         budget=tuple(_entry(k, value) for k, value in enumerate(_list(data, "budget"))),
         provenance=_table(data, "provenance"),
         error=None if error is None else _message("error", error),
-        sensitivities={key: _number(f"sensitivities.{key}", v) for key, v in _table(data, "sensitivities").items()},
+        sensitivities=_numbers(data, "sensitivities"),
+        correlation={name: _numbers(_table(data, "correlation"), name) for name in _table(data, "correlation")},
     )
 
 
@@ -114,7 +116,8 @@ def _parameter(name: str, value: object) -> Parameter:
         low, high = (_number(f"{place}.interval95", bound) for bound in bounds)
         interval = low, high
     spread = None if u is None else _number(place, u)
-    return Parameter(_number(f"{place}.value", table.get("value")), spread, interval, _text(table, "unit", place))
+    value, freedom = _number(f"{place}.value", table.get("value")), _freedom(place, table)
+    return Parameter(value, spread, interval, _text(table, "unit", place), freedom)
 
 
 def _entry(k: int, value: object) -> BudgetEntry:
@@ -131,7 +134,23 @@ def _entry(k: int, value: object) -> BudgetEntry:
         raise _MalformedError(f"{place}.standard_uncertainty is negative")
     slope = None if sensitivity is None else _number(f"{place}.sensitivity", sensitivity)
     source, parameter = (_text(table, key, place) for key in ("source", "parameter"))
-    return BudgetEntry(source, kind, parameter, u, slope, shared)
+    averages, shape = table.get("averages_over_logs", False), table.get("distribution", "normal")
+    if not isinstance(averages, bool):
+        raise _MalformedError(f"{place}.averages_over_logs is not true or false")
+    distribution: Distribution = "rectangular" if shape == "rectangular" else "normal"
+    origin = Source(source, kind, shared, averages, _freedom(place, table), distribution)
+    return BudgetEntry(origin, parameter, u, slope)
+
+
+def _freedom(place: str, table: dict[str, object]) -> float:
+    """Degrees of freedom; infinite where none are stated, as in files of earlier versions."""
+    freedom = table.get("degrees_of_freedom")
+    if freedom is None:
+        return math.inf
+    found = _number(f"{place}.degrees_of_freedom", freedom)
+    if found <= 0:
+        raise _MalformedError(f"{place}.degrees_of_freedom is not positive")
+    return found
 
 
 def _messages(data: dict[str, object], key: str) -> tuple[Message, ...]:
@@ -158,6 +177,10 @@ def _list(data: dict[str, object], key: str) -> list[object]:
     if not isinstance(value, list):
         raise _MalformedError(f"{key} is not a list")
     return value
+
+
+def _numbers(data: dict[str, object], key: str) -> dict[str, float]:
+    return {name: _number(f"{key}.{name}", value) for name, value in _table(data, key).items()}
 
 
 def _text(data: dict[str, object], key: str, place: str = "") -> str:

@@ -9,7 +9,9 @@ import numpy as np
 
 from swingid.errors import UsageError
 from swingid.format import common_exponent, plus_minus, power_of_ten, pretty_unit
-from swingid.result.data import COVERAGE_FACTOR, Parameter, ResultData, SwingSeries, combined
+from swingid.result.data import ResultData, SwingSeries
+from swingid.uncertainty.budget import Parameter, combined
+from swingid.uncertainty.freedom import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,19 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from swingid.errors import SwingidError
-from swingid.result.data import (
-    COVERAGE_FACTOR,
-    SCHEMA,
-    BudgetEntry,
-    Convergence,
-    Details,
-    FrictionCurve,
-    Message,
-    Parameter,
-    ResultData,
-    SwingSeries,
-    combined,
-)
+from swingid.result.data import SCHEMA, Convergence, Details, FrictionCurve, Message, ResultData, SwingSeries
+from swingid.uncertainty.budget import BudgetEntry, Parameter, combined
+from swingid.uncertainty.freedom import COVERAGE_FACTOR
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,9 @@ import textwrap
 from collections.abc import Iterable, Sequence
 
 from swingid.format import interval, number, percent, plus_minus
-from swingid.result.data import BudgetEntry, Details, Message, Parameter, ResultData, combined
+from swingid.result.data import Details, Message, ResultData
+from swingid.uncertainty.budget import BudgetEntry, Parameter, combined
+from swingid.uncertainty.freedom import MANY
 
 WIDTH = 100
 MOST_ENTRIES, MOST_LAWS = 10, 6
@@ -14,6 +16,10 @@ MOST_ENTRIES, MOST_LAWS = 10, 6
 
 NEGLIGIBLE = 0.01
 """Share of the whole uncertainty below which an entry of the budget is not worth a line."""
+
+UNCORRELATED = 0.1
+"""Correlation coefficient below which a pair is not worth a line; ten of them together hardly change a sum's
+uncertainty."""
 
 KNOWN_REASONS = {"stribeck_speed": "it is found by a search over trial speeds, not by the linear fit"}
 
@@ -35,6 +41,7 @@ def summarise(result: ResultData) -> str:
     parts = [
         ("Identification", _identification(result)),
         ("Parameters", _parameters(result)),
+        ("Correlations", _correlations(result)),
         ("Logs", _logs(result)),
         ("Uncertainty of the inertia", _budget(result)),
         ("Friction", _friction(result.details)),
@@ -104,8 +111,29 @@ def _parameters(result: ResultData) -> list[str]:
             text += f"  {'(' + relative(parameter) + ')':<10}"
         if parameter.interval95 is not None:
             text += f"  95 %: {interval(parameter.interval95, middle=parameter.value)}"
+        if parameter.degrees_of_freedom < MANY:
+            text += f"  (k = {parameter.coverage_factor:.2f}, {freedom_text(parameter)} degrees of freedom)"
         lines.append(text.rstrip())
     return lines + unknown
+
+
+def freedom_text(parameter: Parameter) -> str:
+    """Effective degrees of freedom, cut to whole ones from ten on (JCGM 100 G.4.1); "∞" for very many."""
+    freedom = parameter.degrees_of_freedom
+    return "∞" if freedom >= MANY else f"{freedom:.1f}" if freedom < 10 else f"{int(freedom)}"
+
+
+def correlated_pairs(result: ResultData) -> list[tuple[str, str, float]]:
+    """Pairs of parameters with their correlation coefficient, the strongest first, down to `UNCORRELATED`."""
+    names = list(result.correlation)
+    pairs = [(one, two, result.correlation[one][two]) for k, one in enumerate(names) for two in names[k + 1 :]]
+    return sorted((pair for pair in pairs if abs(pair[2]) >= UNCORRELATED), key=lambda pair: -abs(pair[2]))
+
+
+def _correlations(result: ResultData) -> list[str]:
+    shown = correlated_pairs(result)
+    width = max((len(one) + len(two) for one, two, _ in shown), default=0) + 3
+    return [f"    {one + ' and ' + two:<{width + 2}} {r:+.2f}" for one, two, r in shown[:MOST_ENTRIES]]
 
 
 def value_text(parameter: Parameter, *, fine: bool = False) -> str:

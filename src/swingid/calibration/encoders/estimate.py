@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.agreement import COMPARABLE, SEEN
+from swingid.balance.agreement import COMPARABLE
 from swingid.balance.rows import Signals
 from swingid.calibration.encoders.joint import JointFit, fit_jointly
 from swingid.calibration.encoders.logs import CalibrationLog
@@ -15,6 +15,7 @@ from swingid.calibration.encoders.parts import Part, with_parts
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.scale import Scale
+from swingid.uncertainty.dark import dark_uncertainty
 
 STEPS = 4
 """Gauss–Newton steps at most; the third changes nothing that can be seen with 1°."""
@@ -114,16 +115,15 @@ def _known(fit: JointFit, rig: Rig) -> tuple[float, float]:
 
 
 def _drift(chosen: JointFit, others: Sequence[JointFit]) -> Array:
-    """Uncertainty of every part by what windows of other lengths say otherwise; see `momentum.agreement`.
+    """Uncertainty of every part by what windows of other lengths give otherwise; see `balance.agreement`.
 
     All lengths use the same samples, so the variance of a difference is the difference of the variances.
     """
     found = np.zeros(len(chosen.parts))
     mine = chosen.uncertainties
     for other in others:
-        u = other.uncertainties
-        variance = np.abs(u**2 - mine**2)
-        gap = other.parts - chosen.parts
-        beyond = (np.abs(gap) > SEEN * np.sqrt(variance)) & (u < COMPARABLE * mine)
-        found = np.where(beyond, np.maximum(found, np.sqrt(np.maximum(gap**2 - variance, 0.0))), found)
+        for k, u in enumerate(other.uncertainties):
+            if u < COMPARABLE * mine[k]:
+                gap, variance = float(other.parts[k] - chosen.parts[k]), abs(float(u**2 - mine[k] ** 2))
+                found[k] = max(found[k], dark_uncertainty(gap, variance, float(mine[k])))
     return found

@@ -13,6 +13,7 @@ from swingid.calibration.encoders.logs import LogRows
 from swingid.calibration.encoders.parts import Part
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.uncertainty.dark import shrunk
 
 ROUNDS = 3
 
@@ -127,9 +128,6 @@ def _scatter(log: LogRows, influence: Array, residuals: Array) -> Array:
 def _counted(steps: Array, white: Array) -> Array:
     """What the variances by the encoder's `steps` differ from those by `white` noise, by how sure that is.
 
-    More than white where errors come again, less in a quick motion, where they cancel. As in `fits.with_excess` a
-    difference e counts as e²/(e² + s²) of it, with s the standard deviation of what is told.
+    More than white where errors come again, less in a quick motion, where they cancel; see `shrunk`.
     """
-    excess = steps - white
-    result: Array = excess * (excess**2 / np.maximum(excess**2 + (TOLD * white) ** 2, 1e-300))
-    return result
+    return np.asarray(shrunk(steps - white, TOLD * white))

@@ -20,7 +20,8 @@ from swingid.preparation.encoders import Encoders
 from swingid.preparation.push import without_pushes
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_in_row_one, provenance
-from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined
+from swingid.result.result import Message, Result
+from swingid.uncertainty.budget import BudgetEntry, Parameter, combined, scatter, systematic
 
 TOLD = 0.5
 """Share of its bound that a part's uncertainty may be for the part to count as told by the logs."""
@@ -120,12 +121,12 @@ def _parameter(found: Estimate, budget: list[BudgetEntry], part: Part, rig: Rig)
 
 
 def _budget(found: Estimate, k: int, part: Part) -> Iterator[BudgetEntry]:
-    """Scatter holds the bound of a part that the logs hardly tell, and what uncertain constants of the rig do."""
-    yield BudgetEntry("scatter of the windows, bounds and constants", "A", part.key, float(found.scatter[k]))
+    """Scatter holds the bound of a part that the logs hardly determine, and what uncertain constants of the rig do."""
+    yield BudgetEntry(scatter("scatter of the windows, bounds and constants"), part.key, float(found.scatter[k]))
     if found.grid[k] > 0:
-        yield BudgetEntry("place of the encoder's grid", "A", part.key, float(found.grid[k]))
+        yield BudgetEntry(systematic("place of the encoder's grid"), part.key, float(found.grid[k]))
     if found.drift[k] > 0:
-        yield BudgetEntry("drift with the length of the windows", "A", part.key, float(found.drift[k]))
+        yield BudgetEntry(systematic("drift with the length of the windows"), part.key, float(found.drift[k]))
 
 
 def _strangers(logs: Sequence[CalibrationLog], rig: Rig, asked: Sequence[Part], found: Estimate) -> Iterator[Message]:

@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from swingid.calibration.motor.balance import Separation
+from swingid.calibration.motor.balance import BalanceFit, Separation
 from swingid.calibration.motor.channels import WheelLog
 from swingid.calibration.motor.output_error import OutputFit
 from swingid.calibration.motor.products import (
@@ -28,7 +28,10 @@ from swingid.model.rig import Rig
 from swingid.model.rig.edit import edited
 from swingid.model.terms import FRICTION_KEYS
 from swingid.numerics.arrays import Array
-from swingid.result.result import BudgetEntry, Message, Parameter
+from swingid.result.result import Message
+from swingid.uncertainty.budget import Declared, Evaluated, Parameter, Scatter, evaluate, stated, systematic
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.significance import INDICATED
 from swingid.units import Quantity
 
 UNITS = {
@@ -77,31 +80,29 @@ class Change:
     shared_id: str
 
 
-def budget_of(
-    fit: OutputFit, differences: Array, changes: list[Change], values: Array, rig: Rig, *, coupled: bool
-) -> list[BudgetEntry]:
-    """Type A of every constant from scatter and from what the two ways disagree by, type B from `changes`."""
-    jacobian = _jacobian(values, rig, coupled=coupled)
-    scatter = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", jacobian, fit.covariance, jacobian), 0.0))
-    entries = []
-    for k, name in enumerate(UNITS):
-        entries.append(BudgetEntry(SCATTER, "A", name, float(scatter[k])))
-        if differences[k] > 0:
-            source = "disagreement of test functions and output error"
-            entries.append(BudgetEntry(source, "A", name, float(differences[k])))
-        for change in changes:
-            if change.shifts[k] != 0:
-                shift = float(change.shifts[k])
-                entries.append(BudgetEntry(change.source, "B", name, abs(shift), shift / change.std, change.shared_id))
-    return entries
+def evaluated(
+    fit: OutputFit, other: BalanceFit, changes: list[Change], rig: Rig, *, coupled: bool
+) -> tuple[Evaluated, dict[str, bool]]:
+    """All constants of `UNITS`, by output error, with their budget; and in which of them test functions disagree.
 
-
-def disagreement(fit: OutputFit, other: Array, covariance: Array, rig: Rig, *, coupled: bool) -> Array:
-    """Uncertainty of each constant where output error and test functions differ beyond three standard deviations."""
+    Type A is from scatter and from what the two ways differ by, type B from `changes`.
+    """
     jacobian = _jacobian(fit.values, rig, coupled=coupled)
-    gap = constants(other, rig, coupled=coupled) - constants(fit.values, rig, coupled=coupled)
-    variance = np.einsum("ij,jk,ik->i", jacobian, covariance + fit.covariance, jacobian)
-    return np.where(np.abs(gap) > 3 * np.sqrt(variance), np.sqrt(np.maximum(gap**2 - variance, 0.0)), 0.0)
+    found = constants(fit.values, rig, coupled=coupled)
+    values = {name: (float(value), unit) for (name, unit), value in zip(UNITS.items(), found, strict=True)}
+    gaps = constants(other.values, rig, coupled=coupled) - found
+    own = jacobian @ fit.covariance @ jacobian.T
+    variances = np.diag(jacobian @ other.covariance @ jacobian.T + own)
+    spread = np.sqrt(np.maximum(np.diag(own), 0.0))
+    source = systematic("disagreement of test functions and output error")
+    dark = [
+        (source, name, dark_uncertainty(float(gap), float(variance), float(u)))
+        for name, gap, variance, u in zip(UNITS, gaps, variances, spread, strict=True)
+    ]
+    declared = [Declared(stated(one.source, one.shared_id), one.std, one.shifts / one.std) for one in changes]
+    answer = evaluate(values, Scatter(SCATTER, own, np.full(len(values), np.inf)), dark, declared)
+    apart = np.abs(gaps) > INDICATED * np.sqrt(np.maximum(variances, 0.0))
+    return answer, dict(zip(UNITS, apart.tolist(), strict=True))
 
 
 def _jacobian(values: Array, rig: Rig, *, coupled: bool) -> Array:

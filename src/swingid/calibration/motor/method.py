@@ -9,7 +9,6 @@ rest on the rod give b/a11 and the axis' friction by the momentum method.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -19,11 +18,10 @@ from swingid.calibration.motor.balance import BalanceFit, Separation, fit_balanc
 from swingid.calibration.motor.channels import WheelLog, kind_of
 from swingid.calibration.motor.constants import (
     UNITS,
-    budget_of,
     calibrated_rig,
     constants,
     declared_changes,
-    disagreement,
+    evaluated,
     late_wheel,
 )
 from swingid.calibration.motor.output_error import OutputFit, fit_output
@@ -32,11 +30,12 @@ from swingid.errors import InputError
 from swingid.methods.momentum.method import momentum
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
-from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders, corrected
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_constants, provenance
-from swingid.result.result import BudgetEntry, Message, Parameter, Result, combined
+from swingid.result.result import Message, Result
+from swingid.uncertainty.budget import BudgetEntry, Parameter, combined, freedom_of
+from swingid.uncertainty.budget import stated as source_of
 
 SERIOUS = 0.005
 """Test functions and output error that differ by more than this share (and their uncertainties) cast doubt."""
@@ -143,21 +142,16 @@ def _motor(logs: list[WheelLog], rig: Rig) -> _Motor:
     if not (split.free == free).all():
         first = fit_balance(logs, split.values, split.free)
     refined = fit_output(logs, first.values, split.free)
-    differences = disagreement(refined, first.values, first.covariance, rig, coupled=coupled)
     changes = declared_changes(refined, logs, rig, split, coupled=coupled)
-    budget = budget_of(refined, differences, changes, refined.values, rig, coupled=coupled)
-    values = constants(refined.values, rig, coupled=coupled)
-    parameters = {
-        name: Parameter.of(value, combined(budget, name), unit)
-        for (name, unit), value in zip(UNITS.items(), values, strict=True)
-    }
+    answer, apart = evaluated(refined, first, changes, rig, coupled=coupled)
+    parameters = answer.parameters
     known = _known(split, coupled=coupled)
     own = dict(zip(UNITS, constants(first.values, rig, coupled=coupled).tolist(), strict=True))
-    warnings, notes = _judged(first, refined, parameters, own, known, logs, differences)
+    warnings, notes = _judged(first, refined, parameters, own, known, logs, apart)
     return _Motor(
         parameters=parameters,
         known=known,
-        budget=[entry for entry in budget if entry.parameter in known],
+        budget=[entry for entry in answer.budget if entry.parameter in known],
         warnings=warnings,
         notes=[*notes, *split.notes, *_delay(refined, logs[0].encoders), *_assumed(rig, coupled=coupled)],
         split=split,
@@ -186,7 +180,7 @@ def _judged(
     own: dict[str, float],
     known: tuple[str, ...],
     logs: list[WheelLog],
-    differences: Array,
+    apart: dict[str, bool],
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes: kinds of logs, how well both ways agree, what the simulation leaves."""
     notes = [Message("log-kind", f"{log.name}: {KINDS[log.kind]}") for log in logs]
@@ -203,8 +197,7 @@ def _judged(
     notes.append(Message("two-ways", text))
     left = max(refined.levels)
     notes.append(Message("left-over", f"the simulated wheel leaves {left:.3g} rad of the logged angle."))
-    beyond = [name for name, gap in zip(UNITS, differences, strict=True) if name in gaps and gap > 0]
-    doubtful = [name for name in beyond if gaps[name] > SERIOUS]
+    doubtful = [name for name in UNITS if name in gaps and apart[name] and gaps[name] > SERIOUS]
     warnings = []
     if doubtful:
         text = (
@@ -325,19 +318,10 @@ def free_swing(log: Recording, rig: Rig) -> FreeSwing:
     inertia = found.parameters["inertia"]
     own = [e for e in found.budget if e.parameter == "inertia" and e.shared_id != "axis.gravity_torque"]
     ratio = b / inertia.value
-    budget = [
-        BudgetEntry(
-            e.source,
-            e.type,
-            RATIO,
-            e.standard_uncertainty * ratio / inertia.value,
-            None if e.sensitivity is None else -e.sensitivity * ratio / inertia.value,
-            e.shared_id,
-        )
-        for e in own
-    ]
-    u = math.sqrt(sum(e.standard_uncertainty**2 for e in budget))
-    parameters = {RATIO: Parameter.of(ratio, u, "1/s^2")}
+    by = ratio / inertia.value
+    slopes = [None if e.sensitivity is None else -e.sensitivity * by for e in own]
+    budget = [BudgetEntry(e.origin, RATIO, e.standard_uncertainty * by, s) for e, s in zip(own, slopes, strict=True)]
+    parameters = {RATIO: Parameter.of(ratio, combined(budget, RATIO), "1/s^2", freedom_of(budget, RATIO))}
     if known:
         own_parameters, own_budget = _with_torques(found, rig)
         parameters |= own_parameters
@@ -359,9 +343,9 @@ def _with_torques(found: Result, rig: Rig) -> tuple[dict[str, Parameter], list[B
         for key, mass in (("drive.wheel.inertia", wheel.inertia), ("drive.motor.rotor_inertia", motor.rotor_inertia)):
             carried += mass.value
             if mass.std:
-                budget.append(BudgetEntry(key, "B", "axis.inertia", mass.std, -1.0, key))
+                budget.append(BudgetEntry(source_of(key, key), "axis.inertia", mass.std, -1.0))
     parameters = {names[name]: parameter for name, parameter in found.parameters.items()}
     inertia = found.parameters["inertia"]
-    u = combined(budget, "axis.inertia")
-    parameters["axis.inertia"] = Parameter.of(inertia.value - carried, u, inertia.unit)
+    u, freedom = combined(budget, "axis.inertia"), freedom_of(budget, "axis.inertia")
+    parameters["axis.inertia"] = Parameter.of(inertia.value - carried, u, inertia.unit, freedom)
     return parameters, budget

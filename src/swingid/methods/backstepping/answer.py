@@ -9,47 +9,43 @@ from swingid.methods.backstepping.curve import BANDS, Curve, Run, mean_over, sca
 from swingid.methods.backstepping.effects import Effect
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
-from swingid.result.result import BudgetEntry, Convergence, Details, Parameter, combined
+from swingid.result.result import Convergence, Details
+from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, stated, systematic
 
 POINTS = 600
 """Points of the curve that the result keeps."""
 
 
-def answer(
-    run: Run, others: dict[str, Run], found: list[Effect], scale: Scale
-) -> tuple[list[BudgetEntry], dict[str, Parameter], dict[str, float]]:
-    """Budget, parameters, and the sensitivity of the inertia to each constant.
+def answer(run: Run, others: dict[str, Run], found: list[Effect], scale: Scale) -> Evaluated:
+    """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
     others: runs with another law or other velocities, by name; what they differ by is an uncertainty, for with the
     right model and without delays they would agree.
     """
     settled = run.settled
     values = run.estimates(settled.first, settled.last)
-    budget = [
-        BudgetEntry("scatter of the last part of the curve", "A", name, scatter_of_mean(part))
-        for name, part in (("inertia", run.inertia.swings()), ("viscous", run.viscous.swings()))
-        for part in (part[settled.first : settled.last],)
-    ]
-    if settled.drift:
-        budget.append(BudgetEntry("way left to the end of the curve", "A", "inertia", settled.drift))
+    parts = np.array([curve.swings()[settled.first : settled.last] for curve in (run.inertia, run.viscous)])
+    spread = np.array([scatter_of_mean(part) for part in parts])
+    off = parts - parts.mean(axis=1)[:, None]
+    powers = np.sqrt(np.maximum((off**2).sum(axis=1), 1e-300))
+    matrix = off @ off.T / np.outer(powers, powers) * np.outer(spread, spread)
+    # few swings are in the standard uncertainty already, see `scatter_of_mean`
+    scattered = Scatter("scatter of the last part of the curve", matrix, np.full(2, np.inf))
+    common = [(systematic("way left to the end of the curve"), "inertia", settled.drift or 0.0)]
     for name, other in others.items():
         if settled.converged and other.settled.converged:
             apart = abs(mean_over(other.inertia, settled.first, settled.last) - values["inertia"])
-            budget.append(BudgetEntry(f"disagreement: {name}", "A", "inertia", apart))
-    sensitivities = {}
-    for effect in found:
-        if effect.source == effect.shared_id:
-            sensitivities[effect.source] = effect.slopes["inertia"]
-        if effect.std > 0:
-            for name, slope in effect.slopes.items():
-                entry = BudgetEntry(effect.source, "B", name, abs(slope) * effect.std, slope, effect.shared_id)
-                budget.append(entry)
+            common.append((systematic(f"disagreement: {name}"), "inertia", apart))
+    declared = [
+        Declared(
+            stated(one.source, one.shared_id), one.std, np.array([one.slopes[name] for name in values]), one.constant
+        )
+        for one in found
+    ]
     units = {"inertia": scale.unit, "viscous": "N m s"}
-    parameters = {}
-    for name, value in values.items():
-        known = settled.drift is not None and (name == "inertia" or settled.converged)
-        parameters[name] = Parameter.of(value, combined(budget, name) if known else None, units[name])
-    return budget, parameters, sensitivities
+    unknown = [name for name in values if settled.drift is None or not (name == "inertia" or settled.converged)]
+    named = {name: (value, units[name]) for name, value in values.items()}
+    return evaluate(named, scattered, common, declared, unknown)
 
 
 def details(run: Run, others: dict[str, Run], law: str, motion: Motion, balance: MotorBalance | None) -> Details:

@@ -22,12 +22,16 @@ MOTOR_KEYS = ("torque_per_volt", "efficiency", "back_emf", "viscous", "coulomb",
 
 @dataclass(frozen=True)
 class Effect:
-    """Change of every parameter per unit of a source, with the source's standard uncertainty (0: exact)."""
+    """Change of every parameter per unit of a source, with the source's standard uncertainty (0: exact).
+
+    constant: whether the source is a constant of the rig, not a sensor.
+    """
 
     source: str
     std: float
     shared_id: str
     slopes: dict[str, float]
+    constant: bool
 
 
 Estimates = dict[str, float]
@@ -38,11 +42,11 @@ Again = Callable[[Recording, Rig], Estimates]
 def effects(log: Recording, rig: Rig, encoders: Encoders, again: Again) -> list[Effect]:
     """Effects of all constants that the model uses and of all declared imperfections, by differences."""
     plain = again(log, rig)
-    found = []
+    found, constants = [], _constants(rig)
     for source, std, shared, step, changed_log, changed_rig in _changes(log, rig, encoders):
         changed = again(changed_log, changed_rig)
         slopes = {name: (changed[name] - value) / step for name, value in plain.items()}
-        found.append(Effect(source, std, shared, slopes))
+        found.append(Effect(source, std, shared, slopes, constant=shared in constants))
     return found
 
 

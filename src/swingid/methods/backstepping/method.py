@@ -88,8 +88,10 @@ def backstepping(
         return _run(seen, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
 
     found = effects(used, rig, part.encoders, again)
-    budget, parameters, sensitivities = answer(run, others, found, scale)
-    warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, motion)
+    answered = answer(run, others, found, scale)
+    parameters = answered.parameters
+    compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else None
+    warnings, notes = check_energy(answered, opinion, rig, scale, motion, compared)
     doubts, words = told(run, gains, widths, parameters["inertia"])
     warnings, notes = [*doubts, *warnings], [part.note, *words, *notes]
     add_findings(log, warnings, notes)
@@ -102,10 +104,11 @@ def backstepping(
         parameters=parameters,
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(budget),
+        budget=tuple(answered.budget),
         provenance=prepared.provenance(part, options),
         details=replace(details(run, others, f"{law} law", motion, opinion.balance), left_out=log.left_out),
-        sensitivities=sensitivities,
+        sensitivities=answered.sensitivities,
+        correlation=answered.correlation,
     )
 
 

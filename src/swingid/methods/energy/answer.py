@@ -6,25 +6,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.agreement import SEEN
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import effects
-from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
+from swingid.methods.energy.fit import NEIGHBOURS, NodeFit, columns_at, within_blocks
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, median
 from swingid.preparation.prepared import Part
 from swingid.preparation.scale import Scale
-from swingid.result.result import (
-    BudgetEntry,
-    Details,
-    FrictionCurve,
-    Message,
-    Parameter,
-    SwingSeries,
-    combined,
-)
+from swingid.result.result import Details, FrictionCurve, Message, SwingSeries
+from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, scatter, stated, systematic
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.freedom import scatter_freedom
 
 CURVE_KNOTS = 8
 
@@ -53,31 +47,34 @@ class EnergyEstimate:
     notes: tuple[Message, ...]
 
 
-def energy_answer(
-    estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course
-) -> tuple[list[BudgetEntry], dict[str, Parameter], dict[str, float]]:
-    """Budget, parameters, and the sensitivity of the inertia to each constant (by its key in the rig file)."""
+def energy_answer(estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course) -> Evaluated:
+    """Parameters with their budget, and the sensitivity of the inertia to each constant, by its key."""
     fit = estimate.fit
     weights, units = _sought(fit, scale, float(np.sqrt(np.mean(course.axis.speed**2))))
-    values = {name: float(own @ fit.values) for name, own in weights.items()}
-    values["inertia"] -= scale.carried
-    budget = _type_a(estimate, weights)
+    values = {name: (float(own @ fit.values), units[name]) for name, own in weights.items()}
+    values["inertia"] = fit.a11 - scale.carried, units["inertia"]
+    own = np.array(list(weights.values()))
     b = fit.value("gravity_torque") if scale.b is None else scale.b
-    sensitivities: dict[str, float] = {}
+    declared = []
     for item in effects(rig, course, estimate.states, scale, fit, b):
-        shifts = fit.influence @ item.rows
-        for name, own in weights.items():
-            slope = float(own @ shifts) + (item.direct if name == "inertia" else 0.0)
-            if name == "inertia" and item.source == item.shared_id:
-                sensitivities[item.source] = slope
-            if item.std > 0:
-                budget.append(BudgetEntry(item.source, "B", name, abs(slope) * item.std, slope, item.shared_id))
-    budget = [entry for entry in budget if entry.parameter in values]
-    parameters = {}
-    for name, value in values.items():
-        spread = None if fit.covariance is None else combined(budget, name)
-        parameters[name] = Parameter.of(value, spread, units[name])
-    return budget, parameters, sensitivities
+        slopes = own @ (fit.influence @ item.rows)
+        slopes[0] += item.direct
+        declared.append(Declared(stated(item.source, item.shared_id), item.std, slopes, item.constant))
+    common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
+    if fit.covariance is None:
+        noise = scatter("sensor noise"), "inertia", float(np.sqrt(estimate.sensor))
+        return evaluate(values, None, [noise, *common], declared, unknown=values)
+    widening = max(1.0, estimate.sensor / max(fit.covariance[0, 0], 1e-300)) if estimate.sensor > 0 else 1.0
+    u = fit.u() * np.sqrt(widening)
+    for name, other in estimate.others.items():  # of the same log, so the variances differ by that of the difference
+        dark = dark_uncertainty(other.a11 - fit.a11, abs(other.u() ** 2 - u**2), u)
+        common.append((systematic(f"disagreement: {name}"), "inertia", dark))
+    blocks = np.square(own @ fit.influence).reshape(len(own), len(estimate.turning), -1).sum(axis=2)
+    freedom = [scatter_freedom(np.sqrt(block), NEIGHBOURS, len(fit.unknowns)) for block in blocks]
+    scattered = Scatter(
+        "scatter of the swings and sensor noise", own @ fit.covariance @ own.T * widening, np.array(freedom)
+    )
+    return evaluate(values, scattered, common, declared)
 
 
 def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array], dict[str, str]]:
@@ -104,27 +101,6 @@ def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
     if max(abs(values[0]), abs(values[1]) * speed) < WORTH_A_WORD * abs(odd):
         return False
     return bool(values @ np.linalg.pinv(covariance) @ values > 13.8)
-
-
-def _type_a(estimate: EnergyEstimate, weights: dict[str, Array]) -> list[BudgetEntry]:
-    fit = estimate.fit
-    common = [BudgetEntry(source, "A", name, spread) for (name, source), spread in estimate.common.items()]
-    if fit.covariance is None:
-        return [BudgetEntry("sensor noise", "A", "inertia", float(np.sqrt(estimate.sensor))), *common]
-    widening = max(1.0, estimate.sensor / max(fit.covariance[0, 0], 1e-300)) if estimate.sensor > 0 else 1.0
-    entries = [
-        BudgetEntry(
-            "scatter of the swings and sensor noise", "A", name, float(np.sqrt(own @ fit.covariance @ own * widening))
-        )
-        for name, own in weights.items()
-    ]
-    u = fit.u() * np.sqrt(widening)
-    for name, other in estimate.others.items():
-        difference, variance = other.a11 - fit.a11, abs(other.u() ** 2 - u**2)
-        if abs(difference) > SEEN * np.sqrt(variance):
-            spread = float(np.sqrt(difference**2 - variance))
-            entries.append(BudgetEntry(f"disagreement: {name}", "A", "inertia", spread))
-    return entries + common
 
 
 def judged_chain(

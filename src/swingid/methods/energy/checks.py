@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.agreement import SEEN
 from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.motor import MotorBalance, motor_balance
 from swingid.balance.rows import Signals, rows_of
@@ -24,7 +23,9 @@ from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.provenance import exact_constants
-from swingid.result.result import BudgetEntry, Message, Parameter
+from swingid.result.result import Message
+from swingid.uncertainty.budget import Evaluated, Parameter
+from swingid.uncertainty.significance import INDICATED
 
 DISAGREES = "disagreement with the momentum balance"
 
@@ -91,16 +92,18 @@ def second_opinion(
 
 
 def check_energy(
-    parameters: dict[str, Parameter],
-    budget: list[BudgetEntry],
-    sensitivities: dict[str, float],
+    answer: Evaluated,
     opinion: SecondOpinion,
     rig: Rig,
     scale: Scale,
     motion: Motion,
+    compared: float | None,
 ) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes; raises UnanswerableError where the data do not determine the inertia."""
-    inertia = parameters["inertia"]
+    """Warnings and notes; raises UnanswerableError where the data do not determine the inertia.
+
+    compared: standard uncertainty with which the inertia is compared with the momentum balance, None where it is not.
+    """
+    inertia, sensitivities = answer.parameters["inertia"], answer.sensitivities
     per_swing = motion.half_period / median(np.diff(opinion.signals.nodes.stamps))
     if per_swing < FEWEST_PER_SWING:
         raise UnanswerableError(
@@ -118,10 +121,11 @@ def check_energy(
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     if opinion.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        found, told = check_answer(parameters, budget, opinion.windows, scale, amplitude)
+        found, told = check_answer(answer.parameters, answer.budget, opinion.windows, scale, amplitude)
         warnings += found
         notes += told
-        warnings += _against_momentum(inertia, budget, opinion.windows, scale)
+        if compared is not None:
+            warnings += _against_momentum(inertia, compared, opinion.windows, scale)
         warnings += check_zero(opinion.windows, opinion.signals, scale, inertia.standard_uncertainty)
     motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
     notes += [message for message in motor_notes if message.code != "drive-held"]
@@ -137,22 +141,15 @@ def check_energy(
     return warnings, notes
 
 
-def gap_to_momentum(value: float, uncertainty: float, windows: WindowFit, scale: Scale) -> float:
-    """Difference to the momentum balance on a few swings that the uncertainties do not explain, 0 where they do."""
-    difference = value - (windows.a11 - scale.carried)
-    variance = uncertainty**2 + windows.u**2
-    if abs(difference) < max(SEEN * np.sqrt(variance), CLOSE * abs(value)):
-        return 0.0
-    return float(np.copysign(np.sqrt(difference**2 - variance), difference))
+def differs_from_momentum(value: float, uncertainty: float, windows: WindowFit, scale: Scale) -> bool:
+    """Whether an inertia differs from the momentum balance of a few swings by more than the uncertainties explain."""
+    gap = abs(value - (windows.a11 - scale.carried))
+    return bool(gap >= max(INDICATED * np.hypot(uncertainty, windows.u), CLOSE * abs(value)))
 
 
-def _against_momentum(inertia: Parameter, budget: list[BudgetEntry], windows: WindowFit, scale: Scale) -> list[Message]:
-    """A warning where momentum says otherwise (found before, without a motor: it is in the budget then)."""
-    seen = any(entry.source == DISAGREES for entry in budget)
-    uncertainty = inertia.standard_uncertainty or 0.0
-    if not seen and (
-        scale.drive != "reaction-wheel" or not gap_to_momentum(inertia.value, uncertainty, windows, scale)
-    ):
+def _against_momentum(inertia: Parameter, compared: float, windows: WindowFit, scale: Scale) -> list[Message]:
+    """A warning where the momentum balance of a few swings gives another inertia than the uncertainties explain."""
+    if not differs_from_momentum(inertia.value, compared, windows, scale):
         return []
     difference = inertia.value / (windows.a11 - scale.carried) - 1
     cause = "motor constants that are off" if scale.drive == "reaction-wheel" else "friction that is not of speed alone"

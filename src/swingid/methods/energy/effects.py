@@ -35,11 +35,11 @@ def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit
     elif scale.drive == "direct":
         gain = rig.log.torque_gain
         found = [_constant("log.torque_gain", gain, states.work / gain.value), *found]
-    return [item for item in found if item.std > 0 or item.shared_id == item.source]
+    return [item for item in found if item.std > 0 or item.constant]
 
 
 def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) -> Imperfection:
-    return Imperfection(key, quantity.std or 0.0, effect.ravel(), direct, key)
+    return Imperfection(key, quantity.std or 0.0, effect.ravel(), direct, key, constant=True)
 
 
 def _gravity(rig: Rig, states: States) -> Iterator[Imperfection]:

@@ -18,11 +18,11 @@ from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_
 from swingid.methods.energy.balance import Course, States, states_at
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.checks import (
+    CLOSE,
     DISAGREES,
     SecondOpinion,
     check_energy,
     check_saturation,
-    gap_to_momentum,
     second_opinion,
 )
 from swingid.methods.energy.fit import BASIS, fit_nodes, sensor_variance
@@ -47,6 +47,8 @@ from swingid.preparation.scale import Scale, require_motor
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings
 from swingid.result.result import Message, Result
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.significance import INDICATED
 
 LEVELS = (1 - np.cos(np.linspace(0.1, 1.55, 24))) / 2
 """Depths of the nodes in shares of a swing: evenly spread in time over the half that is next to its turning point."""
@@ -94,8 +96,11 @@ def energy(
     symmetry = _symmetry(plain, part, rig, scale, plain_course)
     if symmetry is not None:
         estimate = replace(estimate, common=estimate.common | symmetry.entry())
-    budget, parameters, sensitivities = energy_answer(estimate, rig, scale, course)
-    warnings, notes = check_energy(parameters, budget, sensitivities, opinion, rig, scale, part.motion)
+    answer = energy_answer(estimate, rig, scale, course)
+    parameters = answer.parameters
+    # without a motor what the momentum balance differs by is in the budget
+    compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else estimate.fit.u()
+    warnings, notes = check_energy(answer, opinion, rig, scale, part.motion, compared)
     if jitter.spread > 0 and not how.chain.observers:
         other, _ = _estimate(part, rig, scale, how, jittery=False)
         said = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
@@ -118,10 +123,11 @@ def energy(
         parameters=parameters,
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(budget),
+        budget=tuple(answer.budget),
         provenance=prepared.provenance(part, how.options()),
         details=replace(details, left_out=log.left_out),
-        sensitivities=sensitivities,
+        sensitivities=answer.sensitivities,
+        correlation=answer.correlation,
     )
 
 
@@ -210,8 +216,11 @@ def _judged(estimate: EnergyEstimate, opinion: SecondOpinion, scale: Scale) -> E
     """Without a motor energy and momentum stand on the same constants, so what they differ by is uncertainty."""
     if scale.drive == "reaction-wheel" or opinion.windows is None or estimate.fit.covariance is None:
         return estimate
-    gap = gap_to_momentum(estimate.fit.a11 - scale.carried, estimate.fit.u(), opinion.windows, scale)
-    return estimate if gap == 0.0 else replace(estimate, common=estimate.common | {("inertia", DISAGREES): abs(gap)})
+    value, fit, windows = estimate.fit.a11 - scale.carried, estimate.fit, opinion.windows
+    # the balance of a few swings is not meant to be closer than this
+    variance = fit.u() ** 2 + windows.u**2 + (CLOSE / INDICATED * value) ** 2
+    dark = dark_uncertainty(fit.a11 - windows.a11, variance, fit.u())
+    return replace(estimate, common=estimate.common | {("inertia", DISAGREES): dark})
 
 
 def _printed(

@@ -11,14 +11,15 @@ from swingid.methods.equation_error.judges import Judged
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.preparation.scale import Scale
-from swingid.result.result import BudgetEntry, Details, FrictionCurve, Parameter, SwingSeries, combined
+from swingid.result.result import Details, FrictionCurve, SwingSeries
+from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, stated
 
 SCATTER = "scatter of the rows and sensor noise"
 CURVE_KNOTS = 8
 
 
-def answer(judged: Judged, rig: Rig, scale: Scale) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
-    """Budget and parameters: type A first, then every declared imperfection."""
+def answer(judged: Judged, rig: Rig, scale: Scale) -> Evaluated:
+    """Parameters with their budget: type A first, then every declared imperfection."""
     chosen, fit, law = judged.chosen, judged.chosen.fit, judged.law
     unit = np.eye(len(fit.unknowns))
     units = units_on(linear=scale.linear)
@@ -26,18 +27,22 @@ def answer(judged: Judged, rig: Rig, scale: Scale) -> tuple[list[BudgetEntry], d
     sought = {name: unit[fit.unknowns.index(name)] for name in body}
     friction = [fit.unknowns.index(name) for name in law.unknowns]
     sought |= {name: own @ unit[friction] for name, own in parameter_weights(law.unknowns).items()}
-    values = {name: float(own @ fit.fit.values) for name, own in sought.items()}
-    values["inertia"] -= scale.carried
-    if "stribeck" in law.terms:
-        values["stribeck_speed"] += law.stribeck_speed  # the fit knows its change only
-    budget = [BudgetEntry(SCATTER, "A", name, float(np.sqrt(chosen.variance(own)))) for name, own in sought.items()]
-    budget += judged.entries
+    values = {name: (float(own @ fit.fit.values), units[name]) for name, own in sought.items()}
+    values["inertia"] = fit.a11 - scale.carried, units["inertia"]
+    if "stribeck" in law.terms:  # the fit knows its change only
+        values["stribeck_speed"] = values["stribeck_speed"][0] + law.stribeck_speed, units["stribeck_speed"]
+    own = np.array(list(sought.values()))
+    declared = []
     for item in effects(rig, chosen.row_filter, chosen.rows, fit.a11, chosen.stiffness):
-        shifts = fit.fit.influence @ item.rows
-        for name, own in sought.items():
-            slope = float(own @ shifts) + (item.direct if name == "inertia" else 0.0)
-            budget.append(BudgetEntry(item.source, "B", name, abs(slope) * item.std, slope, item.shared_id))
-    return budget, {name: Parameter.of(value, combined(budget, name), units[name]) for name, value in values.items()}
+        slopes = own @ (fit.fit.influence @ item.rows)
+        slopes[0] += item.direct
+        declared.append(Declared(stated(item.source, item.shared_id), item.std, slopes))
+    spread = np.sqrt([chosen.variance(row) for row in own])
+    scatters = own @ fit.covariance @ own.T
+    scale_of = spread / np.sqrt(np.maximum(np.diag(scatters), 1e-300))
+    freedom = np.array([chosen.freedom(row) for row in own])
+    scattered = Scatter(SCATTER, scatters * np.outer(scale_of, scale_of), freedom)
+    return evaluate(values, scattered, judged.common, declared)
 
 
 def details(judged: Judged, scale: Scale, span: tuple[float, float]) -> Details:

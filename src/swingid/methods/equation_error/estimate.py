@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 
-from swingid.balance.agreement import SEEN
 from swingid.balance.delays import impulse_of, late_reversals
 from swingid.balance.friction_rows import EXACT
 from swingid.balance.rows import Rows, Signals
@@ -24,6 +23,7 @@ from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part
 from swingid.preparation.scale import Scale
+from swingid.uncertainty.significance import INDICATED
 
 EARLIER = 0.75
 """Least lag of the instruments in half periods, for a controller to have answered the noise."""
@@ -114,7 +114,7 @@ def _law(
 def _peaked(part: OnGrid, scale: Scale, row_filter: RowFilter, law: Law) -> bool:
     """Whether Stribeck's peak is more than what noise and the encoder's grid, which comes again, make of one."""
     fit = _fit(part, scale, row_filter, law, (), instruments=False)
-    return abs(fit.fit.value("stribeck")) > SEEN * spread_of(fit, "stribeck", part.motion)
+    return abs(fit.fit.value("stribeck")) > INDICATED * spread_of(fit, "stribeck", part.motion)
 
 
 def _fit(

@@ -11,7 +11,7 @@ from swingid.methods.equation_error.laws import Law
 from swingid.methods.equation_error.scatter import Fitted, rms
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
-from swingid.result.result import BudgetEntry
+from swingid.uncertainty.budget import Source, systematic
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class Judged:
         return float(np.sqrt(sum(weight * (other.fit.a11 - own) ** 2 for _, other, weight in self.laws)))
 
     @property
-    def entries(self) -> list[BudgetEntry]:
+    def common(self) -> list[tuple[Source, str, float]]:
         """Type A errors of the inertia that the scatter does not show: alike in all rows, or seen by other fits."""
         found = self.chosen.common(self.motion)
         found["choice of the friction law"] = self.between_laws
@@ -48,7 +48,7 @@ class Judged:
             )
         for name, other in self.cutoffs.items():
             found[f"disagreement: {name}"] = self.chosen.contradicted(other, self.motion)
-        return [BudgetEntry(source, "A", "inertia", spread) for source, spread in found.items() if spread > 0]
+        return [(systematic(source), "inertia", spread) for source, spread in found.items()]
 
 
 def spread_of(fit: Fitted, unknown: str, motion: Motion) -> float:

@@ -75,9 +75,10 @@ def equation_error(
     cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
     judged, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
     chosen = judged.chosen
-    budget, parameters = answer(judged, rig, scale)
+    found = answer(judged, rig, scale)
+    parameters = found.parameters
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    warnings, notes = check_answer(parameters, budget, _as_windows(chosen), scale, amplitude)
+    warnings, notes = check_answer(parameters, found.budget, _as_windows(chosen), scale, amplitude)
     how = _how(on_grid.grid, cut, judged, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), *notes, *doubts[1]]
     warnings = [*warnings, *_unlikely(judged, laws, scale), *doubts[0]]
@@ -89,11 +90,12 @@ def equation_error(
         parameters=parameters,
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(budget),
+        budget=tuple(found.budget),
         provenance=prepared.provenance(part, options),
         details=replace(details(judged, scale, span), left_out=log.left_out),
         sensitivities=sensitivities(rig, chosen.rows, chosen.fit.fit.influence[0]),
         covariance=_covariance(chosen.fit) if scale.b is None else {},
+        correlation=found.correlation,
     )
 
 

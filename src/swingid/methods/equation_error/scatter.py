@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from swingid.balance.agreement import SEEN
 from swingid.balance.rows import Rows
 from swingid.methods.equation_error.cutoff import SETTLING
 from swingid.methods.equation_error.fit import RowFit
@@ -18,6 +18,8 @@ from swingid.numerics.regression import parzen
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
 GRID_PLACES = 8
 
@@ -56,6 +58,14 @@ class Fitted:
         # a Parzen kernel takes as many independent stretches from n rows as `hac_covariance` says
         chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.fit.weights)))
         return float(self._white(weights) + max(seen - smeared - chance, 0.0))
+
+    def freedom(self, own: Array) -> float:
+        """Degrees of freedom of `variance`: those of the part that is beyond the white noise of both angles."""
+        weights = own @ self.fit.fit.influence
+        white = self._white(weights)
+        rows = scatter_freedom(weights, parzen(self.reach), len(self.fit.unknowns))
+        beyond = max(self.variance(own) - white, 0.0)
+        return effective_freedom(((white**0.5, math.inf), (beyond**0.5, rows)))
 
     def _white(self, weights: Array) -> float:
         """Variance of Σ weights · row from white noise of both angles."""
@@ -135,10 +145,10 @@ class Fitted:
         return float(np.sqrt(self.variance(own) + sum(spread**2 for spread in self.common(motion).values())))
 
     def contradicted(self, other: Fitted, motion: Motion) -> float:
-        """Part of the difference to another fit of the same log that the sensors do not explain, 0 where they do."""
+        """Dark uncertainty by the difference to another fit of the same log, beside what the sensors explain of it."""
         variance = self.variance_of_difference(other, motion)
-        difference = other.fit.a11 - self.fit.a11
-        return float(np.sqrt(difference**2 - variance)) if abs(difference) > SEEN * np.sqrt(variance) else 0.0
+        own = float(np.sqrt(self.variance(np.eye(len(self.fit.unknowns))[0])))
+        return dark_uncertainty(other.fit.a11 - self.fit.a11, variance, own)
 
     def variance_of_difference(self, other: Fitted, motion: Motion) -> float:
         """Variance of the difference of a11 to another fit of the same log, from the sensors.

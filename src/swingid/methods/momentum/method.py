@@ -14,13 +14,13 @@ import numpy as np
 from swingid.balance.agreement import JUDGE, disagreement, drift_with_length
 from swingid.balance.choice import Choice, choose
 from swingid.balance.declared import with_declared
-from swingid.balance.fits import BASIS, WindowFit, fit_rows, known_side
+from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
 from swingid.balance.imperfections import imperfections, sensitivities
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Rows, Signals, rows_of
-from swingid.balance.systematics import grid_spread, timing_spread
+from swingid.balance.systematics import common_instants, grid_spread, noise_weights, timing_spread
 from swingid.balance.windows import even_windows, swing_windows
 from swingid.checks.answer import check_answer, check_motor, check_sign
 from swingid.checks.encoders import check_encoders
@@ -31,7 +31,7 @@ from swingid.methods.momentum.latency import Seen, check_latency, with_latency
 from swingid.methods.momentum.loss import loss_unexplained
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, units_on
-from swingid.numerics.arrays import median
+from swingid.numerics.arrays import Array, median
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
@@ -39,7 +39,9 @@ from swingid.preparation.prepared import Part, prepare
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_in_row_one
-from swingid.result.result import BudgetEntry, Details, Message, Parameter, Result, SwingSeries, combined
+from swingid.result.result import Details, Message, Result, SwingSeries
+from swingid.uncertainty.budget import Declared, Evaluated, Scatter, Source, evaluate, joined, stated, systematic
+from swingid.uncertainty.freedom import bartlett, scatter_freedom
 
 NEGLIGIBLE = 1e-3
 """Share of the scatter's uncertainty below which another of type A is left out of the budget."""
@@ -81,10 +83,11 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     signals, motion = choice.signals, choice.signals.motion
     estimate = _estimate(choice, rig, scale, noise)
     check_sign(estimate.law, scale, log.source.path or "the log")
-    budget, parameters = _answer(estimate, rig, signals, scale)
+    found = _answer(estimate, rig, signals, scale)
+    parameters = found.parameters
     amplitude = float(np.max(np.abs(motion.turning_angles)))
     try:
-        warnings, notes = check_answer(parameters, budget, estimate.law, scale, amplitude)
+        warnings, notes = check_answer(parameters, found.budget, estimate.law, scale, amplitude)
     except UnanswerableError as error:
         if alone or scale.b is not None or error.code != "not-identifiable":
             raise
@@ -112,11 +115,12 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
         parameters=parameters,
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(budget),
+        budget=tuple(found.budget),
         provenance=prepared.provenance(part, found=moved),
         details=replace(_details(estimate, signals, scale, part, motion), left_out=log.left_out, extra=extra),
         sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0]),
         covariance=_covariance(estimate.law) if scale.b is None else {},
+        correlation=found.correlation,
     )
 
 
@@ -163,54 +167,54 @@ def _with(fit: WindowFit, *more: float) -> WindowFit:
     return replace(fit, covariance=covariance)
 
 
-def _answer(
-    estimate: _Estimate, rig: Rig, signals: Signals, scale: Scale
-) -> tuple[list[BudgetEntry], dict[str, Parameter]]:
-    """Parameters with their budgets: type A first, then every declared imperfection."""
+def _answer(estimate: _Estimate, rig: Rig, signals: Signals, scale: Scale) -> Evaluated:
+    """Parameters with their budget: type A of both fits, what the scatter does not show, what rig.toml declares."""
     law, friction = estimate.law, estimate.friction
     values = {"inertia": (law.a11 - scale.carried, scale.unit)}
-    budget = _type_a(estimate)
     if scale.b is None:
         values["gravity_torque"] = law.value("gravity_torque"), scale.torque_unit
-        budget.append(_scatter("gravity_torque", law.uncertainty("gravity_torque")))
-    for name in values:
-        k = law.unknowns.index(name)
-        for effect in law.declared:
-            shift = float(effect.shifts[k]) + (effect.direct * effect.std if name == "inertia" else 0.0)
-            budget.append(_type_b(name, effect.source, shift, effect.std, effect.shared_id))
+    body = [law.unknowns.index(name) for name in values]
+    weights = parameter_weights(friction.unknowns)
     units = units_on(linear=scale.linear)
+    values |= {name: (float(own @ friction.values), units[name]) for name, own in weights.items()}
+    own = np.array(list(weights.values())).reshape(len(weights), len(friction.unknowns))
     b = law.value("gravity_torque") if scale.b is None else scale.b
-    declared = imperfections(rig, signals, friction.rows, law.a11, b)
-    for name, own in parameter_weights(friction.unknowns).items():
-        values[name] = float(own @ friction.values), units[name]
-        budget.append(_scatter(name, float(np.sqrt(own @ friction.covariance @ own))))
-        for item in declared:
-            shift = float(own @ friction.influence @ item.rows) * item.std
-            budget.append(_type_b(name, item.source, shift, item.std, item.shared_id))
-    parameters = {name: Parameter.of(value, combined(budget, name), unit) for name, (value, unit) in values.items()}
-    return budget, parameters
+    effects = {effect.source: effect for effect in law.declared}
+    declared = []
+    for item in imperfections(rig, signals, friction.rows, law.a11, b):
+        of_body = effects[item.source].shifts[body] / item.std
+        of_body[0] += item.direct
+        slopes = np.concatenate([of_body, own @ friction.influence @ item.rows])
+        declared.append(Declared(stated(item.source, item.shared_id), item.std, slopes))
+    return evaluate(values, _scatter(law, friction, body, own), _common(estimate), declared)
 
 
-def _type_b(parameter: str, source: str, shift: float, std: float, shared_id: str | None) -> BudgetEntry:
-    return BudgetEntry(source, "B", parameter, abs(shift), shift / std, shared_id)
+def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array) -> Scatter:
+    """Type A covariance of the parameters of the body and of the friction, which come from two fits of one log.
+
+    body: of the first, among the unknowns of the law windows. own: weights of the friction parameters. What the two
+    fits have in common is what white noise of the samples gives them.
+    """
+    first, influence = law.fit.influence[body], own @ friction.influence
+    pairs = ((law.rows.windows, first), (friction.rows.windows, influence))
+    instants = common_instants([windows for windows, _ in pairs])
+    noise = [noise_weights(windows, rows, instants) for windows, rows in pairs]
+    of_body = law.covariance[np.ix_(body, body)]
+    of_friction = own @ friction.covariance @ own.T
+    matrix = joined(of_body, of_friction, noise[0] @ noise[1].T, noise[0] @ noise[0].T, noise[1] @ noise[1].T)
+    count = len(friction.unknowns) + len(body)
+    freedom = [scatter_freedom(row, bartlett(LAG), count) for row in influence]
+    return Scatter("scatter of the windows and sensor noise", matrix, np.array([*[law.freedom] * len(body), *freedom]))
 
 
-def _type_a(estimate: _Estimate) -> list[BudgetEntry]:
-    """Type A entries of the inertia: scatter, drift with the windows' length, disagreement of the kinds."""
-    law = estimate.law
-    entries = [_scatter("inertia", law.u)]
-    for source, spread in estimate.common.items():
-        if spread > NEGLIGIBLE * law.u:
-            entries.append(BudgetEntry(source, "A", "inertia", spread))
-    for name, other in (("swing", estimate.swing), ("even", estimate.even)):
-        gap = disagreement(law, other)
-        if gap > 0:
-            entries.append(BudgetEntry(f'disagreement of "{name}" windows', "A", "inertia", gap))
-    return entries
-
-
-def _scatter(parameter: str, uncertainty: float) -> BudgetEntry:
-    return BudgetEntry("scatter of the windows and sensor noise", "A", parameter, uncertainty)
+def _common(estimate: _Estimate) -> list[tuple[Source, str, float]]:
+    """Errors of the inertia that the scatter does not show, and disagreement of the kinds of windows."""
+    found = estimate.common | {
+        f'disagreement of "{name}" windows': disagreement(estimate.law, other)
+        for name, other in (("swing", estimate.swing), ("even", estimate.even))
+    }
+    least = NEGLIGIBLE * estimate.law.u
+    return [(systematic(source), "inertia", spread) for source, spread in found.items() if spread > least]
 
 
 def _details(

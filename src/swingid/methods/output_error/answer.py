@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.agreement import SEEN
 from swingid.methods.energy.checks import DISAGREES, SecondOpinion
-from swingid.methods.energy.fit import block_covariance
+from swingid.methods.energy.fit import NEIGHBOURS, block_covariance
 from swingid.methods.output_error.curve import friction_curve
-from swingid.methods.output_error.declared import Declared, declared_effects, shift_of_momentum
+from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
 from swingid.methods.output_error.problem import Problem
 from swingid.methods.output_error.resolution import grid_covariance, zero_effect
 from swingid.methods.output_error.search import Searched
@@ -24,7 +24,10 @@ from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-from swingid.result.result import BudgetEntry, Details, Parameter, combined
+from swingid.result.result import Details
+from swingid.uncertainty.budget import Declared, Evaluated, Scatter, Source, evaluate, systematic
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
 SCATTER = "scatter of the residuals and sensor noise"
 LESS = 0.1
@@ -35,8 +38,8 @@ LESS = 0.1
 class Estimate:
     """A finished fit: unknowns and values; influence K (m, r) of the readings; covariance (m, m) of type A.
 
-    declared: shift of the values (m,) by one unit of every constant or imperfection, with its source, standard
-    deviation (None: exact) and shared_id. kinds: inertia, standard uncertainty and unexplained gap to the answer when
+    freedom: degrees of freedom of that of the inertia. declared: shift of the values (m,) by one unit of every constant
+    or imperfection. kinds: inertia, standard uncertainty and dark uncertainty when
     some of the readings count less. grid (m, m), zero (m,): covariance over the place of the encoders' grids, standard
     deviations from the angle's zero.
     """
@@ -44,6 +47,7 @@ class Estimate:
     searched: Searched
     influence: Array
     covariance: Array
+    freedom: float
     declared: tuple[Declared, ...]
     kinds: dict[str, tuple[float, float, float]]
     grid: Array
@@ -71,13 +75,14 @@ def estimate_of(
     """Judge a fit: covariance, what every constant of the rig does to it, and how parts of the readings agree."""
     fit = searched.fit
     influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
-    covariance = _covariance(influence, fit.residuals, problem, motion)
+    covariance, freedom = _covariance(influence, fit.residuals, problem, motion)
     declared = declared_effects(searched, problem, influence, log, rig, scale, noise)
     grid = np.zeros_like(covariance)
     if log.averaged == 1:
         grid = grid_covariance(problem, fit, influence, noise)
     kinds = _kinds(searched, problem, influence, covariance)
-    return Estimate(searched, influence, covariance, declared, kinds, grid, zero_effect(fit, searched.unknowns))
+    zero = zero_effect(fit, searched.unknowns)
+    return Estimate(searched, influence, covariance, freedom, declared, kinds, grid, zero)
 
 
 def type_a(problem: Problem, searched: Searched, motion: Motion) -> float:
@@ -86,15 +91,16 @@ def type_a(problem: Problem, searched: Searched, motion: Motion) -> float:
     if not np.isfinite(fit.cost):
         return np.inf
     influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
-    covariance = _covariance(influence, fit.residuals, problem, motion)
+    covariance, _ = _covariance(influence, fit.residuals, problem, motion)
     gaps = [gap for _, _, gap in _kinds(searched, problem, influence, covariance).values()]
     return float(np.sqrt(covariance[0, 0] + np.sum(np.square(gaps))))
 
 
-def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Motion) -> Array:
+def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Motion) -> tuple[Array, float]:
     """That of white noise of the sensors, no less than the residuals' own scatter over half swings (Newey–West) shows.
 
-    Correlated residuals (an encoder's grid, a model that is not quite right) count as many times as they repeat.
+    Correlated residuals (an encoder's grid, a model that is not quite right) count as many times as they repeat. Also
+    the degrees of freedom of the first value's: many for white noise, those of the half swings for what is beyond it.
     """
     freedom = max(len(residuals) - len(influence) - problem.states * (len(problem.rows) - 1), 1)
     size = max(1.0, float(residuals @ residuals) / freedom)
@@ -106,8 +112,9 @@ def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Mo
     robust = block_covariance(scores, len(influence))
     floor = np.maximum(np.diag(white), 1e-300)
     stretch = np.sqrt(np.maximum(np.diag(robust) / floor, 1.0))
-    result: Array = white * np.outer(stretch, stretch)
-    return result
+    weights = np.sqrt(np.bincount(label, influence[0] ** 2))
+    beyond = (white[0, 0] * (stretch[0] ** 2 - 1)) ** 0.5, scatter_freedom(weights, NEIGHBOURS, len(influence))
+    return white * np.outer(stretch, stretch), effective_freedom(((white[0, 0] ** 0.5, freedom), beyond))
 
 
 def _kinds(
@@ -132,67 +139,43 @@ def _kinds(
         # readings count otherwise, and what is stated of constants and sensors, which is off by its own std
         told = (inverse_of(reduced)[0] - inverse_of(fit.reduced)[0]) * np.sqrt(searched.unknowns.power)
         variance = float((other - influence[0]) @ (other - influence[0])) * ratio + float(told @ told)
-        gap = float(np.sqrt(shift**2 - variance)) if shift**2 > SEEN**2 * variance else 0.0
-        found[name] = float(fit.values[0]) + shift, float(np.sqrt(other @ other * ratio)), gap
+        dark = dark_uncertainty(shift, variance, float(np.sqrt(covariance[0, 0])))
+        found[name] = float(fit.values[0]) + shift, float(np.sqrt(other @ other * ratio)), dark
     return found
 
 
-def answer_of(
-    estimate: Estimate, rig: Rig, scale: Scale, opinion: SecondOpinion
-) -> tuple[dict[str, Parameter], list[BudgetEntry], dict[str, float]]:
-    """Parameters, budget, and the sensitivity of the inertia to each constant.
+def answer_of(estimate: Estimate, rig: Rig, scale: Scale, opinion: SecondOpinion) -> Evaluated:
+    """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
     opinion: the momentum balance of some of the swings. Residuals cannot show what a wrong model does to the inertia,
     another method can.
     """
     weights = _sought(estimate.unknowns)
     units = units_on(linear=scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
-    covariance = estimate.covariance
-    budget = [
-        BudgetEntry(SCATTER, "A", name, float(np.sqrt(np.maximum(own @ covariance @ own, 0.0))))
-        for name, own in weights.items()
-    ]
-    budget += _grid_entries(estimate, weights)
-    budget += [
-        BudgetEntry(f"disagreement of readings, {name}", "A", "inertia", gap)
-        for name, (_, _, gap) in estimate.kinds.items()
-        if gap > 0
-    ]
-    if estimate.searched.spread > 0:
-        budget.append(BudgetEntry("choice of the friction law", "A", "inertia", estimate.searched.spread))
-    if estimate.searched.drift > 0:
-        budget.append(BudgetEntry("drift with the length of the segments", "A", "inertia", estimate.searched.drift))
+    values = {name: (float(own @ estimate.values), units[name]) for name, own in weights.items()}
+    own = np.array(list(weights.values()))
+    searched, common = estimate.searched, list(_grid(estimate, weights))
+    found = {f"disagreement of readings, {name}": gap for name, (_, _, gap) in estimate.kinds.items()}
+    found |= {"choice of the friction law": searched.spread, "drift with the length of the segments": searched.drift}
+    common += [(systematic(source), "inertia", u) for source, u in found.items()]
     windows = opinion.windows
     if windows is not None and not estimate.robust:
-        balance = windows.a11 + shift_of_momentum(opinion, estimate.searched, rig, scale) - scale.carried
-        difference = float(estimate.values[0]) - balance
-        variance = combined(budget, "inertia") ** 2 + windows.u**2
-        if difference**2 > SEEN**2 * variance:
-            budget.append(BudgetEntry(DISAGREES, "A", "inertia", float(np.sqrt(difference**2 - variance))))
-    sensitivities: dict[str, float] = {}
-    for source, std, shared_id, shift in estimate.declared:
-        if source == shared_id:
-            sensitivities[source] = float(shift[0])
-        if not std:
-            continue
-        for name, own in weights.items():
-            slope = float(own @ shift)
-            budget.append(BudgetEntry(source, "B", name, abs(slope) * std, slope, shared_id))
-    parameters = {}
-    for name, own in weights.items():
-        spread = combined(budget, name)
-        parameters[name] = Parameter.of(float(own @ estimate.values), spread if spread > 0 else None, units[name])
-    return parameters, budget, sensitivities
+        balance = windows.a11 + shift_of_momentum(opinion, searched, rig, scale) - scale.carried
+        type_a = math.sqrt(estimate.covariance[0, 0] + sum(u**2 for _, name, u in common if name == "inertia"))
+        dark = dark_uncertainty(float(estimate.values[0]) - balance, type_a**2 + windows.u**2, type_a)
+        common.append((systematic(DISAGREES), "inertia", dark))
+    declared = [replace(one, slopes=own @ one.slopes) for one in estimate.declared]
+    matrix = own @ estimate.covariance @ own.T
+    unknown = [name for k, name in enumerate(values) if matrix[k, k] <= 0]
+    return evaluate(values, Scatter(SCATTER, matrix, np.full(len(own), estimate.freedom)), common, declared, unknown)
 
 
-def _grid_entries(estimate: Estimate, weights: dict[str, Array]) -> Iterator[BudgetEntry]:
+def _grid(estimate: Estimate, weights: dict[str, Array]) -> Iterator[tuple[Source, str, float]]:
     """What the encoders' grids do beyond the scatter, which holds them too, and what is left open of the zero."""
     for name, own in weights.items():
         beyond = float(own @ (estimate.grid - estimate.covariance) @ own)
-        if beyond > 0:
-            yield BudgetEntry("place of the encoder's grid", "A", name, float(np.sqrt(beyond)))
-        if (left := float(np.abs(own) @ estimate.zero)) > 0:
-            yield BudgetEntry("zero of the angle", "A", name, left)
+        yield systematic("place of the encoder's grid"), name, math.sqrt(max(beyond, 0.0))
+        yield systematic("zero of the angle"), name, float(np.abs(own) @ estimate.zero)
 
 
 def _sought(unknowns: Unknowns) -> dict[str, Array]:

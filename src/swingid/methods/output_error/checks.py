@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
 from swingid.checks.answer import check_answer, check_motor
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
-from swingid.methods.energy.checks import SecondOpinion, gap_to_momentum
-from swingid.methods.output_error.answer import SCATTER, Estimate
+from swingid.methods.energy.checks import SecondOpinion, differs_from_momentum
+from swingid.methods.output_error.answer import Estimate
 from swingid.methods.output_error.constants import SCALE, constant_value
 from swingid.methods.output_error.declared import shift_of_momentum
 from swingid.methods.output_error.problem import Problem
@@ -19,7 +21,8 @@ from swingid.model.rig import Rig
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
 from swingid.result.provenance import exact_constants
-from swingid.result.result import BudgetEntry, Message, Parameter
+from swingid.result.result import Message
+from swingid.uncertainty.budget import Evaluated, Parameter
 
 FAR = 4.0
 """Standard uncertainties by which a log may move what is stated before that is worth a warning."""
@@ -48,9 +51,7 @@ MOVES = (
 
 
 def check_fit(
-    parameters: dict[str, Parameter],
-    budget: list[BudgetEntry],
-    sensitivities: dict[str, float],
+    answer: Evaluated,
     estimate: Estimate,
     problem: Problem,
     opinion: SecondOpinion,
@@ -59,12 +60,13 @@ def check_fit(
     motion: Motion,
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes; raises UnanswerableError where the data do not determine what is sought."""
+    parameters, sensitivities = answer.parameters, answer.sensitivities
     inertia, fit = parameters["inertia"], estimate.searched.fit
     unknowns = estimate.unknowns
     seen = examine_information(unknowns.names, [item.unit for item in unknowns.items], fit.reduced.matrix)
     require_seen(seen)
     _require_told_apart(estimate)
-    spread = _scatter_of_inertia(budget)
+    spread = math.sqrt(estimate.covariance[0, 0])
     poor = _poor_fit(estimate, problem, scale)
     held = _held_doubt(opinion, problem)
     whole = inertia.standard_uncertainty or spread
@@ -83,12 +85,14 @@ def check_fit(
     if opinion.windows is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
         scattered = Parameter.of(inertia.value, spread, inertia.unit)
-        found, told = check_answer(parameters | {"inertia": scattered}, budget, opinion.windows, scale, amplitude)
+        found, told = check_answer(
+            parameters | {"inertia": scattered}, answer.budget, opinion.windows, scale, amplitude
+        )
         warnings += found
         notes += [note for note in told if note.code != "identifiability"]
         if not estimate.robust:
             shift = shift_of_momentum(opinion, estimate.searched, rig, scale)
-            warnings += _against_momentum(inertia, budget, opinion, problem, scale, shift)
+            warnings += _against_momentum(inertia, spread, opinion, problem, scale, shift)
     notes.append(_conditioning(seen, unknowns))
     notes.append(_search_note(estimate, problem))
     notes += _zero_note(estimate, problem)
@@ -138,10 +142,6 @@ def _require_told_apart(estimate: Estimate) -> None:
             f"{' and '.join(blind)} cannot be told apart in this log, only a combination of them; leave fewer free.",
             code="not-identifiable",
         )
-
-
-def _scatter_of_inertia(budget: list[BudgetEntry]) -> float:
-    return next(e.standard_uncertainty for e in budget if e.parameter == "inertia" and e.source == SCATTER)
 
 
 def misfit(fit: Fit, unknowns: Unknowns, problem: Problem) -> dict[str, tuple[float, float]]:
@@ -213,16 +213,11 @@ def _search_doubts(estimate: Estimate) -> list[Message]:
 
 
 def _against_momentum(
-    inertia: Parameter,
-    budget: list[BudgetEntry],
-    opinion: SecondOpinion,
-    problem: Problem,
-    scale: Scale,
-    shift: float,
+    inertia: Parameter, spread: float, opinion: SecondOpinion, problem: Problem, scale: Scale, shift: float
 ) -> list[Message]:
     """A warning where the momentum balance of the same swings says otherwise; shift: of the latter for constants."""
     assert opinion.windows is not None
-    if not gap_to_momentum(inertia.value - shift, _scatter_of_inertia(budget), opinion.windows, scale):
+    if not differs_from_momentum(inertia.value - shift, spread, opinion.windows, scale):
         return []
     difference = inertia.value / (opinion.windows.a11 + shift - scale.carried) - 1
     cause = "motor constants that are off" if problem.input == "voltage" else "friction that is not of this law"

@@ -19,9 +19,7 @@ from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-
-Declared = tuple[str, float | None, str, Array]
-"""Source, standard deviation (None: exact), shared_id, and the shift (m,) of the unknowns by one unit of it."""
+from swingid.uncertainty.budget import Declared, stated
 
 
 def declared_effects(
@@ -33,7 +31,7 @@ def declared_effects(
     scale: Scale,
     noise: Noise,
 ) -> tuple[Declared, ...]:
-    """What every constant of the rig and every imperfection of its sensors does to the unknowns of a fit."""
+    """What every constant of the rig and every imperfection of its sensors does to the unknowns (m,) of a fit."""
     return (
         *_constants(searched, problem, influence, rig, scale),
         *_encoders(searched, problem, influence, log, rig, noise),
@@ -63,7 +61,7 @@ def shift_of_momentum(opinion: SecondOpinion, searched: Searched, rig: Rig, scal
     shift = 0.0
     for item in imperfections(rig, opinion.signals, windows.rows, windows.a11, b):
         # what is stated of a constant should have been more, the angles less by what the sensors added
-        sign = -1.0 if (item.shared_id or "").startswith("sensors.") else 1.0
+        sign = 1.0 if item.constant else -1.0
         effect = float(windows.fit.influence[0] @ item.rows) + item.direct
         shift += sign * effect * float(found.get(item.shared_id or "", 0.0))
     return shift
@@ -78,7 +76,7 @@ def _constants(searched: Searched, problem: Problem, influence: Array, rig: Rig,
     inverse = inverse_of(fit.reduced)
     for k, item in enumerate(unknowns.items):
         if item.places and not item.is_sought and item.name != SCALE:
-            yield item.name, item.std, item.name, inverse[:, k] * unknowns.power[k]
+            yield _constant(item.name, item.std, inverse[:, k] * unknowns.power[k])
     sought = {item.places for item in unknowns.items if item.places}
     places: dict[str, Places] = {
         key: own
@@ -93,7 +91,11 @@ def _constants(searched: Searched, problem: Problem, influence: Array, rig: Rig,
     own = slopes[:, problem.states + len(unknowns) :] / problem.sigma[:, None]
     shifts = -influence @ own
     for key, shift in zip(places, shifts.T, strict=True):
-        yield key, constant_value(rig, key)[1], key, shift
+        yield _constant(key, constant_value(rig, key)[1], shift)
+
+
+def _constant(key: str, std: float | None, shifts: Array) -> Declared:
+    return Declared(stated(key, key), std or 0.0, shifts, constant=True)
 
 
 def _encoders(
@@ -116,8 +118,8 @@ def _encoders(
                 effect = -_other_input(searched, problem, log, noise, std * shape(log.wheel_angle)) / std
             else:
                 effect = np.where(here, shape(problem.measured), 0.0)
-            shift = influence @ (effect / problem.sigma)
-            yield f"{channel} encoder nonlinearity ({name})", std, f"sensors.{prefix}nonlinearity.{name}", shift
+            source = stated(f"{channel} encoder nonlinearity ({name})", f"sensors.{prefix}nonlinearity.{name}")
+            yield Declared(source, std, influence @ (effect / problem.sigma))
 
 
 def _other_input(searched: Searched, problem: Problem, log: Recording, noise: Noise, error: Array) -> Array:
@@ -141,8 +143,9 @@ def _latencies(problem: Problem, rates: Array, influence: Array) -> Iterator[Dec
     late = influence @ (np.where(problem.wheel, 0.0, rates) / problem.sigma)
     std = problem.encoders.angle.latency.std
     if std and problem.input != "none":
-        yield "angle latency", std, "sensors.latency", late
+        yield Declared(stated("angle latency", "sensors.latency"), std, late)
     std = problem.encoders.wheel.latency.std
     if std and problem.input in ("voltage", "wheel"):
         turning = influence @ (np.where(problem.wheel, rates, 0.0) / problem.sigma)
-        yield "wheel latency", std, "sensors.wheel.latency", turning if problem.input == "voltage" else -late
+        source = stated("wheel latency", "sensors.wheel.latency")
+        yield Declared(source, std, turning if problem.input == "voltage" else -late)

@@ -80,8 +80,8 @@ def output_error(
     setup = _Setup(part, rig, scale, source, opinion, free, loss, starts)
     problem, searched, law = _best_fit(setup, law, segment)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
-    parameters, budget, sensitivities = answer_of(estimate, rig, scale, opinion)
-    warnings, notes = check_fit(parameters, budget, sensitivities, estimate, problem, opinion, rig, scale, motion)
+    answer = answer_of(estimate, rig, scale, opinion)
+    warnings, notes = check_fit(answer, estimate, problem, opinion, rig, scale, motion)
     notes = [part.note, *notes]
     add_findings(log, warnings, notes)
     details = details_of(estimate, problem, scale, motion, (part.start, part.stop), law)
@@ -92,14 +92,15 @@ def output_error(
     return Result(
         method="output-error",
         status="warning" if warnings else "ok",
-        parameters=parameters,
+        parameters=answer.parameters,
         warnings=tuple(warnings),
         notes=tuple(notes),
-        budget=tuple(budget),
+        budget=tuple(answer.budget),
         provenance=prepared.provenance(part, options | ({"free": free} if free else {}))
         | ({"constants_found": found} if (found := constants_found(searched, rig)) else {}),
         details=replace(details, left_out=log.left_out, extra=extra),
-        sensitivities=sensitivities,
+        sensitivities=answer.sensitivities,
+        correlation=answer.correlation,
     )
 
 

@@ -30,7 +30,7 @@ from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-from swingid.result.result import BudgetEntry, Parameter, combined
+from swingid.uncertainty.budget import BudgetEntry, Declared, Parameter, Scatter, combined, evaluate, stated
 
 DRAWS = 100
 """Places of the encoders' grids that are tried; the standard deviation is then known to 7 %."""
@@ -97,17 +97,18 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
         seen = examine_information(unknowns, named, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
     else:  # perfect sensors: only the columns tell
         seen = examine(unknowns, named, columns)
-    budget, parameters = [], {}
-    for k, (name, value) in enumerate((("inertia", a11 - scale.carried), ("gravity_torque", gravity))):
-        if name not in unknowns:
-            continue
-        budget.append(BudgetEntry("sensor noise and resolution", "A", name, float(np.sqrt(covariance[k, k]))))
-        for item, effect in zip(items, effects.T, strict=True):
-            shift = float(effect[k]) + (item.direct * item.std if name == "inertia" else 0.0)
-            budget.append(BudgetEntry(item.source, "B", name, abs(shift), shift / item.std, item.shared_id))
-        parameters[name] = Parameter.of(value, combined(budget, name), units[name])
+    values = {"inertia": (a11 - scale.carried, units["inertia"])}
+    if "gravity_torque" in unknowns:
+        values["gravity_torque"] = gravity, units["gravity_torque"]
+    count, declared = len(values), []
+    for item, effect in zip(items, effects.T, strict=True):
+        slopes = effect[:count] / item.std
+        slopes[0] += item.direct
+        declared.append(Declared(stated(item.source, item.shared_id), item.std, slopes))
+    noise_of = Scatter("sensor noise and resolution", covariance[:count, :count], np.full(count, np.inf))
+    found = evaluate(values, noise_of, (), declared)
     lean = abs(float(influence[0] @ rows.gravity)) * gravity / a11
-    return Prediction(parameters, tuple(budget), half, lean, seen)
+    return Prediction(found.parameters, tuple(found.budget), half, lean, seen)
 
 
 def _fit(columns: Array, items: list[Imperfection], row_noise: float) -> tuple[Array, Array]:

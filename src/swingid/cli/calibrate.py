@@ -38,7 +38,7 @@ def calibrate(
     json: JsonOrRefusal = None,
     report: Report = None,
 ) -> None:
-    """Find the motor's constants from LOGs of a voltage test, and say which cannot be told apart.
+    """Find the motor's constants from LOGs of a voltage test, and say which cannot be distinguished.
 
     What kind of test a log is, clamped rod, free rod or free swing, is seen in the log. With --encoders: what the
     encoders do wrong once per turn, and the latency between the channels, from one or several motions of one body.

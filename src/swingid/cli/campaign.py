@@ -80,7 +80,7 @@ def _progress() -> Callable[[int, int, int], None]:
     shown = -1
     terminal = sys.stderr is not None and sys.stderr.isatty()
 
-    def told(done: int, trials: int, already: int) -> None:
+    def show(done: int, trials: int, already: int) -> None:
         nonlocal shown
         line = progress_line(done, trials, already, time.monotonic() - start)
         if terminal:
@@ -90,7 +90,7 @@ def _progress() -> Callable[[int, int, int], None]:
             shown = LINES * done // trials
             tell(f"swingid: {line}", to_error=True)
 
-    return told
+    return show
 
 
 def progress_line(done: int, trials: int, already: int, seconds: float) -> str:

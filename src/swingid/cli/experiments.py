@@ -46,7 +46,7 @@ def design(
     settling: Annotated[float, typer.Option(help="Time the controller takes to reach its motion, s.")] = 6.0,
     json: Json = None,
 ) -> None:
-    """Propose the motion that gives the inertia of RIG with the wanted uncertainty, and say what to expect of it.
+    """Propose the motion that gives the inertia of RIG with the wanted uncertainty, and predict its result.
 
     Voltage stays within the limit of RIG. Friction is expected as in axis.friction.
     """

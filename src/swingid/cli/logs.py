@@ -56,7 +56,7 @@ def init(
 
 
 def _text_for(log: str) -> str:
-    """The rig file with the [log] that the columns of a log speak for; InputError for one that has no angle."""
+    """The rig file with the [log] guessed from the columns of a log; InputError for one that has no angle."""
     from swingid.recording.formats import read_table
     from swingid.recording.inspect import describe, guess_roles, log_table
     from swingid.recording.inspect.rig_text import rig_text
@@ -130,7 +130,7 @@ def datasets(
     ] = ".",
     json: Json = None,
 ) -> None:
-    """List the public logs that swingid knows, with citation, licence, address and checksum, or get one of them."""
+    """List the public logs in the catalogue, with citation, licence, address and checksum, or get one of them."""
     from swingid.recording.datasets import CATALOGUE, find, get
 
     if not words:

@@ -201,10 +201,10 @@ class Progress:
 
     def __init__(self) -> None:
         self.first: tuple[float, int] | None = None
-        self.told = time.monotonic()
+        self.shown = time.monotonic()
 
     def __call__(self, rows: int, total: int) -> None:
-        """Say how far it is; how long the rest takes is told from the second call on, for the first may compile."""
+        """Say how far it is; how long the rest takes, from the second call on, for the first may compile."""
         now = time.monotonic()
         text = f"{rows / 1e6:.1f} of {total / 1e6:.1f} million rows"
         if self.first is None:
@@ -215,8 +215,8 @@ class Progress:
             with suppress(OSError):
                 sys.stderr.write(f"\r{text:<60}" + ("\n" if rows >= total else ""))
                 sys.stderr.flush()
-        elif now - self.told > EVERY:
-            self.told = now
+        elif now - self.shown > EVERY:
+            self.shown = now
             say(text)
 
 

@@ -67,7 +67,7 @@ def simulate(
         Kind, typer.Option(help="The consecutive compensator (20), or adaptive backstepping (21).")
     ] = Kind.COMPENSATOR,
     law: Annotated[
-        Law | None, typer.Option(help="Of backstepping: the adaptation law as printed, or as its proof asks for.")
+        Law | None, typer.Option(help="Of backstepping: the adaptation law as printed, or as its proof requires.")
     ] = None,
     gains: Annotated[
         Gains | None,

@@ -4,7 +4,7 @@
     e1 = x1 - y_m,   e2 = x2^ + n1 e1 - y_m',   a4^ = c4 a2^,   a7^ = c7 a2^
     a3^' = -gamma1 e2 x2^
     a2^' = -gamma2 e2 sin x1                           "printed"
-    a2^' =  gamma2 e2 (-sin x1 + c7 x4^ - c4 u2)       "consistent", what the Lyapunov function asks for
+    a2^' =  gamma2 e2 (-sin x1 + c7 x4^ - c4 u2)       "consistent", what the Lyapunov function requires
 
 e1 is printed as the opposite, (14); its derivatives and (21) are those of x1 - y_m. The proof leaves out the errors of
 a4^ and a7^, though both follow a2^: hence the second law. The u2 of the law is the one that was applied, u0 - u1 - u3
@@ -95,7 +95,7 @@ def backstepping_step(reference: float, angle: float, wheel_angle: float, state:
 
 @dataclass(frozen=True)
 class Backstepping(SampledController):
-    """The controller (21) with its gains, its first estimates and what it knows of rig and motor.
+    """The controller (21) with its gains, its first estimates and its model of rig and motor.
 
     gravity_torque b (N m); a12, a22 and `carried` = J2 + Jr (kg m^2); c4 = a4/a2 and c7 = a7/a2 of (11) (1/V, s/rad).
     n1, n2 (1/s), gamma1 (1/rad^2), gamma2 (1/s^2): gains; alpha2 (1/s^2), alpha3 (1/s), least: first estimates and
@@ -103,7 +103,7 @@ class Backstepping(SampledController):
     coulomb_voltage, dead_zone_voltage, back_emf_ratio, voltage_limit: as in `Compensator`. sample_time (s) is used by
     `step` alone.
 
-    Not where motor constants or b are unknown; where the reference is not smooth, y_m'' asks for impulses. Raises
+    Not where motor constants or b are unknown; where the reference is not smooth, y_m'' has impulses. Raises
     UsageError for gains out of range.
     """
 

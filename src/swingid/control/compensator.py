@@ -33,7 +33,7 @@ def _hurwitz(polynomial: Sequence[float]) -> bool:
 
 @dataclass(frozen=True)
 class Compensator(SampledController):
-    """The consecutive compensator with its gains and what it knows of the motor.
+    """The consecutive compensator with its gains and its model of the motor.
 
     `delta0` (rad), `sigma0` (1/s), `lambda0` (1/s): (18), (19). `k_tilde0` start and `k_tilde_max` optional
     upper bound of the gain (17). `filter_time` (s): W_f = 1/(T p + 1) of (18), 0 for none. `alpha`:

@@ -28,7 +28,7 @@ class MotorVoltages(TypedDict):
 
 
 def motor_voltages(rig: Rig) -> MotorVoltages:
-    """The voltages of a rig's motor; without a wheel nothing is compensated, and only the limit is told.
+    """The voltages of a rig's motor; without a wheel nothing is compensated, and only the limit is set.
 
     Raises InputError for a wheel whose motor gives no torque per volt.
     """

@@ -167,7 +167,7 @@ def wheel_speed(wheel_angle: float, state: Array, parameters: Array) -> float:
 def motor_compensation(u2: float, speed: float, parameters: Array) -> float:
     """u0 = u1 + u2 + u3 (V), to which a motor with Coulomb friction and dead zone answers as a linear one.
 
-    u2 in V, speed = q2' in rad/s, parameters as in `compensator_step`. Exact only for the constants it is told.
+    u2 in V, speed = q2' in rad/s, parameters as in `compensator_step`. Exact only where the constants are.
 
     u1 = f3/(c1 eta) sign(q2') cancels the motor's and gearbox's Coulomb friction; u3 (12) the dead zone.
     With BACK_EMF = c2/c1 the switch is on c1 (u1 + u2) - c2 q2', which cancels the dead zone exactly; with
@@ -203,7 +203,7 @@ def compensator_step(
     xi = state[XI : XI + order]
     e = reference - angle
 
-    # (17), (18): the filter has no feedthrough, so its state is what it says now; without a filter it is e.
+    # (17), (18): the filter has no feedthrough, so its state is its output now; without a filter it is e.
     filtered = state[FILTERED_ERROR] if parameters[ERROR_DECAY] > 0.0 else e
     k_tilde = state[K_TILDE]
     k_next = k_tilde

@@ -2,7 +2,7 @@
 
     x2^ = p + sigma x1~,   p' = epsilon sign(x1~) + rho x1~,   x1~ = x1 - x1^,   x1^' = x2^
 
-(23) prints sign(x1^); the stability argument of the observer (Xian et al. 2004) asks for sign(x1~). Between two samples
+(23) prints sign(x1^); the stability argument of the observer (Xian et al. 2004) requires sign(x1~). Between two samples
 the angle is taken to move on a straight line, so that over a sample everything but the sign is a linear system with
 constant input, moved on exactly: stable at every rate, where explicit Euler needs sigma h < 2. With sigma h >> 1, as
 the paper's sigma = 10000 1/s at 1 kHz, the observer is the backward difference. The sign is that at the sample's start.

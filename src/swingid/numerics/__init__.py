@@ -1,1 +1,1 @@
-"""Mathematics that knows no pendulum: splines, quadrature, test functions, regression."""
+"""Mathematics independent of the rig: splines, quadrature, test functions, regression."""

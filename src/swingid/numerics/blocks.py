@@ -1,4 +1,4 @@
-"""Gauss nodes of blocks of samples: what a log tells slow test functions, in fewer numbers than it has rows.
+"""Gauss nodes of blocks of samples: a log for slow modulating (test) functions, in fewer numbers than it has rows.
 
 Within a block a signal is replaced by its projection on parabolas (least squares over the block), given at three Gauss
 nodes. The integral with any function that is a parabola in each block is kept exactly, and with a smooth function the

@@ -124,9 +124,9 @@ def _follow(time: Array, values: Array, turn: float) -> tuple[Bools, Array, int]
 
 
 def _settle_start(time: Array, values: Array, turn: float) -> tuple[Array, int]:
-    """Choose between speeds that differ by one turn per row, which evenly spaced rows cannot tell apart.
+    """Choose between speeds that differ by one turn per row, which evenly spaced rows cannot distinguish.
 
-    A log that starts at rest has told it. Otherwise the smallest median speed is taken, and called a guess at
+    A log that starts at rest determines it. Otherwise the smallest median speed is taken, and counted as a guess at
     all rows.
     """
     steps = np.diff(values)
@@ -179,7 +179,7 @@ def find_spikes(time: Array, values: Array, rows: int = 1) -> Bools:
 
     A spike's misfit against the cubic through two neighbours on each side stands out of the log's noise, of
     the noise within 24 samples on either side, of rounding, and is gone from the neighbours' misfit when the
-    sample is left out. The last tells it from a kink or a step of the motion. Bursts of faulty samples, and
+    sample is left out. The last separates it from a kink or a step of the motion. Bursts of faulty samples, and
     faults in the first and last three rows, are not found.
     """
     spikes = np.zeros(values.size, dtype=bool)

@@ -89,7 +89,7 @@ class Conventions:
     """What a rig's [log] says, resolved: a column and a Scale for each channel, and how the wheel is read.
 
     `columns`, `scales`: by channel, as the fields of a Recording. `drive_kind` is None for a file written without a
-    rig. `wheel` is the channel that tells the wheel's motion, its angle or its speed, and `speed_is_mean` whether a
+    rig. `wheel` is the channel that measures the wheel's motion, its angle or its speed, and `speed_is_mean` whether a
     logged speed is the mean since the row before. `rate` (1/s) is set where the log has no time column;
     `wheel_is_absolute` where the wheel's angle is against the room; `stated` holds the keys of [log] that the rig file
     sets itself, `keys` the values of those that change numbers: kept in saved files and compared on loading.

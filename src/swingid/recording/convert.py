@@ -17,7 +17,7 @@ from swingid.system import write_whole
 
 
 def convert(source: str | Path, target: str | Path) -> tuple[int, list[str], list[str]]:
-    """Write the table in the file `source` to the file `target`; the endings tell the formats.
+    """Write the table in the file `source` to the file `target`; the endings give the formats.
 
     Numbers are kept bit for bit, units of the header as "name [unit]". Returns the number of rows, the columns written,
     and those left out for they hold no numbers. Raises InputError where a file cannot be read or written, or its

@@ -17,7 +17,7 @@ class Finding:
     """Something that was noticed in a log: a `code` for scripts, a sentence for people.
 
     A ``"warning"`` makes a result doubtful; a ``"note"`` states what was done or assumed. `repair` names the repair
-    (see `recording.findings.REPAIRS`) that it tells of, done or (code "repair-off") switched off.
+    (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off.
     """
 
     code: str
@@ -42,10 +42,10 @@ REPAIRS: dict[str, str] = {
     "unwrap": "angles logged within one turn are made continuous",
     "spikes": "single samples that fit neither neighbour are left out",
     "limit": "commanded voltages beyond the rig's voltage_limit are taken as the limit",
-    "encoders": "the encoders' nonlinearity that the rig file states is taken off, when a method asks for the angles",
+    "encoders": "the encoders' nonlinearity that the rig file states is corrected in the angles that a method uses",
     "calibrate": "bent encoders and late channels that the rig file does not declare are found from the log (momentum)",
-    "latency": "the latency that the rig file states is taken off, when a method asks for the angles",
-    "push": "rows of a driven log while a torque from outside acts are left out, when a method asks for the angles",
+    "latency": "the latency that the rig file states is corrected in the angles that a method uses",
+    "push": "rows of a driven log during an external torque are left out of what a method uses",
 }
 """Every repair that a log may see. Each that was made is named in the result's provenance."""
 

@@ -56,7 +56,7 @@ def contents_of(
         logged, more = limited(logged, conventions, rig, held=drive_held(table, conventions), off=off)
         findings += more
         channels = conventions.to_model(logged)
-        findings += judge(channels, rig, name, still_axis=still_axis)
+        findings += check_motion(channels, rig, name, still_axis=still_axis)
     metadata = table.metadata.get("metadata")
     return {
         **channels,
@@ -139,7 +139,7 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
 
 
 def unreadable_rows(table: Table, name: str, off: frozenset[str]) -> tuple[Finding, ...]:
-    """What to say of rows that do not split into the table's columns; InputError when most do not."""
+    """The finding on rows that do not split into the table's columns; InputError when most do not."""
     lost = table.unreadable_rows
     if lost == 0:
         return ()
@@ -174,7 +174,7 @@ def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]
 
 
 def drive_held(table: Table, conventions: Conventions) -> bool:
-    """Whether the drive was held: a file written by swingid knows, else the rig says."""
+    """Whether the drive was held: as a file written by swingid states, else as the rig file does."""
     written = table.metadata.get("log")
     held = written.get("drive_held") if isinstance(written, dict) else None
     return held if isinstance(held, bool) else conventions.drive_held
@@ -206,8 +206,8 @@ SHORTEST_STEP = 1e-7  # s
 WIDEST_SWING = {"none": 1.5, "reaction-wheel": 2.0, "direct": 10.0}
 
 
-def judge(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) -> list[Finding]:
-    """What is odd about the channels (model units and signs), as findings; `name` is the file's, for messages.
+def check_motion(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) -> list[Finding]:
+    """What is implausible about the channels (model units and signs), as findings; `name` is the file's, for messages.
 
     still_axis: the angle may stand still. Raises UnanswerableError for too few rows and for an angle that does not
     move, InputError for a motion that the axis cannot make (degrees taken for radians).
@@ -216,7 +216,7 @@ def judge(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) 
     time, angle = channels["time"], channels["angle"]
     if time.size < FEWEST_ROWS:
         rows = "1 usable row" if time.size == 1 else f"{time.size} usable rows"
-        message = f"{name} has {rows}, too few to tell a motion; log some swings."
+        message = f"{name} has {rows}, too few to show a motion; log some swings."
         raise UnanswerableError(message, code="too-short")
     column = f"column {rig.log.angle!r} (the angle)"
     if np.ptp(angle) == 0.0 and not still_axis:

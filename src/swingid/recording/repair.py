@@ -51,20 +51,46 @@ def repair(
 def on_even_clock(
     channels: Channels, conventions: Conventions, off: frozenset[str] = frozenset()
 ) -> tuple[Channels, list[Finding]]:
-    """The second part of `repair`: stamps that scatter about a constant rate as that rate, where the motion says so."""
-    findings: list[Finding] = []
-    if conventions.rate is None and "clock" not in off:
-        channels = _even_out(channels, conventions.columns, findings)
-    return channels, findings
+    """The second part of `repair`: stamps that scatter about a constant rate as that rate, where the motion is smoother
+    so.
+    """
+    if conventions.rate is not None or "clock" in off:
+        return channels, []
+    clock = even_clock(channels["time"], [channels[name] for name in ANGLES if name in channels])
+    if clock is None:
+        return channels, []
+    message = f"the stamps in column {conventions.columns['time']!r} scatter by {clock.scatter:.3g} about"
+    message += f" {1 / clock.step:.6g} rows a second, and the motion is smoother at that rate; it was used instead."
+    return {**channels, "time": clock.time}, [Finding("clock-fitted", message, "note", "clock")]
 
 
 def made_continuous(
     channels: Channels, conventions: Conventions, off: frozenset[str] = frozenset()
 ) -> tuple[Channels, Bools, list[Finding]]:
     """The third part of `repair`: angles that go on over turns; the rows (n,) that were spikes on the way."""
-    turns = {channel: scale.turn for channel, scale in conventions.scales.items()}
     findings: list[Finding] = []
-    channels, spikes = _make_continuous(channels, turns, conventions.columns, findings, keep="unwrap" in off)
+    spikes = np.zeros(len(channels["time"]), dtype=bool)
+    for channel in ANGLES:
+        turn = conventions.scales[channel].turn if channel in conventions.scales else None
+        if channel not in channels or turn is None or not is_wrapped(channels[channel], turn):
+            continue
+        column = f"column {conventions.columns[channel]!r}"
+        if "unwrap" in off:
+            message = f"{column} seems to be logged within one turn, and was left so."
+            findings.append(Finding("wrapped", message, "warning"))
+            continue
+        result = unwrap(channels["time"], channels[channel], turn)
+        channels = {**channels, channel: result.values}
+        spikes |= result.spikes
+        if channel == "angle" and "reference" in channels:
+            apart = channels["reference"] - result.values
+            channels["reference"] = result.values + apart - turn * np.round(apart / turn)
+        message = f"{column} was logged within one turn and was made continuous."
+        findings.append(Finding("unwrapped", message, "note", "unwrap"))
+        if result.ambiguous:
+            message = f"{column} moves too far between rows to count its turns with certainty"
+            message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
+            findings.append(Finding("ambiguous-turns", message, "warning"))
     return channels, spikes, findings
 
 
@@ -75,7 +101,7 @@ def without_spikes(
     off: frozenset[str] = frozenset(),
     rows: int = 1,
 ) -> tuple[Channels, list[Finding]]:
-    """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are told.
+    """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are reported.
 
     rows: of the log that each row is the mean of.
     """
@@ -84,52 +110,6 @@ def without_spikes(
     _warn_of_jumps(channels, conventions.columns, findings, rows)
     _note_gaps(channels["time"], conventions.columns["time"], findings)
     return channels, findings
-
-
-def _even_out(channels: Channels, columns: Mapping[str, str], findings: list[Finding]) -> Channels:
-    """Stamps that scatter about a constant rate as that rate, where the motion is smoother so."""
-    clock = even_clock(channels["time"], [channels[name] for name in ANGLES if name in channels])
-    if clock is None:
-        return channels
-    message = (
-        f"the stamps in column {columns['time']!r} scatter by {clock.scatter:.3g} about {1 / clock.step:.6g} rows a"
-    )
-    message += " second, and the motion is smoother at that rate; it was taken in their place."
-    findings.append(Finding("clock-fitted", message, "note", "clock"))
-    return {**channels, "time": clock.time}
-
-
-def _make_continuous(
-    channels: Channels,
-    turns: Mapping[str, float | None],
-    columns: Mapping[str, str],
-    findings: list[Finding],
-    *,
-    keep: bool,
-) -> tuple[Channels, Bools]:
-    """Angles that were logged within one turn as angles that go on over turns, and the spikes met on the way."""
-    spikes = np.zeros(len(channels["time"]), dtype=bool)
-    for channel in ANGLES:
-        turn = turns.get(channel)
-        if channel not in channels or turn is None or not is_wrapped(channels[channel], turn):
-            continue
-        if keep:
-            message = f"column {columns[channel]!r} seems to be logged within one turn, and was left so."
-            findings.append(Finding("wrapped", message, "warning"))
-            continue
-        result = unwrap(channels["time"], channels[channel], turn)
-        channels = {**channels, channel: result.values}
-        spikes |= result.spikes
-        if channel == "angle" and "reference" in channels:
-            apart = channels["reference"] - result.values
-            channels["reference"] = result.values + apart - turn * np.round(apart / turn)
-        message = f"column {columns[channel]!r} was logged within one turn and was made continuous."
-        findings.append(Finding("unwrapped", message, "note", "unwrap"))
-        if result.ambiguous:
-            message = f"column {columns[channel]!r} moves too far between rows to count its turns with certainty"
-            message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
-            findings.append(Finding("ambiguous-turns", message, "warning"))
-    return channels, spikes
 
 
 def _drop_spikes(
@@ -156,7 +136,7 @@ def _drop_spikes(
         found = np.sort(np.concatenate(times))
         shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
         if keep:
-            message = f"{found.size} of {rows} rows hold isolated spikes of an angle, left in as wanted, at {shown} s."
+            message = f"{found.size} of {rows} rows hold isolated spikes of an angle, not removed, at {shown} s."
             findings.append(Finding("spikes-left", message, "warning"))
             return everything
         message = f"{found.size} of {rows} rows left out: isolated spikes of an angle at {shown} s."
@@ -196,7 +176,7 @@ def limited(
 ) -> tuple[Channels, list[Finding]]:
     """The channels (logged units) with commanded voltages within ± `drive.motor.voltage_limit`, and what was done.
 
-    held: the voltage is a command; one that was measured is what the motor got, and is left alone.
+    held: the voltage is a command; one that was measured is what the motor got, and is left as it is.
     """
     motor = rig.drive.motor
     if "voltage" not in channels or motor is None or motor.voltage_limit is None or not held:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 FEWEST = 64  # rows
 FEWEST_BLOCKS = 4
-BLOCK = 16  # rows, at least, whose median stamp tells a lasting shift, as of a missing row, from single late stamps
+BLOCK = 16  # rows, at least, whose median stamp separates a lasting shift, as of a missing row, from single late stamps
 LASTING = 0.3  # of a step
 EVEN = 1e-3  # of a step: stamps that scatter less are even, or as good
 SMOOTHER = 0.85  # of the roughness with the stamps as they are: the motion has to gain that much
@@ -49,7 +49,7 @@ class Clock:
 def even_clock(time: Array, angles: Sequence[Array]) -> Clock | None:
     """The constant rate behind rising stamps, where the angles (n,) say that the rows were taken at it; else None.
 
-    Rows may be missing: the stamps tell how many. None also where the stamps are even as they are.
+    Rows may be missing; their number follows from the stamps. None also where the stamps are even as they are.
     """
     if time.size < FEWEST or np.ptp(time) > ABSURD:
         return None
@@ -91,9 +91,9 @@ def _without_gaps(time: Array) -> Clock | None:
 
 
 def _with_gaps(time: Array) -> Clock | None:
-    """The clock of rows of which some may be missing: the stamps themselves tell each row's place on it.
+    """The clock of rows of which some may be missing: each row's place on it follows from its stamp.
 
-    A line through the first rows tells the places of twice as many, and so on. None where two rows would share a place,
+    A line through the first rows gives the places of twice as many, and so on. None where two rows would share a place,
     or a stamp lies between two.
     """
     known = min(FEWEST, time.size)
@@ -160,7 +160,7 @@ def rows_in_order(
 
 
 def _drop_absurd_rows(channels: Channels, conventions: Conventions, findings: list[Finding]) -> Channels:
-    """The rows without few numbers that no rig gives (1e300), as a logger's fault leaves them; many are told later."""
+    """The rows without few numbers that no rig gives (1e300), as a logger's fault leaves them; many are refused."""
     good = np.ones(len(channels["time"]), dtype=bool)
     worst = None
     for channel, largest in LARGEST.items():

@@ -45,7 +45,7 @@ def before_start(
     seen: Array,
     counts: Ints,
 ) -> None:
-    """State at the instants before the start (s), which early readings ask for: uniform motion up to it."""
+    """State at the instants before the start (s), needed by early readings: uniform motion up to it."""
     i = 0
     while i < len(instants) and instants[i] < start:
         for state in range(STATES):
@@ -92,7 +92,7 @@ def closed_loop(
     for k in range(len(inputs)):
         t = times[k]
         if len(pushes):
-            p[OFFSET] = offset - pushes[k]  # a constant torque of friction is one from outside, turned round
+            p[OFFSET] = offset - pushes[k]  # a constant friction torque is an external one of opposite sign
         q1, q2 = work[NOW, Q1], work[NOW, Q2]
         if k < rows and instants[reads[0, k]] < t:
             q1 = seen[reads[0, k], Q1]

@@ -35,7 +35,7 @@ Controller = Compensator | Backstepping
 class Truth:
     """The true motion behind a recording, for tests and plots only: no method may see it.
 
-    time (n,) (s): instants of all rows, lost ones too, or those asked for; angle, speed, wheel_angle,
+    time (n,) (s): instants of all rows, lost ones too, or `truth_times`; angle, speed, wheel_angle,
     wheel_speed (rad, rad/s), bristle (rad). command (rows,): held from row to row (V; direct drive N m).
     parameters: the vector of `swingid.model.parameters`. draws: what the seed drew. steps, mode_changes,
     guarded_steps: counts of the integration.
@@ -86,7 +86,7 @@ def simulate(
     direct drive N m), the loop is open. With neither the command is zero: a free decay from `initial_angle`
     (rad or m) and `initial_speed`. `push`: torque on the axis from outside, as of a hand, one value per row that is
     held to the next (N m or N). The encoders of `rig.sensors` always apply, drawn by `seed`; with `draw` so are all
-    constants with a stated uncertainty, and the rig is only about what it says it is. `encoder_zero` (rad): what the
+    constants with a stated uncertainty, so that the rig is one of those its file allows. `encoder_zero` (rad): what the
     encoders of axis and wheel read at angle 0.
 
     Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.

@@ -16,7 +16,7 @@ UNITS = ("rad", "m")
 
 @runtime_checkable
 class Reference(Protocol):
-    """A motion y_m(t) for the controller to follow, in rad or m. Derivatives are not asked for."""
+    """A motion y_m(t) for the controller to follow, in rad or m. Derivatives are not needed."""
 
     def __call__(self, t: Array) -> Array:
         """Positions at the times t (s), shape of t."""
@@ -35,18 +35,14 @@ class Reference(Protocol):
         ...
 
 
-def require_positive(motion: str, **values: float) -> None:
-    """Raise UsageError unless every value is positive and finite; the message names motion and value."""
+def require_positive(motion: str, unit: str = "rad", **values: float) -> None:
+    """Raise UsageError unless every value is positive and finite and `unit` is rad or m; it names motion and value."""
+    if unit not in UNITS:
+        raise UsageError(f"Reference {motion}: the unit must be rad or m, not {unit!r}.", code="bad-reference")
     for name, value in values.items():
         if not 0.0 < value < math.inf:
             sentence = f"Reference {motion}: {name.replace('_', ' ')} must be positive, and is {value}."
             raise UsageError(sentence, code="bad-reference")
-
-
-def require_unit(motion: str, unit: str) -> None:
-    """Raise UsageError unless `unit` is one that angles or positions have here."""
-    if unit not in UNITS:
-        raise UsageError(f"Reference {motion}: the unit must be rad or m, not {unit!r}.", code="bad-reference")
 
 
 def require_axis(motion: object, kind: str) -> None:

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from swingid.control.references.base import crossings, inside, require_positive, require_unit
+from swingid.control.references.base import crossings, inside, require_positive
 from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
 
@@ -19,7 +19,7 @@ class Sine:
     `unit` is that of the amplitude, "rad" or "m".
 
     y_m1 = 0.8 sin(8.5 t) of section 5. Raises UsageError for an amplitude or frequency that is not positive.
-    One frequency cannot tell inertia from gravity torque: use a multisine for both.
+    One frequency does not identify inertia and gravity torque separately: use a multisine for both.
     """
 
     amplitude: float
@@ -29,8 +29,7 @@ class Sine:
 
     def __post_init__(self) -> None:
         """Refuse a motion that does not move."""
-        require_positive("sine", amplitude=self.amplitude, frequency=self.frequency)
-        require_unit("sine", self.unit)
+        require_positive("sine", self.unit, amplitude=self.amplitude, frequency=self.frequency)
 
     def __call__(self, t: Array) -> Array:
         """Positions at the times t (s)."""
@@ -143,14 +142,8 @@ class Chirp:
 
     def __post_init__(self) -> None:
         """Refuse a motion that does not move."""
-        require_positive(
-            "chirp",
-            amplitude=self.amplitude,
-            low_frequency=self.low,
-            high_frequency=self.high,
-            sweep=self.sweep,
-        )
-        require_unit("chirp", self.unit)
+        band = {"low_frequency": self.low, "high_frequency": self.high}
+        require_positive("chirp", self.unit, amplitude=self.amplitude, **band, sweep=self.sweep)
 
     def __call__(self, t: Array) -> Array:
         """Positions at the times t (s)."""
@@ -221,7 +214,7 @@ class Strokes:
 
     `amplitude` A in rad or m, `stroke_time` each way and `dwell` in s. Each stroke is the quintic of least
     jerk, at rest and without acceleration at both ends (Flash and Hogan 1985). The first stroke goes from 0
-    to +A in the same time, so no step is asked of a body at rest at t = 0. `unit` of A is "rad" or "m". Raises
+    to +A in the same time, so a body at rest is given no step at t = 0. `unit` of A is "rad" or "m". Raises
     UsageError for an amplitude or stroke time that is not positive, or a negative dwell. The axis may stick in a dwell:
     prefer a sine on a bearing with much static friction.
     """
@@ -233,8 +226,7 @@ class Strokes:
 
     def __post_init__(self) -> None:
         """Refuse a motion that does not move."""
-        require_positive("strokes", amplitude=self.amplitude, stroke_time=self.stroke_time)
-        require_unit("strokes", self.unit)
+        require_positive("strokes", self.unit, amplitude=self.amplitude, stroke_time=self.stroke_time)
         if not 0.0 <= self.dwell < math.inf:
             sentence = f"Reference strokes: the dwell must not be negative, and is {self.dwell}."
             raise UsageError(sentence, code="bad-reference")
@@ -292,8 +284,7 @@ class Triangle:
 
     def __post_init__(self) -> None:
         """Fill in the corner, refuse one that does not fit."""
-        require_positive("triangle", amplitude=self.amplitude, frequency=self.frequency)
-        require_unit("triangle", self.unit)
+        require_positive("triangle", self.unit, amplitude=self.amplitude, frequency=self.frequency)
         if self.corner is None:
             object.__setattr__(self, "corner", 0.1 * self.period)
         if not 0.0 < self._corner <= 0.5 * self.period:

@@ -120,7 +120,7 @@ class Motion:
     """
 
     def __init__(self, function: Callable[[Array], Array], name: str = "callable", step: float = 1e-3) -> None:
-        """Keep the function; it is called first when a position is asked for."""
+        """Keep the function; it is called first when a position is needed."""
         require_positive(name, step=step)
         self.function, self.name, self.step = function, name, step
 

@@ -18,7 +18,7 @@ WRITERS: tuple[ModuleType, ...] = (parquet, csv, matlab, hdf5, mcap, json_rows)
 
 
 def read_table(content: bytes, name: str) -> Table:
-    """The table in a file's bytes: by its first bytes where they tell, else by the ending of `name`, else as CSV.
+    """The table in a file's bytes: by its first bytes, else by the ending of `name`, else as CSV.
 
     Raises InputError, as the format's own `read`, where the bytes are no such table.
     """

@@ -95,7 +95,12 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
 
     if layout.delimiter == b" ":
         rows = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", rows))
-    ragged = _RaggedRows()
+    ragged = []
+
+    def leave_out(row: Any) -> Literal["skip"]:
+        ragged.append(row.number)
+        return "skip"
+
     try:
         table = pc.read_csv(
             io.BytesIO(rows),
@@ -103,13 +108,13 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
                 column_names=column_names(layout),
                 block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
             ),
-            parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=ragged),
+            parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out),
             convert_options=pc.ConvertOptions(decimal_point=layout.decimal, strings_can_be_null=True),
         )
     except pa.ArrowException:
         message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
-    return table_from_arrow(table, name, raw_metadata, ragged.count, layout.units, layout.decimal)
+    return table_from_arrow(table, name, raw_metadata, len(ragged), layout.units, layout.decimal)
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
@@ -126,17 +131,6 @@ def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes
     sink.write(f"# {METADATA_KEY}: {json.dumps(metadata)}\n{header.getvalue()}".encode())
     pc.write_csv(pa.table(dict(columns)), sink, pc.WriteOptions(include_header=False))
     return bytes(sink.getvalue())
-
-
-class _RaggedRows:
-    """Counts rows with too many or too few cells, and has them left out."""
-
-    def __init__(self) -> None:
-        self.count = 0
-
-    def __call__(self, row: Any) -> Literal["skip"]:
-        self.count += 1
-        return "skip"
 
 
 def as_text(content: bytes, name: str) -> bytes:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.table import METADATA_KEY, Table, flat
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
@@ -101,11 +101,11 @@ def _lines(text: str, name: str) -> tuple[list[dict[str, Any]], object, int]:
 
 def _columns(rows: list[dict[str, Any]]) -> Columns:
     """Columns over all keys that occur; a row without a key has no number there."""
-    flat = [_flat(row) for row in rows]
-    names = dict.fromkeys(key for row in flat for key in row)
+    cells_of = [flat(row) for row in rows]
+    names = dict.fromkeys(key for row in cells_of for key in row)
     found: Columns = {}
     for name in names:
-        cells = [row.get(name) for row in flat]
+        cells = [row.get(name) for row in cells_of]
         if all(cell is None or isinstance(cell, int | float) for cell in cells):
             found[name] = np.array([np.nan if cell is None else _number(cell) for cell in cells])
         else:
@@ -118,16 +118,6 @@ def _number(cell: float) -> float:
         return float(cell)
     except OverflowError:  # an integer of hundreds of digits
         return float("nan")
-
-
-def _flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    cells: dict[str, Any] = {}
-    for key, value in row.items():
-        if isinstance(value, dict):
-            cells |= _flat(value, f"{prefix}{key}.")
-        elif not isinstance(value, list):
-            cells[prefix + str(key)] = value
-    return cells
 
 
 def _arrays(header: object) -> Columns:

@@ -12,7 +12,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.isolated import require
-from swingid.recording.formats.table import METADATA_KEY, Table
+from swingid.recording.formats.table import METADATA_KEY, Table, flat
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
@@ -109,7 +109,8 @@ def _cells(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> d
     cells: dict[str, float] = {}
     if channel.message_encoding == "json":
         found = json.loads(message.data)
-        cells = _numbers(found) if isinstance(found, dict) else {}
+        cells = flat(found) if isinstance(found, dict) else {}
+        cells = {key: float(value) for key, value in cells.items() if isinstance(value, int | float)}
     elif channel.message_encoding == "cdr" and schema is not None and schema.name == JOINT_STATE:
         if decode is None:
             require("mcap_ros2.decoder", "mcap-ros2-support", name, "an MCAP file with ROS 2 messages")
@@ -123,14 +124,4 @@ def _cells(schema: Any, channel: Any, message: Any, decode: Any, name: str) -> d
                 cells[f"{joint}.{kind}"] = float(value)
     if cells and not {"t", "time"} & cells.keys():
         cells["time"] = 1e-9 * message.log_time
-    return cells
-
-
-def _numbers(found: Mapping[str, Any], prefix: str = "") -> dict[str, float]:
-    cells: dict[str, float] = {}
-    for key, value in found.items():
-        if isinstance(value, dict):
-            cells |= _numbers(value, f"{prefix}{key}.")
-        elif isinstance(value, int | float):
-            cells[prefix + str(key)] = float(value)
     return cells

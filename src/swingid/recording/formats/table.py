@@ -151,3 +151,14 @@ def add_vectors(columns: Columns, name: str, array: NDArray[Any]) -> None:
             columns.update({f"{name}(:,{k})": column for k, column in enumerate(values.T, start=1)})
         else:
             columns.update({f"{name}({k},:)": row for k, row in enumerate(values, start=1)})
+
+
+def flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """The cells of nested objects, as ``outer.inner``; lists are left out."""
+    cells: dict[str, Any] = {}
+    for key, value in row.items():
+        if isinstance(value, dict):
+            cells |= flat(value, f"{prefix}{key}.")
+        elif not isinstance(value, list):
+            cells[prefix + str(key)] = value
+    return cells

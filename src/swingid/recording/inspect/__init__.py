@@ -1,4 +1,4 @@
-"""What a log says of itself, without a rig: columns, clock, steps, limits, and which column is likely which channel."""
+"""A log inspected without a rig: columns, clock, steps, limits, and which column is likely which channel."""
 
 from swingid.recording.inspect.candidates import Role
 from swingid.recording.inspect.check import Check, Clock, Level, read_clock

@@ -237,6 +237,6 @@ def fits(candidate: Candidate, role: str) -> float:
 
 
 def alike(one: Candidate, other: Candidate) -> bool:
-    """Whether two columns are one motion, measured or wanted: they go together and equally far."""
+    """Whether two columns are one motion, measured or reference: correlated and of similar range."""
     ratio = one.column.span / max(other.column.span, 1e-300)
     return 0.3 < ratio < 3.0 and correlation(thin(one.values), thin(other.values)) > ALIKE

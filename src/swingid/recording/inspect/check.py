@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -20,7 +20,7 @@ Level = Literal["ok", "note", "unknown", "advice", "repair", "fault"]
 class Check:
     """A finding of an inspection: a `code` for scripts, a `title` and a sentence of `evidence` with numbers for people.
 
-    level: "ok" nothing is wrong; "note" worth knowing; "unknown" this log cannot tell; "advice" it serves, and would
+    level: "ok" nothing is wrong; "note" worth knowing; "unknown" not determined here; "advice" it serves, and would
     serve better after `remedy`; "repair" it serves once `remedy` is stated in the rig file; "fault" it does not serve.
     values: the numbers of the sentence, in SI units. own: what swingid repaired on reading.
     """
@@ -35,15 +35,9 @@ class Check:
 
     def to_dict(self) -> dict[str, object]:
         """As plain data for JSON."""
-        return {
-            "code": self.code,
-            "title": self.title,
-            "level": self.level,
-            "evidence": self.evidence,
-            "remedy": self.remedy,
-            "values": dict(self.values),
-            "own_repair": self.own,
-        }
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        own = found.pop("own")
+        return found | {"values": dict(self.values), "own_repair": own}
 
 
 GAP = 1.5
@@ -90,7 +84,7 @@ class Clock:
 
 
 def read_clock(stamps: Array, columns: list[Column]) -> Clock:
-    """The clock of `stamps` (s, one per row, NaN where missing); columns: of the file, to tell copies of rows."""
+    """The clock of `stamps` (s, one per row, NaN where missing); columns: of the file, to find copies of rows."""
     steps = np.diff(stamps)
     steps = steps[np.isfinite(steps)]
     rising = steps[steps > 0]
@@ -125,7 +119,7 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
         remedy = "if the rows are stored newest first, turn their order around, else mend the clock"
         return [Check("backwards", "order of rows", "fault", text, remedy, {"backwards": clock.backwards})]
     if clock.step <= 0:
-        text = f"{name} does not rise, so nothing tells when a row was logged"
+        text = f"{name} does not rise, so the instants of the rows are unknown"
         return [Check("rate", "rate", "fault", f"{text}.", "log the time, or set [log] rate", values)]
     share = clock.jitter / clock.step
     steps = "evenly spaced" if share < EVEN else f"steps scatter by {share:.0%} ({clock.jitter * 1e3:.3g} ms)"

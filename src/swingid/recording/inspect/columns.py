@@ -6,7 +6,7 @@ counts of a turn, most often a power of two, so its steps can show the unit of a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -73,13 +73,13 @@ def is_decimal(step: float) -> bool:
 
 SHOWN = 3
 SAMPLE = 20_000
-"""Rows that tell the usual range of a column."""
+"""Rows from which the usual range of a column is estimated."""
 
 MANY_DIGITS = 1e7
 """Numbers that are shown with all their digits from here on, such as seconds since 1970."""
 
 FAR, FEWEST, MANY = 20.0, 50, 0.005
-"""Usual ranges from the middle beyond which a number that stands alone is a fault; the rows, and the share, for it."""
+"""Usual ranges from the middle beyond which a single number is an outlier; the rows, and the share, for it."""
 
 FLAT = 20
 """Rows in a run at one extreme value from which on the value is a limit and no peak."""
@@ -89,7 +89,7 @@ FLAT = 20
 class Column:
     """One column, in the units of the file.
 
-    values (n,): NaN where a cell is no number, or one that stands alone far outside of all others (`outliers` of them;
+    values (n,): NaN where a cell is no number, or a single outlier far outside of all others (`outliers` of them;
     low and high are without). kind: "whole numbers", "numbers", "text", "empty". step: the grid on
     which the values lie, 0 where there is none. first: of the file, as text. changes: share of rows that differ from
     the row before. at_low, at_high: share of the rows that stand at the lowest and at the highest value in runs.
@@ -121,20 +121,8 @@ class Column:
 
     def to_dict(self) -> dict[str, object]:
         """As plain data for JSON, without the values."""
-        return {
-            "name": self.name,
-            "unit": self.unit,
-            "kind": self.kind,
-            "first": list(self.first),
-            "missing": self.missing,
-            "low": self.low,
-            "high": self.high,
-            "step": self.step,
-            "changes": self.changes,
-            "at_low": self.at_low,
-            "at_high": self.at_high,
-            "outliers": self.outliers,
-        }
+        kept = (field.name for field in fields(self) if field.name != "values")
+        return {name: getattr(self, name) for name in kept} | {"first": list(self.first)}
 
 
 def describe(table: Table) -> list[Column]:

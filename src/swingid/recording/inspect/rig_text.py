@@ -39,9 +39,9 @@ def log_table(roles: Roles) -> str:
         lines.append(_line(f'angle_unit = "{angle.unit}"', "of the body"))
         if not roles.linear:
             up = bool(roles.zero_up)
-            text = "the motion is about half a turn" if up else "as far as the file tells"
+            text = "the motion is about half a turn" if up else "as far as the file shows"
             lines.append(_line(f'angle_zero = "{"up" if up else "down"}"', text))
-        lines.append(_line("angle_sign = 1", "counter-clockwise positive; no file tells"))
+        lines.append(_line("angle_sign = 1", "counter-clockwise positive; not determined by a file"))
     lines += _drive_lines(roles)
     reference = roles.found.get("reference")
     if reference is not None:
@@ -190,7 +190,7 @@ def _resolution(role: Role, column: Column) -> list[str]:
     """The line that states the steps of an encoder, where they are seen."""
     if role.unit == "counts":
         text = f"counts_per_turn = {counts_of(column.span)}"
-        return [f"# {text:<36}# of the encoder: no log tells it, and identify needs it (here a power of two)"]
+        return [f"# {text:<36}# of the encoder: no log determines it, and identify needs it (here a power of two)"]
     if column.step <= 0 or (is_decimal(column.step) and column.kind != "whole numbers"):
         return []
     if role.unit in ("m", "mm"):

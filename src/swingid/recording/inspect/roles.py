@@ -290,7 +290,7 @@ def counted_from_top(angle: Candidate, unit: str) -> bool | None:
 class Roles:
     """All guesses of a file, by role, what its other columns seem to be, and the kind of drive that follows.
 
-    zero_up: whether the angle seems to be counted from the top; None where that cannot be told. linear: a position.
+    zero_up: whether the angle seems to be counted from the top; None where that is not determined. linear: a position.
     """
 
     found: dict[str, Role]
@@ -304,7 +304,7 @@ class Roles:
 
     @property
     def drive(self) -> str:
-        """The kind of drive that the channels speak for."""
+        """The kind of drive that follows from the channels."""
         if "wheel_angle" in self.found or "wheel_speed" in self.found:
             return "reaction-wheel"
         return "direct" if "torque" in self.found else "none"

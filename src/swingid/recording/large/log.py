@@ -30,7 +30,7 @@ PIECE = 250_000
 """Rows that are read at once."""
 
 FIRST = 1000
-"""Rows that tell whether the clock counts from an epoch."""
+"""Rows read to see whether the clock counts from an epoch."""
 
 UNUSED = ("reference", "adaptive_gain")
 """Channels that only pictures show."""

@@ -18,7 +18,7 @@ import numpy as np
 from swingid.errors import InputError, SwingidError
 from swingid.recording.conventions import Scale, gather
 from swingid.recording.findings import Finding, Source
-from swingid.recording.load import judge, unreadable_rows
+from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
 from swingid.recording.repair import limited, made_continuous, on_even_clock, without_spikes
 from swingid.recording.rows import MANY, rows_in_order
@@ -178,7 +178,7 @@ def _joined(pieces: list[Channels]) -> Channels:
 
 
 def _recording(part: _Part, reader: Reader) -> Recording | SwingidError:
-    """A part as a Recording: the rest of the repairs, the model's units, judged; the error where it cannot be one."""
+    """A part as a Recording: the rest of the repairs, the model's units, checked; the error where it cannot be one."""
     channels = _joined(part.kept)
     findings = [*reader.findings, *part.findings]
     try:
@@ -187,7 +187,7 @@ def _recording(part: _Part, reader: Reader) -> Recording | SwingidError:
             spikes = np.zeros(channels["time"].size, dtype=bool)
             channels, more = without_spikes(channels, reader.conventions, spikes, reader.off, part.block)
             model = reader.conventions.to_model(channels)
-            findings += [*clock, *more, *judge(model, reader.rig, reader.name)]
+            findings += [*clock, *more, *check_motion(model, reader.rig, reader.name)]
         source = Source(reader.name, None)
         held = reader.held and part.block == 1
         return Recording(
@@ -250,7 +250,7 @@ def _extremes(values: Array) -> list[int]:
 def averaged(channels: Channels, rows: int, held: tuple[str, ...]) -> tuple[Channels, Channels]:
     """Means over blocks of `rows` (odd) successive rows, and the last rows, which the next blocks begin with.
 
-    channels: with "time" (s), rising; no more is asked of it. held: channels whose values act from their row to the
+    channels: with "time" (s), rising, not necessarily even. held: channels whose values act from their row to the
     next one (a voltage as commanded); their means are over the same time as those of the angles, and so are
     measurements, held no more. Blocks across a gap are left out.
     """

@@ -8,73 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
+from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble.events import redo
-from swingid.simulation.ensemble.lanes import (
-    A12,
-    ALONE1,
-    ALONE2,
-    ALPHA0,
-    ALPHA1,
-    ANGLE_READING,
-    ANGLE_STEP,
-    ANGLE_ZERO,
-    AXIS_KINK,
-    AXIS_STICKS,
-    BACK_EMF,
-    COMMAND,
-    COULOMB,
-    COULOMB_N,
-    COULOMB_P,
-    DEAD_NEGATIVE,
-    DEAD_POSITIVE,
-    DELTA0,
-    DIFFERENTIATE,
-    DIRECT,
-    EDGE_N,
-    EDGE_P,
-    EMF_RATIO,
-    ERROR_DECAY,
-    FILTERED,
-    FLAG,
-    GAIN,
-    GEAR,
-    GRAVITY,
-    K1,
-    K_MAX,
-    K_TILDE,
-    LAMBDA_H,
-    LANES,
-    LIMIT,
-    M11,
-    M12,
-    M22,
-    MOTOR_COULOMB,
-    MOTOR_DRAG,
-    OFFSET,
-    PEAK,
-    PLANT_SIGN,
-    Q1,
-    Q2,
-    QUADRATIC,
-    REFERENCE,
-    RIG_LIMIT,
-    SIGMA0,
-    STATIC_N,
-    STATIC_P,
-    VISCOUS_N,
-    VISCOUS_P,
-    WHEEL_DECAY,
-    WHEEL_KINK,
-    WHEEL_MEMORY,
-    WHEEL_READING,
-    WHEEL_SEEN,
-    WHEEL_STATIC,
-    WHEEL_STEP,
-    WHEEL_ZERO,
-    XI,
-    U,
-    Y,
-)  # fmt: skip  # fmt: skip
+from swingid.simulation.ensemble.lanes import LANES
 from swingid.simulation.ensemble.series import (
     TERMS,
     coefficients,
@@ -91,42 +27,42 @@ from swingid.simulation.ensemble.series import (
 @njit_lane
 def control(lane: Array, i: int, h: float) -> None:
     """Command of run i of a block from its readings, and its controller moved on by a sample of h (s), in place."""
-    e = lane[REFERENCE * LANES + i] - lane[ANGLE_READING * LANES + i]
-    wheel = lane[WHEEL_READING * LANES + i]
-    k = lane[K_TILDE * LANES + i]
-    xi, memory, seen = lane[XI * LANES + i], lane[WHEEL_MEMORY * LANES + i], lane[WHEEL_SEEN * LANES + i]
-    held, fading = lane[FILTERED * LANES + i], lane[ERROR_DECAY * LANES + i]
-    sigma0, k1 = lane[SIGMA0 * LANES + i], lane[K1 * LANES + i]
+    e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
+    wheel = lane[at.WHEEL_READING * LANES + i]
+    k = lane[at.K_TILDE * LANES + i]
+    xi, memory, seen = lane[at.XI * LANES + i], lane[at.WHEEL_MEMORY * LANES + i], lane[at.WHEEL_SEEN * LANES + i]
+    held, fading = lane[at.FILTERED * LANES + i], lane[at.ERROR_DECAY * LANES + i]
+    sigma0, k1 = lane[at.SIGMA0 * LANES + i], lane[at.K1 * LANES + i]
 
     filtered = held if fading > 0.0 else e
-    grown = k + lane[LAMBDA_H * LANES + i]
-    most = lane[K_MAX * LANES + i]
+    grown = k + lane[at.LAMBDA_H * LANES + i]
+    most = lane[at.K_MAX * LANES + i]
     grown = grown if grown < most else most
     grown = grown if grown > k else k
-    k_next = grown if abs(filtered) > lane[DELTA0 * LANES + i] else k
+    k_next = grown if abs(filtered) > lane[at.DELTA0 * LANES + i] else k
     rate = sigma0 * k * k * k1 * (e - xi)
-    gain_term = lane[DIFFERENTIATE * LANES + i] * ((k_next - k) / h) * xi
-    u = lane[ALPHA1 * LANES + i] * (gain_term + k * rate) + lane[ALPHA0 * LANES + i] * k * xi
-    u = lane[PLANT_SIGN * LANES + i] * u
+    gain_term = lane[at.DIFFERENTIATE * LANES + i] * ((k_next - k) / h) * xi
+    u = lane[at.ALPHA1 * LANES + i] * (gain_term + k * rate) + lane[at.ALPHA0 * LANES + i] * k * xi
+    u = lane[at.PLANT_SIGN * LANES + i] * u
 
     memory = memory if seen != 0.0 else wheel
-    change = (wheel - memory) * (1.0 - lane[WHEEL_DECAY * LANES + i])
+    change = (wheel - memory) * (1.0 - lane[at.WHEEL_DECAY * LANES + i])
     speed = change / h
-    dry = lane[COULOMB * LANES + i]
+    dry = lane[at.COULOMB * LANES + i]
     u += dry if speed > 0.0 else (-dry if speed < 0.0 else 0.0)
-    switch = u - lane[EMF_RATIO * LANES + i] * speed
-    positive, negative = lane[DEAD_POSITIVE * LANES + i], lane[DEAD_NEGATIVE * LANES + i]
+    switch = u - lane[at.EMF_RATIO * LANES + i] * speed
+    positive, negative = lane[at.DEAD_POSITIVE * LANES + i], lane[at.DEAD_NEGATIVE * LANES + i]
     u += positive if switch > 0.0 else (negative if switch < 0.0 else 0.0)
 
     turn = sigma0 * h * (k * k + k * k_next + k_next * k_next) * (1 / 3)
-    limit = lane[LIMIT * LANES + i]
+    limit = lane[at.LIMIT * LANES + i]
     u = u if u > -limit else -limit
-    lane[COMMAND * LANES + i] = u if u < limit else limit
-    lane[XI * LANES + i] = e + (xi - e) * decay(k1 * turn)
-    lane[FILTERED * LANES + i] = e + (held - e) * fading
-    lane[K_TILDE * LANES + i] = k_next
-    lane[WHEEL_MEMORY * LANES + i] = memory + change
-    lane[WHEEL_SEEN * LANES + i] = 1.0
+    lane[at.COMMAND * LANES + i] = u if u < limit else limit
+    lane[at.XI * LANES + i] = e + (xi - e) * decay(k1 * turn)
+    lane[at.FILTERED * LANES + i] = e + (held - e) * fading
+    lane[at.K_TILDE * LANES + i] = k_next
+    lane[at.WHEEL_MEMORY * LANES + i] = memory + change
+    lane[at.WHEEL_SEEN * LANES + i] = 1.0
 
 
 ERROR, PEAKED_ERROR = 1e-14, 1e-14
@@ -172,41 +108,41 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     peak; `resting`: some axis or wheel rests. Both are plain numbers where this is called, so that what is not needed
     is not compiled.
     """
-    q1, u, q2, y = lane[Q1 * LANES + i], lane[U * LANES + i], lane[Q2 * LANES + i], lane[Y * LANES + i]
-    command, gear = lane[COMMAND * LANES + i], lane[GEAR * LANES + i]
-    kink1, kink2 = lane[AXIS_KINK * LANES + i], lane[WHEEL_KINK * LANES + i]
-    gravity = lane[GRAVITY * LANES + i]
+    q1, u, q2, y = lane[at.Q1 * LANES + i], lane[at.U * LANES + i], lane[at.Q2 * LANES + i], lane[at.Y * LANES + i]
+    command, gear = lane[at.COMMAND * LANES + i], lane[at.GEAR * LANES + i]
+    kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
+    gravity = lane[at.GRAVITY * LANES + i]
     side1, side2 = (1.0 if u >= 0.0 else -1.0), (1.0 if y >= 0.0 else -1.0)
     sine, cosine = sine_cosine(q1)
 
-    volts, emf = lane[GAIN * LANES + i] * command, lane[BACK_EMF * LANES + i]
-    edge_p, edge_n = lane[EDGE_P * LANES + i], lane[EDGE_N * LANES + i]
+    volts, emf = lane[at.GAIN * LANES + i] * command, lane[at.BACK_EMF * LANES + i]
+    edge_p, edge_n = lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
     torque = volts - emf * y
     above, below = torque > edge_p, torque < edge_n
     live = above | below
     drive = gear * (volts - (edge_p if above else edge_n))
     drive = drive if live else 0.0
-    drag = lane[MOTOR_DRAG * LANES + i] + (gear * emf if live else 0.0)
-    dry2 = side2 * lane[MOTOR_COULOMB * LANES + i]
+    drag = lane[at.MOTOR_DRAG * LANES + i] + (gear * emf if live else 0.0)
+    dry2 = side2 * lane[at.MOTOR_COULOMB * LANES + i]
 
-    viscous_p, viscous_n = lane[VISCOUS_P * LANES + i], lane[VISCOUS_N * LANES + i]
-    coulomb_p, coulomb_n = lane[COULOMB_P * LANES + i], lane[COULOMB_N * LANES + i]
-    static_p, static_n = lane[STATIC_P * LANES + i], lane[STATIC_N * LANES + i]
+    viscous_p, viscous_n = lane[at.VISCOUS_P * LANES + i], lane[at.VISCOUS_N * LANES + i]
+    coulomb_p, coulomb_n = lane[at.COULOMB_P * LANES + i], lane[at.COULOMB_N * LANES + i]
+    static_p, static_n = lane[at.STATIC_P * LANES + i], lane[at.STATIC_N * LANES + i]
     positive = u >= 0.0
     viscous = viscous_p if positive else viscous_n
     dry1 = coulomb_p if positive else -coulomb_n
-    outer = lane[DIRECT * LANES + i] * command - lane[OFFSET * LANES + i]
+    outer = lane[at.DIRECT * LANES + i] * command - lane[at.OFFSET * LANES + i]
 
-    m11, m12, m22 = lane[M11 * LANES + i], lane[M12 * LANES + i], lane[M22 * LANES + i]
+    m11, m12, m22 = lane[at.M11 * LANES + i], lane[at.M12 * LANES + i], lane[at.M22 * LANES + i]
     spike, height = 0.0, 0.0
     if peaked:
-        spike = lane[PEAK * LANES + i]
+        spike = lane[at.PEAK * LANES + i]
         height = (static_p if positive else -static_n) - dry1
         height = height if spike > 0.0 else 0.0
     rest1, rest2 = False, False
     if resting:
-        rest1, rest2 = (u == 0.0) & (lane[AXIS_STICKS * LANES + i] != 0.0), (y == 0.0) & (kink2 != 0.0)
-        alone1, alone2 = lane[ALONE1 * LANES + i], lane[ALONE2 * LANES + i]
+        rest1, rest2 = (u == 0.0) & (lane[at.AXIS_STICKS * LANES + i] != 0.0), (y == 0.0) & (kink2 != 0.0)
+        alone1, alone2 = lane[at.ALONE1 * LANES + i], lane[at.ALONE2 * LANES + i]
         both = not (rest1 | rest2)
         m12 = m12 if both else 0.0
         m11 = m11 if both else (0.0 if rest1 else alone1)
@@ -215,7 +151,7 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
         height = 0.0 if rest1 else height
         dry2 = 0.0 if rest2 else dry2
 
-    axis = (gravity, viscous, side1 * lane[QUADRATIC * LANES + i], outer - dry1, height, spike)
+    axis = (gravity, viscous, side1 * lane[at.QUADRATIC * LANES + i], outer - dry1, height, spike)
     cu, cy = coefficients(sine, cosine, u, y, axis, (drive - dry2, drag), (m11, m12, m22), peaked)
     u_end, y_end = moved(u, cu, 1.0), moved(y, cy, 1.0)
 
@@ -232,21 +168,21 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     if peaked:  # the fifth may be small by chance
         flagged |= (abs(cu[3]) > FOURTH) & (abs(cu[3]) ** 3 > PEAKED_ERROR * cu[2] * cu[2])
     if resting:
-        a12, released = lane[A12 * LANES + i], lane[WHEEL_STATIC * LANES + i]
+        a12, released = lane[at.A12 * LANES + i], lane[at.WHEEL_STATIC * LANES + i]
         hold = outer - gravity * sine
         start, end = hold - a12 * cy[0], hold - a12 * slope(cy, 1.0)
         flagged |= rest1 & ((start > static_p) | (start < -static_n) | (end > static_p) | (end < -static_n))
         start, end = drive - a12 * cu[0], drive - a12 * slope(cu, 1.0)
         flagged |= rest2 & ((abs(start) > released) | (abs(end) > released))
 
-    lane[Q1 * LANES + i] = q1 if flagged else q1 + turned(u, cu, 1.0)
-    lane[U * LANES + i] = u if flagged else u_end
-    lane[Q2 * LANES + i] = q2 if flagged else q2 + turned(y, cy, 1.0)
-    lane[Y * LANES + i] = y if flagged else y_end
+    lane[at.Q1 * LANES + i] = q1 if flagged else q1 + turned(u, cu, 1.0)
+    lane[at.U * LANES + i] = u if flagged else u_end
+    lane[at.Q2 * LANES + i] = q2 if flagged else q2 + turned(y, cy, 1.0)
+    lane[at.Y * LANES + i] = y if flagged else y_end
     parts = 1.0
     if peaked:  # each passes through a part of the peak, if the step goes through it
         parts = max(1.0, PARTS * np.sqrt(spike) * abs(cu[0])) if abs(u) < abs(cu[0]) * NEAR else 1.0
-    lane[FLAG * LANES + i] = parts if flagged else 0.0
+    lane[at.FLAG * LANES + i] = parts if flagged else 0.0
     return 1 if flagged else 0
 
 
@@ -264,8 +200,8 @@ def any_rests(lane: Array) -> int:
     """How many runs of a block have an axis or a wheel at rest, where it can stick."""
     count = 0
     for i in range(LANES):
-        rests = (lane[U * LANES + i] == 0.0) & (lane[AXIS_STICKS * LANES + i] != 0.0)
-        rests |= (lane[Y * LANES + i] == 0.0) & (lane[WHEEL_KINK * LANES + i] != 0.0)
+        rests = (lane[at.U * LANES + i] == 0.0) & (lane[at.AXIS_STICKS * LANES + i] != 0.0)
+        rests |= (lane[at.Y * LANES + i] == 0.0) & (lane[at.WHEEL_KINK * LANES + i] != 0.0)
         count += 1 if rests else 0
     return count
 
@@ -297,32 +233,30 @@ def run_block(
     series, redone, resting = np.zeros((6, TERMS + 1)), 0, any_rests(lane)
     for k in range(rows):
         for i in range(LANES):
-            lane[REFERENCE * LANES + i] = inputs[k, which[i]]
+            lane[at.REFERENCE * LANES + i] = inputs[k, which[i]]
         row = k if noisy else 0
         if bent:
             for i in range(LANES):
-                read_bent(lane, i, Q1, ANGLE_STEP, ANGLE_READING, noise[0, row, i])
-                read_bent(lane, i, Q2, WHEEL_STEP, WHEEL_READING, noise[1, row, i])
+                read_bent(lane, i, at.Q1, at.ANGLE_STEP, at.ANGLE_READING, noise[0, row, i])
+                read_bent(lane, i, at.Q2, at.WHEEL_STEP, at.WHEEL_READING, noise[1, row, i])
         for i in range(0 if bent else LANES):
-            lane[ANGLE_READING * LANES + i] = reading(
-                lane[Q1 * LANES + i], lane[ANGLE_ZERO * LANES + i], noise[0, row, i], lane[ANGLE_STEP * LANES + i]
-            )
-            lane[WHEEL_READING * LANES + i] = reading(
-                lane[Q2 * LANES + i], lane[WHEEL_ZERO * LANES + i], noise[1, row, i], lane[WHEEL_STEP * LANES + i]
-            )
+            zero, step = lane[at.ANGLE_ZERO * LANES + i], lane[at.ANGLE_STEP * LANES + i]
+            lane[at.ANGLE_READING * LANES + i] = reading(lane[at.Q1 * LANES + i], zero, noise[0, row, i], step)
+            zero, step = lane[at.WHEEL_ZERO * LANES + i], lane[at.WHEEL_STEP * LANES + i]
+            lane[at.WHEEL_READING * LANES + i] = reading(lane[at.Q2 * LANES + i], zero, noise[1, row, i], step)
         if closed:
             for i in range(LANES):
                 control(lane, i, sample)
         else:
             for i in range(LANES):
-                lane[COMMAND * LANES + i] = lane[REFERENCE * LANES + i]
+                lane[at.COMMAND * LANES + i] = lane[at.REFERENCE * LANES + i]
         for i in range(LANES):
-            limit = lane[RIG_LIMIT * LANES + i]
-            command = lane[COMMAND * LANES + i]
+            limit = lane[at.RIG_LIMIT * LANES + i]
+            command = lane[at.COMMAND * LANES + i]
             command = command if command > -limit else -limit
-            lane[COMMAND * LANES + i] = command if command < limit else limit
+            lane[at.COMMAND * LANES + i] = command if command < limit else limit
         for channel in range(channels):
-            first = (ANGLE_READING + channel) * LANES if channel < 3 else K_TILDE * LANES
+            first = (at.ANGLE_READING + channel) * LANES if channel < 3 else at.K_TILDE * LANES
             for i in range(log.shape[1]):
                 log[channel, i, k] = lane[first + i]
         if k == rows - 1:

@@ -121,7 +121,7 @@ def run_packed(block: Block, log: Array) -> Array:
 
 
 def _controllers(runs: list[Run], sample: float) -> tuple[Array, Array]:
-    """Gains (runs, 18) and first states (runs, 5) of the compensators; equal ones are asked once."""
+    """Gains (runs, 18) and first states (runs, 5) of the compensators; equal ones are computed once."""
     gains: dict[int, Array] = {}
     states: dict[int, Array] = {}
     for run in runs:
@@ -213,9 +213,9 @@ def simulate_ensemble(
     command) or "all" (what `recording` needs). threads: as many as there are cores by default; the result does not
     depend on it. Other arguments as `simulate`.
 
-    The lanes know viscous, Coulomb, Stribeck, quadratic, offset and one-sided friction, the compensator of relative
-    degree 2 or an open loop, and sensors with resolution, noise and dropouts; all else is done run by run, as is said
-    by `Ensemble.alone`. Memory: channels x n x rows x 8 bytes; see `ensemble_chunks`.
+    The lanes compute viscous, Coulomb, Stribeck, quadratic, offset and one-sided friction, the compensator of relative
+    degree 2 or an open loop, and sensors with resolution, noise and dropouts; all else is done run by run, see
+    `Ensemble.alone`. Memory: channels x n x rows x 8 bytes; see `ensemble_chunks`.
 
     Raises as `simulate`, and UsageError where the lengths of the sequences differ.
     """

@@ -9,36 +9,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from swingid.model import parameters as at
 from swingid.model.integrator import NOW, V1, V2, Mode, Z
 from swingid.model.integrator import Q1 as ANGLE
 from swingid.model.integrator import Q2 as WHEEL_ANGLE
 from swingid.model.motion import LONGEST, advance
 from swingid.model.motor import motor_branch
-from swingid.model.parameters import (
-    A11,
-    A12,
-    A22,
-    C1,
-    C2,
-    COULOMB_N,
-    COULOMB_P,
-    D1,
-    D2,
-    DIRECT,
-    ETA,
-    F2,
-    F3,
-    GEAR,
-    OFFSET,
-    QUADRATIC,
-    STATIC_N,
-    STATIC_P,
-    STRIBECK_SPEED,
-    VISCOUS_N,
-    VISCOUS_P,
-    WHEEL_STATIC,
-    B,
-)  # fmt: skip
 from swingid.model.sticking import mode_at_rest, side
 from swingid.numerics.arrays import Array, Ints
 from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
@@ -76,27 +52,27 @@ SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK = range(6)
 def mode_constants(mode: Mode, h: float, u: float, p: Array) -> tuple[Axis, tuple[float, float], Mobility]:
     """What `coefficients` takes for a step of h (s) in a mode under the command u (V; N m), from p (SIZE,)."""
     s1, s2, branch = mode
-    viscous, coulomb, static = p[VISCOUS_N], p[COULOMB_N], p[STATIC_N]
+    viscous, coulomb, static = p[at.VISCOUS_N], p[at.COULOMB_N], p[at.STATIC_N]
     if s1 > 0:
-        viscous, coulomb, static = p[VISCOUS_P], p[COULOMB_P], p[STATIC_P]
+        viscous, coulomb, static = p[at.VISCOUS_P], p[at.COULOMB_P], p[at.STATIC_P]
     height, peak = 0.0, 0.0
-    if p[STRIBECK_SPEED] > 0.0:
-        height, peak = s1 * (static - coulomb), 1.0 / (p[STRIBECK_SPEED] * h) ** 2
-    load = p[DIRECT] * u - p[OFFSET] - s1 * coulomb
-    drive, drag = 0.0, p[GEAR] * p[GEAR] * p[F2] / h
+    if p[at.STRIBECK_SPEED] > 0.0:
+        height, peak = s1 * (static - coulomb), 1.0 / (p[at.STRIBECK_SPEED] * h) ** 2
+    load = p[at.DIRECT] * u - p[at.OFFSET] - s1 * coulomb
+    drive, drag = 0.0, p[at.GEAR] * p[at.GEAR] * p[at.F2] / h
     if branch != 0:
-        drive = p[GEAR] * (p[ETA] * p[C1] * u - (p[D1] if branch > 0 else p[D2]))
-        drag += p[GEAR] * p[ETA] * p[C2] / h
+        drive = p[at.GEAR] * (p[at.ETA] * p[at.C1] * u - (p[at.D1] if branch > 0 else p[at.D2]))
+        drag += p[at.GEAR] * p[at.ETA] * p[at.C2] / h
     m11, m12, m22 = 0.0, 0.0, 0.0
     if s1 != 0 and s2 != 0:
-        scale = h * h / (p[A11] * p[A22] - p[A12] * p[A12])
-        m11, m12, m22 = scale * p[A22], scale * p[A12], scale * p[A11]
+        scale = h * h / (p[at.A11] * p[at.A22] - p[at.A12] * p[at.A12])
+        m11, m12, m22 = scale * p[at.A22], scale * p[at.A12], scale * p[at.A11]
     elif s1 != 0:
-        m11 = h * h / p[A11]
+        m11 = h * h / p[at.A11]
     elif s2 != 0:
-        m22 = h * h / p[A22]
-    axis = (p[B], viscous / h, s1 * p[QUADRATIC] / (h * h), load, height, peak)
-    return axis, (drive - s2 * p[GEAR] * p[F3], drag), (m11, m12, m22)
+        m22 = h * h / p[at.A22]
+    axis = (p[at.B], viscous / h, s1 * p[at.QUADRATIC] / (h * h), load, height, peak)
+    return axis, (drive - s2 * p[at.GEAR] * p[at.F3], drag), (m11, m12, m22)
 
 
 @njit_lane
@@ -174,10 +150,10 @@ def first_change(
 @njit_lane
 def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, float]:
     """Speeds Y of the wheel (rad per step of h) at which the torque is at the edges of the motor's branch."""
-    if p[C2] == 0.0 or (p[D1] == 0.0 and p[D2] == 0.0):
+    if p[at.C2] == 0.0 or (p[at.D1] == 0.0 and p[at.D2] == 0.0):
         return np.inf, np.inf
-    upper = (p[C1] * u - p[D1] / p[ETA]) / p[C2] * h
-    lower = (p[C1] * u - p[D2] / p[ETA]) / p[C2] * h
+    upper = (p[at.C1] * u - p[at.D1] / p[at.ETA]) / p[at.C2] * h
+    lower = (p[at.C1] * u - p[at.D2] / p[at.ETA]) / p[at.C2] * h
     if branch > 0:
         return upper, np.inf
     if branch < 0:
@@ -189,15 +165,15 @@ def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, floa
 def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -> bool:
     """Whether what rests in a mode may be released within a step, by what friction must hold at its ends."""
     s1, s2, _ = mode
-    a12 = p[A12] / (h * h)
+    a12 = p[at.A12] / (h * h)
     if s1 == 0:
         for k in range(2):
-            dry = p[DIRECT] * u - p[B] * a[SIN, 0] - p[OFFSET] - a12 * grade(a[WHEEL_SPEED], float(k))
-            if dry > p[STATIC_P] or dry < -p[STATIC_N]:
+            dry = p[at.DIRECT] * u - p[at.B] * a[SIN, 0] - p[at.OFFSET] - a12 * grade(a[WHEEL_SPEED], float(k))
+            if dry > p[at.STATIC_P] or dry < -p[at.STATIC_N]:
                 return True
     if s2 == 0:
         for k in range(2):
-            if abs(drive - a12 * grade(a[SPEED], float(k))) > p[WHEEL_STATIC]:
+            if abs(drive - a12 * grade(a[SPEED], float(k))) > p[at.WHEEL_STATIC]:
                 return True
     return False
 

@@ -113,7 +113,7 @@ class Table:
     def numbers(self, name: str) -> tuple[Array, str | None]:
         """Column `name` as float64, NaN where a cell is no number; and the first text among the numbers.
 
-        Times of day and dates are in s, see `stamps`.
+        Times of day and dates are in s, see `cells.seconds_of`.
         """
         column = self.columns[name]
         if column.dtype != object:

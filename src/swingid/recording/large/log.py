@@ -126,7 +126,7 @@ class LargeLog:
     def parts(self) -> Iterator[tuple[int, Recording | SwingidError]]:
         """The parts of the log in their order, or why one cannot be used; with the rows of the file read so far.
 
-        Rows are averaged as far as the motion allows, see `averages`; each recording says how many (`averaged`). Raises
+        Rows are averaged as far as the motion allows, see `parts`; each recording says how many (`averaged`). Raises
         InputError where the file cannot be read.
         """
         header = self._open.header()
@@ -171,7 +171,7 @@ class LargeLog:
         return log if conventions.scales["time"].offset else log.segment(*self.span)  # else from the part's first row
 
     def _from_first_row(self, header: Table, conventions: Conventions) -> tuple[Conventions, list[Finding]]:
-        """See `epoch.from_first_row`, of the first rows of the file."""
+        """See `conventions.from_first_row`, of the first rows of the file."""
         stamps = header.find(conventions.columns["time"]) if conventions.rate is None else None
         first = None if stamps is None else next(self._open.pieces(FIRST, [stamps]), None)
         return (conventions, []) if first is None else from_first_row(first, conventions)

@@ -306,7 +306,7 @@ def test_a_log_of_a_row_or_two_says_so(clean, look, rows) -> None:
     for rig in (GIVEN, None):
         found = look({name: values[:rows] for name, values in clean.items()}, rig)
         word = "1 row of numbers" if rows == 1 else f"{rows} rows of numbers"
-        assert found.verdict.line == f"not usable: the log has {word}, too few to tell a motion; log some swings."
+        assert found.verdict.line == f"not usable: the log has {word}, too few for a motion; log some swings."
 
 
 def test_time_that_runs_backwards_is_called_so_once(clean, look) -> None:

@@ -116,12 +116,12 @@ def test_the_answer_comes_first_with_interval_and_status(pages: dict[str, str]) 
     assert "J₁ = (3.0228 ± 0.0064) × 10⁻³ kg m²" in head
     assert "95 % interval [3.0103, 3.0353] × 10⁻³ kg m²" in head
     assert "0.21 % of the value" in head
-    assert "ok: no known doubts" in head
+    assert "ok: no warnings" in head
 
 
 def test_doubts_come_before_everything_but_the_answer(pages: dict[str, str]) -> None:
     text = Page(pages["doubtful"]).text
-    assert "warning: doubt this number" in text
+    assert "warning: with warnings" in text
     assert text.index("near resonance") < text.index("Parameters")
     assert "its uncertainty is unknown" in text[: text.index("near resonance")]
 

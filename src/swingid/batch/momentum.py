@@ -1,9 +1,9 @@
 """The momentum method for many logs at once: one length of windows for all, chosen once as for a single log.
 
 The rows, the basis of friction, the fit and its uncertainty are those of the "law" windows of `momentum`. What a single
-log gets beside it is left out: the search for a length per log, other windows as judges, effects of declared
-imperfections, checks. So `u` is the scatter of the rows and the sensors alone. For campaigns; a log that matters goes
-to `identify`.
+log gets beside it is left out: the search for a length per log, the consistency check on other windows, effects of
+declared imperfections, checks. So `u` is the scatter of the rows and the sensors alone. For campaigns; a log that
+matters goes to `identify`.
 """
 
 from __future__ import annotations

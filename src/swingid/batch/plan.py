@@ -43,7 +43,7 @@ class Plan:
 class Batch:
     """Estimates of n logs: inertia J1 (n,) (kg m^2) with its standard uncertainty of type A `u` (n,).
 
-    Terms of friction are fitted with it to free it of them, and are not told: on a periodic motion they are nearly
+    Terms of friction are fitted with it to free it of them, and are not given: on a periodic motion they are nearly
     one another's sums, and what an encoder's zero, its steps and a smoothed speed do to each is not in their scatter.
     Who wants friction takes `identify`.
     """

@@ -1,4 +1,4 @@
-"""Do several logs agree? Each is held against what the others say, with the covariance of the difference."""
+"""Do several logs agree? Each is compared with the others, with the covariance of the difference."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ FALSE_ALARMS = 0.01
 
 @dataclass(frozen=True)
 class Deviation:
-    """Log number `log` less what the others say: value, standard uncertainty; `beyond`: more than chance explains."""
+    """Log number `log` less the pooled value of the others, its standard uncertainty; `beyond`: it is significant."""
 
     log: int
     value: float
@@ -32,7 +32,7 @@ class Deviation:
 def deviations(estimates: Sequence[Estimate]) -> list[Deviation]:
     """Each log against the pooled value of the others (leave one out), common sources cancelled.
 
-    The scatter between logs is left out of the uncertainties: it is what is asked for here.
+    The scatter between logs is left out of the uncertainties: it is what is tested here.
     """
     if len(estimates) < 2:
         return []
@@ -49,15 +49,15 @@ def deviations(estimates: Sequence[Estimate]) -> list[Deviation]:
 
 
 def outliers(estimates: Sequence[Estimate]) -> list[Deviation]:
-    """The logs that disagree with the rest, the worst first: it is taken out and the others are judged again.
+    """The logs that disagree with the rest, the worst first: it is taken out and the others are tested again.
 
-    Of two logs that disagree both are returned, for nothing tells which is right. So are all where no majority agrees.
+    Of two logs that disagree both are returned, for nothing shows which is right. So are all where no majority agrees.
     """
     left = list(range(len(estimates)))
     named: list[Deviation] = []
     while len(left) > 1:
-        judged = deviations([estimates[k] for k in left])
-        worst = max(judged, key=lambda d: abs(d.normalised))
+        tested = deviations([estimates[k] for k in left])
+        worst = max(tested, key=lambda d: abs(d.normalised))
         if not worst.beyond:
             break
         if len(left) == 2 or len(named) + 1 >= math.ceil(len(estimates) / 2):

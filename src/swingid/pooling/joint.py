@@ -78,7 +78,8 @@ def pool_pair(pairs: Pairs) -> dict[str, Pooled]:
     """Pooled inertia and gravity torque.
 
     Where the logs scatter more than their covariances explain, all type A covariances are scaled by the Birge ratio
-    (Birge 1932, Phys. Rev. 40, 207): along the direction that a log hardly sees no additive scatter can be told.
+    (Birge 1932, Phys. Rev. 40, 207): along the direction that a log hardly determines, additive scatter
+    is not identifiable.
     """
     count = len(pairs.values)
     gains = pairs.gains(range(count))

@@ -36,7 +36,7 @@ AVERAGE_OUT = ("momentum",)
 of one part's scatter, so there its scatter counts as shared."""
 
 OFTEN = 0.1
-"""Share of the parts from which on what they doubt is a doubt of the whole; below it is told in a note."""
+"""Share of the parts from which on their warning is a warning of the whole; below it becomes a note."""
 
 JUDGED = 48
 """Groups of successive parts, at most, of which each is held against the others."""
@@ -144,8 +144,9 @@ class Part:
 def combine_parts(parts: Sequence[Part]) -> Result:
     """The common answer of the parts of one log, by one method; inertia, gravity torque and friction are pooled.
 
-    Friction is that of the parts that chose the commonest law. What few parts doubt is a note. Raises the error of the
-    first part where none has a number, UnanswerableError where all together do not tell inertia from gravity torque.
+    Friction is that of the parts that chose the commonest law. A warning of few parts is a note. Raises the error of
+    the first part where none has a number, UnanswerableError where all together do not distinguish inertia from gravity
+    torque.
     """
     found = [(part, part.result) for part in parts if isinstance(part.result, Result)]
     certain = [(part, result) for part, result in found if result.inertia.standard_uncertainty is not None]
@@ -253,7 +254,8 @@ def _apart(kept: Sequence[tuple[Part, Result]], *, joint: bool) -> list[Message]
         found = outlying_pair(Pairs.of([r for _, r in kept], estimates_of([r for _, r in kept], "per-log")))
         if found is None:
             return []
-        text = f"the part from {kept[found[0]][0].name} stands apart in inertia and gravity torque together; {advice}."
+        name = kept[found[0]][0].name
+        text = f"the part from {name} is inconsistent with the others in inertia and gravity torque; {advice}."
         return [Message("parts-disagree", text)]
     size = -(-len(kept) // JUDGED)
     groups = [kept[k : k + size] for k in range(0, len(kept), size)]
@@ -264,13 +266,15 @@ def _apart(kept: Sequence[tuple[Part, Result]], *, joint: bool) -> list[Message]
     named = outliers(estimates)
     if not named:
         return []
-    told = ", ".join(
+    listed = ", ".join(
         f"{groups[d.log][0][0].start:.6g} s to {groups[d.log][-1][0].stop:.6g} s "
         f"({percent(d.value / (estimates[d.log].value - d.value), sign=True)})"
         for d in named[:5]
     )
     more = f" and {len(named) - 5} more" if len(named) > 5 else ""
-    return [Message("parts-disagree", f"the inertia stands apart in the part from {told}{more}; {advice}.")]
+    return [
+        Message("parts-disagree", f"the inertia is inconsistent with the other parts from {listed}{more}; {advice}.")
+    ]
 
 
 def _mean(estimates: Sequence[Estimate]) -> Estimate:

@@ -30,7 +30,7 @@ TORQUE, WHEEL, GAIN = "drive.motor.torque_per_volt", "drive.wheel.inertia", "log
 EFFICIENCY, ROTOR, GEAR = "drive.motor.efficiency", "drive.motor.rotor_inertia", "drive.motor.gear_ratio"
 
 WEAK = 1e-3
-"""A body whose difference leans on the scale by less than this share of itself calibrates nothing."""
+"""A body whose difference depends on the scale by less than this share of itself calibrates nothing."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ SINGLE = ("not-identifiable", "gravity-and-inertia")
 """Warnings of a single log that several logs may settle."""
 
 HOPELESS, HARDLY = 0.3, 0.02
-"""Relative uncertainty (type A) above which inertia and gravity torque are not told apart; above which hardly."""
+"""Relative uncertainty (type A) above which inertia and gravity torque are not distinguishable; above which hardly."""
 
 
 def identify_several(
@@ -75,7 +75,7 @@ def identify_several(
 def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = "per-log") -> Result:
     """The common answer of results of one method and rig, of which at least one holds a number.
 
-    Raises UnanswerableError where even together they do not tell inertia from gravity torque.
+    Raises UnanswerableError where even together they do not distinguish inertia from gravity torque.
     """
     kept = [k for k, result in enumerate(results) if result.parameters]
     certain = [k for k in kept if results[k].inertia.standard_uncertainty is not None]
@@ -116,8 +116,8 @@ def _pooled(
     warnings = []
     if pairs is not None:
         warnings += [*conditioning(parameters["inertia"], budget), *pair_disagreement(pairs, names)]
-    judged = {name: estimates[name] for name in pooled if pairs is None or name not in PAIR}
-    warnings += disagreements(judged, names, parameters)
+    checked = {name: estimates[name] for name in pooled if pairs is None or name not in PAIR}
+    warnings += disagreements(checked, names, parameters)
     notes = [pooling_note(pooled["inertia"], names, joint=pairs is not None)]
     if friction == "per-log":
         notes.append(friction_note(results, estimates_of(results, "shared"), names))
@@ -163,7 +163,7 @@ def _by_name(
 
 
 def _short(names: Sequence[str]) -> list[str]:
-    """Names for people: of files without their folders, where that tells them apart."""
+    """Names for people: of files without their folders, where these differ."""
     bare = [PurePath(name).name for name in names]
     return bare if len(set(bare)) == len(bare) else list(names)
 
@@ -233,7 +233,7 @@ def uncertain(names: Iterable[str]) -> list[Message]:
 
 
 def undetermined(result: Result) -> None:
-    """Raise UnanswerableError where the only log that counts does not tell inertia from gravity torque."""
+    """Raise UnanswerableError where the only log that counts does not distinguish inertia from gravity torque."""
     for message in result.warnings:
         if message.code == SINGLE[0]:
             raise UnanswerableError(message.message, code=message.code)
@@ -250,19 +250,19 @@ def of_logs(results: Sequence[Result], names: Sequence[str], *, settled: bool) -
 
 
 def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Message]:
-    """Whether the logs together tell inertia from gravity torque."""
+    """Whether the logs together distinguish inertia from gravity torque."""
     own = sum(e.standard_uncertainty**2 for e in budget if e.parameter == "inertia" and e.type == "A") ** 0.5
     relative = own / max(abs(inertia.value), 1e-300)
     if inertia.value <= 0 or relative > HOPELESS:
         raise UnanswerableError(
-            "inertia and gravity torque move together in all these logs; add one of another frequency, "
+            "inertia and gravity torque are collinear in all these logs; add one of another frequency, "
             "or give axis.gravity_torque.",
             code="not-identifiable",
         )
     if relative <= HARDLY:
         return []
     text = (
-        "inertia and gravity torque can hardly be told apart in these logs; add one of another frequency "
+        "inertia and gravity torque are hardly distinguishable in these logs; add one of another frequency "
         "or give axis.gravity_torque."
     )
     return [Message(SINGLE[1], text)]
@@ -307,13 +307,13 @@ def _verdict(parameter: str, estimates: list[Estimate], names: Sequence[str], un
     if len(named) == len(estimates):
         spread = percent(_spread(estimates) / abs(sum(e.value for e in estimates) / len(estimates)))
         return f"the logs disagree in {parameter} by up to {spread} and no majority of them agrees; {advice}."
-    told = ", ".join(
+    listed = ", ".join(
         f"{names[d.log]} ({percent(d.value / (estimates[d.log].value - d.value), sign=True)}, "
         f"En = {abs(d.normalised):.2g})"
         for d in named
     )
     verb, those = ("disagrees", "it") if len(named) == 1 else ("disagree", "them")
-    return f"{told} {verb} with the other logs in {parameter}; {advice}, or leave {those} out."
+    return f"{listed} {verb} with the other logs in {parameter}; {advice}, or leave {those} out."
 
 
 def _spread(estimates: Sequence[Estimate]) -> float:

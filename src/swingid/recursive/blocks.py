@@ -1,4 +1,4 @@
-"""What one swing tells: rows of the balance around one turning point, from a piece of the log.
+"""The information of one swing: rows of the balance around one turning point, from a piece of the log.
 
 Both methods give the same kind of rows, linear in inertia and friction, so one recursion serves them. momentum: windows
 of half a swing every quarter of a window, from the middle of the swing before to that after. energy: nodes mirrored

@@ -30,7 +30,7 @@ MEMORY = "memory"
 """The unknown that is sought only where it is seen: an impulse of friction at each reversal."""
 
 SPARE = 3
-"""Swings beyond the number of unknowns from which their scatter tells an uncertainty."""
+"""Swings beyond the number of unknowns from which their scatter gives an uncertainty."""
 
 
 SCATTER = "scatter of the swings and sensor noise"

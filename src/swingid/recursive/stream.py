@@ -28,7 +28,7 @@ FIRST = 4
 """Swings before the first estimate."""
 
 WARM = 200
-"""Rows at the start of a stream that tell its noise."""
+"""Rows at the start of a stream from which its noise is estimated."""
 
 NOISES = 10.0
 """Standard deviations of noise, and steps of the encoder, that a swing must exceed."""
@@ -43,7 +43,7 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
     anything in its place is not looked at. Rows with NaN and rows out of order are left out and counted. method:
     "momentum" or "energy". Keeps two swings of rows and sums of fixed size at any length.
 
-    Unlike `identify` it takes every swing, also those before the controller has settled, and judges nothing but the
+    Unlike `identify` it takes every swing, also those before the controller has settled, and checks nothing but the
     scatter of the swings and what rig.toml declares: for the record, identify the log.
 
     Raises UsageError for another method, InputError for a stream that is none or whose wheel turns the wrong way,

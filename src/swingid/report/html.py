@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from swingid.recording.recording import Recording
 
 STATUS = {
-    "ok": "no known doubts",
-    "warning": "doubt this number",
-    "refused": "no number",
+    "ok": "no warnings",
+    "warning": "with warnings",
+    "refused": "no estimate",
 }
 
 MOST_NAMES = 3

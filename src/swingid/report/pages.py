@@ -28,10 +28,10 @@ MAPS = (
 
 BOXES = (
     "Boxes hold the middle half of the runs, whiskers 95 % of them. Left: how large errors are. Right: in the standard "
-    "uncertainty that the method claimed for that run; 95 % should lie in the green band."
+    "uncertainty that the method stated for that run; 95 % should lie in the green band."
 )
 
-COVERAGE = "The green line is what is claimed."
+COVERAGE = "The green line is the stated coverage probability."
 
 TORNADO = (
     "Bars reach from the lowest to the highest mean error over the levels of a factor; the thin line is the largest "
@@ -43,7 +43,7 @@ LEVELS = "Root mean square of the relative error, with its standard error."
 LEVEL_WORDS = {
     "ok": "ok",
     "note": "note",
-    "unknown": "not told",
+    "unknown": "not identifiable",
     "advice": "advice",
     "repair": "mend",
     "fault": "fault",

@@ -68,7 +68,7 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 
 GREEN, RED, BROWN = "#009E73", "#C8102E", "#8C510A"
-"""The colours that section 5 names, in tones that colour-blind readers tell apart."""
+"""The colours that section 5 names, in tones that colour-blind readers distinguish."""
 
 ABOUT_TIMES = (8.9, 10.0)
 
@@ -264,7 +264,7 @@ def draw_fig7(log: Recording) -> Figure:
             ha="right" if before else "left",
             va="top",
         )
-    # the caption's numbers on the lines too, for those who cannot tell the colours
+    # the caption's numbers on the lines too, for those who cannot distinguish the colours
     for axes, words, instant, values in (
         (whole, "(2)", 3.0, 0.005 * log.adaptive_gain),
         (close, "(1)", 9.15, MAGNIFIED * error),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 FEWEST_SWINGS = 4
 
 LONGEST = 160
-"""Characters of a provenance or metadata value beyond which only its size is told."""
+"""Characters of a provenance or metadata value beyond which only its size is given."""
 
 
 @dataclass(frozen=True)
@@ -57,10 +57,10 @@ def swings_off(result: Result) -> str:
     if not abs(middle - answer) > (high - low) / 2 + 3 * scatter / math.sqrt(len(swings.values)):
         return ""
     window = result.details.window if result.details else None
-    short = "" if window is None else f", while the answer rests on windows of ±{number(window, 's', 3, fine=True)}"
+    short = "" if window is None else f", while the estimate comes from windows of ±{number(window, 's', 3, fine=True)}"
     return (
         f"Here they lie {percent(middle / answer - 1, sign=True, fine=True)} from the answer, more than its interval "
-        f"allows: each takes in a whole swing, on which weighs what the model lacks, such as friction that is not a "
+        f"allows: each comes from a whole swing, which contains what the model lacks, such as friction that is not a "
         f"function of speed alone{short}."
     )
 
@@ -229,7 +229,7 @@ def truth_row(result: Result, log: Recording) -> Row | None:
     if not isinstance(inertia, int | float) or not inertia or "inertia" not in result.parameters:
         return None
     off = percent(result.inertia.value / inertia - 1, sign=True, fine=True)
-    text = f"{number(inertia, result.inertia.unit, 6, fine=True)}; the answer is off by {off}, and was not told it"
+    text = f"{number(inertia, result.inertia.unit, 6, fine=True)}; the error of the estimate is {off}"
     return Row("the twin's truth", "", text)
 
 

@@ -61,7 +61,7 @@ SENSORS = {
 KINDS = {
     "law": "windows all over the motion, friction fitted beside the inertia",
     "printed law": "α̂₂ driven by the error times −sin q₁, as the paper prints it",
-    "consistent law": "α̂₂ driven by the error times its own regressor, as the proof asks for",
+    "consistent law": "α̂₂ driven by the error times its own regressor, as the proof requires",
     "smoothed velocities": "speeds by local cubics, which look ahead, in the place of observers",
     "all readings": "every reading by its sensor's noise",
     "mostly the angle": "the wheel's readings count a tenth",

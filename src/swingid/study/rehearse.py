@@ -76,7 +76,7 @@ class Expectation:
 
     @property
     def coverage(self) -> tuple[float, float]:
-        """Share of the intervals that hold the truth, and its binomial standard error (Agresti and Coull)."""
+        """Share of the intervals that contain the true value, and its binomial standard error (Agresti and Coull)."""
         known = np.isfinite(self.half_widths)
         count = int(known.sum())
         if not count:

@@ -151,13 +151,13 @@ def validate(
 
 def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]:
     """That a log was fitted, and that the rig is not that of the result."""
-    told = result.provenance
-    hashes = told.get("logs_sha256")
-    fitted = {str(h) for h in (hashes if isinstance(hashes, list) else [told.get("log_sha256")]) if h}
+    provenance = result.provenance
+    hashes = provenance.get("logs_sha256")
+    fitted = {str(h) for h in (hashes if isinstance(hashes, list) else [provenance.get("log_sha256")]) if h}
     for log in logs:
         if log.source.sha256 in fitted:
             yield f"the result was fitted to {log.source.path}: its fit is no test of the model."
-    then, now = told.get("constants"), constants(rig)
+    then, now = provenance.get("constants"), constants(rig)
     if isinstance(then, dict) and (other := [key for key in {**then, **now} if then.get(key) != now.get(key)]):
         yield f"rig {rig.name} is not as in the result, which was found with another {', '.join(other)}."
 

@@ -146,7 +146,7 @@ class BalanceFit:
 
 
 def fit_balance(logs: Sequence[WheelLog], start: Array, free: Bools) -> BalanceFit:
-    """Fit the free products on windows of the length that tells them best; the others stay as in `start`.
+    """Fit the free products on windows of the length that determines them best; the others stay as in `start`.
 
     Raises UnanswerableError where no length gives enough windows.
     """
@@ -162,7 +162,7 @@ def fit_balance(logs: Sequence[WheelLog], start: Array, free: Bools) -> BalanceF
         half *= 1.6
     if not found:
         raise UnanswerableError(
-            f"{logs[0].name}: the wheel turns one way for {longest:.3g} s at most, too short to weigh its motor; use "
+            f"{logs[0].name}: the wheel turns one way for {longest:.3g} s at most, too short for the balance; use "
             "lower frequencies in the voltage, or more rows per second.",
             code="too-short",
         )
@@ -257,12 +257,12 @@ class Separation:
 
 
 def separate(fit: BalanceFit, rig: Rig, name: str) -> Separation:
-    """What a fit of all products tells apart; the rest is held at what the rig states.
+    """Which products a fit of all distinguishes; the rest is held at what the rig states.
 
     Raises UnanswerableError where not even gain and damping are seen; `name` is the log's, for the message.
     """
     u = _uncertainties(fit)
-    _refuse_blind(fit, u, name)
+    _require_excitation(fit, u, name)
     free, values, notes = fit.free.copy(), fit.values.copy(), []
     stated_values = products_of(rig)
     sides = {k: side for k, side in SIDES.items() if not np.isfinite(u[k])}
@@ -293,7 +293,7 @@ def _apart(value: float, own: float, of_sum: float) -> bool:
     return bool(np.isfinite(own) and (own <= APART * abs(value) or own <= NEARLY * of_sum))
 
 
-def _refuse_blind(fit: BalanceFit, u: Array, name: str) -> None:
+def _require_excitation(fit: BalanceFit, u: Array, name: str) -> None:
     voltage = max(float(np.abs(part.log.voltage).max()) for part in fit.rows)
     if voltage < IDLE:
         raise UnanswerableError(
@@ -301,12 +301,12 @@ def _refuse_blind(fit: BalanceFit, u: Array, name: str) -> None:
             "several frequencies.",
             code="no-voltage",
         )
-    blind = [k for k in (GAIN, DAMPING) if not u[k] <= KNOWN * abs(fit.values[k])]
-    if blind:
+    unknown = [k for k in (GAIN, DAMPING) if not u[k] <= KNOWN * abs(fit.values[k])]
+    if unknown:
         others = [k for k in (POSITIVE, NEGATIVE) if not u[k] <= KNOWN * abs(fit.values[k])]
-        together = " and ".join(WORDS[k] for k in [*blind, *others])
+        together = " and ".join(WORDS[k] for k in [*unknown, *others])
         raise UnanswerableError(
-            f"{name}: {together} cannot be told apart, because the voltage is too plain or too short; log a test of "
+            f"{name}: {together} are not distinguishable, because the voltage is too plain or too short; log a test of "
             "several frequencies that turns the wheel both ways.",
             code="not-identifiable",
         )
@@ -331,7 +331,7 @@ def _emf_note(rig: Rig) -> Message:
     held = "the rig's back_emf is kept" if _states(rig, "back_emf") else "back_emf is taken as 0"
     return Message(
         "back-emf-with-viscous",
-        "back_emf and viscous move together: only efficiency * back_emf + gear_ratio * viscous is known, because the "
+        "back_emf and viscous are collinear: only efficiency * back_emf + gear_ratio * viscous is known, because the "
         f"log hardly coasts inside the dead zone; {held} and viscous takes the rest (let the wheel coast at 0 V).",
     )
 
@@ -340,6 +340,6 @@ def _coulomb_note(known: bool) -> Message:
     held = "the rig's coulomb is kept" if known else "coulomb takes as much as it can"
     return Message(
         "coulomb-with-dead-zone",
-        "coulomb and dead_zone move together: only coulomb + dead_zone[1] and coulomb - dead_zone[0] are known, "
+        "coulomb and dead_zone are collinear: only coulomb + dead_zone[1] and coulomb - dead_zone[0] are known, "
         f"because the motor hardly brakes the wheel or lets it coast; {held} and dead_zone takes the rest.",
     )

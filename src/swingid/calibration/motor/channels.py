@@ -110,7 +110,7 @@ class WheelLog:
         runs = _runs(speed, log.time, GAP * noise.step)
         if len(runs) == 0:
             raise UnanswerableError(
-                f"{name}: the wheel never turns one way for long enough to tell its speed from noise; raise the "
+                f"{name}: the wheel never turns one way for long enough to determine its speed; raise the "
                 "voltage, or lower its frequencies.",
                 code="wheel-too-slow",
             )

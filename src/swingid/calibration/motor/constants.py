@@ -268,7 +268,7 @@ def _motor(rig: Rig, found: Mapping[str, Parameter], split: Separation, *, coupl
 
 
 def _held_coulomb(rig: Rig, found: Parameter) -> Quantity | float:
-    """Coulomb friction that the logs do not tell from the dead zone: as the rig states it, where that is possible."""
+    """Coulomb friction that the logs do not distinguish from the dead zone: as the rig states it where possible."""
     assert rig.drive.motor is not None
     stated = rig.drive.motor.coulomb
     if abs(stated.value - found.value) <= 1e-9 * abs(stated.value):

@@ -38,7 +38,7 @@ from swingid.uncertainty.budget import BudgetEntry, Parameter, combined, freedom
 from swingid.uncertainty.budget import stated as source_of
 
 SERIOUS = 0.005
-"""Test functions and output error that differ by more than this share (and their uncertainties) cast doubt."""
+"""Test functions and output error that differ by more than this share (and their uncertainties) give a warning."""
 
 CLEAR = 10.0
 """Constants smaller than so many of their uncertainties are left out of that comparison."""
@@ -81,7 +81,7 @@ class _Motor:
 
 
 def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
-    """Motor constants, their combinations that cannot be told apart, and b/a11 with friction from free swings.
+    """Motor constants, the combinations that alone are identifiable, and b/a11 with friction from free swings.
 
     Parameters
     ----------
@@ -90,14 +90,14 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
         the data and said in the notes. Load clamped logs with ``Recording.load(path, rig, still_axis=True)``.
     rig : Rig
         Must give the wheel's inertia and the gear ratio. Its motor constants serve as the start of a search, and
-        where logs cannot tell two apart, as the one that is kept.
+        where logs do not distinguish two, as the one that is kept.
 
     Raises
     ------
     InputError
         A log without voltage, a rig without reaction wheel, no log at all.
     UnanswerableError
-        Nothing moves, the voltage is too plain to tell gain from damping, a wrong sign.
+        Nothing moves, the voltage excites too little to distinguish gain from damping, a wrong sign.
     """
     # a push on the axis does not enter row (II), so its rows stay in
     read = [corrected(log, rig) for log in ([logs] if isinstance(logs, Recording) else logs)]
@@ -285,7 +285,7 @@ def _assembled(
 
 @dataclass(frozen=True)
 class FreeSwing:
-    """What a free swing tells: parameters with their budget, warnings, notes; the rest of momentum's result.
+    """What a free swing determines: parameters with their budget, warnings, notes; the rest of momentum's result.
 
     ``gravity_per_inertia`` = b/a11 in 1/s² needs no constant. With b known, ``axis.inertia`` (J1, the wheel and the
     rotor taken off) and ``axis.friction.NAME`` follow.

@@ -46,7 +46,7 @@ WHISKERS = (2.5, 97.5)
 """Percentiles at the ends of the whiskers: 95 % lie between."""
 
 LINEAR = 3.0
-"""Errors in claimed uncertainties up to which the axis is linear."""
+"""Errors in stated uncertainties up to which the axis is linear."""
 
 PANELS = (
     ("tracking", 1e3, "tracking error, RMS, mrad"),
@@ -151,7 +151,7 @@ def _over_numbers(ax: Axes, factor: str, at: list[float], cells: list[Cell], num
 
 
 def draw_coverage(summary: Summary) -> Figure | None:
-    """Share of the intervals that hold the truth, with its binomial standard error; None where no interval is known."""
+    """Share of the intervals that contain the true value, with its binomial standard error; None without intervals."""
     cells = [cell for cell in summary.overall if math.isfinite(cell.statistics.coverage[0])]
     if not cells:
         return None
@@ -206,10 +206,10 @@ def _bars(shares: list[float], errors: list[float]) -> list[list[float]]:
 
 
 def _shares(ax: Axes, lowest: float) -> None:
-    """The axis of shares (%), from `lowest` or less, with the line of what is claimed."""
+    """The axis of shares (%), from `lowest` or less, with the line of the stated coverage probability."""
     ax.axvline(WANTED, color=GREEN, lw=1.4, zorder=0.5)
     ax.set_xlim(max(min(lowest, LEAST), -2.0), 101.0)
-    ax.set_xlabel("95 % intervals that hold the truth, % (bars: one binomial standard error)")
+    ax.set_xlabel("95 % intervals that contain the true value, % (bars: one binomial standard error)")
 
 
 def draw_boxes(summary: Summary) -> Figure | None:
@@ -244,7 +244,7 @@ def draw_boxes(summary: Summary) -> Figure | None:
     else:
         reach = max(1.1 * far, 3.0)
         right.set_xlim(-reach, reach)
-    right.set_xlabel("error, in standard uncertainties claimed")
+    right.set_xlabel("error, in stated standard uncertainties")
     right.grid(visible=False, axis="y")
     right.tick_params(axis="y", length=0)
     return figure

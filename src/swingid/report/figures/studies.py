@@ -34,7 +34,7 @@ CLOSE = 5.0
 """The upper panel shows the last so many swings, where a free run has had most time to go astray."""
 
 SHOWN_POINTS = 200
-"""Turning points beyond which single marks tell nothing."""
+"""Turning points beyond which single marks cannot be seen."""
 
 
 def draw_forest(comparison: Comparison) -> Figure | None:
@@ -66,7 +66,7 @@ def draw_forest(comparison: Comparison) -> Figure | None:
     ax.set_xlim(-reach, reach)
     name_rows(ax, methods)
     _mark_refused(ax, methods, {trial.method for trial in answered})
-    ax.set_xlabel(f"inertia from {'the truth' if true else 'the first method that answers'}, % (bars: 95 %)")
+    ax.set_xlabel(f"inertia from {'the true value' if true else 'the first estimate'}, % (bars: 95 %)")
     if len(logs) > 1:
         for k, log in enumerate(logs):
             colour, marker = LOOKS[k % len(LOOKS)]

@@ -63,7 +63,7 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
 
 
 def _check_keys(plan: Plan, point: Point) -> None:
-    """Raise InputError for a setting that nothing would heed."""
+    """Raise InputError for a setting that has no effect."""
     for key in point.settings:
         if not is_key(key):
             raise InputError(f"{key} is nothing that can be set; {KEYS_IN_WORDS}", code="unknown-key")
@@ -120,7 +120,7 @@ def _reference(settings: Mapping[str, Any]) -> Reference | None:
         raise InputError(f"reference {text!r} has a brace without its partner", code="bad-reference") from None
     if missing := sorted(names - parts.keys()):
         raise InputError(
-            f"reference {text!r} asks for {{{missing[0]}}}, and no factor has the key reference.{missing[0]}",
+            f"reference {text!r} contains {{{missing[0]}}}, and no factor has the key reference.{missing[0]}",
             code="bad-reference",
         )
     if idle := sorted(parts.keys() - names):

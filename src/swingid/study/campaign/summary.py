@@ -65,8 +65,8 @@ class Answers:
 class Statistics:
     """Figures of one method. Errors and widths are relative to the truth; each with its standard error, NaN if unknown.
 
-    coverage: share of the 95 % intervals that hold the truth, with its binomial error (Agresti and Coull). width:
-    median half-width over RMSE, 1.96 where intervals are right and errors normal. efficiency: Cramér and Rao's
+    coverage: share of the 95 % intervals that contain the true value, with its binomial error (Agresti and Coull).
+    width: median half-width over RMSE, 1.96 where intervals are right and errors normal. efficiency: Cramér and Rao's
     variance over the mean squared error, 1 at best. Over several points, each error counts in its own point's median
     half-width and its own run's bound.
     """

@@ -176,13 +176,13 @@ def experiment_at(known: Known, point: int) -> Experiment:
 
 
 def bounds_of(plan: Plan, experiment: Experiment, log: Recording) -> dict[str, float]:
-    """Least standard deviations by quantity, where the plan asks for them and the sensors have noise."""
-    asked = plan.tables.bound
-    if asked is None:
+    """Least standard deviations by quantity, where the plan has a bound and the sensors have noise."""
+    bound = plan.tables.bound
+    if bound is None:
         return {}
     try:
         start = (experiment.initial_angle, *[0.0] * (3 if log.wheel_angle is not None else 1))
-        return cramer_rao(log, experiment.twin, asked.law, free=asked.free, start=start)
+        return cramer_rao(log, experiment.twin, bound.law, free=bound.free, start=start)
     except SwingidError:
         return {}
 

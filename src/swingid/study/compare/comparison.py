@@ -30,7 +30,7 @@ LIMIT = 2.0
 MATTERS = 0.5
 """Difference, in the smaller of the two methods' own uncertainties, below which it changes nothing.
 
-Methods that lean alike on the same constants differ by far less than either is uncertain.
+Methods that depend alike on the same constants differ by far less than the uncertainty of either.
 """
 
 
@@ -54,7 +54,7 @@ class Trial:
 
     @property
     def covered(self) -> bool | None:
-        """Whether the 95 % interval holds the truth; None where either is unknown."""
+        """Whether the 95 % interval contains the true value; None where either is unknown."""
         if self.error is None or self.truth is None or self.result.inertia.interval95 is None:
             return None
         low, high = self.result.inertia.interval95
@@ -117,7 +117,7 @@ def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[s
     if all(trial.result.status == "refused" for trial in trials):
         reason = trials[0].result.error
         raise UnanswerableError(
-            f"no method finds an inertia; {trials[0].method} says: {reason.message if reason else 'nothing.'}",
+            f"no method finds an inertia; {trials[0].method}: {reason.message if reason else 'no reason.'}",
             code="all-refused" if reason is None else reason.code,
         )
     verdicts = [verdict(log, [t for t in trials if t.log == log]) for log in dict.fromkeys(t.log for t in trials)]
@@ -157,7 +157,7 @@ def _kernels() -> int:
 
 
 def _truth(log: Recording) -> float | None:
-    """The inertia that a twin's log was made with: for the comparison after the fact, no method is told."""
+    """The inertia that a twin's log was made with: for the comparison only, no method reads it."""
     truth = log.metadata.get("truth")
     inertia = truth.get("inertia") if isinstance(truth, dict) else None
     return float(inertia) if isinstance(inertia, int | float) and inertia > 0 else None
@@ -165,7 +165,7 @@ def _truth(log: Recording) -> float | None:
 
 @dataclass(frozen=True)
 class Verdict:
-    """For one log: the method that the others are held against, who disagrees with it, and a sentence on why."""
+    """For one log: the method that the others are held against, who disagrees with it, and a sentence on the reason."""
 
     log: str
     reference: str | None
@@ -174,11 +174,11 @@ class Verdict:
 
 
 def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
-    """Hold every method against the one that rests on least (the first that answers)."""
+    """Compare every method with the one of fewest assumptions (the first that gives a number)."""
     answered = [t for t in trials if "inertia" in t.result.parameters]
     if len(answered) < 2:
         return Verdict(
-            log, answered[0].method if answered else None, (), "one method alone answers; nothing to compare."
+            log, answered[0].method if answered else None, (), "only one method gives a number; nothing to compare."
         )
     reference, others = answered[0], answered[1:]
     deviations = {t.method: deviation(t.result, reference.result) for t in others}
@@ -194,9 +194,9 @@ def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
             log, reference.method, (), f"all methods agree with {reference.method} within their intervals{doubt}."
         )
     named = ", ".join(f"{name} ({deviations[name]:+.1f} standard uncertainties)" for name in apart)
-    verb = "stands" if len(apart) == 1 else "stand"
+    verb = "is" if len(apart) == 1 else "are"
     return Verdict(
-        log, reference.method, apart, f"{named} {verb} apart from {reference.method}: {_why(answered, apart)}"
+        log, reference.method, apart, f"{named} {verb} inconsistent with {reference.method}: {_why(answered, apart)}"
     )
 
 
@@ -224,24 +224,24 @@ def _source(run: str) -> Identity:
 
 
 def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
-    """The assumption that sets those apart from those that agree, in words with what to do."""
+    """The assumption that the inconsistent ones share and the others do not, with what to do."""
     odd = [t for t in answered if t.method in apart]
     even = [t for t in answered if t.method not in apart]
     if all(t.assumptions.motor for t in odd) and not all(t.assumptions.motor for t in even):
-        rests = "they rest" if len(odd) > 1 else "it rests"
-        return f"{rests} on the motor's constants; calibrate the motor (swingid calibrate) or trust the others."
+        depends = "they depend" if len(odd) > 1 else "it depends"
+        return f"{depends} on the motor's constants; calibrate the motor (swingid calibrate) or trust the others."
     if all(t.assumptions.friction != "any" for t in odd):
         return (
             f"{'they assume' if len(odd) > 1 else 'it assumes'} a friction law; try another law, or trust the method "
             "that needs none."
         )
-    return "no assumption tells them apart; look at the residuals in their reports."
+    return "their assumptions are alike; look at the residuals in their reports."
 
 
 def _of_log(comparison: Comparison, log: str) -> str:
     trials = comparison.of(log)
     known = any(trial.truth is not None for trial in trials)
-    headings = ["method", "inertia", "relative", "rests on", "time", *(["error"] if known else [])]
+    headings = ["method", "inertia", "relative", "depends on", "time", *(["error"] if known else [])]
     lines = [f"[[{log}]]", *aligned([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
     lines += ["", *aligned([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
     lines += [""] + [line for v in comparison.verdicts if v.log == log for line in _wrapped(f"verdict: {v.message}")]

@@ -18,7 +18,7 @@ from swingid.study.design.proposal import Design, Proposal, Trial, try_on_twin
 from swingid.units import Quantity, parse_quantity
 
 LONGEST = 60.0
-"""Longest run where none is asked for, s."""
+"""Longest run where none is given, s."""
 
 SETTLING = 6.0
 """Time the controller is given before its motion counts, s (the paper's gains take 4 to 6 s)."""
@@ -29,7 +29,7 @@ LOOK = 10.0
 SWINGS = 8
 """Fewest periods of the slowest sine that count."""
 
-LEAN = 0.8
+MOST_GRAVITY = 0.8
 """Per cent of inertia per per cent of gravity torque above which a motion is near resonance."""
 
 PAPER_DELTA0 = 0.08
@@ -43,7 +43,7 @@ ENOUGH = 5
 
 
 ANGLE = 0.8
-"""Largest angle of a rotary axis where none is asked for, rad; the paper's."""
+"""Largest angle of a rotary axis where none is given, rad; the paper's."""
 
 
 def design(
@@ -88,7 +88,8 @@ def design(
     looked = _look(motions, given, expected, rate, settling, duration)
     if not looked:
         raise UnanswerableError(
-            "no motion within the limits tells the inertia; allow a larger angle, speed, voltage or duration.",
+            "no motion within the limits makes the inertia identifiable; allow a larger angle, speed, voltage or "
+            "duration.",
             code="no-motion",
         )
     reached, missed = _work_out(looked, given, expected, wanted, duration)
@@ -142,7 +143,7 @@ def _look(
             proposal = _proposal(motion, given, expected, rate, settling, used)
         except UnanswerableError:
             continue
-        if proposal.prediction.lean <= LEAN and math.isfinite(proposal.relative):
+        if proposal.prediction.gravity_sensitivity <= MOST_GRAVITY and math.isfinite(proposal.relative):
             found.append((motion, proposal))
     return found
 
@@ -242,7 +243,7 @@ def asked(
     rate: float,
     settling: float,
 ) -> Asked:
-    """Check everything that `design` is asked; raises as it does, but never for what the motions cannot do."""
+    """Check all arguments of `design`; raises as it does, but never for what the motions cannot do."""
     expected = expected_rig(rig, inertia, gravity_torque)
     assert expected.axis.inertia is not None
     share = wanted_share(uncertainty, expected.axis.inertia.value, rig)

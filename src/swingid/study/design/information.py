@@ -44,13 +44,14 @@ class Prediction:
     """What to expect of the method.
 
     parameters: the expected values with predicted uncertainties. budget: as of a result. window: half-length of the
-    test functions (s). lean: what 1 % of the gravity torque moves the inertia by, in per cent. seen: identifiability.
+    test functions (s). gravity_sensitivity: change of the inertia per change of the gravity torque, both relative.
+    seen: identifiability.
     """
 
     parameters: dict[str, Parameter]
     budget: tuple[BudgetEntry, ...]
     window: float
-    lean: float
+    gravity_sensitivity: float
     seen: Identifiability
 
     @property
@@ -95,7 +96,7 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
     named = [units.get(name, "") for name in unknowns]
     if np.linalg.matrix_rank(covariance, hermitian=True) == len(unknowns):
         seen = examine_information(unknowns, named, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
-    else:  # perfect sensors: only the columns tell
+    else:  # perfect sensors: the regressors alone
         seen = examine(unknowns, named, columns)
     values = {"inertia": (a11 - scale.carried, units["inertia"])}
     if "gravity_torque" in unknowns:
@@ -107,8 +108,8 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
         declared.append(Declared(stated(item.source, item.shared_id), item.std, slopes))
     noise_of = Scatter("sensor noise and resolution", covariance[:count, :count], np.full(count, np.inf))
     found = evaluate(values, noise_of, (), declared)
-    lean = abs(float(influence[0] @ rows.gravity)) * gravity / a11
-    return Prediction(found.parameters, tuple(found.budget), half, lean, seen)
+    sensitivity = abs(float(influence[0] @ rows.gravity)) * gravity / a11
+    return Prediction(found.parameters, tuple(found.budget), half, sensitivity, seen)
 
 
 def _fit(columns: Array, items: list[Imperfection], row_noise: float) -> tuple[Array, Array]:

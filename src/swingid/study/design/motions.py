@@ -25,7 +25,7 @@ Build = Callable[[float], Sine | Multisine]
 """A motion from its amplitude."""
 
 FREQUENCIES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0, 15.0, 20.0, 25.0)
-"""rad/s; what a person might ask of a rig with a motor."""
+"""rad/s; usual for a rig with a motor."""
 
 SPARE = 0.8
 """Share of the voltage limit that a motion may need: the controller wants the rest."""

@@ -30,13 +30,13 @@ MOST = 6
 
 
 OVER = 1.15
-"""How far beyond the asked angle and speed the controlled motion may swing."""
+"""How far beyond the planned angle and speed the controlled motion may swing."""
 
 SATURATED = 0.02
 """Share of the rows at the voltage limit above which the controller does not hold the motion."""
 
 CLAIM = 1.5
-"""Largest uncertainty that the method may claim, in units of the one wanted."""
+"""Largest uncertainty that the method may state, in units of the required one."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Design(Study):
         trial = self.trial
         if trial is not None and trial.relative is not None and trial.error is not None:
             lines.append("[[One run on the twin]]")
-            text = f"error {percent(trial.error, sign=True)}, the method says ± {percent(trial.relative)}"
+            text = f"error {percent(trial.error, sign=True)}, the method states ± {percent(trial.relative)}"
             volts = "" if trial.voltage is None else f", {trial.voltage:.3g} V"
             lines.append(f"    {text}; largest angle {trial.angle:.3g}{volts}")
         lines += ["[[Command]]", f"    {self.command}"]
@@ -206,7 +206,7 @@ def try_on_twin(expected: Rig, proposal: Proposal, limits: Limits, wanted: float
         if result.warnings:
             why = f"the method warns: {result.warnings[0].code}"
         elif relative > CLAIM * wanted:
-            why = f"the method claims {100 * relative:.2g} %"
+            why = f"the method states {100 * relative:.2g} %"
     except SwingidError as refused:
         why = f"the method refuses: {refused.code}"
     if angle > OVER * limits.angle:

@@ -37,17 +37,17 @@ def read(
 ) -> tuple[Recording | None, Rig, dict[str, object], list[Check]]:
     """The Recording as `rig` reads it; where it refuses and another unit heals that, as that reads it.
 
-    columns: of the table by name, whose steps tell units; None where the rig is a guess that is not to be changed.
+    columns: of the table by name, whose steps show units; None where the rig is a guess that is not to be changed.
     """
     tried: dict[str, object] = {}
-    told: list[Check] = []
+    found: list[Check] = []
     if columns is not None:
         for changes, checks in (unit_of_clock(table, rig, columns), units_by_steps(table, rig, columns)):
             tried |= changes
-            told += checks
+            found += checks
         rig = rig.changed(tried) if tried else rig
     try:
-        return Recording.from_table(table, rig, source), rig, tried, told
+        return Recording.from_table(table, rig, source), rig, tried, found
     except SwingidError as error:
         failed = error
     for changes in _other_units(rig, failed.code) if columns is not None else ():
@@ -58,8 +58,8 @@ def read(
             continue
         remedy = f"set {words(changes)} under [log]"
         check = Check(failed.code, "on reading", "repair", without_path(failed, source), remedy)
-        return log, other, tried | changes, [*told, check]
-    return None, rig, tried, [*told, Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
+        return log, other, tried | changes, [*found, check]
+    return None, rig, tried, [*found, Check(failed.code, "on reading", "fault", without_path(failed, source), "")]
 
 
 def unit_of_clock(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tuple[dict[str, object], list[Check]]:
@@ -85,7 +85,7 @@ def unit_of_clock(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tupl
 def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tuple[dict[str, object], list[Check]]:
     """Changes of [log] where the steps of an angle are those of the rig's encoder in another unit than stated."""
     changes: dict[str, object] = {}
-    told = []
+    found = []
     if rig.axis.kind == "linear":
         return {}, []
     for channel, word in (("angle", "angle"), ("wheel_angle", "wheel angle")):
@@ -105,9 +105,9 @@ def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tup
         text += f" {expected:.0f} in a turn, {whose}, and {counts[used]:.6g} in {used}."
         remedy = f'set {channel}_unit = "{fitting[0]}" under [log]'
         change: dict[str, object] = {f"log.{channel}_unit": fitting[0]}
-        told.append(Check("units", "units", "repair", text, remedy, {"changes": change}))
+        found.append(Check("units", "units", "repair", text, remedy, {"changes": change}))
         changes |= change
-    return changes, told
+    return changes, found
 
 
 def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
@@ -193,7 +193,7 @@ def _attempt(table: Table, rig: Rig, changes: dict[str, object], source: Source)
 def _other_signs(rig: Rig) -> list[dict[str, object]]:
     """Changes of [log] to try where signs are wrong, the simplest first.
 
-    Row (I) cannot tell whether the angle is turned or the drive; row (II), which holds the voltage too, can.
+    Equation (I) does not distinguish a turned angle from a turned drive; equation (II) does, by the voltage.
     """
     key = {"reaction-wheel": "wheel_angle_sign", "direct": "torque_sign"}.get(rig.drive.kind)
     turned: list[dict[str, object]] = [{"log.angle_sign": -rig.log.angle_sign}]

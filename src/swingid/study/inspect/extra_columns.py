@@ -44,7 +44,7 @@ PRIOR_LATENCY = 0.01
 PRIOR_ENCODER = np.radians(1.0)
 
 PRIOR_ZERO = 0.2
-"""Standard deviations (s, rad, rad) that are no knowledge but bounds: ten times what a rig has."""
+"""Prior standard deviations (s, rad, rad), weakly informative: ten times what a rig has."""
 
 ROUNDS = 3
 
@@ -65,7 +65,7 @@ GOOD = 0.05
 
 @dataclass(frozen=True)
 class Extra:
-    """A small quantity that the balance can tell: value and standard uncertainty (s or rad), and what it was before."""
+    """A small quantity estimated from the balance: value, standard uncertainty, prior standard deviation (s, rad)."""
 
     name: str
     value: float
@@ -73,8 +73,8 @@ class Extra:
     prior: float
 
     @property
-    def told(self) -> bool:
-        """Whether the log says more than a bound of ten times what a rig has."""
+    def identifiable(self) -> bool:
+        """Whether the posterior standard deviation is well below the prior one."""
         return self.uncertainty < 0.3 * self.prior
 
 
@@ -88,7 +88,7 @@ class _Column:
 def extras(fits: list[WindowFit], signals: Signals, scale: Scale, turn: float) -> dict[str, Extra]:
     """Every small quantity of this rig by name, from fits on windows of several lengths.
 
-    The value is that of the windows which tell it best; what windows of other lengths say otherwise is added to its
+    The value is that of the windows which determine it best; the difference of windows of other lengths is added to its
     uncertainty, for what the friction basis does not describe depends on the length. turn: of the wheel per turn of its
     encoder.
     """
@@ -102,12 +102,12 @@ def extras(fits: list[WindowFit], signals: Signals, scale: Scale, turn: float) -
 
 
 def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
-    """Amplitude of α cos + β sin of an encoder ("wheel 1"), its standard uncertainty (rad), whether it is told."""
+    """Amplitude of α cos + β sin of an encoder ("wheel 1"), standard uncertainty (rad), whether it is identifiable."""
     cosine, sine = found[f"{which} cosine"], found[f"{which} sine"]
     size = float(np.hypot(cosine.value, sine.value))
     power = (cosine.value * cosine.uncertainty) ** 2 + (sine.value * sine.uncertainty) ** 2
     both = float(np.hypot(cosine.uncertainty, sine.uncertainty) / np.sqrt(2))
-    return size, max(float(np.sqrt(power)) / max(size, 1e-300), both), cosine.told and sine.told
+    return size, max(float(np.sqrt(power)) / max(size, 1e-300), both), cosine.identifiable and sine.identifiable
 
 
 def _fitted(fit: WindowFit, signals: Signals, scale: Scale, turn: float) -> Iterator[Extra]:
@@ -162,7 +162,7 @@ def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, t
 
 
 def zero_of(fits: list[WindowFit], signals: Signals, scale: Scale) -> Extra | None:
-    """How far 0 of the angle lies beside hanging (rad, to be taken off the angle); None where gravity does not tell.
+    """How far 0 of the angle lies beside hanging (rad, to be taken off the angle); None without gravity.
 
     Told beside friction that depends on the direction, which swings at the same frequency; fits: as of `extras`.
     """

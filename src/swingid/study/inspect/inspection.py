@@ -36,7 +36,7 @@ SCHEMA = "swingid.inspect/1"
 UNSAID = 1.0
 
 TOLD_BY_CLOCK = ("backwards", "unsorted", "repeated-times", "absurd-time")
-"""Refusals of the reader that a fault of the clock has told already."""
+"""Refusals of the reader that a fault of the clock contains already."""
 
 
 MOST = 4
@@ -127,7 +127,7 @@ def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
 
 
 def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:
-    """Look at as much of a large log as tells what it is."""
+    """Inspect the first rows of a large log."""
     table = first_rows(path)
     found = inspect_table(table, rig, Source(str(path), digest(path)))
     text = f"the log has {rows_in(path)} rows, of which the first {found.rows} were looked at."
@@ -148,7 +148,7 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
     rows = max((len(column.values) for column in columns), default=0)
     if rows < FEWEST_ROWS:
         words = "1 row of numbers" if rows == 1 else f"{rows} rows of numbers"
-        few = f"the log has {words}, too few to tell a motion"
+        few = f"the log has {words}, too few for a motion"
         checks = [Check("too-short", "rows", "fault", few, "log some swings")]
     elif reader is None and "angle" in roles.found:
         pass  # without a clock; that is said
@@ -161,7 +161,7 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
             more = [check for check in more if check.code not in TOLD_BY_CLOCK]
         if "log.time_unit" in tried:
             clock, checks = _clock(table, reader, roles, by_name)
-        units = [check for check in more if check.title == "units"]  # first: the rest is told in these units
+        units = [check for check in more if check.title == "units"]  # first: the rest is in these units
         checks = [*units, *checks, *(_with_guess(check, roles) for check in more if check not in units)]
     swings: Swings | None = None
     found: list[Service] = []
@@ -194,7 +194,7 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
         clock=clock,
         checks=tuple(checks),
         services=tuple(found),
-        verdict=judge(checks, with_rig=rig is not None),
+        verdict=verdict_of(checks, with_rig=rig is not None),
         rig=None if rig is None else reader,
         log=log,
         swings=swings,
@@ -271,7 +271,7 @@ class Verdict:
     """status for scripts, the line for people, and what would serve better ("" for nothing).
 
     "ready": the log serves as it is, or as swingid repairs it on reading; "repairs": once the rig file states what the
-    line says; "unusable": it does not.
+    line names; "unusable": it does not.
     """
 
     status: Literal["ready", "repairs", "unusable"]
@@ -279,8 +279,8 @@ class Verdict:
     advice: str = ""
 
 
-def judge(checks: list[Check], *, with_rig: bool) -> Verdict:
-    """From all checks to the verdict; without a rig only the file was judged, and the line says so."""
+def verdict_of(checks: list[Check], *, with_rig: bool) -> Verdict:
+    """From all checks to the verdict; without a rig the file alone was checked, and the line states it."""
     advice = _listed(check.remedy for check in checks if check.level == "advice")
     faults = [check for check in checks if check.level == "fault"]
     if faults:
@@ -292,7 +292,7 @@ def judge(checks: list[Check], *, with_rig: bool) -> Verdict:
         return Verdict("repairs", f"ready after these repairs: {remedies}{'; ' + by_itself if made else ''}.", advice)
     line = f"ready; {by_itself}." if made else "ready."
     if not with_rig:
-        line = f"ready as a file{'; ' + by_itself if made else ''}; signs, zero and scale are told with --rig."
+        line = f"ready as a file{'; ' + by_itself if made else ''}; signs, zero and scale are checked with --rig."
     return Verdict("ready", line, advice)
 
 
@@ -314,8 +314,8 @@ def _sentences(checks: list[Check]) -> str:
 
 def wrapped(check: Check) -> list[str]:
     """One check as lines: mark, title, evidence, and what to do."""
-    told = check.remedy and check.remedy not in check.evidence and check.level in ("advice", "repair", "fault")
-    text = check.evidence + (f" → {check.remedy}" if told else "")
+    shown = check.remedy and check.remedy not in check.evidence and check.level in ("advice", "repair", "fault")
+    text = check.evidence + (f" → {check.remedy}" if shown else "")
     head = f"  {MARKS[check.level]} {check.title:<20} "
     body = textwrap.wrap(text, WIDTH - len(head)) or [""]
     return [head + body[0], *(" " * len(head) + line for line in body[1:])]

@@ -1,4 +1,4 @@
-"""The motion that a log shows: turning points, frequencies, rest, and what it can tell apart."""
+"""The motion that a log shows: turning points, frequencies, rest, and its excitation of inertia and gravity."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ POINTS = 2**15
 """Points of the even grid whose spectrum is taken."""
 
 SMALL = 0.03
-"""Share of the largest amplitude below which a line of the spectrum is not told of."""
+"""Share of the largest amplitude below which a line of the spectrum is left out."""
 
 MOST_LINES = 4
 APART = 0.12
@@ -28,10 +28,10 @@ HARMONIC, SAME = 0.4, 0.02
 """A line below this share of the strongest may be its harmonic, if it lies so near (share) to a multiple."""
 
 FEW = 6
-"""Turning points below which methods have too little to judge themselves by."""
+"""Turning points below which methods have too few degrees of freedom for an uncertainty."""
 
 STRONG = 0.1
-"""Share of the amplitude that a second frequency needs to tell inertia from gravity."""
+"""Share of the amplitude that a second frequency needs to distinguish inertia from gravity."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
     remedy = f"record a longer motion, of {FEW} swings and more" if few else ""
     found = [Check("motion", "motion", "advice" if few else "ok", text, remedy, values)]
     if swings.rest > 0.02 * (stop - start):
-        text = f"the axis rests {swings.rest:.3g} s of this part, which tells nothing of inertia."
+        text = f"the axis rests {swings.rest:.3g} s of this part, which holds no information on the inertia."
         found.append(Check("rest", "rest", "note", text, "", {"rest": swings.rest}))
     if drive != "none" and not few:
         found.append(_excitation(swings, unit))
@@ -148,9 +148,9 @@ def _excitation(swings: Swings, unit: str) -> Check:
     shown = ", ".join(f"{f:.3g} Hz ({2 * np.pi * f:.3g} rad/s) with {a:.3g} {unit}" for f, a in swings.lines)
     kept = independent(swings.lines)
     if len(kept) > 1:
-        text = f"frequencies {shown}: more than one, so inertia and gravity torque can be told apart."
+        text = f"frequencies {shown}: more than one, so inertia and gravity torque are distinguishable."
     else:
-        text = f"frequencies {shown or 'none'}: one motion, in which inertia and gravity torque move together"
+        text = f"frequencies {shown or 'none'}: one motion, in which inertia and gravity torque are collinear"
         text += "; gravity_torque has to be known."
     if unit == "m":
         text = f"frequencies {shown}."

@@ -32,22 +32,22 @@ from swingid.study.inspect.extra_columns import (
 from swingid.study.inspect.motion import Swings
 
 SURE = 5.0
-"""Standard uncertainties from which on a small quantity is there."""
+"""Standard uncertainties from which on a small quantity is significant."""
 
 SHORT = 0.05
 """Steps of the clock below which a latency does no harm."""
 
 FEWEST = 20
-"""Rows of a fit that may speak about small quantities."""
+"""Fewest rows of a fit from which small quantities are estimated."""
 
 MOST_ROWS = 120_000
-"""Rows of a log that these checks look at; beyond that they know enough."""
+"""Rows of a log that these checks look at; more rows add little."""
 
 HARMLESS = 5e-3
 """Zero (rad) up to which the inertia of swings to both sides is wrong by less than 0.01 %."""
 
 CLEAR = 5e-3
-"""Uncertainty (rad) of the angle's zero beside encoder errors up to which the two are told apart."""
+"""Uncertainty (rad) of the angle's zero beside encoder errors up to which the two are distinguished."""
 
 BENDS_GRAVITY = ("zero", "latency", "angle-encoder", "wheel-encoder")
 """Checks whose faults also look like a gravity torque other than the stated one."""
@@ -134,12 +134,12 @@ def _model(balance: Balance) -> Iterator[Check]:
 
 
 def _zero(joint: Extra, alone: Extra | None) -> Check:
-    """The zero of the angle, beside the encoder's errors where the motion tells them apart, else on its own."""
+    """The zero of the angle, beside the encoder's errors where the motion distinguishes them, else without them."""
     zero = joint if joint.uncertainty < CLEAR or alone is None else alone
     size = plus_minus(zero.value, zero.uncertainty, "rad")
     values: dict[str, object] = {"zero": zero.value, "uncertainty": zero.uncertainty}
     if zero.uncertainty > 0.1:
-        text = f"the motion does not tell where the body hangs (to within {zero.uncertainty:.2g} rad only)."
+        text = f"the motion does not determine where the body hangs (to within {zero.uncertainty:.2g} rad only)."
         return Check("zero", "zero of the angle", "unknown", text, "", values)
     text = f"0 of the angle lies {size} beside hanging"
     if abs(zero.value) < max(SURE * zero.uncertainty, 1e-3):
@@ -154,7 +154,7 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
 
 
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
-    """Whether drive and gravity are of one scale, where the motion tells; see `momentum.gravity`."""
+    """Whether drive and gravity are of one scale, where the motion determines it; see `checks.gravity`."""
     for message in check_gravity(balance.law, balance.fits, balance.signals, rig, balance.scale, balance.noise):
         drive = "log.torque_gain" if balance.scale.drive == "direct" else "drive.wheel.inertia"
         remedy = f"correct axis.gravity_torque or {drive}, or state the one you doubt with its uncertainty"
@@ -186,8 +186,8 @@ def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
         return
     turned = percent(motor.turned) if np.isfinite(motor.turned) else "nothing that can be compared"
     text = f"the motor's balance leaves {percent(motor.as_stated)} with the voltage as logged, {turned} with it turned."
-    told: Level = "ok" if motor.as_stated < 0.5 * motor.turned else "unknown"
-    yield Check("voltage-sign", "voltage sign", told, text, "", values)
+    sure: Level = "ok" if motor.as_stated < 0.5 * motor.turned else "unknown"
+    yield Check("voltage-sign", "voltage sign", sure, text, "", values)
 
 
 def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
@@ -197,10 +197,9 @@ def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
     what = "the wheel angle is read" if wheel else "the angle is read"
     against = "after the angle" if wheel else "after the torque acts"
     values: dict[str, object] = {"latency": latency.value, "uncertainty": latency.uncertainty}
-    if not latency.told:
-        text = (
-            f"the motion does not tell the latency between the channels (to within {1e3 * latency.uncertainty:.2g} ms)."
-        )
+    if not latency.identifiable:
+        within = f"{1e3 * latency.uncertainty:.2g} ms"
+        text = f"the motion does not determine the latency between the channels (to within {within})."
         return Check("latency", "latency", "unknown", text, "", values)
     text = f"{what} {size} {against}, beyond what the rig file says"
     if abs(latency.value) < max(SURE * latency.uncertainty, SHORT * balance.noise.step):
@@ -217,16 +216,16 @@ def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
 def _voltage(fits: list[WindowFit], balance: Balance, rig: Rig) -> Iterator[Check]:
     """Latency of both angles against the voltage, where the rig file has the motor's constants."""
     windows = [fit.rows.windows for fit in fits]
-    told = [voltage_latency(balance.used, rig, balance.signals, each, balance.noise) for each in windows]
-    known = sorted((u, value) for value, u in (one for one in told if one is not None))
+    latencies = [voltage_latency(balance.used, rig, balance.signals, each, balance.noise) for each in windows]
+    known = sorted((u, value) for value, u in (one for one in latencies if one is not None))
     if not known:
         return
     late = pooled("voltage latency", known, PRIOR_LATENCY)
     size = plus_minus(1e3 * late.value, 1e3 * late.uncertainty, "ms")
     values: dict[str, object] = {"latency": late.value, "uncertainty": late.uncertainty}
     code, title = "voltage-latency", "latency of the voltage"
-    if not late.told:
-        text = f"the motion does not tell when the voltage acts (to within {1e3 * late.uncertainty:.2g} ms only)."
+    if not late.identifiable:
+        text = f"the motion does not determine when the voltage acts (to within {1e3 * late.uncertainty:.2g} ms only)."
         yield Check(code, title, "unknown", text, "", values)
         return
     text = f"both angles are read {size} after the voltage acts, beyond what the rig file says"
@@ -236,7 +235,7 @@ def _voltage(fits: list[WindowFit], balance: Balance, rig: Rig) -> Iterator[Chec
     if late.value < 0:
         text += "; negative: the voltage acts later than it is logged (a delay, or the coil's inductance)"
     total = 1e3 * (rig.sensors.of("angle").latency.value + late.value)
-    text += ". Methods that need the motor feel it; momentum does not."
+    text += ". It affects methods that need the motor, and not momentum."
     remedy = f'state latency = "{total:.4g} ± {1e3 * late.uncertainty:.2g} ms" under [sensors], for both encoders'
     yield Check(code, title, "note", text, remedy, values)
 
@@ -246,23 +245,23 @@ def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Ri
     parts: list[str] = []
     values: dict[str, object] = {}
     level: Level = "ok"
-    remedy, told_any = "", False
+    remedy, known_any = "", False
     declared = rig.sensors.of("wheel" if which == "wheel" else "angle").nonlinearity
     for k, often in ((1, "once"), (2, "twice")):
-        size, spread, told = amplitude(found, f"{which} {k}")
-        told_any |= told
-        values |= {f"amplitude_{often}": size, f"uncertainty_{often}": spread, f"told_{often}": told}
-        degrees = plus_minus(np.degrees(size), np.degrees(spread), "°") if told else "not told"
+        size, spread, known = amplitude(found, f"{which} {k}")
+        known_any |= known
+        values |= {f"amplitude_{often}": size, f"uncertainty_{often}": spread, f"told_{often}": known}
+        degrees = plus_minus(np.degrees(size), np.degrees(spread), "°") if known else "not identifiable"
         parts.append(f"{degrees} {often} per turn")
-        if told and size > SURE * spread and not (k == 1 and size < 3 * declared):
+        if known and size > SURE * spread and not (k == 1 and size < 3 * declared):
             level = "repair" if k == 1 else "note" if level == "ok" else level
             state = f'state nonlinearity = "{np.degrees(size) / np.sqrt(2):.2g} deg" under [{table}]'
             remedy = remedy or f"{state}, or run swingid calibrate --encoders"
     if level == "note":
         remedy = ""
     code, title = f"{which}-encoder", f"{word} encoder"
-    if not told_any:
-        text = f"the motion does not tell the nonlinearity of the {word}'s encoder."
+    if not known_any:
+        text = f"the motion does not determine the nonlinearity of the {word}'s encoder."
         return Check(code, title, "unknown", text, "", values)
     text = f"nonlinearity of the {word}'s encoder: {' and '.join(parts)}."
     return Check(code, title, level, text, remedy, values)

@@ -37,8 +37,7 @@ from swingid.study.reproduce.runs import (
 )
 
 BAR = 1.4
-"""Per cent: where a sentence speaks of an inertia or a friction parameter that is found, and names no accuracy, what
-the paper reaches in its own ideal simulation is asked."""
+"""Per cent: the accuracy required where a sentence of the paper names none: that of its own ideal simulation."""
 
 HOLDS, PARTLY, FAILS = "holds", "holds in part", "does not hold"
 

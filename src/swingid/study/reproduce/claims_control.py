@@ -197,7 +197,7 @@ def small_amplitude(seed: int) -> Claim:
 
 
 def needed_voltage(twin: Rig, reference: Sine) -> float:
-    """RMS (V) of what rows (I) and (II) ask for the motion, where the wheel's speed is zero on average.
+    """RMS (V) that equations (I) and (II) require for the motion, where the wheel's speed is zero on average.
 
     `course_of` begins without momentum, as from rest, which may leave the wheel turning on average. Here the motion is
     begun at an instant at which one that does not has no momentum.

@@ -30,7 +30,7 @@ from swingid.study.reproduce.runs import (
 )
 
 FRICTIONS = {"viscous": {}, "hidden": HIDDEN}
-"""Twins by their friction: the paper's viscous one, and one with dry friction that no method is told of."""
+"""Twins by their friction: the paper's viscous one, and one with dry friction that no method has in its model."""
 
 VISCOUS = ("viscous", "viscous_positive", "viscous_negative")
 

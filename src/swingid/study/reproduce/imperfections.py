@@ -49,7 +49,7 @@ COMPARED, PAPER_ONLY = ("printed", "nls", "momentum"), ("printed",)
 class Imperfection:
     """What is not as it should be.
 
-    stated: constants of the rig file times a factor, as the lab believes them; friction, sensors: what the twin has
+    stated: constants of the rig file times a factor, as the lab states them; friction, sensors: what the twin has
     and the lab does not know; options: of the paper's method; mirror: whether nodes stand about the reference's turning
     points; letter: whether (6) is taken letter by letter there (`by_letter`); draws: how often it is drawn. size: how
     large it is, with its unit, where half of it does half as much.

@@ -40,14 +40,14 @@ class Reproduction:
 def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], None] | None = None) -> Reproduction:
     """Run section 5 of the paper on the twin; one to two minutes.
 
-    seed: of the encoders' grids and draws. quick: without the table of imperfections and the claims. progress: is told
+    seed: of the encoders' grids and draws. quick: without the table of imperfections and the claims. progress: takes
     what comes next, in words. Raises UsageError for a seed below zero.
     """
     if seed < 0:
         raise UsageError(f"the seed must be zero or positive, and is {seed}.", code="bad-seed")
-    tell = progress or (lambda _: None)
-    runs = {friction: experiment(friction, seed, tell) for friction in FRICTIONS}
-    ideal = simulation(tell)
+    report = progress or (lambda _: None)
+    runs = {friction: experiment(friction, seed, report) for friction in FRICTIONS}
+    ideal = simulation(report)
     results: dict[str, object] = {
         "schema": SCHEMA,
         "seed": seed,
@@ -56,8 +56,8 @@ def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], N
         "simulation": ideal.answers,
     }
     if not quick:
-        results["imperfections"] = imperfection_rows(seed, tell)
-        results["claims"] = claim_rows(seed, tell)
+        results["imperfections"] = imperfection_rows(seed, report)
+        results["claims"] = claim_rows(seed, report)
     plain = plain_data(results)
     assert isinstance(plain, dict)
     return Reproduction(plain, runs["viscous"], ideal)

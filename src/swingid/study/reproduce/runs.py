@@ -40,7 +40,7 @@ from swingid.simulation.twin import Run, simulate_run
 from swingid.study.reproduce import published
 
 HIDDEN: Mapping[str, object] = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3}
-"""Friction beside the paper's viscous one that no method is told of (Stribeck; N m, rad/s)."""
+"""Friction beside the paper's viscous one that no method has in its model (Stribeck; N m, rad/s)."""
 
 LENGTHS = {"plain": 25.0, "body": 25.0, "balanced": 40.0}
 

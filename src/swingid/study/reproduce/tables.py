@@ -10,7 +10,7 @@ from swingid.study.reproduce.published import FIG8, UNCLEAR
 
 TWINS = {
     "viscous": "The experiment, friction viscous as in the paper",
-    "hidden": "The experiment, with dry friction that no method is told of",
+    "hidden": "The experiment, with dry friction that no method has in its model",
 }
 
 
@@ -254,7 +254,7 @@ def _verdicts(claims: list[dict[str, Any]]) -> Table:
         "claims",
         "The claims of the conclusion",
         "Each with a test on the twin and a criterion; the verdict follows from the numbers of the next table. Where a "
-        "sentence names no accuracy, 1.4 % is asked: what the paper reports of its own ideal simulation.",
+        "sentence names no accuracy, 1.4 % is required: what the paper reports of its own ideal simulation.",
         ("claim", "test", "criterion", "verdict"),
         rows,
     )

@@ -169,7 +169,7 @@ def test_a_log_of_the_twin_says_so_and_how_far_off_the_answer_is() -> None:
     metadata = {"made_by": "swingid simulate", "truth": {"inertia": 3.022e-3}}
     text = Page(render(factories.clean_result(), replace(factories.rotary_log(), metadata=metadata), None)).text
     assert "swingid simulate" in text
-    assert "off by +0.026\u00a0%" in text
+    assert "the error of the estimate is +0.026\u00a0%" in text
 
 
 def test_everything_foreign_is_escaped() -> None:

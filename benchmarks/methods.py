@@ -22,7 +22,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 import swingid as sw
-from swingid.identification import METHODS
+from swingid.methods.table import METHODS
 from swingid.simulation.ensemble import simulate_ensemble
 from swingid.study.compare import compare
 from swingid.study.experiment import encoder_places, through_file

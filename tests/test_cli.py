@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from swingid.cli import main
-from swingid.cli.options import Method
+from swingid.cli.options import method_name
 
 SINE = ["--reference", "sine 0.8 rad 8.5 rad/s"]
 Run = Callable[..., "Outcome"]
@@ -109,9 +109,9 @@ def test_refusal_is_alone_on_standard_output(run: Run, tmp_path: Path) -> None:
 
 
 def test_methods_of_the_command_are_those_of_the_library() -> None:
-    from swingid.identification import METHODS
+    from swingid.methods.table import METHODS
 
-    assert [method.value for method in Method] == list(METHODS)
+    assert [method_name(name) for name in METHODS] == list(METHODS)
 
 
 def test_energy_takes_the_printed_variant(run: Run, log: Path, tmp_path: Path) -> None:

@@ -2,42 +2,24 @@
 
 from __future__ import annotations
 
-import difflib
-import inspect
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 
 from swingid.errors import SwingidError, UnanswerableError, UsageError
+from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.model.rig import Rig
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
 
-METHODS: dict[str, str] = {
-    "momentum": "swingid.methods.momentum.method:momentum",
-    "energy": "swingid.methods.energy.method:energy",
-    "output-error": "swingid.methods.output_error:output_error",
-    "equation-error": "swingid.methods.equation_error:equation_error",
-    "backstepping": "swingid.methods.backstepping:backstepping",
-}
-"""Function of each method, imported when it is called. Its options are its keyword arguments."""
-
-KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("text", str)}
-"""Annotations of options whose kind is checked at the door: in words, and the type."""
-
-
 Log = Recording | LargeLog
-
-INNER = ("alone",)
-"""Keyword arguments that are set for several logs at once, and are no options."""
 
 
 def identify(
     log: Log | Sequence[Log] | Mapping[str, Log | SwingidError],
     rig: Rig,
-    method: str = "momentum",
+    method: str = DEFAULT,
     **options: object,
 ) -> Result:
     """Moment of inertia and friction of the body that `log` shows, by the named method.
@@ -64,16 +46,16 @@ def identify(
     UnanswerableError
         The log cannot answer: no motion, too short, not identifiable, no scale.
     """
-    function = method_function(method)
+    chosen = method_of(method)
     if not isinstance(rig, Rig):
         raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")
     if isinstance(log, str | Path):
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
     if isinstance(log, Recording | LargeLog):
-        check_options(method, function, options)
+        chosen.check_options(options)
 
         def ask(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
-            return _of_one(log, rig, method, function, options, more)
+            return _of_one(log, rig, chosen, chosen.load(), options, more)
 
         try:
             return _calibrated(ask(rig), ask, [log], rig)
@@ -81,16 +63,14 @@ def identify(
             raise _named(error, log.path if isinstance(log, LargeLog) else log.source.path) from error
     from swingid.pooling.several import FRICTION, identify_several
 
-    known = inspect.signature(function).parameters
-    own = "friction" not in known or options.get("friction") in FRICTION
+    own = "friction" not in chosen.options() or options.get("friction") in FRICTION
     friction = str(options.pop("friction", FRICTION[0])) if own else FRICTION[0]
-    check_options(method, function, options)
-    if "alone" in known and len(log) > 1:
-        options.setdefault("alone", False)
+    chosen.check_options(options)
+    function = chosen.one_of_several() if len(log) > 1 else chosen.load()
     logs = log if isinstance(log, Mapping) else list(log)
 
     def ask_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
-        return identify_several(logs, lambda one: _of_one(one, rig, method, function, options, more), friction=friction)
+        return identify_several(logs, lambda one: _of_one(one, rig, chosen, function, options, more), friction=friction)
 
     return _calibrated(ask_all(rig), ask_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
 
@@ -116,7 +96,7 @@ def _named(error: UnanswerableError, path: str | None) -> UnanswerableError:
 def _of_one(
     log: Log,
     rig: Rig,
-    method: str,
+    method: Method,
     function: Callable[..., Result],
     options: Mapping[str, object],
     more: tuple[Finding, ...],
@@ -128,33 +108,5 @@ def _of_one(
     from swingid.pooling.parts import identify_large, require_in_parts
 
     require_in_parts(log, method)
-    if "alone" in inspect.signature(function).parameters:
-        options = {"alone": False} | dict(options)
-    return identify_large(log, lambda part: function(part, rig, **options))
-
-
-def method_function(method: str) -> Callable[..., Result]:
-    """The function of a method by its name. Raises UsageError for a name that is none."""
-    if method not in METHODS:
-        raise UsageError(f"unknown method {method!r}; choose one of {', '.join(METHODS)}.", code="unknown-method")
-    module, _, name = METHODS[method].partition(":")
-    function: Callable[..., Result] = getattr(import_module(module), name)
-    return function
-
-
-def check_options(method: str, function: Callable[..., Result], options: dict[str, object]) -> None:
-    """Raise UsageError for an option that the method does not have (the nearest one is named), or of another kind.
-
-    Kinds are checked where the method asks for text or for true or false; the rest it checks itself.
-    """
-    parameters = inspect.signature(function).parameters
-    known = [name for name, parameter in parameters.items() if parameter.kind is parameter.KEYWORD_ONLY]
-    for name, value in options.items():
-        if name in known:
-            words, kind = KINDS.get(str(parameters[name].annotation), ("", object))
-            if not isinstance(value, kind):
-                raise UsageError(f"option {name} must be {words}, and is {value!r}.", code="bad-option")
-            continue
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"the nearest is {near[0]!r}." if near else f"its options: {', '.join(known) or 'none'}."
-        raise UsageError(f"method {method} has no option {name!r}; {hint}", code="unknown-option")
+    part = method.one_of_several()
+    return identify_large(log, lambda one: part(one, rig, **options))

@@ -115,7 +115,7 @@ def rehearse(
         runs=runs,
         seed=seed,
         initial_angle=angle,
-        methods=[m.value for m in method] if method else None,
+        methods=method,
         progress=_progress if sys.stderr is not None and sys.stderr.isatty() else None,
     )
     hand_over(rehearsal, json)

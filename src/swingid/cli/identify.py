@@ -13,6 +13,7 @@ import typer
 from swingid.cli.options import JsonOrRefusal, Logs, Method, Report, RigFile
 from swingid.cli.output import Progress, announce_compilation, check_targets, check_writable, hand_over, refusals_to
 from swingid.errors import SwingidError, UsageError
+from swingid.methods.table import DEFAULT
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -52,7 +53,7 @@ class Variant(StrEnum):
 def identify(
     logs: Logs,
     rig: RigFile,
-    method: Annotated[Method, typer.Option(help="How the inertia is found.")] = Method.MOMENTUM,
+    method: Method = DEFAULT,
     variant: Annotated[
         Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
     ] = None,
@@ -83,8 +84,8 @@ def identify(
     if part is not None:
         source["part"] = part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
-    with refusals_to(json, method.value, provenance, report):
-        result = _identify(logs, rig, method.value, options, reading, provenance, json, report)
+    with refusals_to(json, method, provenance, report):
+        result = _identify(logs, rig, method, options, reading, provenance, json, report)
     hand_over(result, json, report)
 
 
@@ -121,10 +122,10 @@ def _part(text: str | None) -> tuple[float, float] | None:
 
 
 def _check_usage(
-    logs: list[str], rig: str, method: Method, variant: Variant | None, json: str | None, report: str | None
+    logs: list[str], rig: str, method: str, variant: Variant | None, json: str | None, report: str | None
 ) -> None:
     """Raise UsageError for a combination of options that makes no sense or would overwrite an input."""
-    if variant is not None and method is not Method.ENERGY:
+    if variant is not None and method != "energy":
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
     check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
 

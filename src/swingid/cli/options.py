@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
-from enum import StrEnum
 from typing import Annotated
 
 import typer
 
+from swingid.methods.table import METHODS
 
-class Method(StrEnum):
-    """How the inertia is found."""
 
-    MOMENTUM = "momentum"
-    ENERGY = "energy"
-    OUTPUT_ERROR = "output-error"
-    EQUATION_ERROR = "equation-error"
-    BACKSTEPPING = "backstepping"
+def method_name(text: str) -> str:
+    """The name of a method; typer's error for any other."""
+    if text not in METHODS:
+        raise typer.BadParameter(f"{text!r} is not one of {', '.join(map(repr, METHODS))}")
+    return text
 
+
+_NAMES = "|".join(METHODS)
 
 RigFile = Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")]
 Logs = Annotated[
     list[str], typer.Argument(metavar="LOG...", help="Logs of one body on the rig, in any format that swingid reads.")
 ]
-Methods = Annotated[list[Method] | None, typer.Option(help="Only this method; may be repeated. Default: all of them.")]
+Method = Annotated[str, typer.Option(parser=method_name, metavar=f"[{_NAMES}]", help="How the inertia is found.")]
+Methods = Annotated[
+    list[str] | None,
+    typer.Option(
+        parser=method_name, metavar=f"[{_NAMES}]", help="Only this method; may be repeated. Default: all of them."
+    ),
+]
 Motion = Annotated[
     str | None,
     typer.Option(metavar="MOTION", help='Motion to follow, such as "sine 0.8 rad 8.5 rad/s"; none: no command.'),

@@ -36,7 +36,7 @@ def compare(
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant) for log in logs]
     announce_compilation("identify")
-    comparison = run(recordings, plant, [m.value for m in method] if method else None)
+    comparison = run(recordings, plant, method)
     if report is not None:
         from swingid.report.pages import write_comparison
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from swingid.errors import InputError, SwingidError, UsageError
 from swingid.format import percent
+from swingid.methods.table import METHODS, Method
 from swingid.pooling.consistency import outliers
 from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair, pool_pair
 from swingid.pooling.pooling import BETWEEN, Pooled, pool
@@ -22,10 +23,6 @@ from swingid.recording.recording import Recording
 from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import BudgetEntry, Parameter, systematic
 from swingid.uncertainty.freedom import effective_freedom
-
-IN_PARTS = ("momentum", "energy")
-"""Methods whose answers of parts can be pooled."""
-
 
 BETWEEN_PARTS = "scatter between the parts"
 
@@ -48,11 +45,12 @@ DRAWN = 2000
 """Swings, at most, that the result keeps for drawing."""
 
 
-def require_in_parts(log: LargeLog, method: str) -> None:
+def require_in_parts(log: LargeLog, method: Method) -> None:
     """Raise UsageError where a method does not read logs of this size."""
-    if method not in IN_PARTS:
-        message = f"{log.path} has {log.rows} rows, which {method} does not read in parts; take a part of it with "
-        message += f"--part FROM:TO (up to {LARGE} rows), or the method {' or '.join(IN_PARTS)}."
+    if not method.in_parts:
+        able = [one.name for one in METHODS.values() if one.in_parts]
+        message = f"{log.path} has {log.rows} rows, which {method.name} does not read in parts; take a part of it with "
+        message += f"--part FROM:TO (up to {LARGE} rows), or the method {' or '.join(able)}."
         raise UsageError(message, code="too-large")
 
 

@@ -22,7 +22,8 @@ from swingid.recursive.solution import Recursion, Reporter, SwingEstimate, first
 
 Maker = Callable[[Recording, Rig, Scale, Noise, Motion, Encoders, int], Block | None]
 
-METHODS: dict[str, Maker] = {"momentum": momentum_block, "energy": energy_block}
+MAKERS: dict[str, Maker] = {"momentum": momentum_block, "energy": energy_block}
+"""Of each method that is `online`: from the rows of a swing to its block of equations."""
 
 FIRST = 4
 """Swings before the first estimate."""
@@ -108,9 +109,9 @@ class _Swings:
     _shrinking: bool = False
 
     def __post_init__(self) -> None:
-        if self.method not in METHODS:
+        if self.method not in MAKERS:
             raise UsageError(
-                f"online knows no method {self.method!r}; choose one of {', '.join(METHODS)}.", code="unknown-method"
+                f"online knows no method {self.method!r}; choose one of {', '.join(MAKERS)}.", code="unknown-method"
             )
         self.scale = Scale.of(self.rig)
         self.encoders = Encoders.of(self.rig)
@@ -172,7 +173,7 @@ class _Swings:
         longest = max(4.5 * float(np.median(steps)), 0.05 * motion.half_period)
         if steps.max() > longest or not self._left_alone(motion, at):
             return None
-        return METHODS[self.method](log, self.rig, self.scale, self.noise, motion, self.encoders, at)
+        return MAKERS[self.method](log, self.rig, self.scale, self.noise, motion, self.encoders, at)
 
     def _left_alone(self, motion: Motion, at: int) -> bool:
         """Whether nothing but friction acts: in a free decay each swing is smaller than the one before."""

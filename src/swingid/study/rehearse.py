@@ -15,7 +15,8 @@ import numpy as np
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import percent
-from swingid.identification import METHODS, check_options, identify, method_function
+from swingid.identification import identify
+from swingid.methods.table import METHODS, method_of
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
@@ -166,7 +167,7 @@ def rehearse(
         )
     chosen = dict(methods) if isinstance(methods, Mapping) else dict.fromkeys(methods or METHODS, NO_OPTIONS)
     for name, options in chosen.items():
-        check_options(name, method_function(name), dict(options))
+        method_of(name).check_options(options)
     ways = tuple((name, name, options) for name, options in chosen.items())
     experiment = Experiment(
         rig, without_truth(rig), reference, controller, duration, rate, initial_angle, draw=True, methods=ways

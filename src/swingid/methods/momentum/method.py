@@ -63,17 +63,26 @@ class _Estimate:
     turning_rows: Rows
 
 
-def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
+def momentum(log: Recording, rig: Rig) -> Result:
     """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
 
     The answer is that of the "law" windows (see `windows`); "swing" and "even" windows judge it. Type A comes from
     the scatter of the rows, from the declared sensors and from disagreement between windows; type B from rig.toml.
 
-    alone: False for one of several logs, which together may tell an inertia and an unknown gravity torque that this
-    one cannot: where it cannot, that is a warning instead of a refusal.
-
-    Raises InputError where a channel is missing, UnanswerableError where the motion cannot tell.
+    Raises InputError where a channel is missing, UnanswerableError where the motion does not determine the inertia.
     """
+    return _momentum(log, rig, one_of_several=False)
+
+
+def momentum_of_several(log: Recording, rig: Rig) -> Result:
+    """`momentum` for one of several logs, which together may determine an inertia and an unknown gravity torque.
+
+    Where this log does not determine both, that is a warning instead of a refusal.
+    """
+    return _momentum(log, rig, one_of_several=True)
+
+
+def _momentum(log: Recording, rig: Rig, *, one_of_several: bool) -> Result:
     prepared = prepare(log, rig)
     part = prepared.part(reread=True)
     log, scale, noise, encoders = prepared.log, prepared.scale, part.noise, part.encoders
@@ -89,7 +98,7 @@ def momentum(log: Recording, rig: Rig, *, alone: bool = True) -> Result:
     try:
         warnings, notes = check_answer(parameters, found.budget, estimate.law, scale, amplitude)
     except UnanswerableError as error:
-        if alone or scale.b is not None or error.code != "not-identifiable":
+        if not one_of_several or scale.b is not None or error.code != "not-identifiable":
             raise
         warnings, notes = [Message(error.code, error.message)], []
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, noise)

@@ -11,7 +11,7 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
 from swingid.errors import InputError, UsageError
-from swingid.identification import check_options, method_function
+from swingid.methods.table import method_of
 from swingid.model.rig import Rig
 from swingid.study.campaign.plan import Point, Times, flattened
 from swingid.study.campaign.tables import BATCHED, KEYS_IN_WORDS, is_key
@@ -169,7 +169,7 @@ def _method(plan: Plan, name: str, settings: dict[str, Any]) -> tuple[str, str, 
         if options:
             raise InputError(f"{method} has no options, such as {next(iter(options))}", code="unknown-option")
         return name, method, {}
-    check_options(method, method_function(method), options)
+    method_of(method).check_options(options)
     return name, method, options
 
 

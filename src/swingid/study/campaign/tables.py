@@ -8,8 +8,8 @@ from typing import Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from swingid.errors import UsageError
-from swingid.identification import METHODS
 from swingid.methods.output_error.unknowns import friction_unknowns
+from swingid.methods.table import METHODS
 from swingid.model.rig.fields import Column, Table, refuse
 from swingid.model.terms import TERMS
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from swingid.methods.table import METHODS
 from swingid.model.rig import Rig
 from swingid.result.result import Result
 
@@ -33,19 +34,10 @@ class Assumptions:
         return ", ".join(parts)
 
 
-OF_METHOD: dict[str, tuple[bool, str, str]] = {
-    "momentum": (False, "any", "none"),
-    "energy": (True, "basis", "smoothed"),
-    "equation-error": (False, "law", "filtered"),
-    "output-error": (True, "law", "none"),
-    "backstepping": (True, "viscous", "smoothed"),
-}
-"""Per method: whether it needs the motor, what it assumes of friction, its speeds."""
-
-
 def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
     """Assumptions of `method` on this rig; a rig without a motor has none to rely on, nor b where it is 0 or sought."""
-    motor, friction, speed = OF_METHOD[method]
+    needs = METHODS[method]
+    motor = needs.motor != "unused"
     gravity = rig.axis.gravity_torque
     options = result.provenance.get("options")
     if isinstance(options, dict) and options.get("input") == "wheel":
@@ -54,6 +46,6 @@ def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
         scale={"reaction-wheel": "wheel inertia", "direct": "torque", "none": ""}[rig.drive.kind],
         motor=motor and rig.drive.kind == "reaction-wheel",
         gravity=not isinstance(gravity, str) and gravity.value != 0,
-        friction=friction,
-        speed=speed,
+        friction=needs.friction,
+        speed=needs.speeds,
     )

@@ -10,7 +10,8 @@ from typing import Any
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import number, percent, plus_minus
-from swingid.identification import METHODS, identify
+from swingid.identification import identify
+from swingid.methods.table import METHODS
 from swingid.model.rig import Rig
 from swingid.pooling.shares import Identity, estimate_of, sum_of
 from swingid.recording.recording import Recording

@@ -1,0 +1,139 @@
+"""The identification methods: what each needs of a log and a rig, what it assumes, and the function that does it."""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, Protocol
+
+from swingid.errors import UsageError
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+    from swingid.result.result import Result
+
+KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("text", str)}
+"""Annotations of options whose type is checked before the method is called: in words, and the type."""
+
+
+class Identification(Protocol):
+    """A method as it is called: from a log and a rig to a result; its options are keyword arguments."""
+
+    def __call__(self, log: Recording, rig: Rig, **options: object) -> Result:
+        """Raises InputError where a channel is missing, UnanswerableError where the log does not determine J1."""
+
+
+Load = Callable[[], Callable[..., "Result"]]
+"""Imports a method's function (an `Identification` with options of its own) and returns it."""
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method. motor: whether it uses the motor's constants and the voltage where there is a wheel.
+
+    friction: what it assumes of the friction of the axis, "any", a "basis" of terms, one "law", or "viscous". speeds:
+    where its speeds come from, "none" where it needs none. gravity, drive: it needs a gravity torque above 0, a drive.
+    turning_points: it uses a log from its first to its last turning point. in_parts: results of the parts of a large
+    log can be pooled. online: `sw.online` has it. load_one_of_several: the function for one of several logs, which
+    together may determine what each does not; None where it is the same.
+    """
+
+    name: str
+    load: Load
+    motor: Literal["unused", "optional", "needed"]
+    friction: Literal["any", "basis", "law", "viscous"]
+    speeds: Literal["none", "smoothed", "filtered"]
+    gravity: bool = False
+    drive: bool = False
+    turning_points: bool = False
+    in_parts: bool = False
+    online: bool = False
+    load_one_of_several: Load | None = None
+
+    def one_of_several(self) -> Callable[..., Result]:
+        """The function for one of several logs of a body."""
+        return (self.load_one_of_several or self.load)()
+
+    def options(self) -> dict[str, inspect.Parameter]:
+        """The options by name, with their types and defaults."""
+        parameters = inspect.signature(self.load()).parameters
+        return {name: one for name, one in parameters.items() if one.kind is one.KEYWORD_ONLY}
+
+    def check_options(self, options: Mapping[str, object]) -> None:
+        """Raise UsageError for an option that the method does not have (the nearest is named), or of another type.
+
+        Types are checked where the method takes text or true or false; the rest it checks itself.
+        """
+        known = self.options()
+        for name, value in options.items():
+            if name in known:
+                words, kind = KINDS.get(str(known[name].annotation), ("", object))
+                if not isinstance(value, kind):
+                    raise UsageError(f"option {name} must be {words}, and is {value!r}.", code="bad-option")
+                continue
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"the nearest is {near[0]!r}." if near else f"its options: {', '.join(known) or 'none'}."
+            raise UsageError(f"method {self.name} has no option {name!r}; {hint}", code="unknown-option")
+
+
+def _momentum() -> Callable[..., Result]:
+    from swingid.methods.momentum.method import momentum
+
+    return momentum
+
+
+def _momentum_of_several() -> Callable[..., Result]:
+    from swingid.methods.momentum.method import momentum_of_several
+
+    return momentum_of_several
+
+
+def _energy() -> Callable[..., Result]:
+    from swingid.methods.energy.method import energy
+
+    return energy
+
+
+def _output_error() -> Callable[..., Result]:
+    from swingid.methods.output_error import output_error
+
+    return output_error
+
+
+def _equation_error() -> Callable[..., Result]:
+    from swingid.methods.equation_error import equation_error
+
+    return equation_error
+
+
+def _backstepping() -> Callable[..., Result]:
+    from swingid.methods.backstepping import backstepping
+
+    return backstepping
+
+
+_TABLE = (
+    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True,
+           load_one_of_several=_momentum_of_several),
+    Method("energy", _energy, motor="needed", friction="basis", speeds="smoothed", turning_points=True, in_parts=True,
+           online=True),
+    Method("output-error", _output_error, motor="optional", friction="law", speeds="none"),
+    Method("equation-error", _equation_error, motor="unused", friction="law", speeds="filtered"),
+    Method("backstepping", _backstepping, motor="needed", friction="viscous", speeds="smoothed", gravity=True,
+           drive=True),
+)  # fmt: skip
+
+METHODS: dict[str, Method] = {method.name: method for method in _TABLE}
+"""The methods by name, those that assume least first."""
+
+DEFAULT = "momentum"
+
+
+def method_of(name: str) -> Method:
+    """The method of a name. Raises UsageError for a name that is none."""
+    if name not in METHODS:
+        raise UsageError(f"unknown method {name!r}; choose one of {', '.join(METHODS)}.", code="unknown-method")
+    return METHODS[name]

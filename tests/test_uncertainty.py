@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import stdtrit
 
+import swingid
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import phi
 from swingid.result.file import load_result
@@ -292,3 +294,13 @@ def test_files_without_the_new_keys_load(tmp_path: Path) -> None:
     assert again.inertia == result.inertia
     assert again.budget[0].origin == Source("scatter", "A")
     assert again.correlation == {}
+
+
+def test_levels_are_named_in_one_file() -> None:
+    """No check has a level of its own, as `CERTAIN = 5.0`."""
+    names = re.compile(r"^(CERTAIN|SEEN|DETECTED|SURE|LIKELY|BETTER|FALSE_ALARMS|INDICATED) = ", re.M)
+    package = Path(swingid.__file__).parent
+    folders = ("balance", "batch", "calibration", "checks", "methods", "pooling", "recursive", "study")
+    files = [file for folder in folders for file in sorted((package / folder).rglob("*.py"))]
+    assert len(files) > 100
+    assert [file.name for file in files if names.search(file.read_text(encoding="utf-8"))] == []

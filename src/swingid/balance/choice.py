@@ -23,10 +23,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-
-DETECTED = 4.0
-"""Standard uncertainties beyond which a friction memory counts as seen."""
-
+from swingid.uncertainty.significance import DETECTED
 
 FLAT = 1.25
 """Of windows whose uncertainties are equal within this factor the longest is taken."""

@@ -23,6 +23,7 @@ from swingid.numerics.test_functions import CURVATURE_POWER, project
 from swingid.preparation.speed import Speed, smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
+from swingid.uncertainty.significance import INDICATED
 
 if TYPE_CHECKING:
     from swingid.balance.rows import Signals, Windows
@@ -45,9 +46,6 @@ GOOD = 0.05
 
 FINE = 0.005
 """Relative residual below which nobody asks whether the voltage was held."""
-
-SURE = 3.0
-"""Standard uncertainties of a latency that count as possible."""
 
 HELD = 0.4
 """Share of the residual that the voltage read the other way between the rows may leave to be believed. One that is a
@@ -179,7 +177,7 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     as_stated = stated.residual(expected)
     # half a row is what both readings differ by, and a latency of it looks alike
     unsure = max(signals.encoders.angle.latency.std or 0.0, signals.encoders.wheel.latency.std or 0.0)
-    asked = as_stated > FINE and SURE * unsure < noise.step / 2
+    asked = as_stated > FINE and INDICATED * unsure < noise.step / 2
     return MotorBalance(
         as_stated=as_stated,
         otherwise=other.residual(expected),

@@ -14,6 +14,7 @@ from swingid.model.terms import units_on
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import Scale
 from swingid.result.result import BudgetEntry, Message, Parameter
+from swingid.uncertainty.significance import INDICATED
 
 CLEARLY = 0.5
 """A reading of the wheel fits clearly better when its residual is smaller by this factor."""
@@ -91,10 +92,10 @@ def _wrong_by_residuals(law: WindowFit, scale: Scale) -> str | None:
 def _wrong_by_gravity_found(law: WindowFit) -> str | None:
     """What is wrong where gravity was sought too: its sign and that of the inertia tell."""
     gravity, spread = law.value("gravity_torque"), law.uncertainty("gravity_torque")
-    known = abs(gravity) > 3 * spread
+    known = abs(gravity) > INDICATED * spread
     if law.a11 < -3 * law.u:
         return ("drive" if gravity < 0 else "both") if known else "either"
-    return "zero" if known and gravity < 0 and law.a11 > 3 * law.u else None
+    return "zero" if known and gravity < 0 and law.a11 > INDICATED * law.u else None
 
 
 def check_answer(

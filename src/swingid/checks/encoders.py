@@ -21,21 +21,13 @@ from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
+from swingid.uncertainty.significance import BETTER, CERTAIN_RATIO, MATTERS
 
 WIDE = 0.5 * np.pi / 180
 """What is allowed where nothing is declared, rad."""
 
-BETTER = 0.85
-"""Share of the residuals that may be left with the nonlinearity, for it to be there; without one 0.95 and more are."""
-
-CERTAIN = 10.0
-"""F ratio of the residuals' fall beyond which it is no chance."""
-
 AMPLITUDES = 4
 """Unknowns more: cosine and sine of each encoder."""
-
-MATTERS = 2.0
-"""Standard uncertainties of a11 by which it must move, or become less certain, to be worth a warning."""
 
 
 def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale, noise: Noise) -> list[Message]:
@@ -66,8 +58,9 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale, noi
 
 def _shows(law: WindowFit, before: float, after: float) -> bool:
     """Whether a fall of the residuals' power is large, and no chance."""
+    # without a nonlinearity 0.95 of the residuals and more are left
     left_over = len(law.rows.windows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES  # degrees of freedom
-    return 0 < after < BETTER**2 * before and (before / after - 1) * left_over / AMPLITUDES >= CERTAIN
+    return 0 < after < BETTER**2 * before and (before / after - 1) * left_over / AMPLITUDES >= CERTAIN_RATIO
 
 
 def _may_show(law: WindowFit, signals: Signals, scale: Scale) -> bool:

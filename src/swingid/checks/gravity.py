@@ -20,14 +20,8 @@ from swingid.model.rig import Rig
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
+from swingid.uncertainty.significance import DETECTED, MATTERS
 from swingid.units import Quantity
-
-CERTAIN = 4.0
-"""Combined standard uncertainties by which the two must differ, at every length of windows that tells as much."""
-
-MATTERS = 2.0
-"""Standard uncertainties of a11, of scatter and what is declared, that the difference must move it by, to be worth a
-warning. Disagreement of windows is left out: it is what a wrong scale makes."""
 
 AS_GOOD = 2.0
 """A length of windows tells as much where its uncertainty is at most this factor larger."""
@@ -61,8 +55,9 @@ def check_gravity(
         if one is None or one[1] >= AS_GOOD * spread:
             continue
         off = one[0].value("gravity_torque") - stated.value
-        if off * (seen - stated.value) <= 0 or abs(off) <= CERTAIN * np.hypot(one[1], stated.std or 0.0):
+        if off * (seen - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(one[1], stated.std or 0.0):
             return []
+    # disagreement of windows is left out of law.total: it is what a wrong scale makes
     if not seen > 0 or free.a11 <= 0 or abs(free.a11 - law.a11) <= max(MATTERS * law.total, least * law.a11):
         return []
     drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"

@@ -15,12 +15,7 @@ from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
-
-CERTAIN = 5.0
-"""Standard uncertainties that an offset must exceed to be one."""
-
-MATTERS = 2.0
-"""Standard uncertainties of the inertia that setting the zero right must move it by, to be worth a warning."""
+from swingid.uncertainty.significance import CERTAIN, MATTERS
 
 ROUNDS = 3
 

@@ -5,13 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from statistics import NormalDist
 
 from swingid.pooling.pooling import pool
 from swingid.pooling.shares import Estimate, sum_of
-
-FALSE_ALARMS = 0.01
-"""Share of sets of sound logs in which one is named, whatever their number (Bonferroni)."""
+from swingid.uncertainty.significance import family_level
 
 
 @dataclass(frozen=True)
@@ -36,7 +33,7 @@ def deviations(estimates: Sequence[Estimate]) -> list[Deviation]:
     """
     if len(estimates) < 2:
         return []
-    limit = NormalDist().inv_cdf(1 - FALSE_ALARMS / (2 * len(estimates)))
+    limit = family_level(len(estimates))
     found = []
     for k, estimate in enumerate(estimates):
         others = [other for j, other in enumerate(estimates) if j != k]

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.numerics.arrays import Array
-from swingid.pooling.consistency import FALSE_ALARMS
 from swingid.pooling.pooling import BETWEEN, Pooled
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.result.result import Result
 from swingid.uncertainty.budget import scatter as scatter_source
+from swingid.uncertainty.significance import FAMILY
 
 PAIR = ("inertia", "gravity_torque")
 SCATTER = "scatter of the logs, inertia and gravity torque together"
@@ -104,7 +104,7 @@ def outlying_pair(pairs: Pairs) -> tuple[int, float] | None:
     if count < 2:
         return None
     whole, flat = pairs.covariance(), pairs.values.ravel()
-    limit = -2 * math.log(FALSE_ALARMS / count)
+    limit = -2 * math.log(FAMILY / count)
     far = []
     for k in range(count):
         apart = -pairs.gains([j for j in range(count) if j != k])

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from swingid.balance.choice import DETECTED
 from swingid.balance.fits import Effect
 from swingid.balance.rows import Windows
 from swingid.format import number
@@ -25,6 +24,7 @@ from swingid.preparation.scale import Scale
 from swingid.recursive.blocks import Block
 from swingid.uncertainty.budget import BudgetEntry, Declared, Parameter, Scatter, evaluate, stated
 from swingid.uncertainty.freedom import bartlett, effective_freedom, lag_weights_power
+from swingid.uncertainty.significance import DETECTED
 
 MEMORY = "memory"
 """The unknown that is sought only where it is seen: an impulse of friction at each reversal."""

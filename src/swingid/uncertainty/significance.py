@@ -1,7 +1,8 @@
-"""Levels of significance: when something counts as seen, as fitted, as certain. Every check uses one of these.
+"""Levels of significance: from when on something counts as indicated, detected, certain. Checks take theirs from here.
 
-A level is a number of standard deviations of a normal quantity. Beside each: its two-sided probability for one test,
-and how many tests of a log it stands behind, so that the chance of a false finding per log is their product.
+A level is a number of standard deviations of a normal quantity. Beside each stand its two-sided probability for one
+test and how many tests of a log it decides; a false finding per log has the product for its probability. Constants of
+single checks that are no levels (a relative change worth a word, a share of a swing) stand in the checks.
 """
 
 from __future__ import annotations
@@ -9,29 +10,35 @@ from __future__ import annotations
 import math
 from statistics import NormalDist
 
+DIFFERS = 2.0
+"""4.6e-2, four tests per log: two methods are said to differ, where no more than a sentence follows. k = 2 of E_n."""
+
 INDICATED = 3.0
-"""Two-sided 2.7e-3, a handful of tests per log: what costs little if false, as a term tried or a word in a note."""
+"""2.7e-3, a handful of tests per log: what costs little if false, as a term that is tried or a word in a note."""
+
+INDICATED_PAIR = 13.8
+"""Quadratic form of two normal quantities (χ² with 2 degrees of freedom), 1.0e-3, one test per log: as `INDICATED`."""
 
 DETECTED = 4.0
-"""Two-sided 6.3e-5, some ten tests per log: what changes the model of the fit, or warns of a constant."""
+"""6.3e-5, some ten tests per log: what changes the model of the fit, or casts doubt on a constant."""
 
 CERTAIN = 5.0
-"""Two-sided 5.7e-7, hundreds of tests per log (scans): what contradicts the rig file or corrects the log."""
+"""5.7e-7, scans of hundreds of tests per log: what contradicts the rig file, or corrects the log."""
 
-OVERWHELMING = 10.0
-"""Two-sided 1.5e-23: where the standard deviation itself is a rough guess. As a ratio F of the power that four
-amplitudes explain, on some twenty spare rows and more, its probability is below 2e-4 for normal residuals."""
+CERTAIN_RATIO = 10.0
+"""Power that four amplitudes explain, over four times the mean power of the rest (F of 4 and ν degrees of freedom):
+1e-4 for ν = 20 and 7e-7 for ν = 100; the residuals are those of a model that may be wrong, not of noise alone."""
 
 FAMILY = 0.01
 """Probability that any of a family of tests finds something in sound data, whatever their number (Bonferroni)."""
 
 MATTERS = 2.0
-"""A finding matters where it moves the answer by more than this many of the answer's standard uncertainties."""
+"""A finding matters where it moves the estimate by more than this many of its standard uncertainties."""
 
 BETTER = 0.85
-"""Root mean square of the residuals with a further cause, over that without, below which the cause explains something.
+"""Root mean square of the residuals with a further cause, over that without it, below which it explains something.
 
-A cause that is none takes as many degrees of freedom as it has unknowns: 0.85 is four of fourteen."""
+A cause that is none takes one part of the power for each of its unknowns: of 14 independent rows, four of them."""
 
 
 def two_sided(level: float) -> float:

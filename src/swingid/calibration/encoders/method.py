@@ -22,15 +22,13 @@ from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_in_row_one, provenance
 from swingid.result.result import Message, Result
 from swingid.uncertainty.budget import BudgetEntry, Parameter, combined, scatter, systematic
+from swingid.uncertainty.significance import CERTAIN
 
 TOLD = 0.5
 """Share of its bound that a part's uncertainty may be for the part to count as told by the logs."""
 
 FOREIGN = 1.5
 """A log that leaves so many times more beside the others than with parts of its own does not belong to them."""
-
-SURE = 5.0
-"""Standard uncertainties from which on the zero of the angle is off."""
 
 
 @dataclass(frozen=True)
@@ -151,7 +149,7 @@ def _notes(asked: Sequence[Part], told: Sequence[str], found: Estimate) -> Itera
         yield Message("not-told", text)
     for part in asked:
         value, u = found.values[part.key], found.uncertainties[part.key]
-        if part.key == "zero" and abs(value) > SURE * u:
+        if part.key == "zero" and abs(value) > CERTAIN * u:
             text = f"0 of the angle lies {plus_minus(value, u, 'rad')} beside hanging; nothing was written for it."
             yield Message("zero", text)
     wide = [part.key for part in asked if not part.nuisance and not part.declared]

@@ -19,6 +19,7 @@ from swingid.model.rig import Rig
 from swingid.preparation.encoders import UNKNOWN
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
+from swingid.uncertainty.significance import CERTAIN, INDICATED
 
 LATE = "late-channel"
 BENT = {"encoder-nonlinearity", UNKNOWN}
@@ -26,14 +27,6 @@ BENT = {"encoder-nonlinearity", UNKNOWN}
 
 SCALE, ZERO_OFF = "gravity-torque-disagrees", "zero-off"
 """Warnings of what looks much like a bent encoder: beside the first, one log does not lead here."""
-
-LIKELY = 3.0
-"""Times what is declared of an encoder that it may be bent."""
-
-SURE = 5.0
-"""Standard uncertainties by which a nonlinearity must exceed 0 to be taken off.
-
-Steps of an encoder that come again with every swing look like one, too."""
 
 CODE, REPAIR = "calibrated-by-itself", "calibrate"
 
@@ -59,7 +52,7 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
         return result
     new = _codes(again)
     settled = new <= (before - {*BENT, LATE, SCALE, ZERO_OFF}) | {CODE}
-    settled &= all(_size(better, table) <= max(WIDE, LIKELY * declared_spread(rig, table)) for table in _tables(rig))
+    settled &= all(_size(better, table) <= max(WIDE, INDICATED * declared_spread(rig, table)) for table in _tables(rig))
     return _of_the_file(again, result) if settled else result
 
 
@@ -71,7 +64,8 @@ def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
     """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell."""
     found = calibrate_encoders(logs, rig)
     parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]
-    if not any(abs(part.value) > SURE * (part.standard_uncertainty or np.inf) for part in parts):
+    # steps of an encoder that come again with every swing look like a nonlinearity, too
+    if not any(abs(part.value) > CERTAIN * (part.standard_uncertainty or np.inf) for part in parts):
         raise UnanswerableError("the logs hardly tell how far the encoders are bent.", code="not-identifiable")
     sizes = [f"{np.degrees(_size(found.rig, table)):.2g}° {of}" for table, of in _tables(rig).items()]
     text = (

@@ -8,6 +8,7 @@ import numpy as np
 
 from swingid.errors import UnanswerableError
 from swingid.numerics.arrays import Array
+from swingid.uncertainty.significance import INDICATED
 
 FEWEST_SWINGS = 8
 """Fewest half swings of a log: four to converge in, four to average over."""
@@ -135,7 +136,7 @@ def remaining(values: Array) -> float | None:
     m1, m2, m3 = (float(third.mean()) for third in np.array_split(values, 3))
     places = np.arange(len(values)) - (len(values) - 1) / 2
     level = values - places * (places @ values) / (places @ places)
-    if abs(m3 - m1) <= 3 * np.sqrt(6) * scatter_of_mean(level):
+    if abs(m3 - m1) <= INDICATED * np.sqrt(6) * scatter_of_mean(level):
         return 0.0
     ratio = (m3 - m2) / (m2 - m1) if m2 != m1 else np.inf
     if 0.0 < ratio < STILL:

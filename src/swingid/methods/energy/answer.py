@@ -19,6 +19,7 @@ from swingid.result.result import Details, FrictionCurve, Message, SwingSeries
 from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, scatter, stated, systematic
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import scatter_freedom
+from swingid.uncertainty.significance import INDICATED_PAIR
 
 CURVE_KNOTS = 8
 
@@ -100,7 +101,7 @@ def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
     odd = fit.value("coulomb") + fit.value("viscous") * speed + fit.value("quadratic") * speed**2
     if max(abs(values[0]), abs(values[1]) * speed) < WORTH_A_WORD * abs(odd):
         return False
-    return bool(values @ np.linalg.pinv(covariance) @ values > 13.8)
+    return bool(values @ np.linalg.pinv(covariance) @ values > INDICATED_PAIR)
 
 
 def judged_chain(

@@ -17,6 +17,7 @@ from swingid.preparation.motion import DIFFERENCES, sixth_differences
 from swingid.preparation.noise import EVEN, Noise
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Parameter
+from swingid.uncertainty.significance import CERTAIN
 
 CLASSES = 8
 """Classes of speed in which the noise is looked at."""
@@ -26,9 +27,6 @@ STEPS_PER_ROW = 2.0
 
 LOUDER = 1.1
 """Root mean square of the noise over what it was taken for, from which on jitter counts as seen."""
-
-SURE = 5.0
-"""Standard uncertainties of the square of the jitter beyond which it is seen."""
 
 AT_REST = 1e-9
 """Share of the largest class' noise below which a class is a body at rest, on one step of its encoder."""
@@ -98,6 +96,6 @@ def _of_channel(values: Array, rows: Ints, step: float, level: float, resolution
     left = 1 - columns @ np.array([still, moving])
     spread = np.sqrt(inverse[1, 1] * (left @ left) / (CLASSES - 2))
     total = np.sqrt(max(still, 0.0) + max(moving, 0.0) * np.mean(speed**2))
-    if moving < SURE * spread or total < LOUDER * level:
+    if moving < CERTAIN * spread or total < LOUDER * level:
         return 0.0, level
     return float(np.sqrt(moving)), float(total)

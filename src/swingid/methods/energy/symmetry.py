@@ -28,6 +28,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_hats
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
+from swingid.uncertainty.freedom import COVERAGE_FACTOR
 
 SOURCE = "asymmetry of the passes"
 
@@ -36,9 +37,6 @@ SPEEDS = np.array([0.12, 0.25, 0.4, 0.6, 0.8, 1.0])
 
 EVEN = ("offset", "viscous_even")
 """What depends on the direction: between mirror images it does not drop out, only between upper and lower ones."""
-
-LIMIT = 1.959963984540054
-"""Standard uncertainties that the 95 % limit of a slope is away."""
 
 
 @dataclass(frozen=True)
@@ -107,12 +105,12 @@ def asymmetry_bound(fit: NodeFit, states: States, course: Course, profile: Profi
     rises = np.eye(knots) - np.eye(knots, k=-1)
     steps = rises @ (profile.torques - _fitted(fit, profile.speeds))
     spread = np.sqrt(np.diag(rises @ profile.covariance[:knots, :knots] @ rises.T))
-    limits = np.abs(steps) + LIMIT * spread
+    limits = np.abs(steps) + COVERAGE_FACTOR * spread
     bound = float(np.sum(limits * np.abs(ramps)))
     if "offset" not in fit.unknowns:
         even = np.array([float((states.friction[name] * weights).sum()) for name in EVEN])
         spread = np.sqrt(np.diag(profile.covariance)[knots:])
-        bound += float(np.sum((np.abs(profile.even) + LIMIT * spread) * np.abs(even)))
+        bound += float(np.sum((np.abs(profile.even) + COVERAGE_FACTOR * spread) * np.abs(even)))
     return Symmetry(bound, profile.speeds, ramps, limits, _mirror_error(states))
 
 

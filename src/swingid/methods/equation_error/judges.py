@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.choice import DETECTED, impulse_left
+from swingid.balance.choice import impulse_left
 from swingid.methods.equation_error.laws import Law
 from swingid.methods.equation_error.scatter import Fitted, rms
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.uncertainty.budget import Source, systematic
+from swingid.uncertainty.significance import DETECTED
 
 
 @dataclass(frozen=True)

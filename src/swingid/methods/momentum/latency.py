@@ -26,6 +26,7 @@ from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
+from swingid.uncertainty.significance import BETTER, CERTAIN, MATTERS
 
 LATEST = 0.01
 """Standard deviation (s) that an undeclared latency is allowed: no knowledge, but ten times what a rig has."""
@@ -35,15 +36,6 @@ STEPS = 3
 
 SMALL = 0.1
 """Share of the inertia's uncertainty up to which what is left of second order does no harm."""
-
-CERTAIN = 5.0
-"""Standard uncertainties that an undeclared latency must exceed to be one."""
-
-BETTER = 0.85
-"""Share of the residuals that may be left with the latency, for it to be there."""
-
-MATTERS = 2.0
-"""Standard uncertainties of the inertia by which it must move to be worth a warning."""
 
 SHARP = 3.0
 """Windows of other lengths are heard where they tell the latency at most so many times worse."""

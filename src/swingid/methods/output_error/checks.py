@@ -23,9 +23,7 @@ from swingid.preparation.scale import Scale
 from swingid.result.provenance import exact_constants
 from swingid.result.result import Message
 from swingid.uncertainty.budget import Evaluated, Parameter
-
-FAR = 4.0
-"""Standard uncertainties by which a log may move what is stated before that is worth a warning."""
+from swingid.uncertainty.significance import DETECTED
 
 LEANS = 1e-3
 """Relative change of the inertia by that of a constant which is worth telling."""
@@ -232,7 +230,7 @@ def _moved_far(estimate: Estimate, rig: Rig) -> list[Message]:
     """A warning where the log moves what rig.toml states of a constant or a sensor farther than it says."""
     told = []
     for item, value in zip(estimate.unknowns.items, estimate.values, strict=True):
-        if item.is_sought or item.name in (ZERO, SCALE) or abs(value) < FAR * item.std:
+        if item.is_sought or item.name in (ZERO, SCALE) or abs(value) < DETECTED * item.std:
             continue
         found = number(constant_value(rig, item.name)[0] + value if item.places else value, item.unit)
         edge = " or beyond" if value in (item.low, item.high) else ""

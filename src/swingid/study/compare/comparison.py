@@ -18,15 +18,13 @@ from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
 from swingid.study.compare.assumptions import Assumptions, assumptions
 from swingid.study.output import NO_BREAK, WIDTH, Study, aligned
+from swingid.uncertainty.significance import DIFFERS
 
 SCHEMA = "swingid.compare/1"
 
 
 LONG = 2.0
 """A first run longer than this (s) is repeated for the sake of its time only where it compiled kernels."""
-
-LIMIT = 2.0
-"""Difference, in its own standard uncertainties, beyond which two methods disagree."""
 
 MATTERS = 0.5
 """Difference, in the smaller of the two methods' own uncertainties, below which it changes nothing.
@@ -186,7 +184,7 @@ def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
     apart = tuple(
         t.method
         for t in others
-        if (far := deviations[t.method]) is not None and abs(far) > LIMIT and _matters(t.result, reference.result)
+        if (far := deviations[t.method]) is not None and abs(far) > DIFFERS and _matters(t.result, reference.result)
     )
     if not apart:
         doubts = ", ".join(dict.fromkeys(w.code for w in reference.result.warnings))

@@ -30,9 +30,7 @@ from swingid.study.inspect.extra_columns import (
     zero_of,
 )
 from swingid.study.inspect.motion import Swings
-
-SURE = 5.0
-"""Standard uncertainties from which on a small quantity is significant."""
+from swingid.uncertainty.significance import CERTAIN, INDICATED
 
 SHORT = 0.05
 """Steps of the clock below which a latency does no harm."""
@@ -142,7 +140,7 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
         text = f"the motion does not determine where the body hangs (to within {zero.uncertainty:.2g} rad only)."
         return Check("zero", "zero of the angle", "unknown", text, "", values)
     text = f"0 of the angle lies {size} beside hanging"
-    if abs(zero.value) < max(SURE * zero.uncertainty, 1e-3):
+    if abs(zero.value) < max(CERTAIN * zero.uncertainty, 1e-3):
         return Check("zero", "zero of the angle", "ok", f"{text}.", "", values)
     if zero is alone:
         text += ", unless it is the encoder's error or friction that differs by direction"
@@ -202,7 +200,7 @@ def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
         text = f"the motion does not determine the latency between the channels (to within {within})."
         return Check("latency", "latency", "unknown", text, "", values)
     text = f"{what} {size} {against}, beyond what the rig file says"
-    if abs(latency.value) < max(SURE * latency.uncertainty, SHORT * balance.noise.step):
+    if abs(latency.value) < max(CERTAIN * latency.uncertainty, SHORT * balance.noise.step):
         return Check("latency", "latency", "ok", f"{text}: nothing to be seen.", "", values)
     key = "sensors.wheel" if wheel else "sensors"
     declared = rig.sensors.of("wheel" if wheel else "angle").latency.value
@@ -229,7 +227,7 @@ def _voltage(fits: list[WindowFit], balance: Balance, rig: Rig) -> Iterator[Chec
         yield Check(code, title, "unknown", text, "", values)
         return
     text = f"both angles are read {size} after the voltage acts, beyond what the rig file says"
-    if abs(late.value) < max(SURE * late.uncertainty, SHORT * balance.noise.step):
+    if abs(late.value) < max(CERTAIN * late.uncertainty, SHORT * balance.noise.step):
         yield Check(code, title, "ok", f"{text}: nothing to be seen.", "", values)
         return
     if late.value < 0:
@@ -253,7 +251,7 @@ def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Ri
         values |= {f"amplitude_{often}": size, f"uncertainty_{often}": spread, f"told_{often}": known}
         degrees = plus_minus(np.degrees(size), np.degrees(spread), "°") if known else "not identifiable"
         parts.append(f"{degrees} {often} per turn")
-        if known and size > SURE * spread and not (k == 1 and size < 3 * declared):
+        if told and size > CERTAIN * spread and not (k == 1 and size < INDICATED * declared):
             level = "repair" if k == 1 else "note" if level == "ok" else level
             state = f'state nonlinearity = "{np.degrees(size) / np.sqrt(2):.2g} deg" under [{table}]'
             remedy = remedy or f"{state}, or run swingid calibrate --encoders"

@@ -7,9 +7,10 @@ import pytest
 
 from closed_form_logs import ONE_TONE, TWO_TONES
 from swingid.methods.energy.balance import between_rows
-from swingid.methods.energy.fit import block_covariance, influence_of, slope_overlap
+from swingid.methods.energy.fit import influence_of, slope_overlap
 from swingid.methods.energy.passes import mirrored_passes
 from swingid.numerics.quadrature import GaussNodes, running_hats, running_integrals
+from swingid.numerics.regression import block_covariance
 from swingid.numerics.spline import local_cubic
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import uneven_noise

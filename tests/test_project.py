@@ -77,12 +77,15 @@ def test_everything_public_has_a_docstring() -> None:
 def test_every_package_folder_is_a_layer() -> None:
     """No folder escapes the contract of the layers."""
     config = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-    (contract,) = config["tool"]["importlinter"]["contracts"]
+    contract, independent = config["tool"]["importlinter"]["contracts"]
     layers = {name.strip() for line in contract["layers"] for name in line.split("|")}
     package = ROOT / "src" / "swingid"
     folders = {f"swingid.{path.parent.name}" for path in package.glob("*/__init__.py")}
     modules = {f"swingid.{path.stem}" for path in package.glob("*.py")} - {"swingid.__init__", "swingid.__main__"}
     assert folders | modules == layers
+    assert set(independent["modules"]) == {
+        f"swingid.methods.{path.parent.name}" for path in (package / "methods").glob("*/__init__.py")
+    }
 
 
 def test_every_dependency_has_its_reason() -> None:

@@ -37,3 +37,10 @@ class UnanswerableError(SwingidError):
     """The data are readable but cannot answer the question (exit code 4)."""
 
     exit_code = 4
+
+
+class NotIdentifiableError(UnanswerableError):
+    """The motion does not determine what is sought."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, code="not-identifiable")

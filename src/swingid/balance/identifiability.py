@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.errors import UnanswerableError
+from swingid.errors import NotIdentifiableError
 from swingid.format import number, percent
 from swingid.model.terms import words_of
 from swingid.numerics.arrays import Array
@@ -165,11 +165,10 @@ def advice_on_gravity(frequency: float | None = None, natural: float = 0.0) -> s
 
 
 def require_seen(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> None:
-    """Raise UnanswerableError where a direction that moves the wanted unknown is not seen at all."""
+    """Raise NotIdentifiableError where a direction that moves the wanted unknown is not seen at all."""
     if seen.answerable:
         return
-    raise UnanswerableError(
+    raise NotIdentifiableError(
         f"{words_of(seen.wanted)} is not identifiable: in this motion {seen.combination({})}; "
-        f"{advice(seen, frequency, natural)}.",
-        code="not-identifiable",
+        f"{advice(seen, frequency, natural)}."
     )

@@ -138,6 +138,20 @@ def _after_dead_zone(
     return result
 
 
+def motor_drag(motor: Motor, wheel_speed: Array) -> Array:
+    """f2 N q2' + f3 sgn q2' on the rotor, N m."""
+    slope, coulomb = motor.viscous.value * motor.gear_ratio.value, motor.coulomb.value
+    return _drag(wheel_speed.ravel(), slope, coulomb).reshape(wheel_speed.shape)
+
+
+@njit
+def _drag(rate: Array, slope: float, coulomb: float) -> Array:
+    result = np.empty(len(rate))
+    for k in range(len(rate)):
+        result[k] = slope * rate[k] + coulomb * np.sign(rate[k])
+    return result
+
+
 def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, noise: Noise) -> MotorBalance | None:
     """Residuals of row (II) on `windows` over the first swings; None without voltage or motor constants."""
     motor, wheel = rig.drive.motor, signals.wheel

@@ -34,12 +34,12 @@ from swingid.batch.kernels import (
 )
 from swingid.batch.plan import Batch, Plan, at_stamps, require_batch
 from swingid.errors import UnanswerableError
-from swingid.methods.energy.balance import SHARE
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER, overlap_terms
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.scale import Scale
+from swingid.preparation.speed import SHARE
 from swingid.system import cores
 
 PLACES = (INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN)

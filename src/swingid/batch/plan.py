@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.methods.energy.balance import SHARE
 from swingid.methods.momentum.method import momentum
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
-from swingid.preparation.speed import smooth_speed
+from swingid.preparation.speed import SHARE, smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.result import Details
 

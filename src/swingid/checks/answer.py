@@ -1,6 +1,9 @@
-"""Does the answer make sense? Signs, conditioning, and the motor's own balance as a second opinion on the wheel."""
+"""Checks of an answer: signs, conditioning, and by equation (II) the wheel angle and the motor's constants."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum, auto
 
 import numpy as np
 
@@ -8,11 +11,12 @@ from swingid.balance.fits import WindowFit, columns_of, known_side
 from swingid.balance.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
 from swingid.balance.motor import MotorBalance
 from swingid.balance.rows import Signals
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
 from swingid.model.terms import units_on
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import Scale
+from swingid.recording.findings import Kind
 from swingid.result.result import BudgetEntry, Message, Parameter
 from swingid.uncertainty.significance import INDICATED
 
@@ -98,35 +102,47 @@ def _wrong_by_gravity_found(law: WindowFit) -> str | None:
     return "zero" if known and gravity < 0 and law.a11 > INDICATED * law.u else None
 
 
+@dataclass(frozen=True)
+class AnswerCheck:
+    """Conditioning of an answer: warnings and notes; what the rows see of the unknowns.
+
+    near_resonance: the inertia is mostly the gravity torque rescaled.
+    """
+
+    warnings: list[Message]
+    notes: list[Message]
+    identifiability: Message
+    near_resonance: bool
+
+
 def check_answer(
     parameters: dict[str, Parameter],
     budget: list[BudgetEntry],
     law: WindowFit,
     scale: Scale,
     amplitude: float,
-) -> tuple[list[Message], list[Message]]:
-    """Warnings and notes on the conditioning of the answer.
-
-    Raises UnanswerableError where the data do not determine the inertia.
-    """
+) -> AnswerCheck:
+    """The conditioning of the answer. Raises NotIdentifiableError where the data do not determine the inertia."""
     inertia = parameters["inertia"]
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
     seen, motion = identifiability_of(law, scale), _main_frequency(law, scale, amplitude)
     require_seen(seen, *motion)
     if inertia.value <= 0 or relative > HOPELESS or not np.isfinite(relative):
-        raise UnanswerableError(_hopeless(inertia, relative, scale, motion), code="not-identifiable")
+        raise NotIdentifiableError(_hopeless(inertia, relative, scale, motion))
     warnings: list[Message] = []
-    notes: list[Message] = [_how_identifiable(seen, law)]
+    notes: list[Message] = []
     if scale.b is None and _share(budget, inertia) > 0.02:
         text = f"{seen.combination(_values(law))}; {advice(seen, *motion)}."
-        warnings.append(Message("gravity-and-inertia", text))
+        warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
+    near_resonance = False
     if scale.drive != "none" and scale.b:
         lean = abs(float(law.fit.influence[0] @ law.rows.gravity)) * abs(scale.b) / law.a11
-        if lean > 0.8:
+        near_resonance = lean > 0.8
+        if near_resonance:
             warnings.append(Message("near-resonance", _leaning(lean, amplitude, scale.b / law.a11)))
     if scale.drive == "none":
         notes.append(Message("scale-from-gravity", "the scale is that of axis.gravity_torque, in proportion."))
-    return warnings, notes
+    return AnswerCheck(warnings, notes, _how_identifiable(seen, law), near_resonance)
 
 
 def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
@@ -193,41 +209,77 @@ def _leaning(lean: float, amplitude: float, stiffness: float) -> str:
     )
 
 
-def check_motor(balance: MotorBalance | None, signals: Signals) -> tuple[list[Message], list[Message]]:
-    """What row (II) says of the wheel angle: warnings and notes.
+class Fault(Enum):
+    """What equation (II) shows to be wrong."""
 
-    An absolute wheel angle taken for a relative one cannot be seen in row (I); row (II) shows it. Motor constants some
-    per cent off leave as much, so the readings are compared with these left free too. Never refuses.
+    VOLTAGE_SIGN = auto()
+    READING = auto()
+    CONSTANTS = auto()
+
+
+@dataclass(frozen=True)
+class MotorCheck:
+    """What equation (II) shows of the wheel angle and the motor: the fault with its warning, else a note.
+
+    held: a message where the voltage between the rows is not what drive_held says.
+    """
+
+    fault: Fault | None = None
+    warnings: list[Message] = field(default_factory=list)
+    notes: list[Message] = field(default_factory=list)
+    held: list[Message] = field(default_factory=list)
+
+    def all_notes(self) -> list[Message]:
+        """The notes of a method that does not use the motor."""
+        return self.notes if self.fault is not None else [*self.notes, *self.held]
+
+
+def check_motor(
+    balance: MotorBalance | None, signals: Signals, *, method: str = "momentum", uses_motor: bool = False
+) -> MotorCheck:
+    """Check the wheel angle by equation (II). Never refuses.
+
+    An absolute wheel angle taken for a relative one cannot be seen in equation (I); (II) shows it. Motor constants some
+    per cent off leave as much, so the readings are compared with these left free too. method: what messages call it;
+    uses_motor: whether its inertia depends on the motor's constants.
     """
     if signals.wheel is None:
-        return [], []
+        return MotorCheck()
     if balance is None:
         text = "wheel_angle was taken as [log] says; without voltage and motor constants nothing checks that."
-        return [], [Message("wheel-angle-reading", text)]
+        return MotorCheck(notes=[Message("wheel-angle-reading", text)])
     if balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
         text = (
             f"voltage seems to have the wrong sign (the motor's balance leaves {left(balance.as_stated)}, with the "
-            f"sign turned {left(balance.turned)}); momentum does not use it, but set voltage_sign under [log]."
+            f"sign turned {left(balance.turned)}); {method} does not use it, but set voltage_sign under [log]."
         )
-        return [Message("voltage-sign", text)], []
+        return MotorCheck(Fault.VOLTAGE_SIGN, [Message("voltage-sign", text)])
+    held = balance.hold_doubt(harm="this inertia depends on it" if uses_motor else f"{method} does not use it")
     stated, other = ("relative", "absolute") if balance.is_relative else ("absolute", "relative")
     verdict = _reading(balance)
     if verdict is not None:
         text = f"{verdict.format(stated=stated, other=other)} ({_residuals(balance)}); " + (
             f'set wheel_angle_is = "{other}" under [log] if the sensor says so, or check drive.motor.'
         )
-        return [Message("wheel-angle-reading", text)], []
-    held = balance.hold_doubt(harm="momentum does not use it")
+        return MotorCheck(Fault.READING, [Message("wheel-angle-reading", text)], held=held)
     if balance.as_stated > BAD_MOTOR and not held:
-        text = (
-            f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or "
-            "the wheel angle is not what wheel_angle_unit and wheel_angle_is under [log] say; momentum does not use "
-            "the motor, but check both."
-        )
-        return [Message("motor-balance", text)], []
-    rest = f"; the wheel rests {balance.rests:.0%} of the time, and tells nothing then" if balance.rests > 0.05 else ""
+        return MotorCheck(Fault.CONSTANTS, [Message("motor-balance", _motor_off(balance, method, uses_motor))])
+    rest = f"; the wheel rests {balance.rests:.0%} of the time, and shows nothing then" if balance.rests > 0.05 else ""
     text = f"wheel_angle taken as {stated} to the pendulum ({_residuals(balance)}{rest})."
-    return [], [Message("wheel-angle-reading", text), *held]
+    return MotorCheck(notes=[Message("wheel-angle-reading", text)], held=held)
+
+
+def _motor_off(balance: MotorBalance, method: str, uses_motor: bool) -> str:
+    text = f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or the "
+    if uses_motor:
+        return (
+            f"{text}wheel angle is not what [log] says; this inertia depends on them and is wrong by several times as "
+            "much, so use the momentum method or calibrate the motor."
+        )
+    return (
+        f"{text}wheel angle is not what wheel_angle_unit and wheel_angle_is under [log] say; {method} does not use the "
+        "motor, but check both."
+    )
 
 
 def _reading(balance: MotorBalance) -> str | None:
@@ -236,7 +288,7 @@ def _reading(balance: MotorBalance) -> str | None:
     if refitted is None or otherwise is None:
         refitted = otherwise = 1.0
     if otherwise < CLEARLY * refitted and otherwise < BAD_MOTOR:
-        return "wheel_angle looks {other}, not {stated}, which motor constants that are off can hardly feign"
+        return "wheel_angle looks {other}, not {stated}, which motor constants that are off hardly explain"
     undecided = refitted > CLEARLY * otherwise
     if undecided and balance.otherwise < CLEARLY * balance.as_stated and balance.otherwise < BAD_MOTOR:
         return "either wheel_angle is {other}, not {stated}, or the motor constants are some per cent off"

@@ -20,6 +20,7 @@ from swingid.model.rig import Rig
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
+from swingid.recording.findings import Kind
 from swingid.result.result import Message
 from swingid.uncertainty.significance import BETTER, CERTAIN_RATIO, MATTERS
 
@@ -53,7 +54,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals, scale: Scale, noi
         f"{plus_minus(bent.a11 - scale.carried, bent.total, scale.unit)}; declare sensors.nonlinearity, such as "
         '"0.1 deg", or calibrate the encoders.'
     )
-    return [Message("encoder-nonlinearity", text)]
+    return [Message("encoder-nonlinearity", text, Kind.ENCODER_NONLINEARITY)]
 
 
 def _shows(law: WindowFit, before: float, after: float) -> bool:

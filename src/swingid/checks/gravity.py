@@ -19,6 +19,7 @@ from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
+from swingid.recording.findings import Kind
 from swingid.result.result import Message
 from swingid.uncertainty.significance import DETECTED, MATTERS
 from swingid.units import Quantity
@@ -40,7 +41,7 @@ def check_gravity(
     """A warning where the balance contradicts `axis.gravity_torque` by so much that the inertia suffers.
 
     tried: the same fit at other lengths of windows. least: relative change of the inertia that is worth a warning, for
-    methods that take a rougher fit as a second opinion.
+    methods that take a rougher fit as a second consistency.
     """
     stated = rig.axis.gravity_torque
     if not isinstance(stated, Quantity) or not scale.b or scale.drive == "none" or signals.linear:
@@ -70,7 +71,7 @@ def check_gravity(
         f"the angle's unit and the clock is off; the inertia is {by_drive} if the drive's scale is right, {by_gravity} "
         "if gravity is; state the one you doubt with its uncertainty."
     )
-    return [Message("gravity-torque-disagrees", text)]
+    return [Message("gravity-torque-disagrees", text, Kind.GRAVITY_TORQUE)]
 
 
 def _freed(fit: WindowFit, signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> tuple[WindowFit, float] | None:

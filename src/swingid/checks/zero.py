@@ -14,6 +14,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.scale import Scale
+from swingid.recording.findings import Kind
 from swingid.result.result import Message
 from swingid.uncertainty.significance import CERTAIN, MATTERS
 
@@ -64,7 +65,7 @@ def check_zero(law: WindowFit, signals: Signals, scale: Scale, uncertainty: floa
         f"0 of the angle seems to lie {offset} beside the hanging position{doubt}; "
         f"set right it moves the inertia by {effect}, so take {number(found.value, 'rad')} off the angle."
     )
-    return [Message("zero-off", text)]
+    return [Message("zero-off", text, Kind.ANGLE_ZERO)]
 
 
 def _offset(law: WindowFit, signals: Signals, scale: Scale, friction: tuple[str, ...], cosine: Array) -> _Offset:

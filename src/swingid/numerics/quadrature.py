@@ -12,7 +12,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, median
 from swingid.numerics.compiled import njit
 from swingid.numerics.spline import spline_slopes
 
@@ -193,3 +193,13 @@ def running_hats(nodes: GaussNodes, values: Array, powers: Array, knots: Array, 
     """
     weights = gauss_rule(nodes.points)[1]
     return _running_hats(nodes.time, values, powers, knots, instants, antiderivatives(nodes.points), weights)
+
+
+def held_between(time: Array, values: Array) -> Array:
+    """The mean (n−1,) from row to row of a logged voltage or torque (n,) that is held, values of lost
+    rows on a straight line, each of them held.
+    """
+    gaps = np.diff(time)
+    rows = np.maximum(np.rint(gaps / median(gaps)), 1.0)
+    result: Array = values[:-1] + np.diff(values) * (rows - 1) / (2 * rows)
+    return result

@@ -241,3 +241,18 @@ def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array
     independent = 1.85 * used / (reach + 1)
     result: Array = covariance * max(independent / max(independent - unknowns, 1.0), 1.0)
     return result
+
+
+NEIGHBOURS = np.array([1.0, 0.5])
+"""Newey and West's weights of a block and of its neighbour."""
+
+
+def block_covariance(scores: Array, unknowns: int) -> Array:
+    """Newey–West covariance of sums over blocks, scores (p, blocks), one neighbour correlated."""
+    blocks = scores.shape[1]
+    covariance = scores @ scores.T
+    if blocks > 2:
+        cross = scores[:, 1:] @ scores[:, :-1].T
+        covariance = covariance + NEIGHBOURS[1] * (cross + cross.T)
+    result: Array = covariance * (blocks / max(blocks - unknowns, 1))
+    return result

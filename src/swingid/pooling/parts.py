@@ -221,13 +221,12 @@ def _entries(name: str, pooled: Pooled) -> list[BudgetEntry]:
 
 def _said(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
     """What the parts say, each kind once: as a warning where many parts warn of it, else as a note."""
-    left_out = SINGLE if settled else ()
+    left_out = SINGLE if settled else set()
     warnings: list[Message] = []
     notes: list[Message] = []
-    for code, texts in _kinds([result.warnings for result in results]).items():
-        if code not in left_out:
-            message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
-            (warnings if len(texts) >= OFTEN * count else notes).append(message)
+    for code, texts in _kinds([[m for m in one.warnings if m.kind not in left_out] for one in results]).items():
+        message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
+        (warnings if len(texts) >= OFTEN * count else notes).append(message)
     for code, texts in _kinds([result.notes for result in results]).items():
         if code not in OF_A_PART:
             alike = len(texts) == len(results) and len(set(texts)) == 1

@@ -6,12 +6,13 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import PurePath
 
-from swingid.errors import SwingidError, UnanswerableError, UsageError
+from swingid.errors import NotIdentifiableError, SwingidError, UnanswerableError, UsageError
 from swingid.format import percent, plus_minus
 from swingid.pooling.consistency import outliers
 from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair, pool_pair
 from swingid.pooling.pooling import Pooled, pool
 from swingid.pooling.shares import Estimate, Identity, estimate_of
+from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
@@ -24,7 +25,7 @@ FRICTION = ("per-log", "shared")
 
 _LISTED = {"logs": "log", "logs_sha256": "log_sha256"}
 
-SINGLE = ("not-identifiable", "gravity-and-inertia")
+SINGLE = {Kind.NOT_IDENTIFIABLE, Kind.GRAVITY_AND_INERTIA}
 """Warnings of a single log that several logs may settle."""
 
 HOPELESS, HARDLY = 0.3, 0.02
@@ -235,8 +236,8 @@ def uncertain(names: Iterable[str]) -> list[Message]:
 def undetermined(result: Result) -> None:
     """Raise UnanswerableError where the only log that counts does not distinguish inertia from gravity torque."""
     for message in result.warnings:
-        if message.code == SINGLE[0]:
-            raise UnanswerableError(message.message, code=message.code)
+        if message.kind is Kind.NOT_IDENTIFIABLE:
+            raise NotIdentifiableError(message.message)
 
 
 def of_logs(results: Sequence[Result], names: Sequence[str], *, settled: bool) -> list[Message]:
@@ -244,7 +245,7 @@ def of_logs(results: Sequence[Result], names: Sequence[str], *, settled: bool) -
     found: dict[tuple[str, str], list[str]] = {}
     for result, name in zip(results, names, strict=True):
         for message in result.warnings:
-            if not (settled and message.code in SINGLE):
+            if not (settled and message.kind in SINGLE):
                 found.setdefault((message.code, message.message), []).append(name)
     return [Message(code, f"{', '.join(logs)}: {text}") for (code, text), logs in found.items()]
 
@@ -265,7 +266,7 @@ def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Mess
         "inertia and gravity torque are hardly distinguishable in these logs; add one of another frequency "
         "or give axis.gravity_torque."
     )
-    return [Message(SINGLE[1], text)]
+    return [Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA)]
 
 
 def pair_disagreement(pairs: Pairs, names: Sequence[str]) -> list[Message]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from swingid.model.rig.sensors import Sensor
 from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def _unknown(sensor: Sensor) -> list[Finding]:
         f"values; methods take that to first order, which serves up to {np.degrees(FIRST_ORDER):.2g}°, so find them "
         "with swingid calibrate --encoders."
     )
-    return [Finding(UNKNOWN, text, "warning")]
+    return [Finding(UNKNOWN, text, "warning", kind=Kind.ENCODER_NONLINEARITY)]
 
 
 def _size(sensor: Sensor) -> str:

@@ -4,12 +4,25 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+
+class Kind(Enum):
+    """What a finding or a message is about, where something is done because of it; codes and words are for readers."""
+
+    ENCODER_NONLINEARITY = auto()
+    LATE_CHANNEL = auto()
+    GRAVITY_TORQUE = auto()
+    ANGLE_ZERO = auto()
+    CALIBRATED = auto()
+    NOT_IDENTIFIABLE = auto()
+    GRAVITY_AND_INERTIA = auto()
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +37,7 @@ class Finding:
     message: str
     level: Literal["note", "warning"]
     repair: str | None = None
+    kind: Kind | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from swingid.numerics.arrays import Array
+from swingid.recording.findings import Kind
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
@@ -17,10 +18,11 @@ SCHEMA = "swingid.result/1"
 
 @dataclass(frozen=True)
 class Message:
-    """A warning or a note: a stable slug for scripts and a sentence for people."""
+    """A warning or a note: a stable slug for scripts, a sentence for people, and its kind, which no file holds."""
 
     code: str
     message: str
+    kind: Kind | None = field(default=None, metadata={"plain": False})
 
 
 @dataclass(frozen=True)
@@ -159,7 +161,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, BudgetEntry | Parameter):
         value = value.to_dict()
     if hasattr(value, "__dataclass_fields__"):
-        return {name: plain(getattr(value, name)) for name in value.__dataclass_fields__}
+        fields = value.__dataclass_fields__.items()
+        return {name: plain(getattr(value, name)) for name, own in fields if own.metadata.get("plain", True)}
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

@@ -57,7 +57,9 @@ def add_findings(
     """Add what was found in the log when it was read to the warnings and the notes of a result, each to its kind."""
     for finding in log.findings:
         if finding.code != leave_out:
-            (warnings if finding.level == "warning" else notes).append(Message(finding.code, finding.message))
+            (warnings if finding.level == "warning" else notes).append(
+                Message(finding.code, finding.message, finding.kind)
+            )
 
 
 ROW_ONE = ("axis.gravity_torque", "drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")

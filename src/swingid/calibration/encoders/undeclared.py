@@ -1,8 +1,8 @@
 """Bent encoders and late channels that the rig file does not declare, found from the identified logs and taken off.
 
-The scatter of a log does not hold them, but its balance shows them (momentum's warnings `encoder-nonlinearity` and
-`late-channel`). Then the same logs calibrate the encoders, as `calibrate_encoders` does, and are identified once more.
-So they do where a nonlinearity is declared that is too large for the first order that methods take it to.
+The scatter of a log does not hold them, but its balance shows them (warnings of the kinds `CAUSES`). Then the same logs
+calibrate the encoders, as `calibrate_encoders` does, and are identified once more. So they do where a nonlinearity is
+declared that is too large for the first order that methods take it to.
 """
 
 from __future__ import annotations
@@ -16,17 +16,16 @@ from swingid.calibration.encoders.method import calibrate_encoders
 from swingid.calibration.encoders.parts import ANGLE, LATEST, WHEEL, WIDE, declared_spread, latency_key
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.model.rig import Rig
-from swingid.preparation.encoders import UNKNOWN
+from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
-from swingid.result.result import Result
+from swingid.result.result import Message, Result
 from swingid.uncertainty.significance import CERTAIN, INDICATED
 
-LATE = "late-channel"
-BENT = {"encoder-nonlinearity", UNKNOWN}
-"""Warnings that lead here."""
+CAUSES = {Kind.ENCODER_NONLINEARITY, Kind.LATE_CHANNEL}
+"""Kinds of warnings that lead here."""
 
-SCALE, ZERO_OFF = "gravity-torque-disagrees", "zero-off"
-"""Warnings of what looks much like a bent encoder: beside the first, one log does not lead here."""
+ALIKE = {*CAUSES, Kind.GRAVITY_TORQUE, Kind.ANGLE_ZERO}
+"""With what looks much like a nonlinearity of an encoder: beside the gravity torque, one log does not lead here."""
 
 CODE, REPAIR = "calibrated-by-itself", "calibrate"
 
@@ -41,23 +40,25 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     have to be bent by more than 1° and three times what is declared, and where the new result still warns of what looks
     like it or of anything new: then it was not the cause. The new one warns too, by `CODE`.
     """
-    before = _codes(result)
+    before = _warnings(result)
+    kinds = {warning.kind for warning in before}
     switched_off = any(found.repair == REPAIR for log in logs for found in log.findings)
-    if not before & {*BENT, LATE} or (SCALE in before and len(logs) == 1) or switched_off:
+    if not kinds & CAUSES or (Kind.GRAVITY_TORQUE in kinds and len(logs) == 1) or switched_off:
         return result
     try:
-        better, text = _encoders(logs, rig) if before & BENT else _latency(rig)
-        again = ask(better, (Finding(CODE, text, "warning", REPAIR),))
+        better, text = _encoders(logs, rig) if Kind.ENCODER_NONLINEARITY in kinds else _latency(rig)
+        again = ask(better, (Finding(CODE, text, "warning", REPAIR, Kind.CALIBRATED),))
     except SwingidError:
         return result
-    new = _codes(again)
-    settled = new <= (before - {*BENT, LATE, SCALE, ZERO_OFF}) | {CODE}
+    codes = {warning.code for warning in before}
+    left = [one for one in _warnings(again) if one.kind is not Kind.CALIBRATED]
+    settled = all(one.kind not in ALIKE and one.code in codes for one in left)  # nothing of the kind, and nothing new
     settled &= all(_size(better, table) <= max(WIDE, INDICATED * declared_spread(rig, table)) for table in _tables(rig))
     return _of_the_file(again, result) if settled else result
 
 
-def _codes(result: Result) -> set[str]:
-    return {warning.code for one in (result, *result.per_log) for warning in one.warnings}
+def _warnings(result: Result) -> list[Message]:
+    return [warning for one in (result, *result.per_log) for warning in one.warnings]
 
 
 def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:

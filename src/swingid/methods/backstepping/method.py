@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from swingid.checks.consistency import check_energy, consistency_check
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.backstepping.adaptation import LAWS, Gains, adapted
 from swingid.methods.backstepping.answer import answer, details
@@ -24,7 +25,6 @@ from swingid.methods.backstepping.signals import (
     widths_of,
 )
 from swingid.methods.backstepping.words import told
-from swingid.methods.energy.checks import check_energy, second_opinion
 from swingid.model.rig import Rig
 from swingid.preparation.motion import Motion
 from swingid.preparation.prepared import prepare
@@ -71,7 +71,7 @@ def backstepping(
     log, scale, used, motion, noise = prepared.log, prepared.scale, part.log, part.motion, part.noise
     widths = widths_of(used, motion, noise) if velocities == "smoothed" else None
     as_read = log.segment(float(used.time[0]), float(used.time[-1]))
-    opinion = second_opinion(as_read, rig, motion, scale, noise, prepared.encoders)
+    consistency = consistency_check(as_read, rig, motion, scale, noise, prepared.encoders)
     channels = channels_of(used, widths)
     run = _run(channels, rig, motion, gains)
     others = {f"{_other(law)} law": _run(channels, rig, motion, replace(gains, law=_other(law)))}
@@ -91,7 +91,7 @@ def backstepping(
     answered = answer(run, others, found, scale)
     parameters = answered.parameters
     compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else None
-    warnings, notes = check_energy(answered, opinion, rig, scale, motion, compared)
+    warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared)
     doubts, words = told(run, gains, widths, parameters["inertia"])
     warnings, notes = [*doubts, *warnings], [part.note, *words, *notes]
     add_findings(log, warnings, notes)
@@ -106,7 +106,7 @@ def backstepping(
         notes=tuple(notes),
         budget=tuple(answered.budget),
         provenance=prepared.provenance(part, options),
-        details=replace(details(run, others, f"{law} law", motion, opinion.balance), left_out=log.left_out),
+        details=replace(details(run, others, f"{law} law", motion, consistency.balance), left_out=log.left_out),
         sensitivities=answered.sensitivities,
         correlation=answered.correlation,
     )

@@ -12,22 +12,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.motor import motor_torque
+from swingid.balance.motor import motor_drag, motor_torque
 from swingid.control.observer import VelocityObserver
-from swingid.methods.energy.balance import motor_drag, narrowed
-from swingid.methods.energy.chain import held_between
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools
+from swingid.numerics.quadrature import held_between
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-from swingid.preparation.speed import NARROWEST, smooth_speed, speed_on_grid
+from swingid.preparation.speed import NARROWEST, SHARE, SPACING, narrowed, smooth_speed, speed_on_grid
 from swingid.recording.recording import Recording
 
 VELOCITIES = ("smoothed", "observers")
-SHARE, SPACING = 0.7, 1.5
-
 SLOW = 4.0
 """Standard deviations of the wheel's speed below which it may be rest."""
 

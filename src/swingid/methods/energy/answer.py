@@ -9,10 +9,11 @@ import numpy as np
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import effects
-from swingid.methods.energy.fit import NEIGHBOURS, NodeFit, columns_at, within_blocks
+from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, median
+from swingid.numerics.regression import NEIGHBOURS
 from swingid.preparation.prepared import Part
 from swingid.preparation.scale import Scale
 from swingid.result.result import Details, FrictionCurve, Message, SwingSeries

@@ -15,10 +15,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.motor import motor_torque
+from swingid.balance.motor import motor_drag, motor_torque
 from swingid.methods.energy.chain import Chain, between_rows, filtered_drive, observed_speed
 from swingid.model.rig import Rig
-from swingid.model.rig.tables import Motor
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes, antiderivatives, gauss_rule
@@ -26,16 +25,10 @@ from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-from swingid.preparation.speed import Speed, narrowest, smooth_speed, speed_on_grid
+from swingid.preparation.speed import SHARE, SPACING, Speed, narrowed, smooth_speed
 from swingid.recording.recording import Recording
 
-SHARE = 0.7
-"""Of the half-width that is best for one speed: over the nodes of all swings noise averages out, bias does not."""
-
 SMOOTHED = Chain()
-
-SPACING = 1.5
-"""Places per half-width at which speeds are computed; a spline runs through them."""
 
 
 @dataclass(frozen=True)
@@ -107,26 +100,6 @@ class Course:
         active = (torque != 0.0).astype(np.float64)
         power = motor.gear_ratio.value * (torque - motor_drag(motor, wheel_speed)) * turn
         return cls(nodes, axis, wheel, speed, turn, wheel_speed, drive, active, power, encoders)
-
-
-def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:
-    """The speed of the axis again, over `SHARE` of the half-width."""
-    width = max(SHARE * speed.half_width, narrowest(time, angle, noise))
-    return speed_on_grid(time, angle, noise, width, SPACING)
-
-
-def motor_drag(motor: Motor, wheel_speed: Array) -> Array:
-    """f2 N q2' + f3 sgn q2' on the rotor, N m."""
-    slope, coulomb = motor.viscous.value * motor.gear_ratio.value, motor.coulomb.value
-    return _drag(wheel_speed.ravel(), slope, coulomb).reshape(wheel_speed.shape)
-
-
-@njit
-def _drag(rate: Array, slope: float, coulomb: float) -> Array:
-    result = np.empty(len(rate))
-    for k in range(len(rate)):
-        result[k] = slope * rate[k] + coulomb * np.sign(rate[k])
-    return result
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import numpy as np
 from swingid.control.observer import VelocityObserver, filtered_both_ways
 from swingid.errors import UsageError
 from swingid.numerics.arrays import Array, median
-from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.quadrature import GaussNodes, held_between
 from swingid.preparation.speed import Speed
 
 
@@ -67,11 +67,3 @@ def between_rows(nodes: GaussNodes, values: Array, *, held: bool) -> Array:
     if not held:
         return nodes.spline(values)
     return np.repeat(held_between(nodes.time, values)[:, None], nodes.points, axis=1)
-
-
-def held_between(time: Array, values: Array) -> Array:
-    """The mean (n−1,) from row to row of a logged voltage or torque (n,) that is held, lost rows as `between_rows`."""
-    gaps = np.diff(time)
-    rows = np.maximum(np.rint(gaps / median(gaps)), 1.0)
-    result: Array = values[:-1] + np.diff(values) * (rows - 1) / (2 * rows)
-    return result

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from swingid.balance.imperfections import Imperfection
-from swingid.balance.motor import motor_torque
-from swingid.methods.energy.balance import MOTOR, Course, States, motor_drag
+from swingid.balance.motor import motor_drag, motor_torque
+from swingid.methods.energy.balance import MOTOR, Course, States
 from swingid.methods.energy.fit import NodeFit
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor

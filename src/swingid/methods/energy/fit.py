@@ -16,6 +16,7 @@ from swingid.methods.energy.balance import Course, States
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
+from swingid.numerics.regression import block_covariance
 from swingid.preparation.scale import Scale
 
 BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
@@ -96,21 +97,6 @@ def influence_of(matrix: Array) -> Array:
     powers, directions = np.linalg.eigh(scaled.T @ scaled)
     inverse = np.where(powers > 1e-12 * powers[-1], 1 / np.maximum(powers, 1e-300), 0.0)
     result: Array = ((directions * inverse) @ directions.T @ scaled.T) / scale[:, None]
-    return result
-
-
-NEIGHBOURS = np.array([1.0, 0.5])
-"""Newey and West's weights of a block and of its neighbour."""
-
-
-def block_covariance(scores: Array, unknowns: int) -> Array:
-    """Newey–West covariance of sums over blocks, scores (p, blocks), one neighbour correlated."""
-    blocks = scores.shape[1]
-    covariance = scores @ scores.T
-    if blocks > 2:
-        cross = scores[:, 1:] @ scores[:, :-1].T
-        covariance = covariance + NEIGHBOURS[1] * (cross + cross.T)
-    result: Array = covariance * (blocks / max(blocks - unknowns, 1))
     return result
 
 

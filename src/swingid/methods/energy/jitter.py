@@ -39,15 +39,15 @@ class Jitter:
     spread: float
     noise: Noise
 
-    def words(self, inertia: Parameter, measured: float) -> Message:
-        """A note that the rows jitter, or a warning where work over the measured turn says another inertia."""
+    def words(self, inertia: Parameter, measured: float) -> tuple[list[Message], list[Message]]:
+        """A warning where work over the measured turn gives another inertia, else a note that the rows jitter."""
         low, high = inertia.interval95 or (-np.inf, np.inf)
         text = f"the rows are read early or late by {1e3 * self.spread:.2g} ms by chance, as noise that grows with the "
         text += "speed shows; work was taken over the smoothed turn of the drive"
         if low <= measured <= high:
-            return Message("jitter", f"{text}.")
+            return [], [Message("jitter", f"{text}.")]
         text += f", over the measured one the inertia would be {measured:.5g} {inertia.unit}; read both encoders at "
-        return Message("jitter-matters", f"{text}even instants, or use the momentum method.")
+        return [Message("jitter-matters", f"{text}even instants, or use the momentum method.")], []
 
 
 def find_jitter(log: Recording, noise: Noise) -> Jitter:

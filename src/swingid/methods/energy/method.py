@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swingid.checks.consistency import (
+    CLOSE,
+    DISAGREES,
+    Consistency,
+    check_energy,
+    check_saturation,
+    consistency_check,
+)
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, judged_chain
 from swingid.methods.energy.balance import Course, States, states_at
 from swingid.methods.energy.chain import Chain
-from swingid.methods.energy.checks import (
-    CLOSE,
-    DISAGREES,
-    SecondOpinion,
-    check_energy,
-    check_saturation,
-    second_opinion,
-)
 from swingid.methods.energy.fit import BASIS, fit_nodes, sensor_variance
 from swingid.methods.energy.jitter import find_jitter
 from swingid.methods.energy.passes import Passes, mirrored_passes
@@ -85,14 +85,14 @@ def energy(
     jitter = find_jitter(log, prepared.noise)
     part = prepared.part(whole=nodes is not None, few=nodes is not None, at_stamps=True, noise=jitter.noise)
     as_read = log.segment(part.start, part.stop)
-    opinion = second_opinion(as_read, rig, part.motion, scale, part.noise, prepared.encoders)
+    consistency = consistency_check(as_read, rig, part.motion, scale, part.noise, prepared.encoders)
     estimate, course = _estimate(part, rig, scale, how, jittery=jitter.spread > 0)
     plain, plain_course = estimate, course
     doubts: list[Message] = []
     if how.chain.observers:  # whose noise would pass for asymmetry
         plain, plain_course = _estimate(part, rig, scale, replace(how, chain=Chain()), jittery=jitter.spread > 0)
         estimate, doubts = judged_chain(estimate, plain, how.chain, scale)
-    estimate = _judged(estimate, opinion, scale)
+    estimate = _judged(estimate, consistency, scale)
     symmetry = _symmetry(plain, part, rig, scale, plain_course)
     if symmetry is not None:
         estimate = replace(estimate, common=estimate.common | symmetry.entry())
@@ -100,11 +100,12 @@ def energy(
     parameters = answer.parameters
     # without a motor what the momentum balance differs by is in the budget
     compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else estimate.fit.u()
-    warnings, notes = check_energy(answer, opinion, rig, scale, part.motion, compared)
+    warnings, notes = check_energy(answer, consistency, rig, scale, part.motion, compared)
     if jitter.spread > 0 and not how.chain.observers:
         other, _ = _estimate(part, rig, scale, how, jittery=False)
-        said = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
-        (doubts if said.code == "jitter-matters" else notes).append(said)
+        jittery, told = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
+        doubts += jittery
+        notes += told
     doubts += check_saturation(part.log, rig) if variant == "better" else []
     warnings, notes = [*doubts, *warnings], [part.note, *estimate.notes, *notes]
     if parameters["inertia"].standard_uncertainty is None:
@@ -115,8 +116,8 @@ def energy(
     if symmetry is not None:
         notes.append(symmetry.note(parameters["inertia"].value))
         details = replace(details, extra=details.extra | {"symmetry_bound": symmetry.bound})
-    if opinion.balance is not None:
-        details = replace(details, extra=details.extra | {"motor_balance_residual": opinion.balance.as_stated})
+    if consistency.balance is not None:
+        details = replace(details, extra=details.extra | {"motor_balance_residual": consistency.balance.as_stated})
     return Result(
         method="energy",
         status="warning" if warnings else "ok",
@@ -212,11 +213,11 @@ def _inner(states: States) -> States:
     return States(**plain, friction=friction, motor=motor)
 
 
-def _judged(estimate: EnergyEstimate, opinion: SecondOpinion, scale: Scale) -> EnergyEstimate:
+def _judged(estimate: EnergyEstimate, consistency: Consistency, scale: Scale) -> EnergyEstimate:
     """Without a motor energy and momentum stand on the same constants, so what they differ by is uncertainty."""
-    if scale.drive == "reaction-wheel" or opinion.windows is None or estimate.fit.covariance is None:
+    if scale.drive == "reaction-wheel" or consistency.windows is None or estimate.fit.covariance is None:
         return estimate
-    value, fit, windows = estimate.fit.a11 - scale.carried, estimate.fit, opinion.windows
+    value, fit, windows = estimate.fit.a11 - scale.carried, estimate.fit, consistency.windows
     # the balance of a few swings is not meant to be closer than this
     variance = fit.u() ** 2 + windows.u**2 + (CLOSE / INDICATED * value) ** 2
     dark = dark_uncertainty(fit.a11 - windows.a11, variance, fit.u())

@@ -13,13 +13,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from swingid.balance.motor import motor_torque
+from swingid.balance.motor import motor_drag, motor_torque
 from swingid.errors import UnanswerableError, UsageError
-from swingid.methods.energy.balance import Course, States, motor_drag, states_at
-from swingid.methods.energy.fit import NodeFit, block_covariance
+from swingid.methods.energy.balance import Course, States, states_at
+from swingid.methods.energy.fit import NodeFit
 from swingid.methods.energy.passes import Passes
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.numerics.regression import block_covariance
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import Speed
 from swingid.recording.recording import Recording

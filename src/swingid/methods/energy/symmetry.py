@@ -22,10 +22,11 @@ import numpy as np
 
 from swingid.format import percent
 from swingid.methods.energy.balance import Course, States
-from swingid.methods.energy.fit import NodeFit, block_covariance, columns_at, influence_of, within_blocks
+from swingid.methods.energy.fit import NodeFit, columns_at, influence_of, within_blocks
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_hats
+from swingid.numerics.regression import block_covariance
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
 from swingid.uncertainty.freedom import COVERAGE_FACTOR

@@ -22,9 +22,9 @@ from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_answer, check_motor, check_sign
+from swingid.checks.consistency import CLOSE
 from swingid.checks.gravity import check_gravity
 from swingid.errors import UnanswerableError, UsageError
-from swingid.methods.energy.checks import CLOSE
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import Cutoff, choose_cutoff
 from swingid.methods.equation_error.estimate import OnGrid, estimate
@@ -70,7 +70,7 @@ def equation_error(
         message = "the part of the log that can be used holds no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    doubts = _second_opinion(part, signals, rig, scale, noise)
+    doubts = _consistency(part, signals, rig, scale, noise)
     span = float(part.log.time[0]), float(part.log.time[-1])
     cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
     judged, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
@@ -78,10 +78,10 @@ def equation_error(
     found = answer(judged, rig, scale)
     parameters = found.parameters
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    warnings, notes = check_answer(parameters, found.budget, _as_windows(chosen), scale, amplitude)
+    checked = check_answer(parameters, found.budget, _as_windows(chosen), scale, amplitude)
     how = _how(on_grid.grid, cut, judged, laws, given=friction != "auto")
-    notes = [part.note, *how, *exact_in_row_one(rig), *notes, *doubts[1]]
-    warnings = [*warnings, *_unlikely(judged, laws, scale), *doubts[0]]
+    notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *doubts[1]]
+    warnings = [*checked.warnings, *_unlikely(judged, laws, scale), *doubts[0]]
     add_findings(log, warnings, notes)
     options: dict[str, object] = {"friction": judged.law.name, "instruments": instruments, "cutoff": cut.frequency}
     return Result(
@@ -123,10 +123,10 @@ def _as_windows(one: Fitted) -> WindowFit:
     return WindowFit(one.rows.select(used), one.fit.unknowns, fit, one.fit.covariance, half)
 
 
-def _second_opinion(
+def _consistency(
     part: Part, signals: Signals, rig: Rig, scale: Scale, noise: Noise
 ) -> tuple[list[Message], list[Message]]:
-    """What test functions say of signs (raises InputError), and what row (II) says of the wheel angle.
+    """Check signs by equation (I) on modulating functions (raises InputError), and the wheel angle by (II).
 
     Windows over half a swing are calm where filtered rows may be mostly noise.
     """
@@ -142,11 +142,8 @@ def _second_opinion(
         longest, *others = [one for one in fits if one is not None] or [fit]
         doubts = check_gravity(longest, others, signals, rig, scale, noise, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
-    warnings, notes = check_motor(balance, signals)
-    own = [
-        [replace(m, message=m.message.replace("momentum", "this method")) for m in side] for side in (warnings, notes)
-    ]
-    return [*doubts, *own[0]], own[1]
+    motor = check_motor(balance, signals, method="this method")
+    return [*doubts, *motor.warnings], motor.all_notes()
 
 
 def _how(grid: Grid, cutoff: Cutoff, judged: Judged, laws: Laws, *, given: bool) -> list[Message]:

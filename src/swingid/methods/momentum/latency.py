@@ -8,7 +8,7 @@ the rest is first order again. A latency that nobody declared shows in the same 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from swingid.preparation.encoders import Channel, Correction, Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
+from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
 from swingid.uncertainty.significance import BETTER, CERTAIN, MATTERS
@@ -90,14 +91,23 @@ class Latency:
     u: float
 
 
-def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message], tuple[Correction, ...]]:
-    """The choice with a channel moved by the latency found within what is declared, messages, and what was moved.
+@dataclass(frozen=True)
+class Moved:
+    """What was moved for a latency found within what is declared, and what is to be said of it."""
+
+    corrections: tuple[Correction, ...] = ()
+    notes: list[Message] = field(default_factory=list)
+    warnings: list[Message] = field(default_factory=list)
+
+
+def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, Moved]:
+    """The choice with a channel moved by the latency found within what is declared, and what was moved.
 
     Where none is found, the uncertainty that stays is of first order; a warning where its square matters as well.
     """
     rig, scale = seen.rig, seen.scale
     if not seen.spread:
-        return choice, [], ()
+        return choice, Moved()
     moved, found = 0.0, latency_of(choice.law, choice.signals, rig, scale, seen.noise)
     for _ in range(STEPS):
         if _second_order(choice.signals, found.value) < SMALL * choice.law.total / abs(choice.law.a11):
@@ -105,15 +115,14 @@ def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message], tup
         moved += found.value
         choice = seen.moved(moved)
         found = latency_of(choice.law, choice.signals, rig, scale, seen.noise)
-    messages: list[Message] = []
-    corrections: tuple[Correction, ...] = ()
+    result = Moved()
     if moved:
         text = (
             f"the balance tells that {_channel(rig)} {plus_minus(1e3 * (moved + found.value), 1e3 * found.u, 'ms')} "
             "later than the rig file says, within what it allows; it was moved by that."
         )
-        messages.append(Message("latency-told", text))
         corrections = (Correction(seen.channel, "latency", moved, found.u, "s", "found"),)
+        result = Moved(corrections, [Message("latency-told", text)])
     left = _second_order(choice.signals, found.u)
     if left > choice.law.total / abs(choice.law.a11):
         text = (
@@ -121,8 +130,8 @@ def with_latency(choice: Choice, seen: Seen) -> tuple[Choice, list[Message], tup
             "inertia, is not in the uncertainty: measure the latency, or record two motions of different frequency and "
             "calibrate it."
         )
-        messages.append(Message("latency-squared", text))
-    return choice, messages, corrections
+        result.warnings.append(Message("latency-squared", text))
+    return choice, result
 
 
 def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Message]:
@@ -153,7 +162,7 @@ def check_latency(choice: Choice, seen: Seen, uncertainty: float) -> list[Messag
         f"inertia would be {plus_minus(law.a11 - scale.carried, None, scale.unit)}. State "
         f'{key} = "{1e3 * (seen.late.latency.value + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
     )
-    return [Message("late-channel", text)]
+    return [Message("late-channel", text, Kind.LATE_CHANNEL)]
 
 
 def latency_of(law: WindowFit, signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Latency:

@@ -26,7 +26,7 @@ from swingid.checks.answer import check_answer, check_motor, check_sign
 from swingid.checks.encoders import check_encoders
 from swingid.checks.gravity import check_gravity
 from swingid.checks.zero import check_zero
-from swingid.errors import UnanswerableError
+from swingid.errors import NotIdentifiableError
 from swingid.methods.momentum.latency import Seen, check_latency, with_latency
 from swingid.methods.momentum.loss import loss_unexplained
 from swingid.model.rig import Rig
@@ -37,6 +37,7 @@ from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, prepare
 from swingid.preparation.scale import Scale
+from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
@@ -88,7 +89,7 @@ def _momentum(log: Recording, rig: Rig, *, one_of_several: bool) -> Result:
     log, scale, noise, encoders = prepared.log, prepared.scale, part.noise, part.encoders
     seen = Seen(part.log, part.motion, rig, scale, noise, encoders)
     first = choose(Signals.of(part.log, rig, part.motion, encoders), rig, scale, noise)
-    choice, late, moved = with_latency(first, seen)
+    choice, moved = with_latency(first, seen)
     signals, motion = choice.signals, choice.signals.motion
     estimate = _estimate(choice, rig, scale, noise)
     check_sign(estimate.law, scale, log.source.path or "the log")
@@ -96,27 +97,27 @@ def _momentum(log: Recording, rig: Rig, *, one_of_several: bool) -> Result:
     parameters = found.parameters
     amplitude = float(np.max(np.abs(motion.turning_angles)))
     try:
-        warnings, notes = check_answer(parameters, found.budget, estimate.law, scale, amplitude)
-    except UnanswerableError as error:
-        if not one_of_several or scale.b is not None or error.code != "not-identifiable":
+        checked = check_answer(parameters, found.budget, estimate.law, scale, amplitude)
+        warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
+    except NotIdentifiableError as error:
+        if not one_of_several or scale.b is not None:
             raise
-        warnings, notes = [Message(error.code, error.message)], []
+        warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, noise)
-    motor_warnings, motor_notes = check_motor(balance, signals)
+    motor = check_motor(balance, signals)
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
     lost = loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
     if lost is not None:
         extra["loss_unexplained"] = lost
-    notes = [part.note, *exact_in_row_one(rig), *notes, *motor_notes]
+    notes = [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes()]
     u = parameters["inertia"].standard_uncertainty or 0.0
     off = check_zero(estimate.law, signals, scale, u)
     if not off:  # a zero that is off bends the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig, scale, noise)
     off += check_encoders(estimate.law, rig, signals, scale, noise)
     off += check_latency(choice, seen, u)
-    off += [message for message in late if message.code != "latency-told"]
-    notes += [message for message in late if message.code == "latency-told"]
-    warnings = [*warnings, *off, *motor_warnings]
+    notes += moved.notes
+    warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
     add_findings(log, warnings, notes)
     return Result(
         method="momentum",
@@ -125,7 +126,7 @@ def _momentum(log: Recording, rig: Rig, *, one_of_several: bool) -> Result:
         warnings=tuple(warnings),
         notes=tuple(notes),
         budget=tuple(found.budget),
-        provenance=prepared.provenance(part, found=moved),
+        provenance=prepared.provenance(part, found=moved.corrections),
         details=replace(_details(estimate, signals, scale, part, motion), left_out=log.left_out, extra=extra),
         sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0]),
         covariance=_covariance(estimate.law) if scale.b is None else {},

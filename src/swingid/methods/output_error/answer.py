@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.methods.energy.checks import DISAGREES, SecondOpinion
-from swingid.methods.energy.fit import NEIGHBOURS, block_covariance
+from swingid.checks.consistency import DISAGREES, Consistency
 from swingid.methods.output_error.curve import friction_curve
 from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
 from swingid.methods.output_error.problem import Problem
@@ -20,6 +19,7 @@ from swingid.methods.output_error.unknowns import Unknowns
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
+from swingid.numerics.regression import NEIGHBOURS, block_covariance
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
@@ -144,11 +144,11 @@ def _kinds(
     return found
 
 
-def answer_of(estimate: Estimate, rig: Rig, scale: Scale, opinion: SecondOpinion) -> Evaluated:
+def answer_of(estimate: Estimate, rig: Rig, scale: Scale, consistency: Consistency) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
-    opinion: the momentum balance of some of the swings. Residuals cannot show what a wrong model does to the inertia,
-    another method can.
+    consistency: the momentum balance of some of the swings. Residuals do not show what a wrong model does to the
+    inertia, another method does.
     """
     weights = _sought(estimate.unknowns)
     units = units_on(linear=scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
@@ -158,9 +158,9 @@ def answer_of(estimate: Estimate, rig: Rig, scale: Scale, opinion: SecondOpinion
     found = {f"disagreement of readings, {name}": gap for name, (_, _, gap) in estimate.kinds.items()}
     found |= {"choice of the friction law": searched.spread, "drift with the length of the segments": searched.drift}
     common += [(systematic(source), "inertia", u) for source, u in found.items()]
-    windows = opinion.windows
+    windows = consistency.windows
     if windows is not None and not estimate.robust:
-        balance = windows.a11 + shift_of_momentum(opinion, searched, rig, scale) - scale.carried
+        balance = windows.a11 + shift_of_momentum(consistency, searched, rig, scale) - scale.carried
         type_a = math.sqrt(estimate.covariance[0, 0] + sum(u**2 for _, name, u in common if name == "inertia"))
         dark = dark_uncertainty(float(estimate.values[0]) - balance, type_a**2 + windows.u**2, type_a)
         common.append((systematic(DISAGREES), "inertia", dark))

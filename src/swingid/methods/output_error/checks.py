@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
-from swingid.checks.answer import check_answer, check_motor
+from swingid.checks.answer import Fault, check_answer, check_motor
+from swingid.checks.consistency import Consistency, differs_from_momentum
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
-from swingid.methods.energy.checks import SecondOpinion, differs_from_momentum
 from swingid.methods.output_error.answer import Estimate
 from swingid.methods.output_error.constants import SCALE, constant_value
 from swingid.methods.output_error.declared import shift_of_momentum
@@ -52,7 +52,7 @@ def check_fit(
     answer: Evaluated,
     estimate: Estimate,
     problem: Problem,
-    opinion: SecondOpinion,
+    consistency: Consistency,
     rig: Rig,
     scale: Scale,
     motion: Motion,
@@ -66,7 +66,10 @@ def check_fit(
     _require_told_apart(estimate)
     spread = math.sqrt(estimate.covariance[0, 0])
     poor = _poor_fit(estimate, problem, scale)
-    held = _held_doubt(opinion, problem)
+    motor = check_motor(
+        consistency.balance, consistency.signals, method="this fit", uses_motor=problem.input == "voltage"
+    )
+    held = motor.held
     whole = inertia.standard_uncertainty or spread
     if poor and (spread > HOPELESS * inertia.value or whole > inertia.value):
         cause = (held or poor)[0].message.rpartition("; ")[0]
@@ -80,39 +83,30 @@ def check_fit(
         )
     warnings = [*poor, *_moved_far(estimate, rig), *_search_doubts(estimate)]
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
-    if opinion.windows is not None:
+    if consistency.windows is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
         scattered = Parameter.of(inertia.value, spread, inertia.unit)
-        found, told = check_answer(
-            parameters | {"inertia": scattered}, answer.budget, opinion.windows, scale, amplitude
+        checked = check_answer(
+            parameters | {"inertia": scattered}, answer.budget, consistency.windows, scale, amplitude
         )
-        warnings += found
-        notes += [note for note in told if note.code != "identifiability"]
+        warnings += checked.warnings
+        notes += checked.notes
         if not estimate.robust:
-            shift = shift_of_momentum(opinion, estimate.searched, rig, scale)
-            warnings += _against_momentum(inertia, spread, opinion, problem, scale, shift)
+            shift = shift_of_momentum(consistency, estimate.searched, rig, scale)
+            warnings += _against_momentum(inertia, spread, consistency, problem, scale, shift)
     notes.append(_conditioning(seen, unknowns))
     notes.append(_search_note(estimate, problem))
     notes += _zero_note(estimate, problem)
-    warnings += opinion.scale
-    motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
-    notes += [message for message in motor_notes if message.code != "drive-held"]
+    warnings += consistency.gravity
+    notes += motor.notes
     warnings, notes = (held + warnings, notes) if problem.input == "voltage" else (warnings, notes + held)
-    # a motor that does not fit shows in the residuals, or the motor is not used; another reading of the wheel too
+    # constants that do not fit show in the residuals, or the motor is not used; another reading of the wheel too
     fits = problem.input == "voltage" and not poor
-    silent = ("motor-balance", "wheel-angle-reading") if fits else ("motor-balance",)
-    warnings += [message for message in motor_warnings if message.code not in silent]
+    if motor.fault is not Fault.CONSTANTS and not (fits and motor.fault is Fault.READING):
+        warnings += motor.warnings
     if problem.input == "voltage":
         notes.append(_leaning_on_motor(rig, sensitivities, inertia))
     return warnings, notes
-
-
-def _held_doubt(opinion: SecondOpinion, problem: Problem) -> list[Message]:
-    """What row (II) says against the voltage as drive_held has it between the rows."""
-    if opinion.balance is None:
-        return []
-    used = problem.input == "voltage"
-    return opinion.balance.hold_doubt(harm="this inertia stands on it" if used else "it is not used here")
 
 
 def _hopeless_fit(cause: str, share: float, problem: Problem) -> str:
@@ -211,13 +205,13 @@ def _search_doubts(estimate: Estimate) -> list[Message]:
 
 
 def _against_momentum(
-    inertia: Parameter, spread: float, opinion: SecondOpinion, problem: Problem, scale: Scale, shift: float
+    inertia: Parameter, spread: float, consistency: Consistency, problem: Problem, scale: Scale, shift: float
 ) -> list[Message]:
     """A warning where the momentum balance of the same swings says otherwise; shift: of the latter for constants."""
-    assert opinion.windows is not None
-    if not differs_from_momentum(inertia.value - shift, spread, opinion.windows, scale):
+    assert consistency.windows is not None
+    if not differs_from_momentum(inertia.value - shift, spread, consistency.windows, scale):
         return []
-    difference = inertia.value / (opinion.windows.a11 + shift - scale.carried) - 1
+    difference = inertia.value / (consistency.windows.a11 + shift - scale.carried) - 1
     cause = "motor constants that are off" if problem.input == "voltage" else "friction that is not of this law"
     text = (
         f"this inertia is {abs(difference):.1%} {'more' if difference > 0 else 'less'} than the momentum balance of "

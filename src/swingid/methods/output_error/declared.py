@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.balance.imperfections import imperfections
-from swingid.methods.energy.checks import SecondOpinion
+from swingid.checks.consistency import Consistency
 from swingid.methods.output_error.constants import SCALE, TORQUES, Places, constant_places, constant_value, is_felt
 from swingid.methods.output_error.problem import Problem, problem_of
 from swingid.methods.output_error.readings import as_read
@@ -53,13 +53,13 @@ def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
     return found
 
 
-def shift_of_momentum(opinion: SecondOpinion, searched: Searched, rig: Rig, scale: Scale) -> float:
+def shift_of_momentum(consistency: Consistency, searched: Searched, rig: Rig, scale: Scale) -> float:
     """What the inertia of the momentum balance owes to constants and sensors that are not as stated, but as found."""
-    assert opinion.windows is not None
-    windows, found = opinion.windows, dict(zip(searched.unknowns.names, searched.fit.values, strict=True))
+    assert consistency.windows is not None
+    windows, found = consistency.windows, dict(zip(searched.unknowns.names, searched.fit.values, strict=True))
     b = windows.value("gravity_torque") if scale.b is None else scale.b
     shift = 0.0
-    for item in imperfections(rig, opinion.signals, windows.rows, windows.a11, b):
+    for item in imperfections(rig, consistency.signals, windows.rows, windows.a11, b):
         # what is stated of a constant should have been more, the angles less by what the sensors added
         sign = 1.0 if item.constant else -1.0
         effect = float(windows.fit.influence[0] @ item.rows) + item.direct

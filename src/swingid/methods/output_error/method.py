@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.fits import WindowFit
+from swingid.checks.consistency import Consistency, consistency_check
 from swingid.errors import UnanswerableError
-from swingid.methods.energy.checks import SecondOpinion, second_opinion
 from swingid.methods.output_error.answer import answer_of, details_of, estimate_of, type_a
 from swingid.methods.output_error.checks import POOR, check_fit, left_of_channels, misfit_ratios
 from swingid.methods.output_error.constants import uncertain_constants
@@ -76,18 +76,18 @@ def output_error(
     source = input_of(input, log, rig, scale)
     part = prepared.part()
     used, motion, noise = part.log, part.motion, part.noise
-    opinion = second_opinion(used, rig, motion, scale, noise, part.encoders)
-    setup = _Setup(part, rig, scale, source, opinion, free, loss, starts)
+    consistency = consistency_check(used, rig, motion, scale, noise, part.encoders)
+    setup = _Setup(part, rig, scale, source, consistency, free, loss, starts)
     problem, searched, law = _best_fit(setup, law, segment)
     estimate = estimate_of(searched, problem, used, rig, scale, motion, noise)
-    answer = answer_of(estimate, rig, scale, opinion)
-    warnings, notes = check_fit(answer, estimate, problem, opinion, rig, scale, motion)
+    answer = answer_of(estimate, rig, scale, consistency)
+    warnings, notes = check_fit(answer, estimate, problem, consistency, rig, scale, motion)
     notes = [part.note, *notes]
     add_findings(log, warnings, notes)
     details = details_of(estimate, problem, scale, motion, (part.start, part.stop), law)
     extra = left_of_channels(searched.fit, problem)
-    if opinion.balance is not None:
-        extra["motor_balance_residual"] = opinion.balance.as_stated
+    if consistency.balance is not None:
+        extra["motor_balance_residual"] = consistency.balance.as_stated
     options: dict[str, object] = {"input": source, "law": law, "loss": loss, "starts": starts}
     return Result(
         method="output-error",
@@ -112,7 +112,7 @@ class _Setup:
     rig: Rig
     scale: Scale
     source: Input
-    opinion: SecondOpinion
+    consistency: Consistency
     free: tuple[str, ...]
     loss: str
     starts: int
@@ -121,11 +121,11 @@ class _Setup:
     @property
     def windows(self) -> WindowFit:
         """The linear fit of row (I). Raises UnanswerableError without one."""
-        if self.opinion.windows is None:
+        if self.consistency.windows is None:
             raise UnanswerableError(
                 "the log holds too few swings to begin the search from; record at least five swings.", code="too-short"
             )
-        return self.opinion.windows
+        return self.consistency.windows
 
     @property
     def fastest(self) -> float:

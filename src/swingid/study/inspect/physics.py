@@ -11,7 +11,7 @@ from swingid.balance.choice import choose
 from swingid.balance.fits import WindowFit
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals
-from swingid.checks.answer import check_motor, check_sign
+from swingid.checks.answer import Fault, check_motor, check_sign
 from swingid.checks.gravity import check_gravity
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
@@ -52,6 +52,12 @@ BENDS_GRAVITY = ("zero", "latency", "angle-encoder", "wheel-encoder")
 
 MODEL = 0.05
 """Share of the typical row that the balance may leave; more, and log and rig do not belong together."""
+
+
+TITLES = {Fault.VOLTAGE_SIGN: "voltage sign", Fault.READING: "reading of the wheel"} | dict.fromkeys(
+    (Fault.CONSTANTS, None), "motor"
+)
+"""Titles of what equation (II) shows."""
 
 
 @dataclass(frozen=True)
@@ -164,23 +170,25 @@ def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
     if balance.signals.wheel is None:
         return
     motor = motor_balance(balance.used, rig, balance.signals, balance.law.rows.windows, balance.noise)
-    warnings, notes = check_motor(motor, balance.signals)
+    checked = check_motor(motor, balance.signals)
     values: dict[str, object] = {}
     if motor is not None:
         values = {"as_stated": motor.as_stated, "otherwise": motor.otherwise, "turned": motor.turned}
     other = "absolute" if rig.log.wheel_angle_is == "relative" else "relative"
     remedies = {
-        "voltage-sign": f"set voltage_sign = {-rig.log.voltage_sign} under [log]",
-        "wheel-angle-reading": f'set wheel_angle_is = "{other}" under [log] if the sensor says so',
+        Fault.VOLTAGE_SIGN: f"set voltage_sign = {-rig.log.voltage_sign} under [log]",
+        Fault.READING: f'set wheel_angle_is = "{other}" under [log] if the sensor says so',
     }
-    for message in (*warnings, *notes):
-        code = message.code
-        remedy = remedies.get(code, "") if message in warnings else ""
-        text = f"{message.message.rpartition('; ')[0]}." if message in warnings else message.message
-        level: Level = "repair" if remedy else "note" if message in warnings else "unknown" if motor is None else "ok"
-        title = {"voltage-sign": "voltage sign", "wheel-angle-reading": "reading of the wheel"}.get(code, "motor")
-        yield Check(code, title, level, text, remedy, values)
-    if motor is None or any(message.code == "voltage-sign" for message in warnings):
+    for message in checked.warnings:
+        text = f"{message.message.rpartition('; ')[0]}."
+        remedy = "" if checked.fault is None else remedies.get(checked.fault, "")
+        yield Check(message.code, TITLES[checked.fault], "repair" if remedy else "note", text, remedy, values)
+    level: Level = "unknown" if motor is None else "ok"
+    for message in checked.notes:
+        yield Check(message.code, TITLES[Fault.READING], level, message.message, "", values)
+    for message in checked.held if checked.fault is None else []:
+        yield Check(message.code, TITLES[None], level, message.message, "", values)
+    if motor is None or checked.fault is Fault.VOLTAGE_SIGN:
         return
     turned = percent(motor.turned) if np.isfinite(motor.turned) else "nothing that can be compared"
     text = f"the motor's balance leaves {percent(motor.as_stated)} with the voltage as logged, {turned} with it turned."

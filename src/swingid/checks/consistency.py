@@ -1,4 +1,4 @@
-"""Does the energy method's answer make sense? Signs, conditioning, and the motor on which it stands."""
+"""Consistency of an answer with equations (I) and (II) on test functions, for methods that use speeds or the motor."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.motor import MotorBalance, motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.checks.answer import BAD_MOTOR, CLEARLY, check_answer, check_motor, check_sign
+from swingid.checks.answer import BAD_MOTOR, CLEARLY, Fault, check_answer, check_motor, check_sign
 from swingid.checks.gravity import check_gravity
 from swingid.checks.zero import check_zero
 from swingid.errors import InputError, UnanswerableError
@@ -43,22 +43,22 @@ SWINGS = 12
 
 
 @dataclass(frozen=True)
-class SecondOpinion:
-    """Rows (I) and (II) on test functions, which show a wrong sign or a bad motor better than energies do.
+class Consistency:
+    """Equations (I) and (II) on test functions, which show a wrong sign or a bad motor better than energies do.
 
-    scale: warnings where the balance contradicts the stated gravity torque, see `momentum.gravity`.
+    gravity: warnings where the balance contradicts the stated gravity torque, see `check_gravity`.
     """
 
     signals: Signals
     windows: WindowFit | None
     balance: MotorBalance | None
-    scale: tuple[Message, ...] = ()
+    gravity: tuple[Message, ...] = ()
 
 
-def second_opinion(
+def consistency_check(
     log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise, encoders: Encoders
-) -> SecondOpinion:
-    """Fit row (I) and weigh row (II) on one set of windows over the first swings of a log.
+) -> Consistency:
+    """Fit equation (I) and evaluate (II) on one set of windows over the first swings of a log.
 
     Raises InputError where wheel, torque or voltage has the wrong sign.
     """
@@ -76,7 +76,7 @@ def second_opinion(
     )
     where = log.source.path or "the log"
     if fit is None:
-        return SecondOpinion(signals, None, None)
+        return Consistency(signals, None, None)
     check_sign(fit, scale, where)
     balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
     if balance is not None and balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
@@ -86,14 +86,14 @@ def second_opinion(
             code="wrong-sign",
         )
     others = () if shorter is None else (shorter,)
-    return SecondOpinion(
+    return Consistency(
         signals, fit, balance, tuple(check_gravity(fit, others, signals, rig, scale, noise, least=CLOSE))
     )
 
 
 def check_energy(
     answer: Evaluated,
-    opinion: SecondOpinion,
+    consistency: Consistency,
     rig: Rig,
     scale: Scale,
     motion: Motion,
@@ -104,7 +104,7 @@ def check_energy(
     compared: standard uncertainty with which the inertia is compared with the momentum balance, None where it is not.
     """
     inertia, sensitivities = answer.parameters["inertia"], answer.sensitivities
-    per_swing = motion.half_period / median(np.diff(opinion.signals.nodes.stamps))
+    per_swing = motion.half_period / median(np.diff(consistency.signals.nodes.stamps))
     if per_swing < FEWEST_PER_SWING:
         raise UnanswerableError(
             f"the log has {per_swing:.1f} rows per swing, too few to tell speeds, on which energy stands; log at least "
@@ -117,27 +117,25 @@ def check_energy(
             "the signs and scales under [log] and the motor's constants, or use the momentum method.",
             code="not-identifiable",
         )
-    warnings = list(opinion.scale)
+    warnings = list(consistency.gravity)
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
-    if opinion.windows is not None and inertia.standard_uncertainty is not None:
+    only_resonance = False
+    if consistency.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        found, told = check_answer(answer.parameters, answer.budget, opinion.windows, scale, amplitude)
-        warnings += found
-        notes += told
-        if compared is not None:
-            warnings += _against_momentum(inertia, compared, opinion.windows, scale)
-        warnings += check_zero(opinion.windows, opinion.signals, scale, inertia.standard_uncertainty)
-    motor_warnings, motor_notes = check_motor(opinion.balance, opinion.signals)
-    notes += [message for message in motor_notes if message.code != "drive-held"]
+        checked = check_answer(answer.parameters, answer.budget, consistency.windows, scale, amplitude)
+        apart = [] if compared is None else _against_momentum(inertia, compared, consistency.windows, scale)
+        warnings += checked.warnings + apart
+        notes += [checked.identifiability, *checked.notes]
+        warnings += check_zero(consistency.windows, consistency.signals, scale, inertia.standard_uncertainty)
+        only_resonance = checked.near_resonance and not apart
+    motor = check_motor(consistency.balance, consistency.signals, uses_motor=True)
+    notes += motor.notes
     if scale.drive == "reaction-wheel":
         notes.append(_leaning_on_motor(rig, sensitivities, inertia))
-        doubts = {warning.code for warning in warnings}
-        held = opinion.balance.hold_doubt(harm="this inertia stands on it") if opinion.balance is not None else []
-        warnings += held
-        if held or ("near-resonance" in doubts and "disagrees-with-momentum" not in doubts):
-            # it is due to that, or the wheel rests part of the time, where row (II) says nothing
-            motor_warnings = [message for message in motor_warnings if message.code != "motor-balance"]
-        warnings += [_for_energy(message, opinion.balance) for message in motor_warnings]
+        warnings += motor.held
+        # near resonance what (II) leaves is due to that, or the wheel rests part of the time, where it shows nothing
+        if not (motor.fault is Fault.CONSTANTS and only_resonance):
+            warnings += motor.warnings
     return warnings, notes
 
 
@@ -158,18 +156,6 @@ def _against_momentum(inertia: Parameter, compared: float, windows: WindowFit, s
         f"the same swings gives; the likely cause is {cause}, and the momentum method leans less on that."
     )
     return [Message("disagrees-with-momentum", text)]
-
-
-def _for_energy(message: Message, balance: MotorBalance | None) -> Message:
-    """What `check_motor` says, in the words of a method that uses the motor."""
-    if message.code != "motor-balance" or balance is None:
-        return message
-    text = (
-        f"the motor's balance leaves {left(balance.as_stated)}: the motor constants do not fit this log, or the "
-        "wheel angle is not what [log] says; this inertia stands on them and is wrong by several times as much, so use "
-        "the momentum method or calibrate the motor."
-    )
-    return Message("motor-balance", text)
 
 
 def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:

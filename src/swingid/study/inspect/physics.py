@@ -259,7 +259,7 @@ def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Ri
         values |= {f"amplitude_{often}": size, f"uncertainty_{often}": spread, f"told_{often}": known}
         degrees = plus_minus(np.degrees(size), np.degrees(spread), "°") if known else "not identifiable"
         parts.append(f"{degrees} {often} per turn")
-        if told and size > CERTAIN * spread and not (k == 1 and size < INDICATED * declared):
+        if known and size > CERTAIN * spread and not (k == 1 and size < INDICATED * declared):
             level = "repair" if k == 1 else "note" if level == "ok" else level
             state = f'state nonlinearity = "{np.degrees(size) / np.sqrt(2):.2g} deg" under [{table}]'
             remedy = remedy or f"{state}, or run swingid calibrate --encoders"

@@ -111,12 +111,20 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
 
 
 def plain_powers(axis: Axis) -> None:
-    """Ticks of a logarithmic axis at powers of ten: 0.01, and 10⁻⁵ where plain digits would be many."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    """Ticks of a logarithmic axis at powers of ten: 0.01, and 10⁻⁵ where plain digits would be many.
+
+    Where fewer than two powers are in view, 2 and 5 times a power are labelled too.
+    """
+    from matplotlib.ticker import FuncFormatter, LogLocator
+
+    def between(value: float, _: int | None) -> str:
+        low, high = np.log10(axis.get_view_interval())
+        leading = round(value / 10 ** np.floor(np.log10(value)))
+        return f"{value:g}" if np.floor(high) - np.ceil(low) < 1 and leading in (2, 5) else ""
 
     axis.set_major_locator(LogLocator(numticks=7))
     axis.set_major_formatter(FuncFormatter(lambda value, _: power_text(value)))
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_formatter(FuncFormatter(between))
 
 
 def power_text(value: float) -> str:

@@ -217,11 +217,14 @@ def _gauss_newton(
     def loss(values: Array, columns: Array) -> float:
         return float(np.sum((weights * (target - columns @ values)) ** 2))
 
+    def solved(values: Array, columns: Array) -> LinearFit:
+        known = columns[:, ~free] @ values[~free]
+        return fit_linear(weights[:, None] * columns[:, free], weights * (target - known))
+
     values, columns = start.copy(), stacked(start)
     least = loss(values, columns)
     for _ in range(MOST_STEPS):
-        known = columns[:, ~free] @ values[~free]
-        fit = fit_linear(weights[:, None] * columns[:, free], weights * (target - known))
+        fit = solved(values, columns)
         step = np.zeros(COUNT)
         step[free] = fit.values - values[free]
         for _ in range(6):
@@ -237,9 +240,7 @@ def _gauss_newton(
         values, columns, least = tried, new, now
         if settled:
             break
-    known = columns[:, ~free] @ values[~free]
-    fit = fit_linear(weights[:, None] * columns[:, free], weights * (target - known))
-    return values, columns, fit
+    return values, columns, solved(values, columns)
 
 
 @dataclass(frozen=True)

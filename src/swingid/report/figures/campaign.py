@@ -145,7 +145,7 @@ def _over_numbers(ax: Axes, factor: str, at: list[float], cells: list[Cell], num
         ax.set_xscale("log")
         plain_powers(ax.xaxis)
     else:
-        ax.set_xticks(np.unique(at))
+        ax.set_xticks(np.unique(at), [f"{place:g}" for place in np.unique(at)])
     ax.set_xlabel(factor)
     ax.set_ylabel("RMSE of the inertia, %")
 

@@ -52,7 +52,7 @@ def draw_swings(result: Result) -> Figure | None:
         draw_swing_points(axes[1], swings, scale=100 / inertia.value, offset=-100.0)
         axes[1].axhline(0.0, color=GREEN, lw=1.6, zorder=0.6)
         axes[1].set_title("the swings alone, with what scatter and sensors explain (95 %)", pad=4)
-        axes[1].set_ylabel("from the answer, %")
+        axes[1].set_ylabel("deviation from the estimate, %")
         axes[1].set_xlabel(axes[0].get_xlabel())
         axes[0].set_xlabel("")
         axes[1].set_xlim(axes[0].get_xlim())
@@ -77,8 +77,8 @@ def draw_convergence(result: Result) -> Figure | None:
     exponent = common_exponent([inertia.value])
     scale = 10.0**-exponent
     figure, (ax,) = new_figure(2.9)
-    ax.axvspan(*curve.settled, color=PALE, lw=0, zorder=0, label="averaged for the answer")
-    ax.axhline(inertia.value * scale, color=GREEN, lw=1.4, label="answer")
+    ax.axvspan(*curve.settled, color=PALE, lw=0, zorder=0, label="averaged for the estimate")
+    ax.axhline(inertia.value * scale, color=GREEN, lw=1.4, label="estimate")
     for style, (band, seconds) in zip(((0, (5, 2)), (0, (1, 2))), curve.within.items(), strict=False):
         share = float(band.removesuffix("%")) / 100
         for side in (-1, 1):
@@ -109,7 +109,7 @@ def draw_kinds(result: Result) -> Figure | None:
     figure, (ax,) = new_figure(0.85 + 0.32 * len(estimates))
     own = 100 * COVERAGE_FACTOR * combined((e for e in result.budget if e.type == "A"), "inertia") / inertia.value
     if own > 0:
-        ax.axvspan(-own, own, color=GREEN, alpha=0.22, lw=0, label="answer, 95 % from the data alone")
+        ax.axvspan(-own, own, color=GREEN, alpha=0.22, lw=0, label="estimate, 95 % from the data alone")
     ax.axvline(0.0, color=GREEN, lw=1.6)
     spreads = {name: 100 * COVERAGE_FACTOR * abs(u / inertia.value) for name, (_, u) in estimates.items()}
     finest = min((spread for spread in spreads.values() if np.isfinite(spread)), default=0.0)
@@ -135,7 +135,7 @@ def draw_kinds(result: Result) -> Figure | None:
             ax, [100 * (value / inertia.value - 1) for value, _ in estimates.values()], list(spreads.values())
         )
     name_rows(ax, list(estimates))
-    ax.set_xlabel("from the answer, % (right: ± standard uncertainty)")
+    ax.set_xlabel("deviation from the estimate, % (right: ± standard uncertainty)")
     legend_above(ax)
     return figure
 
@@ -171,7 +171,7 @@ def draw_budget(result: Result) -> Figure | None:
         kinds = {entry.type for entry in rest}
         left = "A" if kinds == {"A"} else "B" if kinds == {"B"} else "both"
         bars.append((f"{len(rest)} smaller ones", combined(rest, "inertia") * scale, left))
-    bars.append(("all together", combined(entries, "inertia") * scale, "all"))
+    bars.append(("combined", combined(entries, "inertia") * scale, "all"))
     figure, (ax,) = new_figure(0.95 + 0.3 * len(bars))
     seen: set[str] = set()
     for row, (_source, share, kind) in enumerate(bars):
@@ -203,6 +203,6 @@ def draw_budget(result: Result) -> Figure | None:
     ax.locator_params(axis="x", nbins=6)
     ax.grid(visible=False, axis="y")
     ax.tick_params(axis="y", length=0)
-    ax.set_xlabel("standard uncertainty, % of the answer")
+    ax.set_xlabel("standard uncertainty, % of the estimate")
     legend_above(ax, 2)
     return figure

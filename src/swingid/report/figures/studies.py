@@ -66,7 +66,7 @@ def draw_forest(comparison: Comparison) -> Figure | None:
     ax.set_xlim(-reach, reach)
     name_rows(ax, methods)
     _mark_refused(ax, methods, {trial.method for trial in answered})
-    ax.set_xlabel(f"inertia from {'the true value' if true else 'the first estimate'}, % (bars: 95 %)")
+    ax.set_xlabel(f"deviation of the inertia from {'the true value' if true else 'the first estimate'}, % (bars: 95 %)")
     if len(logs) > 1:
         for k, log in enumerate(logs):
             colour, marker = LOOKS[k % len(LOOKS)]

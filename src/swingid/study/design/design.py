@@ -15,6 +15,7 @@ from swingid.result.summary import sorted_budget
 from swingid.study.design.information import predict
 from swingid.study.design.motions import Limits, candidates, course_of, parts_of
 from swingid.study.design.proposal import Design, Proposal, Trial, try_on_twin
+from swingid.study.experiment import without_truth
 from swingid.units import Quantity, parse_quantity
 
 LONGEST = 60.0
@@ -82,7 +83,7 @@ def design(
         settling=settling,
     )
     expected, wanted, limits = question.expected, question.share, question.limits
-    given = rig.changed({"axis.inertia": None, "axis.friction": None})
+    given = without_truth(rig)
     natural = _natural(expected)
     motions = candidates(expected, limits, natural, 2 * math.pi * SWINGS / (duration - settling))
     looked = _look(motions, given, expected, rate, settling, duration)

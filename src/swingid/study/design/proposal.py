@@ -17,6 +17,7 @@ from swingid.model.rig import Rig
 from swingid.result.summary import folded, sorted_budget
 from swingid.simulation import simulate
 from swingid.study.design.information import Prediction
+from swingid.study.experiment import without_truth
 from swingid.study.output import Study, aligned, json_text, noted
 
 if TYPE_CHECKING:
@@ -195,11 +196,10 @@ def try_on_twin(expected: Rig, proposal: Proposal, limits: Limits, wanted: float
     saturated = 0.0
     if settled.voltage is not None and limits.voltage is not None:
         saturated = float(np.mean(np.abs(settled.voltage) > 0.999 * limits.voltage))
-    given = expected.changed({"axis.inertia": None, "axis.friction": None})
     start = relative = error = None
     why = ""
     try:
-        result = identify(log, given)
+        result = identify(log, without_truth(expected))
         relative = (result.inertia.standard_uncertainty or 0.0) / truth
         error = result.inertia.value / truth - 1
         start = None if result.details is None else result.details.start

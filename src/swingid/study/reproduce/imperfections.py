@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swingid.model.rig import Rig
+from swingid.study.experiment import without_truth
 from swingid.study.reproduce.published import J_E
 from swingid.study.reproduce.runs import (
     Answer,
@@ -187,7 +188,7 @@ def _log(case: str, imperfection: Imperfection, seed: int, logs: dict[tuple[str,
     if key not in logs:
         logs[key] = experiment_log(case, twin, seed, stated=rig_of(case))
     made = logs[key]
-    return Log(made.recording, stated.changed({"axis.inertia": None, "axis.friction": None}), made.truth)
+    return Log(made.recording, without_truth(stated), made.truth)
 
 
 def changed_by(rig: Rig, factors: Mapping[str, float]) -> Rig:

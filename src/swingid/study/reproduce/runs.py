@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
@@ -37,6 +35,7 @@ from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
 from swingid.simulation.twin import Run, simulate_run
+from swingid.study.experiment import through_file, without_truth
 from swingid.study.reproduce import published
 
 HIDDEN: Mapping[str, object] = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3}
@@ -82,11 +81,6 @@ def with_friction(rig: Rig, friction: Mapping[str, object]) -> Rig:
     return rig.changed({f"axis.friction.{key}": value for key, value in friction.items()})
 
 
-def told(rig: Rig) -> Rig:
-    """What identification is told of a rig: neither inertia nor friction."""
-    return rig.changed({"axis.inertia": None, "axis.friction": None})
-
-
 def run_of(
     twin: Rig,
     reference: Reference,
@@ -106,9 +100,8 @@ def run_of(
 
 def read_back(run: Run, twin: Rig, *, stated: Rig | None = None, span: tuple[float, float] | None = None) -> Log:
     """The part `span` (s) of a run's log, through a file. stated: the rig file the lab has, if not the twin's."""
-    known = told(stated or twin)
-    with tempfile.TemporaryDirectory() as folder:
-        log = Recording.load(run.recording.save(Path(folder) / "run.parquet", known), known)
+    known = without_truth(stated or twin)
+    log = through_file(run.recording, known)
     assert twin.axis.inertia is not None
     return Log(log if span is None else log.segment(*span), known, twin.axis.inertia.value)
 
@@ -183,6 +176,17 @@ def inertia_by(way: str, log: Log, **options: object) -> float:
 def error_by(way: str, log: Log, **options: object) -> float:
     """Error of J1^ in per cent of the twin's inertia, NaN where the way refuses."""
     return 100.0 * (inertia_by(way, log, **options) / log.truth - 1.0)
+
+
+def answer_of(inertia: float, viscous: float, log: Log) -> Answer:
+    """J1^, its error in per cent, and f1 as the paper counts it. viscous: coefficient of the bearing (N m s)."""
+    motor = log.rig.drive.motor
+    assert motor is not None
+    return {
+        "inertia": inertia,
+        "error": 100 * (inertia / log.truth - 1),
+        "f1": viscous / motor.gear_ratio.value,
+    }
 
 
 def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> tuple[float, float]:

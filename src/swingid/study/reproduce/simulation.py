@@ -18,6 +18,7 @@ from swingid.study.reproduce.runs import (
     WAYS,
     Answer,
     Log,
+    answer_of,
     by_letter,
     each_interval,
     ideal_rig,
@@ -82,14 +83,7 @@ def _row(words: str, way: str, log: Log, **options: object) -> Answer:
     result = result_by(way, log, **options)
     if isinstance(result, str):
         return {"words": words, "refused": result}
-    motor = log.rig.drive.motor
-    assert motor is not None
-    return {
-        "words": words,
-        "inertia": result.inertia.value,
-        "error": 100 * (result.inertia.value / log.truth - 1),
-        "f1": result.parameters["viscous"].value / motor.gear_ratio.value,
-    }
+    return {"words": words} | answer_of(result.inertia.value, result.parameters["viscous"].value, log)
 
 
 def _at_the_times(log: Log, work: str, letter: bool) -> Answer:
@@ -98,11 +92,7 @@ def _at_the_times(log: Log, work: str, letter: bool) -> Answer:
     words = f"(6) at the paper's times, {words}; {WORKS[work]}"
     if not letter:
         return _row(words, "printed", log, nodes=published.TIMES, work=work)
-    inertia, viscous = by_letter(log, published.TIMES, work)
-    motor = log.rig.drive.motor
-    assert motor is not None
-    f1 = viscous / motor.gear_ratio.value
-    return {"words": words, "inertia": inertia, "error": 100 * (inertia / log.truth - 1), "f1": f1}
+    return {"words": words} | answer_of(*by_letter(log, published.TIMES, work), log)
 
 
 def _single(log: Log) -> Answer:

@@ -39,10 +39,16 @@ class Body:
     cubic: float = 0.0
     sigma0: float = 0.0
     sigma1: float = 0.0
+    stiffness: float = 0.0
+    zero: float = 0.0
+    cogging: float = 0.0
+    order: float = 1.0
+    phase: float = 0.0
+    load: float = 0.0
 
-    @property
-    def release(self):
-        return (0.0 if self.sigma0 else max(self.static, self.coulomb)), self.gear * self.f3
+    def release(self, q1):
+        dry = max(self.static, self.coulomb) + self.load * abs(math.cos(q1))
+        return (0.0 if self.sigma0 else dry), self.gear * self.f3
 
     def level(self, v):
         if self.static <= self.coulomb or self.vs == 0.0:
@@ -57,6 +63,8 @@ class Body:
         """Right-hand sides of (I) and (II) without the dry friction of what rests."""
         q1, v1, _, v2, z = y
         r1 = (u if self.direct else 0.0) - self.b * math.sin(q1)
+        r1 -= self.stiffness * (q1 - self.zero) + self.cogging * math.sin(self.order * q1 + self.phase)
+        r1 -= s1 * self.load * abs(math.cos(q1))
         r1 -= self.viscous * v1 + self.quadratic * v1 * abs(v1) + self.cubic * v1**3
         if self.sigma0:
             r1 -= self.sigma0 * z + self.sigma1 * self.bristle(v1, z)
@@ -90,7 +98,7 @@ class Body:
                 if i == 1 and not self.wheel:
                     continue
                 pull = r[i] - mass[i, 1 - i] * a[1 - i]
-                slack = self.release[i] if v[i] == 0.0 else 0.0
+                slack = self.release(y[0])[i] if v[i] == 0.0 else 0.0
                 a[i] = math.copysign(max(abs(pull) - slack, 0.0), pull) / mass[i, i]
         return tuple(int(s[i]) if v[i] != 0.0 else int(np.sign(a[i])) for i in range(2))
 
@@ -109,7 +117,7 @@ def _watched(body, u, sides, rests):
     """Terminal event functions by kind: speeds that pass zero, holding torques that pass their release."""
 
     def slack(i):
-        return lambda _, x: body.release[i] - abs(body.accelerations(x, u, *sides, rests)[1][i])
+        return lambda _, x: body.release(x[0])[i] - abs(body.accelerations(x, u, *sides, rests)[1][i])
 
     def speed(i):
         return lambda _, x: x[2 * i + 1]
@@ -131,7 +139,7 @@ def _held(body, u, period, y, method, rtol):
     t, sides = 0.0, body.decide(y, u)
     while t < period:
         s1, s2 = sides
-        rests = (s1 == 0 and body.release[0] > 0.0, s2 == 0)
+        rests = (s1 == 0 and body.release(y[0])[0] > 0.0, s2 == 0)
 
         def slope(_, x, s1=s1, s2=s2, rests=rests):
             a = body.accelerations(x, u, s1, s2, rests)[0]

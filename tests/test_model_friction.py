@@ -48,15 +48,15 @@ def test_friction_without_direction_is_odd(v):
 def test_static_friction_without_a_stribeck_speed_falls_at_once():
     p = axis(coulomb=2e-3, static=3e-3)
     assert dry_level(0.0, 1, p) == 2e-3
-    assert release_margin(2.5e-3, p) > 0.0
-    assert release_margin(3.1e-3, p) < 0.0
+    assert release_margin(2.5e-3, 0.0, p) > 0.0
+    assert release_margin(3.1e-3, 0.0, p) < 0.0
 
 
 def test_release_knows_directions_and_offset():
     p = axis(coulomb_positive=2e-3, coulomb_negative=5e-3, offset=1e-3)
-    assert release_margin(3e-3, p) == pytest.approx(0.0, abs=1e-18)
-    assert release_margin(-4e-3, p) == pytest.approx(0.0, abs=1e-18)
-    assert release_margin(0.0, p) > 0.0
+    assert release_margin(3e-3, 0.0, p) == pytest.approx(0.0, abs=1e-18)
+    assert release_margin(-4e-3, 0.0, p) == pytest.approx(0.0, abs=1e-18)
+    assert release_margin(0.0, 0.0, p) > 0.0
 
 
 @first_call_compiles
@@ -109,8 +109,11 @@ def test_motor_friction_is_on_the_rotor():
 
 def test_every_place_of_the_vector_is_named_once():
     names = {name: value for name, value in vars(places).items() if name.isupper() and type(value) is int}
-    assert names.pop("SIZE") == len(names)
-    assert sorted(names.values()) == list(range(len(names)))
+    inside = [names.pop(name) for name in ("COEFFICIENT", "SHIFT", "ORDER", "KIND", "POWER", "ODD")]
+    slot, most, first, size = (names.pop(name) for name in ("SLOT", "MOST_FURTHER", "FIRST_SLOT", "SIZE"))
+    assert sorted(names.values()) == list(range(first))
+    assert sorted(inside) == list(range(slot))
+    assert size == first + slot * most
 
 
 def test_the_vector_of_the_paper():

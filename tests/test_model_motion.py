@@ -147,7 +147,7 @@ def test_rest_is_decided_as_gausss_principle_says(q1, u, wheel_rests, v2):
     y = work[NOW]
     a1, a2 = accelerations(q1, 0.0, y[V2], 0.0, s1, s2, branch, u, p)
     hold1, hold2 = holding_torques(q1, y[V2], a1, a2, s2, branch, u, p)
-    slacks = [release_margin(hold1, p) / p[STATIC_P], wheel_margin(hold2, p) / p[WHEEL_STATIC]]
+    slacks = [release_margin(hold1, 0.0, p) / p[STATIC_P], wheel_margin(hold2, p) / p[WHEEL_STATIC]]
     on_the_brink = (s1 == 0 and slacks[0] < 1e-9) or (y[V2] == 0 and s2 == 0 and slacks[1] < 1e-9)
     on_the_brink = on_the_brink or (s1 != 0 and abs(a1) < 1e-6) or (y[V2] == 0 and s2 != 0 and abs(a2) < 1e-6)
     assert on_the_brink or (s1, s2) == body.decide(y, u)

@@ -24,6 +24,18 @@ LAWS = {
     "sticking": {"viscous": 5e-4, "coulomb": 25e-3, "static": 30e-3, "stribeck_speed": 0.1},
 }
 
+FURTHER = {
+    "spring": {"axis.stiffness": 0.05, "axis.spring_zero": 0.2},
+    "cogging": {"axis.cogging": {"order": 7.0, "amplitude": 4e-3, "phase": 0.7}},
+    "load": {"axis.friction.load": 6e-3},
+    "all": {
+        "axis.stiffness": 0.05,
+        "axis.cogging": {"order": 7.0, "amplitude": 4e-3, "phase": 0.7},
+        "axis.friction.load": 25e-3,
+    },
+}
+"""What rig.toml says of terms beyond gravity and friction of the speed."""
+
 PERFECT = {"sensors.counts_per_turn": None}
 
 
@@ -62,6 +74,16 @@ def body_of(rig):
     if friction.lugre is not None:
         constants["sigma0"] = friction.lugre.bristle_stiffness.value
         constants["sigma1"] = friction.lugre.bristle_damping.value
+    axis = rig.axis
+    for name, holder, key in (
+        ("stiffness", axis, "stiffness"),
+        ("zero", axis, "spring_zero"),
+        ("load", friction, "load"),
+        ("cogging", axis.cogging, "amplitude"),
+        ("phase", axis.cogging, "phase"),
+    ):
+        constants[name] = float(getattr(holder, key, 0.0))
+    constants["order"] = 1.0 if axis.cogging is None else axis.cogging.order
     j1, b = rig.axis.inertia.value, rig.axis.gravity_torque.value
     if rig.drive.kind != "reaction-wheel":
         return Body(a11=j1, b=b, wheel=False, direct=rig.drive.kind == "direct", **constants)

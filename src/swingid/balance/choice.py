@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swingid.balance.declared import with_declared
-from swingid.balance.delays import impulse_of, late_reversals
+from swingid.balance.delays import dry_levels, impulse_of, late_reversals
 from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import TERMS
@@ -67,10 +67,11 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
     seen = friction_windows(signals, searched)
     torque, before = first_torque(signals, seen.rows, scale), np.zeros(0)
     for _ in range(PASSES):
-        late = late_reversals(signals, torque, abs(seen.a11), noise)
+        levels = dry_levels(signals, seen)
+        late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
-        tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque))
+        tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels))
         tried = {half: with_declared(fit, rig, corrected, scale, noise) for half, fit in tried.items()}
         least = min(fit.total for fit in tried.values())
         law = max((fit for fit in tried.values() if fit.total <= FLAT * least), key=lambda fit: fit.half)

@@ -7,6 +7,7 @@ angle itself tells, with more noise, how much of the jump it holds.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -20,6 +21,14 @@ from swingid.preparation.speed import typical_step
 
 Torque = Callable[[Array], Array]
 
+
+class Fit(Protocol):
+    """What `dry_levels` reads of a fit."""
+
+    def value(self, name: str) -> float:
+        """Value of an unknown, 0 where it was not sought."""
+
+
 DRIVEN = 0.5
 """Standard uncertainty, before the log is seen, of the share of friction's jump that the angle shows."""
 
@@ -27,7 +36,16 @@ FARTHEST = 0.25
 """Delay, in half-widths of the cubic, beyond which this theory of it ends: the axis may rest as well."""
 
 
-def late_reversals(signals: Signals, torque: Torque, inertia: float, noise: Noise) -> Array:
+def dry_levels(signals: Signals, fit: Fit) -> Array:
+    """Dry friction of the further terms at each turning point (N m or N), half of its jump there, as a fit has it."""
+    angles = signals.motion.turning_angles
+    dry = [term for term in signals.further if term.term.is_dry]
+    return sum((fit.value(term.name) * term.term.of_angle(angles, *term.at) for term in dry), np.zeros(len(angles)))
+
+
+def late_reversals(
+    signals: Signals, torque: Torque, inertia: float, noise: Noise, levels: Array | float = 0.0
+) -> Array:
     """How late each turning point is found (s) with this friction, as far as the angle does not deny it.
 
     A drive may take over some of the jump of friction or all of it, as a controller that compensates friction does:
@@ -35,7 +53,7 @@ def late_reversals(signals: Signals, torque: Torque, inertia: float, noise: Nois
     """
     motion = signals.motion
     with np.errstate(over="ignore", invalid="ignore"):  # an inertia of 0, as of a dead channel, delays without end
-        late = lateness(motion, torque, max(inertia, 1e-300))
+        late = lateness(motion, torque, max(inertia, 1e-300), levels)
     late = np.where(np.abs(late) < FARTHEST * motion.reach, late, 0.0)
     share, spread = share_seen(motion, signals.nodes.stamps, signals.angle_values, late, noise.angle)
     if spread > 0:
@@ -43,13 +61,13 @@ def late_reversals(signals: Signals, torque: Torque, inertia: float, noise: Nois
     return share * late
 
 
-def impulse_of(late: Array, torque: Torque) -> float:
+def impulse_of(late: Array, torque: Torque, levels: Array | float = 0.0) -> float:
     """Impulse (N m s or N s) that turning points late by `late` make of the jump of friction there."""
     above, below = torque(np.array([1e-9, -1e-9]))
-    return float(np.sqrt(np.mean(late**2)) * abs(above - below))
+    return float(np.sqrt(np.mean(late**2)) * abs(above - below + 2 * (np.mean(levels) if np.size(levels) else 0.0)))
 
 
-def lateness(motion: Motion, torque: Torque, inertia: float) -> Array:
+def lateness(motion: Motion, torque: Torque, inertia: float, levels: Array | float = 0.0) -> Array:
     """How late (s) each turning point is found where all of the friction, torque(speeds), is left to the inertia.
 
     About a turning point the speed is A t, and friction adds x with x'' = −F(A t)/a11 to an even motion. The slope of a
@@ -61,7 +79,7 @@ def lateness(motion: Motion, torque: Torque, inertia: float) -> Array:
     u, weights = root**2, 2 * weights * root
     response = 75 / 8 * ((1 - u**3) / 3 - u * (1 - u**2) / 2) - 105 / 8 * ((1 - u**5) / 5 - u * (1 - u**4) / 4)
     speeds = np.multiply.outer(acceleration * motion.reach, u)
-    odd = (torque(speeds.ravel()) - torque(-speeds.ravel())).reshape(speeds.shape) / 2
+    odd = (torque(speeds.ravel()) - torque(-speeds.ravel())).reshape(speeds.shape) / 2 + np.reshape(levels, (-1, 1))
     late: Array = 2 * motion.reach / inertia * (odd @ (weights * response)) / acceleration
     return late
 

@@ -92,8 +92,11 @@ class WindowFit:
 
 
 def known_side(rows: Rows, scale: Scale) -> Array:
-    """What the balance knows of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1."""
-    return -scale.a12 * rows.wheel + rows.torque - (scale.b or 0.0) * rows.gravity
+    """What the balance knows of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1, and further terms that the rig states."""
+    known = -scale.a12 * rows.wheel + rows.torque - (scale.b or 0.0) * rows.gravity
+    for name, coefficient in scale.known.items():
+        known = known - coefficient * rows.further[name]
+    return known
 
 
 def columns_of(rows: Rows, scale: Scale, friction: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
@@ -101,6 +104,7 @@ def columns_of(rows: Rows, scale: Scale, friction: tuple[str, ...]) -> tuple[tup
     named = {"inertia": rows.inertia}
     if scale.b is None:
         named["gravity_torque"] = rows.gravity
+    named |= {name: rows.further[name] for name in scale.unknown}
     named |= {name: rows.friction[name] for name in friction}
     return tuple(named), np.array(list(named.values())).T
 
@@ -125,7 +129,8 @@ def covariance_of(
     covariance = fit.covariance(LAG)
     a11 = float(fit.values[0])
     b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
-    sensor, seen = sensor_variance(rows, fit.influence[0], a11, b, scale, noise)
+    pull = sum(float(fit.values[unknowns.index(name)]) * rows.slopes[name] for name in scale.unknown)
+    sensor, seen = sensor_variance(rows, fit.influence[0], a11, b, scale, noise, pull)
     scatter = float(covariance[0, 0])
     if scatter > 0:
         covariance = covariance * (with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns)) / scatter)
@@ -159,15 +164,17 @@ def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:
 
 
 def sensor_variance(
-    rows: Rows, influence: Array, a11: float, b: float, scale: Scale, noise: Noise
+    rows: Rows, influence: Array, a11: float, b: float, scale: Scale, noise: Noise, pull: float = 0.0
 ) -> tuple[float, float]:
     """Variance of an unknown from white noise of both angles, and what Newey and West's sum sees of it.
 
     influence (windows,): of the rows on the unknown. The noise comes through φ'', and that of the axis through the
-    gravity b as well.
+    gravity b as well, and through springs and cogging; pull: mean stiffness of those that were identified.
     """
     windows = rows.windows
-    gravity = 0.0 if scale.linear or a11 == 0.0 else b * rows.stiffness * windows.middle**2 / a11
+    pull += 0.0 if scale.linear else b * rows.stiffness
+    pull += sum(coefficient * rows.slopes[name] for name, coefficient in scale.known.items())
+    gravity = 0.0 if a11 == 0.0 else pull * windows.middle**2 / a11
     axis, wheel = (a11 * noise.angle) ** 2 * noise.step, (scale.a12 * noise.wheel) ** 2 * noise.step
     sums = overlaps(influence * windows.loudness, windows.centres, windows.half, 2 * LAG, LAG, gravity)
     true, tapered = (max(of_axis, 0.0) * axis + max(of_wheel, 0.0) * wheel for of_axis, of_wheel in sums)

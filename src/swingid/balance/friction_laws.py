@@ -18,7 +18,9 @@ from swingid.numerics.compiled import njit
 Law = Callable[[Array], Array]
 
 TERMS: dict[str, Law] = {
-    name: term.of_speed for name, term in terms.TERMS.items() if term.power is not None and term.kind == terms.ONE
+    name: term.of_speed
+    for name, term in terms.TERMS.items()
+    if name in terms.NAMED and term.power is not None and term.kind == terms.ONE
 }
 """The terms that are functions of the speed alone and have no parameter of their own."""
 

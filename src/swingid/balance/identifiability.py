@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from swingid.errors import NotIdentifiableError
 from swingid.format import number, percent
-from swingid.model.terms import words_of
+from swingid.model.terms import TERMS, words_of
 from swingid.numerics.arrays import Array
 
 HOPELESS = 0.3
@@ -25,6 +26,9 @@ SINGULAR = 1e-9
 
 HARDLY = 1.1
 """Inflation below which it is not worth a number."""
+
+GREATLY = 10.0
+"""Inflation from which on unknowns are looked for that are correlated with the wanted one only together."""
 
 BLIND = 1e-3
 """Share in an unseen direction above which an unknown takes part in it."""
@@ -70,7 +74,20 @@ class Identifiability:
         variances = np.maximum(np.diag(self.covariance), 1e-300)
         squared = self.covariance[0] ** 2 / (variances[0] * variances)
         order = np.argsort(-squared[1:], kind="stable") + 1
-        return (self.wanted, *(self.names[k] for k in order if squared[k] > TRADES))
+        found = (self.wanted, *(self.names[k] for k in order if squared[k] > TRADES))
+        return found if len(found) > 1 or self.inflation < GREATLY else (self.wanted, *self._pair())
+
+    def _pair(self) -> tuple[str, ...]:
+        """The two unknowns that together explain most of the wanted one, where no single one does: two springs."""
+        spread = np.sqrt(np.maximum(np.diag(self.covariance), 1e-300))
+        correlation = self.covariance / np.outer(spread, spread)
+        best, pair = TRADES, tuple[str, ...]()
+        for i, j in combinations(range(1, len(self.names)), 2):
+            own = correlation[[i, j]]
+            explained = float(own[:, 0] @ np.linalg.lstsq(own[:, [i, j]], own[:, 0], rcond=None)[0])
+            if explained > best:
+                best, pair = explained, (self.names[i], self.names[j])
+        return pair
 
     @property
     def price(self) -> str:
@@ -153,15 +170,19 @@ def second_frequency(frequency: float, natural: float) -> float:
 
 def advice(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> str:
     """What to do for the wanted unknown; frequency: the motion's main one (rad/s), natural: the free swing's."""
-    if {"inertia", "gravity_torque"} <= set(seen.together):
-        return advice_on_gravity(frequency, natural)
+    others = [name for name in seen.together if name in TERMS and TERMS[name].is_conservative]
+    if others and "inertia" in seen.together:
+        return advice_on_gravity(frequency, natural, [TERMS[name].key or name for name in others])
     return "record larger or faster swings, or more of them"
 
 
-def advice_on_gravity(frequency: float | None = None, natural: float = 0.0) -> str:
-    """How to tell inertia from gravity torque."""
+def advice_on_gravity(
+    frequency: float | None = None, natural: float = 0.0, keys: Sequence[str] = ("axis.gravity_torque",)
+) -> str:
+    """How to separate the inertia from torques of the angle, stated under `keys`: gravity, springs, cogging."""
     such = "" if frequency is None else f", such as {second_frequency(frequency, natural):g} rad/s"
-    return f"add a second frequency{such}, or give axis.gravity_torque"
+    more = " and a second amplitude" if len(keys) > 1 else ""
+    return f"add a second frequency{such}{more}, or give {' or '.join(keys)}"
 
 
 def require_seen(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> None:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.rows import Rows, Signals
+from swingid.balance.rows import Rows, Signals, shifted
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
+from swingid.model.terms import rig_terms, stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
 from swingid.units import Quantity
@@ -69,6 +70,12 @@ def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str):
         yield known("axis.gravity_torque", gravity, -rows.gravity, 0.0)
+    for term in rig_terms(rig):
+        if term.value is not None:
+            yield known(term.term.key, term.value, -rows.further[term.name], 0.0)
+            if term.shift.std:
+                effect = -term.value.value * rows.further[shifted(term.name)]
+                yield known(term.term.shift, term.shift, effect, 0.0)
 
 
 def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
@@ -97,7 +104,13 @@ def axis_bends(signals: Signals, rows: Rows, a11: float, b: float) -> dict[str, 
     cosine, sine = signals.cosine, signals.sine
     columns = [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0)]
     part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
-    return {name: -(a11 * part[:, k] + b * part[:, k + 1]) for name, k in (("cosine", 0), ("sine", 2))}
+    bends = {name: -(a11 * part[:, k] + b * part[:, k + 1]) for name, k in (("cosine", 0), ("sine", 2))}
+    if signals.further:
+        pull = stated_stiffness(signals.further, signals.angle)
+        columns = [(pull * cosine, 0), (pull * sine, 0)]
+        part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
+        bends = {name: bend - part[:, k] for k, (name, bend) in enumerate(bends.items())}
+    return bends
 
 
 def wheel_bends(signals: Signals, rows: Rows, a12: float) -> dict[str, Array]:

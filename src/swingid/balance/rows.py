@@ -9,17 +9,18 @@ Only angles enter; the speed is needed only inside the friction terms.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from swingid.model.rig import Rig
+from swingid.model.terms import RigTerm, rig_terms
 from swingid.numerics.arrays import Array, Bools, Ints, quantile
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.spline import spline_slopes
-from swingid.numerics.test_functions import project_impulses, project_stacked, project_steps
+from swingid.numerics.spline import spline_at, spline_slopes
+from swingid.numerics.test_functions import project, project_impulses, project_stacked, project_steps
 from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.motion import Motion
 from swingid.preparation.speed import speed_on_grid
@@ -31,7 +32,7 @@ BLOCK = 1 / 8
 FEWEST_BLOCKS = 4
 """Blocks that half a window holds, at least."""
 
-COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness")
+COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness", "slopes")
 """Properties of `Signals` that depend neither on the turning points nor on what is declared of the encoders."""
 
 FINE = 1 / 6
@@ -84,6 +85,7 @@ class Signals:
     source: tuple[Recording, Rig]
     encoders: Encoders
     longest: float
+    further: tuple[RigTerm, ...] = ()
 
     @cached_property
     def stacked(self) -> tuple[tuple[str, ...], Array, Ints]:
@@ -101,6 +103,8 @@ class Signals:
             columns["wheel"] = (self.wheel, 2)
         elif self.torque is not None:
             columns["torque"] = (self.torque, 0)
+        for term in self.further:
+            columns |= {name: (column, 0) for name, column in smooth_columns(term, self.angle, self.speed).items()}
         orders = np.array([order for _, order in columns.values()])
         return tuple(columns), np.stack([x.ravel() for x, _ in columns.values()]), orders
 
@@ -160,6 +164,11 @@ class Signals:
     def stiffness(self) -> float:
         """Mean of cos q1."""
         return float(np.mean(self.cosine))
+
+    @cached_property
+    def slopes(self) -> dict[str, float]:
+        """Mean stiffness of the further terms, per unit of their coefficients."""
+        return {term.name: float(np.mean(term.stiffness(self.angle))) for term in self.further}
 
     @cached_property
     def kept(self) -> dict[tuple[str, float], Array]:
@@ -225,6 +234,7 @@ class Signals:
             source=(log, rig),
             encoders=encoders,
             longest=longest,
+            further=rig_terms(rig),
         )
 
 
@@ -234,7 +244,8 @@ class Rows:
 
     inertia ∫φ'' q1 (= ∫φ q1''), gravity ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction terms coulomb ∫φ sgn v,
     viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction.
-    stiffness: mean of cos q1, by which noise of the angle enters the gravity.
+    stiffness: mean of cos q1, by which noise of the angle enters the gravity. further ∫φ f of the further terms, and
+    under their names with "'" behind ∫φ ∂f/∂shift; slopes: as of `Signals`.
     """
 
     windows: Windows
@@ -244,6 +255,8 @@ class Rows:
     torque: Array
     friction: dict[str, Array]
     stiffness: float = 1.0
+    further: dict[str, Array] = field(default_factory=dict)
+    slopes: dict[str, float] = field(default_factory=dict)
 
     def select(self, keep: Bools) -> Rows:
         """The rows where `keep` is true."""
@@ -255,6 +268,8 @@ class Rows:
             self.torque[keep],
             {name: column[keep] for name, column in self.friction.items()},
             self.stiffness,
+            {name: column[keep] for name, column in self.further.items()},
+            self.slopes,
         )
 
 
@@ -265,13 +280,55 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
     columns, zero = dict(zip(names, integrals.T, strict=True)), np.zeros(len(windows))
     inertia, gravity = columns.pop("inertia"), columns.pop("gravity")
     wheel, torque = columns.pop("wheel", zero), columns.pop("torque", zero)
+    own = [name for term in signals.further for name in (term.name, shifted(term.name)) if name in columns]
+    further = {name: columns.pop(name) for name in own} | _dry(signals, windows)
     friction = {**columns, "offset": windows.half * (32 / 35), **_at_reversals(signals, windows)}
-    return Rows(windows, inertia, gravity, wheel, torque, friction, signals.stiffness)
+    return Rows(windows, inertia, gravity, wheel, torque, friction, signals.stiffness, further, signals.slopes)
+
+
+def shifted(name: str) -> str:
+    """Under which a term's column of the derivative by its shift stands."""
+    return name + "'"
+
+
+def smooth_columns(term: RigTerm, angle: Array, speed: Array) -> dict[str, Array]:
+    """Regressor of a further term that does not jump at a reversal, and where its shift is uncertain ∂f/∂shift."""
+    if term.term.is_dry:
+        return {}
+    columns = {term.name: term.regressor(angle, speed, np.sign(speed))}
+    if term.shift.std:
+        columns[shifted(term.name)] = term.term.of_speed(speed) * term.term.shift_slope(angle, *term.at)
+    return columns
+
+
+def _dry(signals: Signals, windows: Windows) -> dict[str, Array]:
+    """∫φ g(q1) sgn q1' of the further terms that jump at a reversal.
+
+    The jumps are taken out as steps, which are projected exactly; what is left is smooth to its first derivative, for
+    the speed is 0 there.
+    """
+    found = {}
+    for term in signals.further:
+        if not term.term.is_dry:
+            continue
+        stamps, edges, directions = signals.nodes.stamps, signals.edges, signals.directions
+        at_edges = spline_at(stamps, signals.angle_values, spline_slopes(stamps, signals.angle_values), edges[:-1], 0)
+        steps = np.cumsum(np.diff(directions, prepend=0.0) * term.term.of_angle(at_edges, *term.at))
+        place = np.clip(np.searchsorted(edges, signals.nodes.flat[0], side="right") - 1, 0, len(directions) - 1)
+        whole = directions[place] * term.term.of_angle(signals.angle, *term.at).ravel()
+        left = (whole - steps[place]).reshape(signals.angle.shape)
+        smooth = project(signals.nodes, [(left, 0)], windows.centres, windows.half)[:, 0]
+        found[term.name] = smooth + project_steps(edges, steps, windows.centres, windows.half)
+    return found
 
 
 def retimed(rows: Rows, signals: Signals) -> Rows:
     """The rows with what happens at the turning points as `signals` have them now."""
-    return replace(rows, friction=rows.friction | _at_reversals(signals, rows.windows))
+    return replace(
+        rows,
+        friction=rows.friction | _at_reversals(signals, rows.windows),
+        further=rows.further | _dry(signals, rows.windows),
+    )
 
 
 def _at_reversals(signals: Signals, windows: Windows) -> dict[str, Array]:

@@ -39,6 +39,10 @@ def angle_weights(signals: Signals, fit: WindowFit, scale: Scale, unknown: str) 
     b = fit.value("gravity_torque") if scale.b is None else scale.b
     if b and not signals.linear:
         axis += b * signals.cosine.ravel() * superpose(instants, windows.centres, windows.half, row, 0)
+    for term in signals.further:
+        pull = scale.known.get(term.name, 0.0) + fit.value(term.name)
+        slope = term.stiffness(signals.angle).ravel()
+        axis += pull * slope * superpose(instants, windows.centres, windows.half, row, 0)
     return axis, curvature * scale.a12
 
 

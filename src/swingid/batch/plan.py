@@ -13,7 +13,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.noise import channel_noise
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import Scale, refuse_terms
 from swingid.preparation.speed import SHARE, smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.result import Details
@@ -81,7 +81,8 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
 
 
 def require_batch(rig: Rig, scale: Scale) -> None:
-    """Raise InputError for what the estimators of many logs cannot do."""
+    """Raise InputError for what the estimators of many logs cannot do; UnanswerableError for terms beyond them."""
+    refuse_terms(rig, "many logs at once")
     if scale.drive == "direct" or scale.b is None or scale.linear:
         raise InputError(
             f"rig {rig.name}: many logs at once need a rotary axis with a known gravity torque and no direct drive; "

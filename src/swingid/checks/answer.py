@@ -13,7 +13,7 @@ from swingid.balance.motor import MotorBalance
 from swingid.balance.rows import Signals
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
-from swingid.model.terms import units_on
+from swingid.model.terms import TERMS, units_on
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.scale import Scale
 from swingid.recording.findings import Kind
@@ -131,7 +131,7 @@ def check_answer(
         raise NotIdentifiableError(_hopeless(inertia, relative, scale, motion))
     warnings: list[Message] = []
     notes: list[Message] = []
-    if scale.b is None and _share(budget, inertia) > 0.02:
+    if (scale.b is None or scale.unknown) and _share(budget, inertia) > 0.02:
         text = f"{seen.combination(_values(law))}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
     near_resonance = False
@@ -189,10 +189,12 @@ def _hopeless(inertia: Parameter, relative: float, scale: Scale, motion: tuple[f
             "check the signs and scales under [log] and drive.wheel.inertia."
         )
     spread = f"{100 * relative:.0f} %" if inertia.value > 0 and relative < 100 else "more than its value"
-    if scale.b is None:
+    sought = (*(("gravity_torque",) if scale.b is None else ()), *scale.unknown)
+    torques = [TERMS[name] for name in sought if TERMS[name].is_conservative]
+    if torques:
         return (
-            f"inertia and gravity torque move together in this motion (the inertia is uncertain by {spread}); "
-            f"{advice_on_gravity(*motion)}."
+            f"inertia and {' and '.join(term.words for term in torques)} move together in this motion (the inertia is "
+            f"uncertain by {spread}); {advice_on_gravity(*motion, [term.key or term.words for term in torques])}."
         )
     return (
         f"the motion does not determine the inertia (it is uncertain by {spread}); "

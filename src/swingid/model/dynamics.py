@@ -1,6 +1,6 @@
 """The equations of motion (I), (II), with axis and wheel each sliding or resting.
 
-    a11 q1'' + a12 q2'' = -b sin q1 - F(q1')                      (I)   (direct drive: + torque)
+    a11 q1'' + a12 q2'' = -b sin q1 - F(q1') - Σ c f(q1, q1')     (I)   (direct drive: + torque; Σ: `further`)
     a12 q1'' + a22 q2'' = N (M - f2 N q2' - f3 sign q2')          (II)
 
 A mode is three integers: s1, s2 in {+1, -1, 0} say to which side axis and wheel slide (0: at rest),
@@ -15,17 +15,25 @@ from __future__ import annotations
 
 import math
 
-from swingid.model.friction import sliding_friction
+from swingid.model.friction import axis_friction
+from swingid.model.further import further_load
 from swingid.model.motor import branch_torque, motor_friction
-from swingid.model.parameters import A11, A12, A22, DIRECT, GEAR, B
+from swingid.model.parameters import A11, A12, A22, DIRECT, FURTHER, GEAR, B
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit_inlined
 
 
 @njit_inlined
 def axis_load(q1: float, u: float, p: Array) -> float:
-    """Right-hand side of (I) without friction (N m): gravity, and the torque u of a direct drive."""
-    return float(p[DIRECT] * u - p[B] * math.sin(q1))
+    """Right-hand side of (I) without friction (N m): gravity, springs, cogging, and the torque u of a direct drive."""
+    return position_load(q1, p[DIRECT] * u, p)
+
+
+@njit_inlined
+def position_load(q1: float, torque: float, p: Array) -> float:
+    """A torque on the axis less what its angle makes of gravity and the further terms (N m)."""
+    load = torque - p[B] * math.sin(q1)
+    return float(load - further_load(q1, p)) if p[FURTHER] != 0.0 else float(load)
 
 
 @njit_inlined
@@ -43,12 +51,12 @@ def accelerations(
     The acceleration of what rests is 0, and its row gives way to the constraint (`holding_torques`).
     """
     if s1 != 0 and s2 != 0:
-        r1 = axis_load(q1, u, p) - sliding_friction(v1, s1, z, p)
+        r1 = axis_load(q1, u, p) - axis_friction(q1, v1, s1, z, p)
         r2 = wheel_load(u, v2, s2, branch, p)
         determinant = p[A11] * p[A22] - p[A12] * p[A12]
         return (p[A22] * r1 - p[A12] * r2) / determinant, (p[A11] * r2 - p[A12] * r1) / determinant
     if s1 != 0:
-        return (axis_load(q1, u, p) - sliding_friction(v1, s1, z, p)) / p[A11], 0.0
+        return (axis_load(q1, u, p) - axis_friction(q1, v1, s1, z, p)) / p[A11], 0.0
     if s2 != 0:
         return 0.0, wheel_load(u, v2, s2, branch, p) / p[A22]
     return 0.0, 0.0

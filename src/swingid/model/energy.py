@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 
+from swingid.model.further import further_energy
 from swingid.model.motor import motor_friction, motor_torque
 from swingid.model.parameters import A11, A12, A22, DIRECT, GEAR, B
 from swingid.numerics.arrays import Array
@@ -24,8 +25,8 @@ def kinetic_energy(v1: float, v2: float, p: Array) -> float:
 
 @njit
 def potential_energy(q1: float, p: Array) -> float:
-    """Pi = b (1 - cos q1) (J), (4) and (5); 0 hanging. Not for a linear axis, which has b = 0."""
-    return float(p[B] * (1.0 - math.cos(q1)))
+    """Pi = b (1 - cos q1) (J), (4) and (5), and the energy of springs and cogging; 0 at the angle 0."""
+    return float(p[B] * (1.0 - math.cos(q1)) + further_energy(q1, p))
 
 
 @njit

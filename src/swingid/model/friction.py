@@ -12,10 +12,12 @@ from __future__ import annotations
 
 import math
 
+from swingid.model.further import further_friction, further_level
 from swingid.model.parameters import (
     COULOMB_N,
     COULOMB_P,
     CUBIC,
+    FURTHER,
     OFFSET,
     QUADRATIC,
     SIGMA0,
@@ -78,7 +80,16 @@ def static_curve(v: float, p: Array) -> float:
 
 
 @njit_inlined
-def release_margin(hold: float, p: Array) -> float:
-    """How far (N m) a resting axis is from release when friction must supply `hold` (N m); < 0: it slides."""
+def release_margin(hold: float, q: float, p: Array) -> float:
+    """How far (N m) an axis at rest at q (rad) is from release when friction must supply `hold` (N m); < 0: none."""
     dry = hold - p[OFFSET]
-    return float(min(p[STATIC_P] - dry, p[STATIC_N] + dry))
+    level = further_level(q, p) if p[FURTHER] != 0.0 else 0.0
+    return float(min(p[STATIC_P] + level - dry, p[STATIC_N] + level + dry))
+
+
+@njit_inlined
+def axis_friction(q: float, v: float, s: int, z: float, p: Array) -> float:
+    """All friction (N m) of an axis that slides at the angle q (rad); arguments as `sliding_friction`."""
+    if p[FURTHER] == 0.0:
+        return sliding_friction(v, s, z, p)
+    return sliding_friction(v, s, z, p) + further_friction(q, v, s, p)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.model.terms import FRICTION_KEYS, MOTOR_KEYS, TERMS, stated_at
+from swingid.model.terms import FRICTION_KEYS, MOTOR_KEYS, TERMS, Term, further_terms, stated_at
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -33,7 +33,11 @@ VISCOUS_P, VISCOUS_N, COULOMB_P, COULOMB_N, STATIC_P, STATIC_N = 15, 16, 17, 18,
 # Speed over which static falls to Coulomb friction (0: at once); coefficients of v|v| and v³; constant torque against
 # the positive direction; stiffness (0: no LuGre) and damping of the LuGre bristles.
 STRIBECK_SPEED, QUADRATIC, CUBIC, OFFSET, SIGMA0, SIGMA1 = 21, 22, 23, 24, 25, 26
-SIZE = 27
+# How many further terms there are (`further`), then a slot of places for each: what the registry records of it.
+FURTHER, FIRST_SLOT, SLOT = 27, 28, 6
+COEFFICIENT, SHIFT, ORDER, KIND, POWER, ODD = 0, 1, 2, 3, 4, 5
+MOST_FURTHER = 8
+SIZE = FIRST_SLOT + SLOT * MOST_FURTHER
 
 PLACES: dict[str, tuple[int, ...]] = {
     "inertia": (A11,),
@@ -86,6 +90,14 @@ def constants(rig: Rig) -> dict[str, Quantity]:
         d2, d1 = rig.drive.motor.dead_zone
         found["drive.motor.dead_zone.negative"] = Quantity(d2)
         found["drive.motor.dead_zone.positive"] = Quantity(d1)
+    for term in further_terms():
+        for key in (term.key, term.shift, term.order):
+            quantity = stated_at(rig, key) if stated_at(rig, term.key) is not None and key else None
+            if isinstance(quantity, str):
+                message = f"rig {rig.name!r} has {key} = {quantity!r}, which gives no motion; put a number there"
+                raise InputError(message, code="unknown-term")
+            if quantity is not None:
+                found[key] = quantity
     return found
 
 
@@ -109,6 +121,9 @@ def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> Array:
     if drive == "reaction-wheel":
         _motor(values, p)
     _friction(values, p)
+    for term in further_terms():
+        if term.key in values:
+            add_term(p, term, values[term.key], values.get(term.order, 1.0), values.get(term.shift, 0.0))
     if not (p[A11] > 0.0 and p[A11] * p[A22] > p[A12] ** 2):
         raise InputError(
             f"axis.inertia = {values['axis.inertia']:g} is impossible beside the wheel's inertia and gear "
@@ -154,4 +169,26 @@ def _friction(values: Mapping[str, float], p: Array) -> None:
             "axis.friction.lugre needs axis.friction.coulomb, the level at which its bristles slide; add it",
             code="lugre-without-coulomb",
         )
-    p[AXIS_STICKS] = float(p[SIGMA0] == 0.0 and max(p[STATIC_P], p[STATIC_N]) > 0.0)
+    p[AXIS_STICKS] = can_stick(p)
+
+
+def add_term(p: Array, term: Term, coefficient: float, order: float, shift: float) -> int:
+    """Put a further term into the next slot of the vector; returns the first place of it.
+
+    Raises InputError where no slot is left.
+    """
+    count = int(p[FURTHER])
+    if count == MOST_FURTHER:
+        raise InputError(f"{term.key} is one term too many: a rig has up to {count} beside friction", code="too-many")
+    place = FIRST_SLOT + SLOT * count
+    p[FURTHER] = count + 1.0
+    p[place : place + SLOT] = coefficient, shift, order, term.kind, term.power or 0, term.odd
+    p[AXIS_STICKS] = can_stick(p)
+    return place
+
+
+def can_stick(p: Array) -> float:
+    """1 where dry friction can hold the axis of this vector, 0 where none can."""
+    slots = p[FIRST_SLOT:SIZE].reshape(-1, SLOT)
+    dry = (slots[:, POWER] == 0.0) & (slots[:, ODD] != 0.0) & (slots[:, COEFFICIENT] > 0.0)
+    return float(p[SIGMA0] == 0.0 and (max(p[STATIC_P], p[STATIC_N]) > 0.0 or bool(dry.any())))

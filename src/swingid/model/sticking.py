@@ -55,7 +55,7 @@ def margin(
     if s1 == 0 or s2 == 0:
         hold1, hold2 = holding_torques(work[state, Q1], v2, work[slope, V1], work[slope, V2], s2, branch, u, p)
         if s1 == 0:
-            least = min(least, release_margin(hold1, p))
+            least = min(least, release_margin(hold1, work[state, Q1], p))
         if s2 == 0:
             least = min(least, wheel_margin(hold2, p))
     return float(least)
@@ -67,7 +67,7 @@ def agrees(q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: 
     a1, a2 = accelerations(q1, v1, v2, z, s1, s2, branch, u, p)
     hold1, hold2 = holding_torques(q1, v2, a1, a2, s2, branch, u, p)
     if v1 == 0.0:
-        if s1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, p) < 0.0):
+        if s1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, q1, p) < 0.0):
             return False
         if s1 != 0 and s1 * a1 < -ROUNDING:
             return False
@@ -93,7 +93,7 @@ def mode_at_rest(q1: float, v1: float, v2: float, z: float, moving: Mode, u: flo
             if agrees(q1, v1, v2, z, s1, s2, branch, u, p):
                 return s1, s2, branch
     hold1, hold2 = holding_torques(q1, v2, 0.0, 0.0, side2, branch, u, p)
-    if side1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, p) < 0.0):
+    if side1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, q1, p) < 0.0):
         side1 = 1 if hold1 > 0.0 else -1
     if side2 == 0 and wheel_margin(hold2, p) < 0.0:
         side2 = 1 if hold2 > 0.0 else -1

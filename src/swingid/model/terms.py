@@ -10,6 +10,7 @@ coefficient whose regressor has this form needs nothing but a record. (Kernels u
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -29,9 +30,10 @@ ONE, DISPLACEMENT, WAVE, WEIGHT = 0, 1, 2, 3
 class Term:
     """A term or constant: its name in results, key in rig.toml, words, unit on a rotary and a linear axis, symbol.
 
-    key: "" for what rig.toml does not state by itself. linear: None where the unit is the same. power: of |v| in the
-    regressor, None for a constant without a regressor of its own. odd: whether the regressor changes its sign with the
-    speed. kind: of g(q). order, shift: keys of the numbers in g. signed: whether the coefficient may be negative.
+    key: "" for what rig.toml does not state by itself. linear: None where the unit is the same, "" where a linear axis
+    has no such term. power: of |v| in the regressor, None for a constant without a regressor of its own. odd: whether
+    the regressor changes its sign with the speed. kind: of g(q). order, shift: keys of the numbers in g. parts: names
+    of the sine and cosine part of a wave of unknown shift. signed: whether the coefficient may be negative.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Term:
     kind: int = ONE
     order: str = ""
     shift: str = ""
+    parts: tuple[str, ...] = ()
     signed: bool = False
 
     @property
@@ -99,7 +102,7 @@ _CUBIC = ("N m s^3", "N s^3/m^3")
 _F, _M = "axis.friction", "drive.motor"
 
 _RECORDS = (
-    Term("inertia", "axis.inertia", "moment of inertia", "kg m^2", "kg", "J₁"),
+    Term("inertia", "axis.inertia", "inertia", "kg m^2", "kg", "J₁"),
     Term("gravity_torque", "axis.gravity_torque", "gravity torque", *_N, "b", power=0, kind=WAVE),
     # Friction of the axis; those without a power are nonlinear (Stribeck, LuGre) or sums of others (directions).
     Term("viscous", f"{_F}.viscous", "viscous friction", *_VISCOUS, power=1, odd=True),
@@ -129,10 +132,45 @@ _RECORDS = (
     Term("efficiency", f"{_M}.efficiency", "efficiency", "", None, "η"),
 )
 
-TERMS: dict[str, Term] = {term.name: term for term in _RECORDS}
+_C = "axis.cogging"
+
+_FURTHER = (
+    Term(
+        "stiffness",
+        "axis.stiffness",
+        "spring stiffness",
+        "N m/rad",
+        "N/m",
+        "k",
+        0,
+        kind=DISPLACEMENT,
+        shift="axis.spring_zero",
+    ),
+    Term(
+        "cogging_amplitude",
+        f"{_C}.amplitude",
+        "cogging amplitude",
+        *_N,
+        "A",
+        0,
+        kind=WAVE,
+        order=f"{_C}.order",
+        shift=f"{_C}.phase",
+        parts=("cogging_sine", "cogging_cosine"),
+        signed=True,
+    ),
+    Term("cogging_sine", "", "cogging, sine part", *_N, "A cos φ", 0, kind=WAVE, signed=True),
+    Term("cogging_cosine", "", "cogging, cosine part", *_N, "A sin φ", 0, kind=WAVE, signed=True),
+    Term("load", f"{_F}.load", "load-dependent Coulomb friction", "N m", "", "", 0, odd=True, kind=WEIGHT),
+)
+
+TERMS: dict[str, Term] = {term.name: term for term in (*_RECORDS, *_FURTHER)}
 """All terms by name."""
 
-FRICTION_KEYS = tuple(name for name, term in TERMS.items() if term.key.startswith(_F))
+NAMED = frozenset(term.name for term in _RECORDS)
+"""Terms that the equations of the model name one by one. The others, further terms, are known by their records."""
+
+FRICTION_KEYS = tuple(term.name for term in _RECORDS if term.key.startswith(_F))
 """Keys of [axis.friction] that have a place of their own in the vector of constants."""
 
 MOTOR_KEYS = tuple(term.key.rpartition(".")[2] for term in TERMS.values() if term.key.startswith(_M))
@@ -155,8 +193,85 @@ def words_of(name: str) -> str:
 
 
 def stated_at(rig: Rig, key: str) -> Quantity | str | None:
-    """What a rig states at a dotted key: a Quantity, "unknown", or None."""
+    """What a rig states at a dotted key: a Quantity (a plain number counts as exact), "unknown", or None."""
     found: object = rig
     for part in key.split("."):
         found = getattr(found, part, None)
+    found = Quantity(found) if isinstance(found, float) else found
     return found if isinstance(found, Quantity | str) else None
+
+
+def further_terms() -> Iterator[Term]:
+    """The further terms that rig.toml can state."""
+    return (term for name, term in TERMS.items() if name not in NAMED and term.key)
+
+
+@dataclass(frozen=True, slots=True)
+class RigTerm:
+    """A further term as a rig has it: its name as an unknown, and the numbers in g(q).
+
+    value: what the rig states of the coefficient, None where it has to be identified.
+    """
+
+    name: str
+    term: Term
+    order: float
+    shift: Quantity
+    value: Quantity | None
+
+    @property
+    def at(self) -> tuple[float, float]:
+        """Order and shift of g."""
+        return self.order, self.shift.value
+
+    def regressor(self, q: Array, v: Array, direction: Array) -> Array:
+        """f(q, v) at angles q and speeds v; direction: sgn v, which a noisy speed does not show near rest."""
+        size = np.ones_like(v) if not self.term.odd else direction
+        for _ in range(self.term.power or 0):
+            size = size * np.abs(v)
+        return np.asarray(size * self.term.of_angle(q, *self.at))
+
+    def stiffness(self, q: Array) -> Array:
+        """How much a conservative torque grows with the angle, per unit of the coefficient; 0 of another term."""
+        return self.term.angle_slope(q, *self.at) if self.term.is_conservative else np.zeros_like(q)
+
+
+def rig_terms(rig: Rig) -> tuple[RigTerm, ...]:
+    """The further terms that a rig has, for the methods: of friction they learn that it is there, never how much.
+
+    A wave of unknown phase is two unknowns, those of its sine and its cosine.
+    """
+    found: list[RigTerm] = []
+    for term in further_terms():
+        stated = stated_at(rig, term.key)
+        if stated is None:
+            continue
+        value = stated if isinstance(stated, Quantity) and not term.key.startswith(_F) else None
+        order = stated_at(rig, term.order) if term.order else None
+        shift = stated_at(rig, term.shift) if term.shift else None
+        number = order.value if isinstance(order, Quantity) else 1.0
+        if isinstance(shift, str):
+            for name, angle in zip(term.parts, (0.0, np.pi / 2), strict=True):
+                found.append(RigTerm(name, TERMS[name], number, Quantity(float(angle)), None))
+        else:
+            found.append(RigTerm(term.name, term, number, shift or Quantity(0.0), value))
+    return tuple(found)
+
+
+def stated_stiffness(terms: tuple[RigTerm, ...], q: Array) -> Array:
+    """Stiffness (N m/rad or N/m) at the angles q of the terms whose coefficient the rig states."""
+    stated = [(term, term.value.value) for term in terms if term.value is not None]
+    return sum((value * term.stiffness(q) for term, value in stated), np.zeros_like(q))
+
+
+def values_by_key(found: Mapping[str, float]) -> dict[str, float]:
+    """Identified values by name, under their keys of rig.toml; sine and cosine part of a wave as amplitude and phase.
+
+    Raises KeyError for a name that is no term.
+    """
+    values = {TERMS[name].key: value for name, value in found.items() if TERMS[name].key}
+    for term in further_terms():
+        if term.parts and term.parts[0] in found:
+            sine, cosine = (found[name] for name in term.parts)
+            values |= {term.key: float(np.hypot(sine, cosine)), term.shift: float(np.arctan2(cosine, sine))}
+    return values

@@ -75,6 +75,9 @@ Without numba's runtime (_nrt) an array that is passed on is not counted as one 
 these counts out where a function branches, and in a hot loop they cost more than the rest of the function.
 """
 
+njit_called: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy", _nrt=False)
+"""The same for functions that a hot loop seldom calls: they make it no longer."""
+
 njit_inlined_with_arrays: Callable[[Function], Function] = partial(
     numba.njit, cache=True, error_model="numpy", forceinline=True
 )

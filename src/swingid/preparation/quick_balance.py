@@ -213,7 +213,9 @@ def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Arra
     with np.errstate(divide="ignore", invalid="ignore"):
         sign = np.nan_to_num(np.clip(2 * speed / np.abs(np.gradient(speed)), -1.0, 1.0))
     averaged = [sign, speed * size, speed * size * size, np.ones_like(q1), size]
-    curved = [q1]
+    # what depends on the angle only explains what is there all the time: it is fitted whatever the rig states of it
+    averaged += [term.regressor(q1, speed, sign) for term in scale.further]
+    curved, gravity = [q1], len(averaged)
     if not scale.linear:
         sine, cosine = np.sin(q1), np.cos(q1)
         averaged += [sine, cosine]
@@ -232,7 +234,7 @@ def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Arra
         bent = bent[:-1]
     else:
         plain = plain[:-1]
-    target = drive if scale.linear or scale.b is None else drive - scale.b * plain[5]
+    target = drive if scale.linear or scale.b is None else drive - scale.b * plain[gravity]
     return np.vstack([bent[:1], plain[:1], viscous, plain[1:], bent[1:], rate[None]]), target, speed
 
 

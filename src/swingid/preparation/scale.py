@@ -12,6 +12,7 @@ import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
+from swingid.model.terms import RigTerm, rig_terms
 from swingid.recording.recording import Recording
 
 
@@ -20,7 +21,7 @@ class Scale:
     """Known constants of row (I).
 
     a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, what a11 holds beside J1; b the gravity torque
-    (N m), None where it is to be identified.
+    (N m), None where it is to be identified. further: the rig's further terms (`model.terms`).
     """
 
     drive: Literal["reaction-wheel", "direct", "none"]
@@ -28,6 +29,17 @@ class Scale:
     a12: float
     carried: float
     b: float | None
+    further: tuple[RigTerm, ...] = ()
+
+    @property
+    def known(self) -> dict[str, float]:
+        """Coefficients of the further terms that the rig states."""
+        return {term.name: term.value.value for term in self.further if term.value is not None}
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Further terms to be identified."""
+        return tuple(term.name for term in self.further if term.value is None)
 
     @classmethod
     def of(cls, rig: Rig) -> Scale:
@@ -35,11 +47,13 @@ class Scale:
         gravity = rig.axis.gravity_torque
         b = None if isinstance(gravity, str) else gravity.value
         linear = rig.axis.kind == "linear"
-        if rig.drive.kind == "none" and not b:
+        further = rig_terms(rig)
+        held = any(term.value is not None and term.value.value and term.term.is_conservative for term in further)
+        if rig.drive.kind == "none" and not b and not held:
             what = "unknown" if b is None else "0"
             raise UnanswerableError(
                 f"rig {rig.name}: axis.gravity_torque is {what}, but in a free decay gravity alone sets the scale; "
-                "give axis.gravity_torque.",
+                "give axis.gravity_torque, or axis.stiffness of a spring.",
                 code="no-scale",
             )
         a12 = carried = 0.0
@@ -52,7 +66,7 @@ class Scale:
                     f"rig {rig.name}: drive.wheel.inertia is 0, but the wheel's inertia sets the scale; give it.",
                     code="no-scale",
                 )
-        return cls(rig.drive.kind, linear, a12, carried, b)
+        return cls(rig.drive.kind, linear, a12, carried, b, further)
 
     @property
     def unit(self) -> str:
@@ -63,6 +77,17 @@ class Scale:
     def torque_unit(self) -> str:
         """Unit of friction torque or force."""
         return "N" if self.linear else "N m"
+
+
+def refuse_terms(rig: Rig, method: str) -> None:
+    """Raise UnanswerableError where the rig has springs, cogging or other further terms, for a method without them."""
+    keys = [term.term.key or f"axis.{term.name.partition('_')[0]}" for term in rig_terms(rig)]
+    if keys:
+        raise UnanswerableError(
+            f"rig {rig.name}: {', '.join(dict.fromkeys(keys))} is no part of the balance of {method}; take the method "
+            "momentum, equation-error or output-error.",
+            code="unknown-term",
+        )
 
 
 LATEST = 0.1
@@ -102,7 +127,11 @@ def require_channels(log: Recording, rig: Rig) -> None:
 
 
 def require_motor(log: Recording, rig: Rig, scale: Scale, method: str) -> None:
-    """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants."""
+    """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants.
+
+    UnanswerableError also for a rig with terms that these methods do not have.
+    """
+    refuse_terms(rig, f"the method {method}")
     if scale.drive != "reaction-wheel":
         return
     if log.voltage is None:

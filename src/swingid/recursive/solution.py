@@ -266,7 +266,7 @@ class Reporter:
     def estimate(self, block: Block, solution: Solution, skipped: int, lost: int) -> SwingEstimate:
         """The estimate after `block`."""
         units = units_on(linear=self.scale.linear)
-        names = ["inertia", *(name for name in PLAIN if name in block.unknowns)]
+        names = ["inertia", *(name for name in (*PLAIN, *self.scale.unknown) if name in block.unknowns)]
         at = [block.unknowns.index(name) for name in names]
         values = {name: (float(solution.values[k]), units[name]) for name, k in zip(names, at, strict=True)}
         values["inertia"] = values["inertia"][0] - self.scale.carried, units["inertia"]

@@ -23,6 +23,7 @@ class Word:
 
 RIG = {
     **{term.key: Word(term.words, term.symbol, term.unit, term.linear) for term in TERMS.values() if term.key},
+    "axis.inertia": Word("moment of inertia", "J₁", "kg m^2", "kg"),
     "drive.motor.dead_zone": Word("motor dead zone", "d₂ … d₁", "N m"),
     "drive.motor.voltage_limit": Word("voltage limit", "", "V"),
     "log.torque_gain": Word("gain of the logged torque"),

@@ -8,6 +8,7 @@ from functools import cache
 from importlib.metadata import version
 
 from swingid.model.rig import Rig
+from swingid.model.terms import further_terms, rig_terms
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
 from swingid.units import Quantity
@@ -41,6 +42,8 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
 def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
     """Value and standard uncertainty (None: exact) of every constant that results of one rig have in common."""
     found: dict[str, object] = {"axis.gravity_torque": rig.axis.gravity_torque}
+    for term in rig_terms(rig):
+        found |= {term.term.key: term.value} | ({term.term.shift: term.shift} if term.shift.std else {})
     if rig.drive.wheel is not None:
         found["drive.wheel.inertia"] = rig.drive.wheel.inertia
     if rig.drive.motor is not None:
@@ -68,7 +71,8 @@ ROW_ONE = ("axis.gravity_torque", "drive.wheel.inertia", "drive.motor.rotor_iner
 
 def exact_in_row_one(rig: Rig) -> list[Message]:
     """The note that names the constants of row (I) without a stated uncertainty."""
-    return exact_constants([key for key in rig.constants_without_uncertainty() if key in ROW_ONE])
+    keys = {*ROW_ONE, *(term.key for term in further_terms())}
+    return exact_constants([key for key in rig.constants_without_uncertainty() if key in keys])
 
 
 def exact_constants(keys: list[str]) -> list[Message]:

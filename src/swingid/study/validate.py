@@ -23,7 +23,7 @@ from swingid.methods.output_error.problem import Input, Problem, problem_of
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS
+from swingid.model.terms import TERMS, further_terms, values_by_key
 from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared, prepare
@@ -269,25 +269,29 @@ def model_vector(result: Result, rig: Rig) -> Array:
     changes: dict[str, object] = {"axis.inertia": found["inertia"], "axis.friction": None}
     if "gravity_torque" in found:
         changes["axis.gravity_torque"] = found["gravity_torque"]
+    own = _by_key(found, rig)
+    further = {key for term in further_terms() for key in (term.key, term.shift)}
+    changes |= {key: value for key, value in own.items() if key in further and not key.startswith("axis.friction.")}
     values = {key: quantity.value for key, quantity in rig_constants(rig.changed(changes)).items()}
     moved = result.provenance.get("constants_found")
     if isinstance(moved, dict):
         values |= {key: float(value) for key, value in moved.items() if key in values}
     # what a fit finds may lie a little outside what a rig file may state, such as a Coulomb friction below 0
-    values |= _by_key(found, rig)
+    values |= own
     return vector(values, rig.drive.kind)
 
 
 def _by_key(found: Mapping[str, float], rig: Rig) -> dict[str, float]:
     """Identified values under the keys of rig.toml. Raises InputError for what the model has no term for."""
-    unknown = [name for name in found if name not in TERMS or not TERMS[name].key]
+    parts = {name for term in further_terms() for name in term.parts}
+    unknown = [name for name in found if name not in parts and (name not in TERMS or not TERMS[name].key)]
     if unknown:
         raise InputError(
             f"the result holds {', '.join(unknown)}, which the model of rig {rig.name} has no term for; give a "
             "result of one log or of several logs of one rig.",
             code="unknown-parameter",
         )
-    return {TERMS[name].key: value for name, value in found.items()}
+    return values_by_key(found)
 
 
 def with_found_gain(log: Recording, result: Result, rig: Rig) -> Recording:

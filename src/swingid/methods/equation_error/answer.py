@@ -23,7 +23,7 @@ def answer(judged: Judged, rig: Rig, scale: Scale) -> Evaluated:
     chosen, fit, law = judged.chosen, judged.chosen.fit, judged.law
     unit = np.eye(len(fit.unknowns))
     units = units_on(linear=scale.linear)
-    body = [name for name in fit.unknowns if name in ("inertia", "gravity_torque")]
+    body = [name for name in fit.unknowns if name in ("inertia", "gravity_torque", *scale.unknown)]
     sought = {name: unit[fit.unknowns.index(name)] for name in body}
     friction = [fit.unknowns.index(name) for name in law.unknowns]
     sought |= {name: own @ unit[friction] for name, own in parameter_weights(law.unknowns).items()}

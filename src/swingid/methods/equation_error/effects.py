@@ -11,6 +11,7 @@ from swingid.balance.rows import Rows
 from swingid.methods.equation_error.grid import curvature, slope
 from swingid.methods.equation_error.rows import RowFilter
 from swingid.model.rig import Rig
+from swingid.model.terms import rig_terms, stated_stiffness
 
 
 def effects(rig: Rig, row_filter: RowFilter, rows: Rows, a11: float, b: float) -> list[Imperfection]:
@@ -26,7 +27,8 @@ def _encoders(rig: Rig, row_filter: RowFilter, a11: float, b: float) -> Iterator
     if sensor.nonlinearity and rig.axis.kind == "rotary":
         q = grid.angle
         for name, error in (("cosine", np.cos(q)), ("sine", np.sin(q))):
-            (effect,) = row_filter(-(a11 * curvature(error, grid.step) + b * np.cos(q) * error))
+            pull = b * np.cos(q) + stated_stiffness(rig_terms(rig), q)
+            (effect,) = row_filter(-(a11 * curvature(error, grid.step) + pull * error))
             source, shared = f"angle encoder nonlinearity ({name})", f"sensors.nonlinearity.{name}"
             yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
     sensor = grid.encoders.wheel

@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from swingid.balance.delays import impulse_of, late_reversals
+from swingid.balance.delays import dry_levels, impulse_of, late_reversals
 from swingid.balance.friction_rows import EXACT
 from swingid.balance.rows import Rows, Signals
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
@@ -74,7 +74,7 @@ def estimate(
     others = [(other, weight) for other, weight in laws.likely if other.name != law.name]
     plain = _fit(part, scale, row_filter, law, (), instruments)
     memory = _fit(part, scale, row_filter, law, ("memory",), instruments, plain.lag)
-    seen, impulse = remembered(memory, part.motion, impulse_of(late, law.torque))
+    seen, impulse = remembered(memory, part.motion, impulse_of(late, law.torque, dry_levels(signals, plain.fit)))
     chosen, more = (memory, ("memory",)) if seen else (plain, ())
     fits = [(other, _fit(part, scale, row_filter, other, more, instruments, plain.lag), w) for other, w in others]
     cutoffs = {
@@ -98,14 +98,14 @@ def _law(
     late = np.zeros(len(part.motion.turning_times))
     for _ in range(PASSES):
         motion = part.motion.earlier(late)
-        rows = filtered_rows(row_filter, friction_columns(motion, part.grid, EXACT), linear=scale.linear)
+        rows = filtered_rows(row_filter, motion, friction_columns(motion, part.grid, EXACT), scale)
         reach = part.reach(row_filter.row_step, len(rows.windows))
         first = fit_rows(rows, scale, ("coulomb", "viscous"), row_filter.usable, reach, 0)
         laws = table.choose(rows, first.weights, scale).where(
             partial(_peaked, replace(part, motion=motion), scale, row_filter)
         )
         law = laws.best if given is None else table.fitted(given, rows, first.weights, scale)
-        before, late = late, late_reversals(signals, law.torque, abs(first.a11), part.noise)
+        before, late = late, late_reversals(signals, law.torque, abs(first.a11), part.noise, dry_levels(signals, first))
         if np.max(np.abs(late - before)) <= SETTLED * np.max(np.abs(late)):
             break
     return law, laws, late
@@ -129,7 +129,7 @@ def _fit(
     """The fit of the rows of one filter with one law, and `more` terms; lag: of the instruments, None to find one."""
     terms = (*law.unknowns, *more)
     columns = friction_columns(part.motion, part.grid, terms, law.stribeck_speed, law.peak)
-    rows = filtered_rows(row_filter, columns, linear=scale.linear)
+    rows = filtered_rows(row_filter, part.motion, columns, scale)
     if lag is None:
         lag = _lag(part, scale, row_filter, rows, terms) if instruments else 0
     reach = part.reach(row_filter.row_step, len(rows.windows))

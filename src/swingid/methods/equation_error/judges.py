@@ -40,7 +40,7 @@ class Judged:
 
     @property
     def common(self) -> list[tuple[Source, str, float]]:
-        """Type A errors of the inertia that the scatter does not show: alike in all rows, or seen by other fits."""
+        """Type A errors that the scatter does not show: alike in all rows, or, of the inertia, seen by other fits."""
         found = self.chosen.common(self.motion)
         found["choice of the friction law"] = self.between_laws
         if "memory" not in self.chosen.fit.unknowns:
@@ -49,7 +49,11 @@ class Judged:
             )
         for name, other in self.cutoffs.items():
             found[f"disagreement: {name}"] = self.chosen.contradicted(other, self.motion)
-        return [(systematic(source), "inertia", spread) for source, spread in found.items()]
+        entries = [(systematic(source), "inertia", spread) for source, spread in found.items()]
+        for name in self.chosen.scale.unknown:
+            own = self.chosen.common(self.motion, name)
+            entries += [(systematic(source), name, spread) for source, spread in own.items()]
+        return entries
 
 
 def spread_of(fit: Fitted, unknown: str, motion: Motion) -> float:

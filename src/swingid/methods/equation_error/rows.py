@@ -15,11 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.friction_laws import TERMS, stribeck_slope
-from swingid.balance.rows import Rows, Windows
+from swingid.balance.rows import Rows, Windows, smooth_columns
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff, lowpass
 from swingid.methods.equation_error.grid import STENCIL, Grid, as_held, curvature, slope
+from swingid.model.terms import RigTerm
 from swingid.numerics.arrays import Array, Bools
 from swingid.preparation.motion import Motion
+from swingid.preparation.scale import Scale
 
 ROWS_PER_PERIOD = 5.0
 """Rows kept per period of the cut-off."""
@@ -116,7 +118,19 @@ def _impulses(grid: Grid, motion: Motion) -> Array:
     return density
 
 
-def filtered_rows(row_filter: RowFilter, friction: dict[str, Array], *, linear: bool) -> Rows:
+def further_columns(motion: Motion, grid: Grid, terms: tuple[RigTerm, ...]) -> dict[str, Array]:
+    """The further terms on the grid, and their derivatives by an uncertain shift."""
+    edges, directions = motion.directions(float(grid.time[0]), float(grid.time[-1]))
+    direction = as_held(edges, directions, grid.time)
+    smooth = motion.speed.at(np.clip(grid.time, motion.speed.grid[0], motion.speed.grid[-1]))
+    columns: dict[str, Array] = {}
+    for term in terms:
+        dry = {term.name: term.regressor(grid.angle, smooth, direction)}
+        columns |= dry if term.term.is_dry else smooth_columns(term, grid.angle, smooth)
+    return columns
+
+
+def filtered_rows(row_filter: RowFilter, motion: Motion, friction: dict[str, Array], scale: Scale) -> Rows:
     """The filtered rows: all that are kept, usable or not. The viscous term is the slope of the angle itself."""
     grid = row_filter.grid
     step, zero = grid.step, np.zeros(len(grid.time))
@@ -125,10 +139,22 @@ def filtered_rows(row_filter: RowFilter, friction: dict[str, Array], *, linear: 
         named["viscous"] = slope(grid.angle, step)
     wheel = zero if grid.wheel is None else curvature(grid.wheel, step)
     torque = zero if grid.torque is None else grid.torque
-    gravity = zero if linear else np.sin(grid.angle)
+    gravity = zero if scale.linear else np.sin(grid.angle)
+    further = further_columns(motion, grid, scale.further) if scale.further else {}
     inertia, gravity, wheel, torque, *terms = row_filter(
-        curvature(grid.angle, step), gravity, wheel, torque, *named.values()
+        curvature(grid.angle, step), gravity, wheel, torque, *named.values(), *further.values()
     )
     half = np.full(len(inertia), 1 / row_filter.cutoff.frequency)
     windows = Windows(row_filter.instants, half)
-    return Rows(windows, inertia, gravity, wheel, torque, dict(zip(named, terms, strict=True)))
+    count = len(named)
+    slopes = {term.name: float(np.mean(term.stiffness(grid.angle))) for term in scale.further}
+    return Rows(
+        windows,
+        inertia,
+        gravity,
+        wheel,
+        torque,
+        dict(zip(named, terms[:count], strict=True)),
+        further=dict(zip(further, terms[count:], strict=True)),
+        slopes=slopes,
+    )

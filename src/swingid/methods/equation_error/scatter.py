@@ -13,6 +13,7 @@ from swingid.methods.equation_error.cutoff import SETTLING
 from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import STENCIL, curvature
 from swingid.methods.equation_error.rows import RowFilter
+from swingid.model.terms import stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import parzen
 from swingid.preparation.motion import Motion
@@ -67,6 +68,12 @@ class Fitted:
         beyond = max(self.variance(own) - white, 0.0)
         return effective_freedom(((white**0.5, math.inf), (beyond**0.5, rows)))
 
+    @property
+    def _pull(self) -> Array:
+        """Stiffness of gravity and of the terms that the rig states, at every row of the grid (N m/rad or N/m)."""
+        angle = self.row_filter.grid.angle
+        return np.asarray(self.stiffness * np.cos(angle) + stated_stiffness(self.scale.further, angle))
+
     def _white(self, weights: Array) -> float:
         """Variance of Σ weights · row from white noise of both angles."""
         axis, wheel = self._per_sample(weights)
@@ -77,15 +84,15 @@ class Fitted:
         grid = self.row_filter.grid
         spread = self.row_filter.adjoint(weights)
         bent = curvature(spread, grid.step)
-        axis = self.fit.a11 * bent + self.stiffness * np.cos(grid.angle) * spread
+        axis = self.fit.a11 * bent + self._pull * spread
         return axis * self.noise.angle, bent * (self.scale.a12 * self.noise.wheel)
 
     @cached_property
     def _autocovariance(self) -> Array:
         """Covariance of rows 0 to `reach` apart that white noise of both angles makes."""
-        grid, every = self.row_filter.grid, self.row_filter.every
+        every = self.row_filter.every
         spread, bent = self._responses
-        axis = self.fit.a11 * bent + self.stiffness * float(np.mean(np.cos(grid.angle))) * spread
+        axis = self.fit.a11 * bent + float(np.mean(self._pull)) * spread
         result = np.zeros(self.reach + 1)
         for k in range(min(self.reach, len(bent) // every) + 1):
             late = slice(k * every, None), slice(None, len(bent) - k * every)
@@ -106,13 +113,14 @@ class Fitted:
         near = slice(max(middle - reach, 0), middle + reach)
         return spread[near], bent[near]
 
-    def common(self, motion: Motion) -> dict[str, float]:
-        """Errors of the inertia that are alike in all rows, by source."""
-        found = {}
+    def common(self, motion: Motion, unknown: str = "inertia") -> dict[str, float]:
+        """Errors of an unknown that are alike in all rows, by source."""
+        found, k = {}, self.fit.unknowns.index(unknown)
         if self.lag == 0:
-            found["noise in the acceleration (least squares)"] = abs(self.fit.a11) * self.attenuation
+            share = abs(float(self.fit.inverse[k, 0] / self.fit.inverse[0, 0])) if k else 1.0
+            found["noise in the acceleration (least squares)"] = abs(self.fit.a11) * self.attenuation * share
         if self.noise.resolution > 0:
-            found["place of the encoder's grid"] = rms(self.grid_effects(motion))
+            found["place of the encoder's grid"] = rms(self.grid_effects(motion, unknown))
         return found
 
     @property

@@ -183,9 +183,10 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals, scale: Scale) -> Ev
     values = {"inertia": (law.a11 - scale.carried, scale.unit)}
     if scale.b is None:
         values["gravity_torque"] = law.value("gravity_torque"), scale.torque_unit
+    units = units_on(linear=scale.linear)
+    values |= {name: (law.value(name), units[name]) for name in scale.unknown}
     body = [law.unknowns.index(name) for name in values]
     weights = parameter_weights(friction.unknowns)
-    units = units_on(linear=scale.linear)
     values |= {name: (float(own @ friction.values), units[name]) for name, own in weights.items()}
     own = np.array(list(weights.values())).reshape(len(weights), len(friction.unknowns))
     b = law.value("gravity_torque") if scale.b is None else scale.b
@@ -258,7 +259,8 @@ def _per_swing(estimate: _Estimate, signals: Signals, scale: Scale, noise: Noise
     """One inertia per turning point: its even window with the fitted friction taken off."""
     law = estimate.law
     rows = estimate.turning_rows
-    others = sum((law.value(name) * rows.friction[name] for name in law.unknowns if name in rows.friction), 0.0)
+    columns = rows.friction | rows.further
+    others = sum((law.value(name) * columns[name] for name in law.unknowns if name in columns), 0.0)
     known = known_side(rows, scale) - law.value("gravity_torque") * rows.gravity - others
     values = known / rows.inertia - scale.carried
     power = (law.a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2

@@ -8,8 +8,6 @@ with it, as in `motor_motion`; an axis whose friction can hold it rests until it
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from swingid.methods.output_error.axis_step import (
@@ -26,9 +24,10 @@ from swingid.methods.output_error.axis_step import (
     until_release,
     until_reversal,
 )
-from swingid.methods.output_error.partials import axis_row, friction_slope
-from swingid.model.friction import sliding_friction
-from swingid.model.parameters import A11, A12, SIZE, B
+from swingid.methods.output_error.partials import axis_row, axis_slopes
+from swingid.model.dynamics import position_load
+from swingid.model.friction import axis_friction
+from swingid.model.parameters import A11, A12, SIZE
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_inlined
 
@@ -59,9 +58,10 @@ def _slopes_at(
     q, v = z - kappa * wheel, w - kappa * turn
     torque = course_at(courses, k, TORQUE, x)
     axis_row(q, v, s, p, row)
-    row[A11] = -(torque - p[B] * math.sin(q) - sliding_friction(v, s, 0.0, p)) / p[A11]
+    row[A11] = -(position_load(q, torque, p) - axis_friction(q, v, s, 0.0, p)) / p[A11]
     row[GAIN] = torque
-    swing, drag = -p[B] * math.cos(q) / p[A11], -friction_slope(v, s, p) / p[A11]
+    by_angle, by_speed = axis_slopes(q, v, s, p)
+    swing, drag = -by_angle / p[A11], -by_speed / p[A11]
     jacobian[at, 0], jacobian[at, 1] = swing, drag
     for c in range(known.shape[1]):
         known[at, c] = -(swing * wheel + drag * turn) * ratio[c]

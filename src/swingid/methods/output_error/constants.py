@@ -3,8 +3,27 @@
 from __future__ import annotations
 
 from swingid.methods.output_error.axis_motion import GAIN
-from swingid.model.parameters import A11, A12, A22, C1, C2, D1, D2, ETA, F2, F3, GEAR, WHEEL_STATIC, B
+from swingid.model.parameters import (
+    A11,
+    A12,
+    A22,
+    C1,
+    C2,
+    COEFFICIENT,
+    D1,
+    D2,
+    ETA,
+    F2,
+    F3,
+    FIRST_SLOT,
+    GEAR,
+    SHIFT,
+    SLOT,
+    WHEEL_STATIC,
+    B,
+)
 from swingid.model.rig import Rig
+from swingid.model.terms import TERMS
 from swingid.preparation.scale import Scale
 
 Places = tuple[tuple[int, float], ...]
@@ -18,15 +37,16 @@ TORQUES = ("drive.motor.torque_per_volt", "drive.motor.back_emf", "drive.motor.v
 SCALE = "motor_scale"
 """Relative deviation of all torques of the motor alike from what is stated."""
 
-MOTOR_NAMES = {"viscous": "motor_viscous", "coulomb": "motor_coulomb"}
-"""The motor's friction, whose names are those of the axis too."""
-
 
 def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
     """Places of every constant of rig.toml that the motion feels, by its key; derivatives at the stated values."""
     found: dict[str, Places] = {}
     if not scale.linear:
         found["axis.gravity_torque"] = ((B, 1.0),)
+    for term, place in zip(scale.further, slots(scale), strict=True):
+        if term.value is not None:
+            found[term.term.key] = ((place + COEFFICIENT, 1.0),)
+            found |= {term.term.shift: ((place + SHIFT, 1.0),)} if term.shift.std else {}
     if scale.drive == "direct":
         found["log.torque_gain"] = ((GAIN, 1.0 / rig.log.torque_gain.value),)
     if scale.drive != "reaction-wheel" or rig.drive.motor is None:
@@ -44,6 +64,11 @@ def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
         "drive.motor.efficiency": ((ETA, 1.0),),
     }
     return found
+
+
+def slots(scale: Scale) -> list[int]:
+    """First place of the slot of every further term of the rig."""
+    return [FIRST_SLOT + SLOT * k for k in range(len(scale.further))]
 
 
 def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
@@ -82,26 +107,19 @@ def uncertain_constants(rig: Rig, scale: Scale, input: str) -> tuple[str, ...]:
 
 
 def free_key(name: str) -> str:
-    """rig.toml's key of a constant that may be free."""
-    plain = {own: key for key, own in MOTOR_NAMES.items()}.get(name, name)
-    if name == "gravity_torque":
-        return "axis.gravity_torque"
-    if name == "wheel_inertia":
-        return "drive.wheel.inertia"
-    return f"drive.motor.{plain}"
+    """rig.toml's key of a constant that may be free; a name that is no term stands for itself."""
+    return TERMS[name].key if name in TERMS else name
 
 
 def free_name(key: str) -> str:
     """The name as an unknown of a constant by its key."""
-    last = key.rpartition(".")[2]
-    return "wheel_inertia" if key == "drive.wheel.inertia" else MOTOR_NAMES.get(last, last)
+    return next(name for name, term in TERMS.items() if term.key == key)
 
 
 def unit_of(key: str, scale: Scale) -> str:
-    """The unit of a constant by its key."""
-    units = {"torque_per_volt": "N m/V", "back_emf": "N m s", "viscous": "N m s", "coulomb": "N m", "efficiency": "1"}
-    last = key.rpartition(".")[2]
-    return scale.torque_unit if last == "gravity_torque" else units.get(last, "kg m^2")
+    """The unit of a constant by its key; what is no coefficient of a term is an angle or a place."""
+    units = {term.key: term.unit_on(linear=scale.linear) or "1" for term in TERMS.values()}
+    return units.get(key, "m" if scale.linear else "rad")
 
 
 def free_start(rig: Rig, name: str) -> float:

@@ -8,14 +8,12 @@ edge of the dead zone and at a release f is continuous, and so is S.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
-from swingid.methods.output_error.partials import axis_row, friction_slope, mass_rows, motor_row
+from swingid.methods.output_error.partials import axis_row, axis_slopes, mass_rows, motor_row
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, derivative, quintic
 from swingid.model.motion import COUNTS, next_step
-from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE, B
+from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE
 from swingid.model.sticking import choose_mode, stop_reversed
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_inlined
@@ -54,7 +52,8 @@ def _slopes_at(
         i11 = 1.0 / p[A11]
     elif s2 != 0:
         i22 = 1.0 / p[A22]
-    swing, drag = -p[B] * math.cos(q1), -friction_slope(v1, s1, p)
+    by_angle, by_speed = axis_slopes(q1, v1, s1, p)
+    swing, drag = -by_angle, -by_speed
     loss = -p[GEAR] * (p[F2] * p[GEAR] + (p[ETA] * p[C2] if branch != 0 else 0.0))
     jacobian[at, 0], jacobian[at, 1], jacobian[at, 2] = i11 * swing, i11 * drag, i12 * loss
     jacobian[at, 3], jacobian[at, 4], jacobian[at, 5] = i12 * swing, i12 * drag, i22 * loss

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 
+from swingid.model.further import further_row, further_slopes
 from swingid.model.motor import branch_torque
 from swingid.model.parameters import (
     A11,
@@ -23,6 +24,7 @@ from swingid.model.parameters import (
     ETA,
     F2,
     F3,
+    FURTHER,
     GEAR,
     OFFSET,
     QUADRATIC,
@@ -51,6 +53,16 @@ def friction_slope(v: float, s: int, p: Array) -> float:
 
 
 @njit_inlined
+def axis_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
+    """Derivatives of the torques that row (I) has on the left, by the angle (N m/rad) and by the speed (N m s)."""
+    by_angle, by_speed = p[B] * math.cos(q1), friction_slope(v, s, p)
+    if p[FURTHER] != 0.0:
+        further = further_slopes(q1, v, s, p)
+        by_angle, by_speed = by_angle + further[0], by_speed + further[1]
+    return float(by_angle), float(by_speed)
+
+
+@njit_inlined
 def axis_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
     """∂r1/∂p into the places of `row` (SIZE,) that stand in row (I): −sin q1 for b, and those of −F."""
     row[B] = -math.sin(q1)
@@ -65,6 +77,8 @@ def axis_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
     row[COULOMB_P], row[COULOMB_N] = -(1.0 - peak) * up, (1.0 - peak) * down
     row[STATIC_P], row[STATIC_N] = -peak * up, peak * down
     row[QUADRATIC], row[CUBIC], row[OFFSET] = -s * v * v, -v * v * v, -1.0
+    if p[FURTHER] != 0.0:
+        further_row(q1, v, s, p, row)
 
 
 @njit_inlined

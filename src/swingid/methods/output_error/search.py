@@ -86,6 +86,8 @@ def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale,
             value = even[0]
         elif not item.is_sought:
             value = 0.0
+        elif item.name in scale.unknown:
+            value = windows.value(item.name) if np.isinf(item.low) else max(windows.value(item.name), 0.0)
         elif item.name in FRICTION:
             value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))
         else:

@@ -24,9 +24,10 @@ from swingid.methods.output_error.constants import (
     free_key,
     free_name,
     scaled_places,
+    slots,
     unit_of,
 )
-from swingid.model.parameters import A11, AXIS_STICKS, PLACES, SIZE, STATIC_N, STATIC_P, vector
+from swingid.model.parameters import A11, AXIS_STICKS, COEFFICIENT, PLACES, SIZE, add_term, can_stick, vector
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array, Ints
@@ -142,7 +143,7 @@ class Unknowns:
         for item, value in zip(self.items, values, strict=True):
             for place, weight in item.places:
                 p[place] += weight * value
-        p[AXIS_STICKS] = float(max(p[STATIC_P], p[STATIC_N]) > 0.0)
+        p[AXIS_STICKS] = can_stick(p)
         return p[:SIZE]
 
 
@@ -195,11 +196,16 @@ def unknowns_of(
     items = [Unknown("inertia", scale.unit, 1e-12, np.inf, ((A11, 1.0),))]
     for name in dict.fromkeys((*(("gravity_torque",) if scale.b is None else ()), *free)):
         key = free_key(name)
-        offered = [other for other in places if other not in NEVER_FREE]
+        kept = {*NEVER_FREE, *(key for term in scale.further for key in (term.term.key, term.term.shift))}
+        offered = [other for other in places if other not in kept]
         if key not in offered:
             has = ", ".join(free_name(other) for other in offered)
             raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
         items.append(Unknown(name, unit_of(key, scale), 0.0, np.inf, places[key]))
+    for term, place in zip(scale.further, slots(scale), strict=True):
+        if term.value is None:
+            low = -np.inf if term.term.signed else 0.0
+            items.append(Unknown(term.name, units[term.name], low, np.inf, ((place + COEFFICIENT, 1.0),)))
     for name in friction_unknowns(law):
         low = -strongest if name == "offset" else 0.0
         high = strongest / fastest ** power_of(name)
@@ -224,7 +230,8 @@ def _about_stated(rig: Rig, scale: Scale, key: str, places: Places) -> Unknown:
     value, std = constant_value(rig, key)
     assert std
     widest = FARTHEST * std
-    low = -widest if value <= 0 else -min(widest, 0.9 * value)
+    may_be_negative = all(term.key != key or term.signed for term in TERMS.values())
+    low = -widest if value <= 0 or may_be_negative else -min(widest, 0.9 * value)
     return Unknown(key, unit_of(key, scale), low, widest, places, std)
 
 
@@ -238,6 +245,8 @@ def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
         stated["drive.motor.dead_zone.negative"], stated["drive.motor.dead_zone.positive"] = rig.drive.motor.dead_zone
     base = vector(stated, scale.drive)
     base[A11] -= 1.0
+    for term in scale.further:
+        add_term(base, term.term, scale.known.get(term.name, 0.0), *term.at)
     for item in items:
         if item.name == "inertia" or item.name in FRICTION or not item.is_sought:
             continue

@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 
+from swingid.model.rig.fields import TermTable
 from swingid.units import shown
 
 
@@ -17,8 +18,10 @@ def describe(error: ValidationError, root: type[BaseModel], what: str = "a rig f
     """
     findings: list[Any] = sorted(error.errors(), key=lambda finding: finding["type"] != "extra_forbidden")
     finding = findings[0]
-    place = tuple(str(part) for part in finding["loc"])
     context = finding.get("ctx", {})
+    place = tuple(str(part) for part in finding["loc"])
+    if finding["type"] == "extra_forbidden" and "key" in context:
+        place = (*place, context["key"])
     match finding["type"]:
         case "swingid":
             key = (*place, context["key"]) if context["key"] else place
@@ -51,13 +54,18 @@ def dotted(place: tuple[str, ...]) -> str:
 
 def known_keys(table: type[BaseModel], prefix: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
     """Every key of a table and of the tables inside it, as paths."""
-    keys = []
+    keys = [(*prefix, name) for name in _keys_of(table) if name not in table.model_fields]
     for name, field in table.model_fields.items():
         keys.append((*prefix, name))
         inner = _table_of(field.annotation)
         if inner is not None:
             keys += known_keys(inner, (*prefix, name))
     return keys
+
+
+def _keys_of(table: type[BaseModel]) -> list[str]:
+    """The keys of a table, those of further terms included."""
+    return [*table.model_fields, *(table.term_keys() if issubclass(table, TermTable) else ())]
 
 
 def _to_add(place: tuple[str, ...], root: type[BaseModel]) -> str:
@@ -75,7 +83,7 @@ def _to_add(place: tuple[str, ...], root: type[BaseModel]) -> str:
 def _unknown_key(place: tuple[str, ...], root: type[BaseModel], what: str) -> str:
     table, key = place[:-1], place[-1]
     everywhere = known_keys(root)
-    siblings = list(_model_at(root, table).model_fields)
+    siblings = _keys_of(_model_at(root, table))
     near = difflib.get_close_matches(key.lower(), siblings, n=1, cutoff=0.6)
     if near:
         return f"{dotted(place)} is not a known key; did you mean {dotted((*table, near[0]))}?"

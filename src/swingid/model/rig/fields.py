@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn
 
-from pydantic import BaseModel, ConfigDict, PlainValidator, StringConstraints, ValidationInfo
+from pydantic import BaseModel, ConfigDict, PlainValidator, StringConstraints, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
 from swingid.errors import InputError
-from swingid.units import Quantity, parse_quantity
+from swingid.model.terms import Term, further_terms
+from swingid.units import Quantity, parse_quantity, shown
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -74,6 +76,69 @@ def quantity(
         return found
 
     return PlainValidator(read)
+
+
+def quantity_or_unknown(
+    rotary: str, linear: str | None = None, *, least: float | None = None
+) -> Callable[[object, ValidationInfo], Quantity | str]:
+    """A reader as of `quantity` that also takes the text "unknown": to be identified."""
+
+    def read(raw: object, info: ValidationInfo) -> Quantity | str:
+        if raw == "unknown":
+            return "unknown"
+        if isinstance(raw, str) and raw.strip().isalpha():
+            refuse("not-a-quantity", f'is {shown(raw)}; write a number, text like "78 ± 0.4 mN*m", or "unknown"')
+        found = read_quantity(raw, info, rotary, linear)
+        _check_limits(found.value, least, None, None)
+        return found
+
+    return read
+
+
+class TermTable(Table):
+    """A table of rig.toml that also takes the keys of the further terms in the registry (`model.terms`).
+
+    Such a key is an attribute of the table where the file states it. `path` of the table in the file.
+    """
+
+    model_config = ConfigDict(extra="allow")
+    path: ClassVar[str]
+
+    @classmethod
+    def term_keys(cls) -> dict[str, Term]:
+        """The keys that the registry adds to this table, with their terms; a term's shift has a key of its own."""
+        places = [(key.rpartition("."), term) for term in further_terms() for key in (term.key, term.shift)]
+        return {key: term for (table, _, key), term in places if table == cls.path}
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read_terms(cls, raw: object, info: ValidationInfo) -> object:
+        if not isinstance(raw, dict):
+            return raw
+        terms, read = cls.term_keys(), dict(raw)
+        for key in raw:
+            if key in cls.model_fields:
+                continue
+            if key not in terms:
+                raise PydanticCustomError("extra_forbidden", "is not a known key", {"key": str(key)})
+            term = terms[key]
+            if term.linear == "" and (info.context or {}).get("kind") == "linear":
+                refuse("contradiction", "has no meaning on a linear axis", key)
+            coefficient = term.key.rpartition(".")[2]
+            if coefficient not in raw:
+                refuse("missing-key", f"is missing beside {key}", coefficient)
+            least = None if term.signed else 0.0
+            try:
+                if key == coefficient:
+                    read[key] = quantity_or_unknown(term.unit, term.linear, least=least)(raw[key], info)
+                else:
+                    read[key] = shift = read_quantity(raw[key], info, "rad", "m")
+                    if shift.std is not None and raw[coefficient] == "unknown":
+                        refuse("uncertainty-unused", f"takes no uncertainty beside an unknown {coefficient}")
+            except PydanticCustomError as error:
+                context = error.context or {}
+                refuse(context["slug"], context["problem"], key)
+        return read
 
 
 def plain_number(

@@ -19,6 +19,7 @@ from swingid.model.rig.fields import Column, Table, refuse, stated
 from swingid.model.rig.log import LogConventions
 from swingid.model.rig.sensors import Sensors
 from swingid.model.rig.tables import Axis, Drive
+from swingid.model.terms import MOTOR_KEYS, rig_terms
 from swingid.system import read_file
 from swingid.units import Quantity, shown
 
@@ -136,11 +137,14 @@ class Rig(Table):
         found: dict[str, object] = {}
         if self.axis.kind == "rotary":
             found["axis.gravity_torque"] = self.axis.gravity_torque
+        for term in rig_terms(self):
+            if term.value is not None:
+                found[term.term.key] = term.value
         if self.drive.wheel is not None:
             found["drive.wheel.inertia"] = self.drive.wheel.inertia
         if self.drive.motor is not None:
             motor = self.drive.motor
-            found |= {f"drive.motor.{k}": getattr(motor, k) for k in _MOTOR_CONSTANTS if stated(motor, k)}
+            found |= {f"drive.motor.{k}": getattr(motor, k) for k in MOTOR_KEYS if stated(motor, k)}
         if stated(self.sensors, "latency"):
             found["sensors.latency"] = self.sensors.latency
         if self.sensors.wheel is not None and stated(self.sensors.wheel, "latency"):
@@ -235,17 +239,6 @@ class Rig(Table):
                 f"drive.motor: a12^2 = {a12 * a12:.6g} must be below a11 a22 = {a11 * a22:.6g}",
                 "axis.inertia",
             )
-
-
-_MOTOR_CONSTANTS = (
-    "rotor_inertia",
-    "gear_ratio",
-    "torque_per_volt",
-    "back_emf",
-    "viscous",
-    "coulomb",
-    "efficiency",
-)
 
 
 def _read(path: Path) -> str:

@@ -5,12 +5,21 @@ Units in comments are those of a rotary axis; a linear axis takes kg, N, m in pl
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, PlainValidator, ValidationInfo, model_validator
 
-from swingid.model.rig.fields import Table, given, plain_number, quantity, read_quantity, refuse
-from swingid.units import Quantity, shown
+from swingid.model.rig.fields import (
+    Table,
+    TermTable,
+    given,
+    plain_number,
+    quantity,
+    quantity_or_unknown,
+    read_quantity,
+    refuse,
+)
+from swingid.units import Quantity
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
 Force = Annotated[Quantity, quantity("N*m", "N", least=0)]
@@ -26,13 +35,14 @@ class Lugre(Table):
     bristle_damping: Viscous = Quantity(0.0)
 
 
-class Friction(Table):
+class Friction(TermTable):
     """The friction of the suspension, F(q1'), as a sum of the laws given; the twin's truth, never knowledge.
 
     Units as the key's name implies: torques N m, viscous N m s, quadratic N m s², cubic N m s³, speeds rad/s.
     Direction-dependent coefficients are given for both directions, in the place of the two-sided one.
     """
 
+    path: ClassVar[str] = "axis.friction"
     viscous: Viscous | None = None
     coulomb: Force | None = None
     static: Force | None = None
@@ -66,16 +76,38 @@ class Friction(Table):
             refuse("missing-key", "is missing beside stribeck_speed; add the friction at rest", "static")
         if self.lugre is not None and max(levels, default=0.0) <= 0:
             refuse("missing-key", "is needed (and positive) beside lugre; add the friction level", "coulomb")
+        dry = [key for key, term in self.term_keys().items() if term.is_dry and hasattr(self, key)]
+        if self.lugre is not None and dry:
+            refuse("contradiction", f"stands beside {dry[0]}, but its bristles know one friction level only", "lugre")
+        return self
+
+
+class Cogging(Table):
+    """Cogging: a torque A sin(n q + φ) of the angle; n: periods per turn (linear axis: 2π over the period in m)."""
+
+    order: Annotated[float, plain_number("", "1/m", above=0)]
+    amplitude: Annotated[Quantity | Literal["unknown"], PlainValidator(quantity_or_unknown("N*m", "N"))]
+    phase: Annotated[Quantity | Literal["unknown"] | None, PlainValidator(quantity_or_unknown("rad"))] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _unknown_with_its_phase(cls, raw: object) -> object:
+        if isinstance(raw, dict) and raw.get("amplitude") == "unknown" and "phase" not in raw:
+            return {**raw, "phase": "unknown"}
+        return raw
+
+    @model_validator(mode="after")
+    def _phase_fits(self) -> Self:
+        if self.phase == "unknown" and self.amplitude != "unknown":
+            refuse("contradiction", "is unknown beside a stated amplitude; make both unknown", "phase")
+        if self.amplitude == "unknown" and isinstance(self.phase, Quantity) and self.phase.std is not None:
+            refuse("uncertainty-unused", "takes no uncertainty beside an unknown amplitude", "phase")
         return self
 
 
 def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
-    if raw == "unknown":
-        return "unknown"
-    if isinstance(raw, str) and raw.strip().isalpha():
-        refuse("not-a-quantity", f'is {shown(raw)}; write a number, text like "78 ± 0.4 mN*m", or "unknown"')
-    found = read_quantity(raw, info, "N*m", "N")
-    if found.value < 0:
+    found = quantity_or_unknown("N*m", "N")(raw, info)
+    if isinstance(found, Quantity) and found.value < 0:
         refuse(
             "out-of-range",
             f"is {found.value:g}, but must not be negative: angles count from hanging (see log.angle_zero)",
@@ -83,16 +115,18 @@ def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
     return found
 
 
-class Axis(Table):
+class Axis(TermTable):
     """What swings: its kind, gravity's amplitude b (N m; 0: balanced), and what only the twin knows.
 
     `inertia` is the paper's J1 with a wheel, the whole axis without.
     """
 
+    path: ClassVar[str] = "axis"
     kind: Literal["rotary", "linear"] = "rotary"
     gravity_torque: Annotated[Quantity | Literal["unknown"], PlainValidator(_gravity_torque)] = Quantity(0.0)
     inertia: Inertia | None = None
     friction: Friction = Friction()
+    cogging: Cogging | None = None
 
     @model_validator(mode="after")
     def _linear_has_no_gravity(self) -> Self:

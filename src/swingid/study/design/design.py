@@ -10,6 +10,7 @@ from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import percent
 from swingid.model.rig import Rig
+from swingid.preparation.scale import refuse_terms
 from swingid.result.result import combined
 from swingid.result.summary import sorted_budget
 from swingid.study.design.information import predict
@@ -269,6 +270,7 @@ def expected_rig(rig: Rig, inertia: float | str | None, gravity_torque: float | 
             f"rig {rig.name} has no drive, so its motion cannot be chosen; release it from a large angle.",
             code="no-drive",
         )
+    refuse_terms(rig, "a design")
     linear = rig.axis.kind == "linear"
     changes: dict[str, Quantity] = {}
     if inertia is not None:

@@ -1,0 +1,135 @@
+"""The further terms of row (I) in the compiled model: sums over slots of the vector of constants.
+
+A slot holds what the registry (`terms`) records of a term: coefficient c, shift and order of g(q), kind of g, power and
+parity of the speed. Its torque is c (sgn v)^odd |v|^power g(q). Side s = +1 or −1 of sliding as in `friction`.
+
+Arguments: q in rad, v in rad/s, p the vector (SIZE,) of `parameters`. On a linear axis m, m/s, N.
+"""
+
+from __future__ import annotations
+
+import math
+
+from swingid.model.parameters import COEFFICIENT, FIRST_SLOT, FURTHER, KIND, ODD, ORDER, POWER, SHIFT, SLOT
+from swingid.model.terms import DISPLACEMENT, WAVE, WEIGHT
+from swingid.numerics.arrays import Array
+from swingid.numerics.compiled import njit_called
+
+
+@njit_called
+def angle_factor(q: float, i: int, p: Array) -> float:
+    """g(q) of the slot at place i."""
+    kind = p[i + KIND]
+    if kind == DISPLACEMENT:
+        return float(q - p[i + SHIFT])
+    if kind == WAVE:
+        return math.sin(p[i + ORDER] * q + p[i + SHIFT])
+    return abs(math.cos(q)) if kind == WEIGHT else 1.0
+
+
+@njit_called
+def angle_slope(q: float, i: int, p: Array) -> float:
+    """dg/dq of the slot at place i."""
+    kind = p[i + KIND]
+    if kind == DISPLACEMENT:
+        return 1.0
+    if kind == WAVE:
+        return float(p[i + ORDER] * math.cos(p[i + ORDER] * q + p[i + SHIFT]))
+    if kind == WEIGHT:
+        return -math.sin(q) if math.cos(q) > 0.0 else math.sin(q)
+    return 0.0
+
+
+@njit_called
+def angle_energy(q: float, i: int, p: Array) -> float:
+    """∫g dq from 0 to q of the slot at place i, a displacement or a wave."""
+    kind, shift, order = p[i + KIND], p[i + SHIFT], p[i + ORDER]
+    if kind == DISPLACEMENT:
+        return float(q * (0.5 * q - shift))
+    if kind == WAVE:
+        return float((math.cos(shift) - math.cos(order * q + shift)) / order)
+    return q
+
+
+@njit_called
+def speed_factor(v: float, s: int, i: int, p: Array) -> float:
+    """(sgn v)^odd |v|^power of the slot at place i, sliding towards side s."""
+    factor = 1.0 if p[i + ODD] == 0.0 else float(s)
+    for _ in range(int(p[i + POWER])):
+        factor *= s * v
+    return factor
+
+
+@njit_called
+def further_load(q: float, p: Array) -> float:
+    """Torque (N m) of the further terms that do not depend on the motion: springs, cogging."""
+    total = 0.0
+    for k in range(int(p[FURTHER])):
+        i = FIRST_SLOT + SLOT * k
+        if p[i + POWER] == 0.0 and p[i + ODD] == 0.0:
+            total += p[i + COEFFICIENT] * angle_factor(q, i, p)
+    return total
+
+
+@njit_called
+def further_friction(q: float, v: float, s: int, p: Array) -> float:
+    """Torque (N m) of the further terms that depend on the motion."""
+    total = 0.0
+    for k in range(int(p[FURTHER])):
+        i = FIRST_SLOT + SLOT * k
+        if p[i + POWER] != 0.0 or p[i + ODD] != 0.0:
+            total += p[i + COEFFICIENT] * speed_factor(v, s, i, p) * angle_factor(q, i, p)
+    return total
+
+
+@njit_called
+def further_level(q: float, p: Array) -> float:
+    """Torque (N m) up to which the further terms hold a resting axis, in either direction."""
+    total = 0.0
+    for k in range(int(p[FURTHER])):
+        i = FIRST_SLOT + SLOT * k
+        if p[i + POWER] == 0.0 and p[i + ODD] != 0.0:
+            total += p[i + COEFFICIENT] * angle_factor(q, i, p)
+    return total
+
+
+@njit_called
+def further_energy(q: float, p: Array) -> float:
+    """Potential energy (J) of the further terms that do not depend on the motion; 0 at q = 0."""
+    total = 0.0
+    for k in range(int(p[FURTHER])):
+        i = FIRST_SLOT + SLOT * k
+        if p[i + POWER] == 0.0 and p[i + ODD] == 0.0:
+            total += p[i + COEFFICIENT] * angle_energy(q, i, p)
+    return total
+
+
+@njit_called
+def further_slopes(q: float, v: float, s: int, p: Array) -> tuple[float, float]:
+    """Derivatives of the further torque by the angle (N m/rad) and by the speed (N m s)."""
+    by_angle = by_speed = 0.0
+    for k in range(int(p[FURTHER])):
+        i = FIRST_SLOT + SLOT * k
+        by_angle += p[i + COEFFICIENT] * speed_factor(v, s, i, p) * angle_slope(q, i, p)
+        power = int(p[i + POWER])
+        if power > 0:
+            slope = float(power * s) if p[i + ODD] == 0.0 else float(power)
+            for _ in range(power - 1):
+                slope *= s * v
+            by_speed += p[i + COEFFICIENT] * slope * angle_factor(q, i, p)
+    return by_angle, by_speed
+
+
+@njit_called
+def further_row(q: float, v: float, s: int, p: Array, row: Array) -> None:
+    """Derivative of minus the further torque by the coefficients and shifts, into their places of `row` (SIZE,)."""
+    for k in range(int(p[FURTHER])):
+        i = FIRST_SLOT + SLOT * k
+        factor = speed_factor(v, s, i, p)
+        row[i + COEFFICIENT] = -factor * angle_factor(q, i, p)
+        by_shift = 0.0
+        if p[i + KIND] == DISPLACEMENT:
+            by_shift = -1.0
+        elif p[i + KIND] == WAVE:
+            by_shift = math.cos(p[i + ORDER] * q + p[i + SHIFT])
+        row[i + SHIFT] = -p[i + COEFFICIENT] * factor * by_shift

@@ -21,7 +21,7 @@ def warned(*warnings: Message) -> Result:
     return replace(clean_result(), warnings=warnings, status="warning" if warnings else "ok")
 
 
-@pytest.mark.parametrize("kind", [*undeclared.CAUSES, Kind.ANGLE_ZERO, None])
+@pytest.mark.parametrize("kind", [*sorted(undeclared.CAUSES, key=str), Kind.ANGLE_ZERO, None])
 def test_logs_calibrate_their_encoders_by_the_kind_of_a_warning(kind: Kind | None, monkeypatch) -> None:
     log, rig = rotary_log(), rotary_rig()
     monkeypatch.setattr(undeclared, "_encoders", lambda logs, rig: (rig, "bent."))

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.pooling.consistency import FALSE_ALARMS, deviations, outliers
+from swingid.pooling.consistency import deviations, outliers
 from swingid.pooling.pooling import pool
 from swingid.pooling.several import combine, identify_several
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.result.result import Message, Parameter, Result, combined, refusal
 from swingid.uncertainty.budget import BudgetEntry, stated, systematic
 from swingid.uncertainty.budget import scatter as scattering
+from swingid.uncertainty.significance import FAMILY
 
 BCG = """4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 47 5761; 180 1361 372 1079; 8 2537 10 619
 505 87886 499 87892; 29 7470 45 7232; 17 1699 65 1600; 186 50448 141 27197; 5 2493 3 2338; 27 16886 29 17825"""
@@ -161,7 +162,7 @@ def test_sound_logs_raise_few_alarms() -> None:
     for k in range(trials):
         u = random.uniform(0.5, 2, 2 + k % 5)
         alarms += bool(outliers([alone(10 + random.normal(0, s), s, str(j)) for j, s in enumerate(u)]))
-    assert alarms / trials < FALSE_ALARMS + 2 * math.sqrt(FALSE_ALARMS / trials)
+    assert alarms / trials < FAMILY + 2 * math.sqrt(FAMILY / trials)
 
 
 def test_no_majority() -> None:

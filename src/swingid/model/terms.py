@@ -19,7 +19,6 @@ import numpy as np
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
-    from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
 
 # Kinds of g(q): 1, q − shift, sin(order q + shift), |cos q|.
@@ -192,8 +191,8 @@ def words_of(name: str) -> str:
     return TERMS[name].words if name in TERMS else name.replace("_", " ")
 
 
-def stated_at(rig: Rig, key: str) -> Quantity | str | None:
-    """What a rig states at a dotted key: a Quantity (a plain number counts as exact), "unknown", or None."""
+def stated_at(rig: object, key: str) -> Quantity | str | None:
+    """What a Rig states at a dotted key: a Quantity (a plain number counts as exact), "unknown", or None."""
     found: object = rig
     for part in key.split("."):
         found = getattr(found, part, None)
@@ -236,8 +235,8 @@ class RigTerm:
         return self.term.angle_slope(q, *self.at) if self.term.is_conservative else np.zeros_like(q)
 
 
-def rig_terms(rig: Rig) -> tuple[RigTerm, ...]:
-    """The further terms that a rig has, for the methods: of friction they learn that it is there, never how much.
+def rig_terms(rig: object) -> tuple[RigTerm, ...]:
+    """The further terms that a Rig has, for the methods: of friction they learn that it is there, never how much.
 
     A wave of unknown phase is two unknowns, those of its sine and its cosine.
     """

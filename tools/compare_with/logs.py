@@ -157,6 +157,8 @@ def _other_drives() -> list[Recipe]:
         found.append(Recipe(f"free-{law}", twin_of(free, law), free, initial_angle=1.4, **rest))
     unknown = changed(direct, {"axis.gravity_torque": "unknown", "sensors.latency": "0 ± 0.5 ms"})
     found.append(Recipe("direct-unknown", twin_of(direct, "coulomb"), unknown, None, drive=terms))
+    late = changed(direct, {"sensors.latency": "2 ms"})
+    found.append(Recipe("direct-late", twin_of(late, "viscous"), late, None, drive=terms))
     slide = {"axis.inertia": 95.0, "axis.friction": {"coulomb": 20.0, "viscous": 200.0}}
     forces = ((600.0, 6.0, 0.0), (300.0, 2.7, 1.0))
     found.append(Recipe("linear", changed(LINEAR, slide), LINEAR, None, drive=forces, quick=True))

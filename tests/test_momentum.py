@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from closed_form_logs import (
     ENCODER,
@@ -292,11 +293,15 @@ def test_the_result_as_data():
         None,
     )
     for parameter in data["parameters"].values():
-        assert set(parameter) == {"value", "standard_uncertainty", "interval95", "unit"}
-        reach = 1.959963984540054 * parameter["standard_uncertainty"]
+        extended = {"degrees_of_freedom", "coverage_factor"}
+        assert set(parameter) == {"value", "standard_uncertainty", "interval95", "unit"} | extended
+        freedom = parameter["degrees_of_freedom"] or np.inf
+        assert parameter["coverage_factor"] == pytest.approx(student.ppf(0.975, freedom), rel=1e-6)
+        reach = parameter["coverage_factor"] * parameter["standard_uncertainty"]
         assert parameter["interval95"] == pytest.approx([parameter["value"] - reach, parameter["value"] + reach])
     for entry in data["budget"]:
-        assert set(entry) == {"source", "type", "parameter", "standard_uncertainty", "sensitivity", "shared_id"}
+        stable = {"source", "type", "parameter", "standard_uncertainty", "sensitivity", "shared_id"}
+        assert set(entry) == stable | {"degrees_of_freedom", "distribution", "averages_over_logs"}
     for name in data["parameters"]:
         parts = [e["standard_uncertainty"] for e in data["budget"] if e["parameter"] == name]
         assert np.sqrt(np.sum(np.square(parts))) == pytest.approx(data["parameters"][name]["standard_uncertainty"])

@@ -13,6 +13,7 @@ from swingid.pooling.consistency import deviations, outliers
 from swingid.pooling.pooling import pool
 from swingid.pooling.several import combine, identify_several
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
+from swingid.recording.findings import Kind
 from swingid.result.result import Message, Parameter, Result, combined, refusal
 from swingid.uncertainty.budget import BudgetEntry, stated, systematic
 from swingid.uncertainty.budget import scatter as scattering
@@ -260,7 +261,8 @@ def test_one_speed_twice_does_not() -> None:
 
 
 def test_one_speed_that_is_left_alone_is_refused() -> None:
-    doubt = Message("not-identifiable", "one frequency: inertia and gravity torque move together.")
+    text = "one frequency: inertia and gravity torque move together."
+    doubt = Message("not-identifiable", text, Kind.NOT_IDENTIFIABLE)
     left = replace(pair(3e-3, 78e-3, 8.5, 1e-6, 2e-3), warnings=(doubt,), status="warning")
     gone = refusal("momentum", InputError("b.csv does not exist.", code="missing-file"), {"log": "b.csv"})
     with pytest.raises(UnanswerableError, match="one frequency"):

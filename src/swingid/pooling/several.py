@@ -242,12 +242,12 @@ def undetermined(result: Result) -> None:
 
 def of_logs(results: Sequence[Result], names: Sequence[str], *, settled: bool) -> list[Message]:
     """Warnings of the single logs, each once with the names of its logs."""
-    found: dict[tuple[str, str], list[str]] = {}
+    found: dict[Message, list[str]] = {}
     for result, name in zip(results, names, strict=True):
         for message in result.warnings:
             if not (settled and message.kind in SINGLE):
-                found.setdefault((message.code, message.message), []).append(name)
-    return [Message(code, f"{', '.join(logs)}: {text}") for (code, text), logs in found.items()]
+                found.setdefault(message, []).append(name)
+    return [replace(message, message=f"{', '.join(logs)}: {message.message}") for message, logs in found.items()]
 
 
 def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Message]:

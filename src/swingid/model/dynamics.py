@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 
-from swingid.model.friction import axis_friction
-from swingid.model.further import further_load
+from swingid.model.friction import sliding_friction
+from swingid.model.further import further_load, further_torque
 from swingid.model.motor import branch_torque, motor_friction
 from swingid.model.parameters import A11, A12, A22, DIRECT, FURTHER, GEAR, B
 from swingid.numerics.arrays import Array
@@ -26,14 +26,21 @@ from swingid.numerics.compiled import njit_inlined
 @njit_inlined
 def axis_load(q1: float, u: float, p: Array) -> float:
     """Right-hand side of (I) without friction (N m): gravity, springs, cogging, and the torque u of a direct drive."""
-    return position_load(q1, p[DIRECT] * u, p)
+    return held_load(q1, p[DIRECT] * u, p)
 
 
 @njit_inlined
-def position_load(q1: float, torque: float, p: Array) -> float:
+def held_load(q1: float, torque: float, p: Array) -> float:
     """A torque on the axis less what its angle makes of gravity and the further terms (N m)."""
     load = torque - p[B] * math.sin(q1)
     return float(load - further_load(q1, p)) if p[FURTHER] != 0.0 else float(load)
+
+
+@njit_inlined
+def sliding_load(q1: float, v1: float, s1: int, z: float, torque: float, p: Array) -> float:
+    """A torque on an axis that slides less everything that row (I) has on the left beside the inertias (N m)."""
+    load = torque - p[B] * math.sin(q1) - sliding_friction(v1, s1, z, p)
+    return float(load - further_torque(q1, v1, s1, p)) if p[FURTHER] != 0.0 else float(load)
 
 
 @njit_inlined
@@ -51,12 +58,12 @@ def accelerations(
     The acceleration of what rests is 0, and its row gives way to the constraint (`holding_torques`).
     """
     if s1 != 0 and s2 != 0:
-        r1 = axis_load(q1, u, p) - axis_friction(q1, v1, s1, z, p)
+        r1 = sliding_load(q1, v1, s1, z, p[DIRECT] * u, p)
         r2 = wheel_load(u, v2, s2, branch, p)
         determinant = p[A11] * p[A22] - p[A12] * p[A12]
         return (p[A22] * r1 - p[A12] * r2) / determinant, (p[A11] * r2 - p[A12] * r1) / determinant
     if s1 != 0:
-        return (axis_load(q1, u, p) - axis_friction(q1, v1, s1, z, p)) / p[A11], 0.0
+        return (sliding_load(q1, v1, s1, z, p[DIRECT] * u, p)) / p[A11], 0.0
     if s2 != 0:
         return 0.0, wheel_load(u, v2, s2, branch, p) / p[A22]
     return 0.0, 0.0

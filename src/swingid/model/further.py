@@ -83,6 +83,16 @@ def further_friction(q: float, v: float, s: int, p: Array) -> float:
 
 
 @njit_called
+def further_torque(q: float, v: float, s: int, p: Array) -> float:
+    """Torque (N m) of all further terms."""
+    total = 0.0
+    for k in range(int(p[FURTHER])):
+        i = FIRST_SLOT + SLOT * k
+        total += p[i + COEFFICIENT] * speed_factor(v, s, i, p) * angle_factor(q, i, p)
+    return total
+
+
+@njit_called
 def further_level(q: float, p: Array) -> float:
     """Torque (N m) up to which the further terms hold a resting axis, in either direction."""
     total = 0.0

@@ -25,8 +25,7 @@ from swingid.methods.output_error.axis_step import (
     until_reversal,
 )
 from swingid.methods.output_error.partials import axis_row, axis_slopes
-from swingid.model.dynamics import position_load
-from swingid.model.friction import axis_friction
+from swingid.model.dynamics import sliding_load
 from swingid.model.parameters import A11, A12, SIZE
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_inlined
@@ -58,7 +57,7 @@ def _slopes_at(
     q, v = z - kappa * wheel, w - kappa * turn
     torque = course_at(courses, k, TORQUE, x)
     axis_row(q, v, s, p, row)
-    row[A11] = -(position_load(q, torque, p) - axis_friction(q, v, s, 0.0, p)) / p[A11]
+    row[A11] = -(sliding_load(q, v, s, 0.0, torque, p)) / p[A11]
     row[GAIN] = torque
     by_angle, by_speed = axis_slopes(q, v, s, p)
     swing, drag = -by_angle / p[A11], -by_speed / p[A11]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 
-from swingid.model.dynamics import position_load
-from swingid.model.friction import axis_friction, release_margin
+from swingid.model.dynamics import held_load, sliding_load
+from swingid.model.friction import release_margin
 from swingid.model.parameters import A11, A12, AXIS_STICKS, STRIBECK_SPEED
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit_inlined
@@ -38,7 +38,7 @@ def acceleration(z: float, w: float, s: int, courses: Array, k: int, x: float, p
     """Acceleration z'' (rad/s²) at x s past knot k, sliding towards side s."""
     kappa = p[A12] / p[A11]
     q, v = z - kappa * course_at(courses, k, WHEEL, x), w - kappa * course_at(courses, k, SPEED, x)
-    return float((position_load(q, course_at(courses, k, TORQUE, x), p) - axis_friction(q, v, s, 0.0, p)) / p[A11])
+    return float((sliding_load(q, v, s, 0.0, course_at(courses, k, TORQUE, x), p)) / p[A11])
 
 
 @njit_inlined
@@ -93,7 +93,7 @@ def until_reversal(x: float, h: float, s: int, courses: Array, k: int, p: Array,
 @njit_inlined
 def side_from_rest(q: float, courses: Array, k: int, x: float, p: Array) -> int:
     """Side to which an axis without speed goes, 0 where friction holds it."""
-    load = position_load(q, course_at(courses, k, TORQUE, x), p) - p[A12] * turning_at(courses, k, x)
+    load = held_load(q, course_at(courses, k, TORQUE, x), p) - p[A12] * turning_at(courses, k, x)
     if p[AXIS_STICKS] != 0.0 and release_margin(load, q, p) >= 0.0:
         return 0
     return 1 if load > 0.0 else -1

@@ -23,11 +23,12 @@ from typing import Any
 
 import numpy as np
 
-PRIOR = 0.02
+PRIOR = 0.01
 """Probability, before any difference is seen, that an estimate errs by more than its budget holds.
 
-With it the two cases are equally likely at a difference of 3.6 σ, and one comparison of two estimates that are both
-right widens the standard uncertainty by 3 % in the mean. Calibrated on twin logs, see docs/theory.md.
+With it τ² is half of d² at a difference of 4 σ, and a comparison of two estimates that are both right widens the
+standard uncertainty by 1.5 % in the mean, where σ = u. A log is compared in some five ways, so one in twenty counts as
+such a case beforehand. Coverage of simulated logs with it: docs/campaign.md.
 """
 
 BELOW, BEYOND, STEP = 18.0, 36.0, 0.25

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import textwrap
+from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -18,12 +19,12 @@ LEAST = 30
 """Characters that the last column has at least, however wide the others are."""
 
 
-class Study:
+class Study(ABC):
     """The base of what a study returns: plain data as JSON text."""
 
+    @abstractmethod
     def to_dict(self) -> dict[str, Any]:
         """Plain data with its schema; numbers may be NaN or of numpy."""
-        raise NotImplementedError
 
     def to_json(self) -> str:
         """The plain data as JSON text; what is not finite is null."""

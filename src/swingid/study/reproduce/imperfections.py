@@ -22,9 +22,9 @@ from swingid.study.reproduce.runs import (
     by_letter,
     each_interval,
     experiment_log,
-    inertia_by,
     motion,
     reference_nodes,
+    result_by,
     rig_of,
     with_friction,
 )
@@ -173,7 +173,7 @@ def _single(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, in
 
 
 def _one(errors: np.ndarray) -> float | None:
-    """The error, of several draws their root mean square; None where the method refused."""
+    """The error, of several draws their root mean square; None where the method refused or did not converge."""
     if not np.isfinite(errors).all():
         return None
     return float(errors[0]) if len(errors) == 1 else float(np.sqrt(np.mean(errors**2)))
@@ -215,5 +215,10 @@ def _errors(way: str, pair: list[Log], imperfection: Imperfection) -> tuple[floa
             if imperfection.letter:
                 values.append(by_letter(log, nodes)[0])
                 continue
-        values.append(inertia_by(way, log, **options))
+        result = result_by(way, log, **options)
+        # where the search for the least squares did not converge, its last value is of no meaning
+        if isinstance(result, str) or any(message.code == "not-converged" for message in result.warnings):
+            values.append(math.nan)
+        else:
+            values.append(result.inertia.value)
     return 100 * (values[0] / pair[0].truth - 1), 100 * ((values[1] - values[0]) / J_E - 1)

@@ -230,10 +230,12 @@ def _imperfections(found: list[dict[str, Any]], published: dict[str, float]) -> 
         "imperfections",
         "One imperfection at a time",
         "Errors in % of the paper's method ((6), mirrored about the measured turning points), of NLS (viscous + "
-        "Coulomb, under the voltage) and of momentum. Last column: how large the imperfection has to be to give J_e by "
-        "(6) the paper's 7 % alone, by proportion, where at most four times the size of the row. Rows on how (6) is "
-        "computed have nothing to say of the other two. A nonlinearity makes the wheel drift, so that intervals meet "
-        "it at other phases and their mean is off by less than one alone.",
+        "Coulomb, under the voltage) and of momentum; – where a search for the least squares did not converge. With "
+        "wrong motor constants the sum of squares has several minima, and NLS gives only the size of its error. Last"
+        " column: how large the imperfection has to be to give J_e by (6) the paper's 7 % alone, by proportion, "
+        "where at most four times the size of the row. Rows on how (6) is computed have nothing to say of the other "
+        "two. A nonlinearity makes the wheel drift, so that intervals meet it at other phases and their mean is off "
+        "by less than one alone.",
         ("", "(6): J1", "(6): J_e", "NLS: J1", "NLS: J_e", "momentum: J1", "momentum: J_e", "for 7 %"),
         tuple(rows),
     )

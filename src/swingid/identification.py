@@ -55,7 +55,7 @@ def identify(
         chosen.check_options(options)
 
         def ask(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
-            return _of_one(log, rig, chosen, chosen.load(), options, more)
+            return _of_one(log, rig, chosen, options, more)
 
         try:
             return _calibrated(ask(rig), ask, [log], rig)
@@ -66,11 +66,13 @@ def identify(
     own = "friction" not in chosen.options() or options.get("friction") in FRICTION
     friction = str(options.pop("friction", FRICTION[0])) if own else FRICTION[0]
     chosen.check_options(options)
-    function = chosen.one_of_several() if len(log) > 1 else chosen.load()
+    several = len(log) > 1
     logs = log if isinstance(log, Mapping) else list(log)
 
     def ask_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
-        return identify_several(logs, lambda one: _of_one(one, rig, chosen, function, options, more), friction=friction)
+        return identify_several(
+            logs, lambda one: _of_one(one, rig, chosen, options, more, one_of_several=several), friction=friction
+        )
 
     return _calibrated(ask_all(rig), ask_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
 
@@ -97,16 +99,16 @@ def _of_one(
     log: Log,
     rig: Rig,
     method: Method,
-    function: Callable[..., Result],
     options: Mapping[str, object],
     more: tuple[Finding, ...],
+    *,
+    one_of_several: bool = False,
 ) -> Result:
     """The result of one log, to whose findings `more` are added."""
     if isinstance(log, Recording):
         log = replace(log, findings=(*log.findings, *more)) if more else log
-        return function(log, rig, **options)
+        return method.identify(log, rig, options, one_of_several=one_of_several)
     from swingid.pooling.parts import identify_large, require_in_parts
 
     require_in_parts(log, method)
-    part = method.one_of_several()
-    return identify_large(log, lambda one: part(one, rig, **options))
+    return identify_large(log, lambda one: method.identify(one, rig, options, one_of_several=True))

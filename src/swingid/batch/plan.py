@@ -13,6 +13,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.noise import channel_noise
+from swingid.preparation.prepared import prepare
 from swingid.preparation.scale import Scale, refuse_terms
 from swingid.preparation.speed import SHARE, smooth_speed
 from swingid.recording.recording import Recording
@@ -61,7 +62,7 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
     details: list[Details] = []
     widths, wheel_widths = [], []
     for log, noise in zip(logs, noises, strict=True):
-        found = momentum(log, rig).details
+        found = momentum(prepare(log, rig)).details
         assert found is not None
         details.append(found)
         used = log.segment(found.start, found.stop)

@@ -12,6 +12,7 @@ from swingid.errors import UsageError
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
+    from swingid.preparation.prepared import Prepared
     from swingid.recording.recording import Recording
     from swingid.result.result import Result
 
@@ -20,9 +21,9 @@ KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("
 
 
 class Identification(Protocol):
-    """A method as it is called: from a log and a rig to a result; its options are keyword arguments."""
+    """A method as it is called: from a prepared log to a result; its options are keyword arguments."""
 
-    def __call__(self, log: Recording, rig: Rig, **options: object) -> Result:
+    def __call__(self, prepared: Prepared, **options: object) -> Result:
         """Raises InputError where a channel is missing, UnanswerableError where the log does not determine J1."""
 
 
@@ -36,9 +37,9 @@ class Method:
 
     friction: what it assumes of the friction of the axis, "any", a "basis" of terms, one "law", or "viscous". speeds:
     where its speeds come from, "none" where it needs none. gravity, drive: it needs a gravity torque above 0, a drive.
-    turning_points: it uses a log from its first to its last turning point. in_parts: results of the parts of a large
-    log can be pooled. online: `sw.online` has it. load_one_of_several: the function for one of several logs, which
-    together may determine what each does not; None where it is the same.
+    turning_points: it uses a log from its first to its last turning point. unbroken: it goes on from row to row, so of
+    the longest run without a gap. in_parts: results of the parts of a large log can be pooled. online: `sw.online` has
+    it.
     """
 
     name: str
@@ -49,13 +50,17 @@ class Method:
     gravity: bool = False
     drive: bool = False
     turning_points: bool = False
+    unbroken: bool = False
     in_parts: bool = False
     online: bool = False
-    load_one_of_several: Load | None = None
 
-    def one_of_several(self) -> Callable[..., Result]:
-        """The function for one of several logs of a body."""
-        return (self.load_one_of_several or self.load)()
+    def identify(
+        self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
+    ) -> Result:
+        """Prepare the log and identify it; errors as `Identification`. one_of_several: of logs of one body."""
+        from swingid.preparation.prepared import prepare
+
+        return self.load()(prepare(log, rig, unbroken=self.unbroken, one_of_several=one_of_several), **options)
 
     def options(self) -> dict[str, inspect.Parameter]:
         """The options by name, with their types and defaults."""
@@ -85,12 +90,6 @@ def _momentum() -> Callable[..., Result]:
     return momentum
 
 
-def _momentum_of_several() -> Callable[..., Result]:
-    from swingid.methods.momentum.method import momentum_of_several
-
-    return momentum_of_several
-
-
 def _energy() -> Callable[..., Result]:
     from swingid.methods.energy.method import energy
 
@@ -116,14 +115,13 @@ def _backstepping() -> Callable[..., Result]:
 
 
 _TABLE = (
-    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True,
-           load_one_of_several=_momentum_of_several),
+    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True),
     Method("energy", _energy, motor="needed", friction="basis", speeds="smoothed", turning_points=True, in_parts=True,
            online=True),
     Method("output-error", _output_error, motor="optional", friction="law", speeds="none"),
     Method("equation-error", _equation_error, motor="unused", friction="law", speeds="filtered"),
     Method("backstepping", _backstepping, motor="needed", friction="viscous", speeds="smoothed", gravity=True,
-           drive=True),
+           drive=True, unbroken=True),
 )  # fmt: skip
 
 METHODS: dict[str, Method] = {method.name: method for method in _TABLE}

@@ -6,7 +6,7 @@ part to use with its motion. What no method needs is not computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from swingid.model.rig import Rig
@@ -17,8 +17,9 @@ from swingid.preparation.push import push_decided
 from swingid.preparation.scale import Scale, require_channels
 from swingid.preparation.segment import longest_run, part_of
 from swingid.recording.recording import Recording
-from swingid.result.provenance import provenance
-from swingid.result.result import Message
+from swingid.result.provenance import add_findings, provenance
+from swingid.result.result import Details, Message, Result
+from swingid.uncertainty.budget import Evaluated
 
 
 @dataclass(frozen=True)
@@ -46,13 +47,17 @@ class Part:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A log as methods read it: encoders corrected as `corrections` say, rows of pushes left out, at its own stamps."""
+    """A log as methods read it: encoders corrected as `corrections` say, rows of pushes left out, at its own stamps.
+
+    one_of_several: whether other logs of the same body may determine what this one does not.
+    """
 
     log: Recording
     rig: Rig
     scale: Scale
     encoders: Encoders
     corrections: tuple[Correction, ...]
+    one_of_several: bool = False
 
     @cached_property
     def noise(self) -> Noise:
@@ -89,20 +94,47 @@ class Prepared:
             motion = motion.reread(log.time, log.angle, found.speed.half_width)
         return Part(used, motion, start, stop, note, noise, self.encoders.on_time() if at_stamps else self.encoders)
 
-    def provenance(
-        self, part: Part, options: dict[str, object] | None = None, found: tuple[Correction, ...] = ()
-    ) -> dict[str, object]:
-        """Where a result comes from, with all that was decided of its log; `found`: corrections by the method."""
-        return provenance(self.log, self.rig, options) | {
-            "preparation": {
-                "corrections": [one.as_dict() for one in (*self.corrections, *found)],
-                "part": [part.start, part.stop],
-                "noise": {"angle": part.noise.angle, "wheel": part.noise.wheel if self.scale.a12 else None},
-            }
+    def result(
+        self,
+        method: str,
+        evaluated: Evaluated,
+        part: Part,
+        warnings: list[Message],
+        notes: list[Message],
+        details: Details,
+        options: dict[str, object] | None = None,
+        *,
+        found: tuple[Correction, ...] = (),
+        more: dict[str, object] | None = None,
+        covariance: dict[str, dict[str, float]] | None = None,
+    ) -> Result:
+        """The result of a method on this log; findings of its reading and decisions of its preparation are added.
+
+        found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
+        """
+        warnings, notes = list(warnings), list(notes)
+        add_findings(self.log, warnings, notes)
+        decided = {
+            "corrections": [one.as_dict() for one in (*self.corrections, *found)],
+            "part": [part.start, part.stop],
+            "noise": {"angle": part.noise.angle, "wheel": part.noise.wheel if self.scale.a12 else None},
         }
+        return Result(
+            method=method,
+            status="warning" if warnings else "ok",
+            parameters=evaluated.parameters,
+            warnings=tuple(warnings),
+            notes=tuple(notes),
+            budget=tuple(evaluated.budget),
+            provenance=provenance(self.log, self.rig, options) | {"preparation": decided} | (more or {}),
+            details=replace(details, left_out=self.log.left_out),
+            sensitivities=evaluated.sensitivities,
+            covariance=covariance or {},
+            correlation=evaluated.correlation,
+        )
 
 
-def prepare(log: Recording, rig: Rig, *, unbroken: bool = False) -> Prepared:
+def prepare(log: Recording, rig: Rig, *, unbroken: bool = False, one_of_several: bool = False) -> Prepared:
     """Decide what is taken off a log and left out of it, and do it.
 
     unbroken: the longest run of rows without a part left out, for methods that go on from row to row. Raises InputError
@@ -112,4 +144,5 @@ def prepare(log: Recording, rig: Rig, *, unbroken: bool = False) -> Prepared:
     log, pushes = push_decided(log, rig)
     scale = Scale.of(rig)
     require_channels(log, rig)
-    return Prepared(longest_run(log) if unbroken else log, rig, scale, encoders, (*corrections, *pushes))
+    log = longest_run(log) if unbroken else log
+    return Prepared(log, rig, scale, encoders, (*corrections, *pushes), one_of_several)

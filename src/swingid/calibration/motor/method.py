@@ -31,6 +31,7 @@ from swingid.methods.momentum.method import momentum
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
 from swingid.preparation.encoders import Encoders, corrected
+from swingid.preparation.prepared import prepare
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_constants, provenance
 from swingid.result.result import Message, Result
@@ -312,7 +313,7 @@ def without_drive(rig: Rig) -> Rig:
 
 def free_swing(log: Recording, rig: Rig) -> FreeSwing:
     """Identify a free swing; errors as `momentum`."""
-    found = momentum(log, without_drive(rig))
+    found = momentum(prepare(log, without_drive(rig)))
     known = not isinstance(rig.axis.gravity_torque, str)
     b = rig.axis.gravity_torque.value if not isinstance(rig.axis.gravity_torque, str) else 1.0
     inertia = found.parameters["inertia"]

@@ -27,16 +27,14 @@ from swingid.methods.backstepping.signals import (
 from swingid.methods.backstepping.words import told
 from swingid.model.rig import Rig
 from swingid.preparation.motion import Motion
-from swingid.preparation.prepared import prepare
+from swingid.preparation.prepared import Prepared
 from swingid.preparation.scale import Scale, require_motor
 from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings
 from swingid.result.result import Result
 
 
 def backstepping(
-    log: Recording,
-    rig: Rig,
+    prepared: Prepared,
     *,
     law: str = "printed",
     velocities: str = "smoothed",
@@ -63,8 +61,8 @@ def backstepping(
             f'unknown velocities {velocities!r} of "backstepping"; choose "smoothed" or "observers".',
             code="no-velocities",
         )
-    _require_gravity(rig, Scale.of(rig))
-    prepared = prepare(log, rig, unbroken=True)
+    rig = prepared.rig
+    _require_gravity(rig, prepared.scale)
     require_motor(prepared.log, rig, prepared.scale, "backstepping")
     # a transient feeds the adaptation, so all of the log; a free decay from its release
     part = prepared.part(whole=rig.drive.kind != "none", at_stamps=True)
@@ -94,22 +92,11 @@ def backstepping(
     warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared)
     doubts, words = told(run, gains, widths, parameters["inertia"])
     warnings, notes = [*doubts, *warnings], [part.note, *words, *notes]
-    add_findings(log, warnings, notes)
     options: dict[str, object] = {"law": law, "velocities": velocities}
     standard = Gains(law)
     options |= {name: value for name, value in vars(gains).items() if value != getattr(standard, name)}
-    return Result(
-        method="backstepping",
-        status="warning" if warnings else "ok",
-        parameters=parameters,
-        warnings=tuple(warnings),
-        notes=tuple(notes),
-        budget=tuple(answered.budget),
-        provenance=prepared.provenance(part, options),
-        details=replace(details(run, others, f"{law} law", motion, consistency.balance), left_out=log.left_out),
-        sensitivities=answered.sensitivities,
-        correlation=answered.correlation,
-    )
+    drawn = details(run, others, f"{law} law", motion, consistency.balance)
+    return prepared.result("backstepping", answered, part, warnings, notes, drawn, options)
 
 
 def _other(law: str) -> str:

@@ -42,10 +42,8 @@ from swingid.methods.energy.printed import (
 from swingid.methods.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import Scale, require_motor
-from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings
 from swingid.result.result import Message, Result
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
@@ -57,8 +55,7 @@ FEWEST_BLOCKS = 3
 
 
 def energy(
-    log: Recording,
-    rig: Rig,
+    prepared: Prepared,
     *,
     variant: str = "better",
     nodes: Sequence[Nodes] | Nodes | None = None,
@@ -79,8 +76,7 @@ def energy(
     """
     _check_options(variant, nodes, work)
     how = _How(variant, nodes, work, Chain.of(velocities, filter_time))
-    prepared = prepare(log, rig)
-    log, scale = prepared.log, prepared.scale
+    log, rig, scale = prepared.log, prepared.rig, prepared.scale
     require_motor(log, rig, scale, "energy")
     jitter = find_jitter(log, prepared.noise)
     part = prepared.part(whole=nodes is not None, few=nodes is not None, at_stamps=True, noise=jitter.noise)
@@ -111,25 +107,13 @@ def energy(
     if parameters["inertia"].standard_uncertainty is None:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; let the method use every swing."
         notes.append(Message("no-uncertainty-inertia", text))
-    add_findings(log, warnings, notes)
     details = energy_details(estimate, rig, scale, course, part)
     if symmetry is not None:
         notes.append(symmetry.note(parameters["inertia"].value))
         details = replace(details, extra=details.extra | {"symmetry_bound": symmetry.bound})
     if consistency.balance is not None:
         details = replace(details, extra=details.extra | {"motor_balance_residual": consistency.balance.as_stated})
-    return Result(
-        method="energy",
-        status="warning" if warnings else "ok",
-        parameters=parameters,
-        warnings=tuple(warnings),
-        notes=tuple(notes),
-        budget=tuple(answer.budget),
-        provenance=prepared.provenance(part, how.options()),
-        details=replace(details, left_out=log.left_out),
-        sensitivities=answer.sensitivities,
-        correlation=answer.correlation,
-    )
+    return prepared.result("energy", answer, part, warnings, notes, details, how.options())
 
 
 @dataclass(frozen=True)

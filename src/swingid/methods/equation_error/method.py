@@ -35,16 +35,14 @@ from swingid.methods.equation_error.laws import Laws
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
 from swingid.preparation.noise import Noise
-from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import Scale
-from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, exact_in_row_one
+from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
 
 
 def equation_error(
-    log: Recording,
-    rig: Rig,
+    prepared: Prepared,
     *,
     cutoff: float | None = None,
     friction: str = "auto",
@@ -62,9 +60,8 @@ def equation_error(
     """
     if friction != "auto":
         _require_law(friction)
-    prepared = prepare(log, rig)
     part = prepared.part(reread=True)
-    log, scale, noise = prepared.log, prepared.scale, part.noise
+    rig, scale, noise = prepared.rig, prepared.scale, part.noise
     on_grid = OnGrid.of(part, rig)
     if len(part.motion.turning_times) < 2:
         message = "the part of the log that can be used holds no whole swing; record a longer motion to and fro."
@@ -76,27 +73,16 @@ def equation_error(
     judged, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
     chosen = judged.chosen
     found = answer(judged, rig, scale)
-    parameters = found.parameters
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    checked = check_answer(parameters, found.budget, _as_windows(chosen), scale, amplitude)
+    checked = check_answer(found.parameters, found.budget, _as_windows(chosen), scale, amplitude)
     how = _how(on_grid.grid, cut, judged, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *doubts[1]]
     warnings = [*checked.warnings, *_unlikely(judged, laws, scale), *doubts[0]]
-    add_findings(log, warnings, notes)
     options: dict[str, object] = {"friction": judged.law.name, "instruments": instruments, "cutoff": cut.frequency}
-    return Result(
-        method="equation-error",
-        status="warning" if warnings else "ok",
-        parameters=parameters,
-        warnings=tuple(warnings),
-        notes=tuple(notes),
-        budget=tuple(found.budget),
-        provenance=prepared.provenance(part, options),
-        details=replace(details(judged, scale, span), left_out=log.left_out),
-        sensitivities=sensitivities(rig, chosen.rows, chosen.fit.fit.influence[0]),
-        covariance=_covariance(chosen.fit) if scale.b is None else {},
-        correlation=found.correlation,
-    )
+    found = replace(found, sensitivities=sensitivities(rig, chosen.rows, chosen.fit.fit.influence[0]))
+    covariance = _covariance(chosen.fit) if scale.b is None else {}
+    drawn = details(judged, scale, span)
+    return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
 
 
 def _covariance(fit: RowFit) -> dict[str, dict[str, float]]:

@@ -35,11 +35,10 @@ from swingid.numerics.arrays import Array, median
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import Scale
 from swingid.recording.findings import Kind
-from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, exact_in_row_one
+from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import Declared, Evaluated, Scatter, Source, evaluate, joined, stated, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
@@ -64,29 +63,17 @@ class _Estimate:
     turning_rows: Rows
 
 
-def momentum(log: Recording, rig: Rig) -> Result:
+def momentum(prepared: Prepared) -> Result:
     """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
 
-    The answer is that of the "law" windows (see `windows`); "swing" and "even" windows judge it. Type A comes from
+    The estimate is that of the "law" windows (see `windows`); "swing" and "even" windows check it. Type A comes from
     the scatter of the rows, from the declared sensors and from disagreement between windows; type B from rig.toml.
+    Where one of several logs does not determine both unknowns, which together they may, that is a warning.
 
     Raises InputError where a channel is missing, UnanswerableError where the motion does not determine the inertia.
     """
-    return _momentum(log, rig, one_of_several=False)
-
-
-def momentum_of_several(log: Recording, rig: Rig) -> Result:
-    """`momentum` for one of several logs, which together may determine an inertia and an unknown gravity torque.
-
-    Where this log does not determine both, that is a warning instead of a refusal.
-    """
-    return _momentum(log, rig, one_of_several=True)
-
-
-def _momentum(log: Recording, rig: Rig, *, one_of_several: bool) -> Result:
-    prepared = prepare(log, rig)
     part = prepared.part(reread=True)
-    log, scale, noise, encoders = prepared.log, prepared.scale, part.noise, part.encoders
+    log, rig, scale, noise, encoders = prepared.log, prepared.rig, prepared.scale, part.noise, part.encoders
     seen = Seen(part.log, part.motion, rig, scale, noise, encoders)
     first = choose(Signals.of(part.log, rig, part.motion, encoders), rig, scale, noise)
     choice, moved = with_latency(first, seen)
@@ -100,7 +87,7 @@ def _momentum(log: Recording, rig: Rig, *, one_of_several: bool) -> Result:
         checked = check_answer(parameters, found.budget, estimate.law, scale, amplitude)
         warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
     except NotIdentifiableError as error:
-        if not one_of_several or scale.b is not None:
+        if not prepared.one_of_several or scale.b is not None:
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, noise)
@@ -118,19 +105,15 @@ def _momentum(log: Recording, rig: Rig, *, one_of_several: bool) -> Result:
     off += check_latency(choice, seen, u)
     notes += moved.notes
     warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
-    add_findings(log, warnings, notes)
-    return Result(
-        method="momentum",
-        status="warning" if warnings else "ok",
-        parameters=parameters,
-        warnings=tuple(warnings),
-        notes=tuple(notes),
-        budget=tuple(found.budget),
-        provenance=prepared.provenance(part, found=moved.corrections),
-        details=replace(_details(estimate, signals, scale, part, motion), left_out=log.left_out, extra=extra),
-        sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0]),
+    return prepared.result(
+        "momentum",
+        replace(found, sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0])),
+        part,
+        warnings,
+        notes,
+        replace(_details(estimate, signals, scale, part, motion), extra=extra),
+        found=moved.corrections,
         covariance=_covariance(estimate.law) if scale.b is None else {},
-        correlation=found.correlation,
     )
 
 

@@ -28,10 +28,8 @@ from swingid.methods.output_error.unknowns import Unknowns, unknowns_of
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
-from swingid.preparation.prepared import Part, prepare
+from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import Scale
-from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings
 from swingid.result.result import Result
 
 SHORTEST = 48
@@ -45,8 +43,7 @@ SWINGS = 4
 
 
 def output_error(
-    log: Recording,
-    rig: Rig,
+    prepared: Prepared,
     *,
     input: str | None = None,
     law: str = "auto",
@@ -70,8 +67,7 @@ def output_error(
     """
     free = names_of(free)
     check_options(law, loss, starts, segment)
-    prepared = prepare(log, rig)
-    log, scale = prepared.log, prepared.scale
+    log, rig, scale = prepared.log, prepared.rig, prepared.scale
     require_rows(segment, log)
     source = input_of(input, log, rig, scale)
     part = prepared.part()
@@ -83,24 +79,23 @@ def output_error(
     answer = answer_of(estimate, rig, scale, consistency)
     warnings, notes = check_fit(answer, estimate, problem, consistency, rig, scale, motion)
     notes = [part.note, *notes]
-    add_findings(log, warnings, notes)
     details = details_of(estimate, problem, scale, motion, (part.start, part.stop), law)
     extra = left_of_channels(searched.fit, problem)
     if consistency.balance is not None:
         extra["motor_balance_residual"] = consistency.balance.as_stated
     options: dict[str, object] = {"input": source, "law": law, "loss": loss, "starts": starts}
-    return Result(
-        method="output-error",
-        status="warning" if warnings else "ok",
-        parameters=answer.parameters,
-        warnings=tuple(warnings),
-        notes=tuple(notes),
-        budget=tuple(answer.budget),
-        provenance=prepared.provenance(part, options | ({"free": free} if free else {}))
-        | ({"constants_found": found} if (found := constants_found(searched, rig)) else {}),
-        details=replace(details, left_out=log.left_out, extra=extra),
-        sensitivities=answer.sensitivities,
-        correlation=answer.correlation,
+    if free:
+        options["free"] = free
+    found = constants_found(searched, rig)
+    return prepared.result(
+        "output-error",
+        answer,
+        part,
+        warnings,
+        notes,
+        replace(details, extra=extra),
+        options,
+        more={"constants_found": found} if found else {},
     )
 
 

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from swingid.errors import InputError
-from swingid.report.pages import write_campaign
+from swingid.report.html import write_campaign
 from swingid.study.campaign.loading import plan_from_text
 from swingid.study.campaign.store import Store
 from swingid.study.campaign.summary import Answers, levels_in, statistics_of, summary_of
@@ -119,7 +119,7 @@ def table_of(plan, effect) -> pa.Table:
             row |= {"quantity": "inertia", "status": "ok", "code": "", "message": "", "warnings": ""}
             row |= {"truth": 2.0, "value": 2.0 * (1 + off), "error": off, "u": 0.002, "low": 1.996 + 2 * off}
             rows.append(row | {"high": 2.004 + 2 * off})
-    return store._table(rows)
+    return pa.Table.from_pylist(rows, schema=store._schema())
 
 
 def effect(method: str, labels: dict[str, object], chance: float) -> float:

@@ -13,11 +13,10 @@ from swingid.cli import main
 from swingid.errors import UnanswerableError
 from swingid.methods.table import METHODS
 from swingid.report.figures.studies import draw_forest
-from swingid.report.pages import write_comparison
+from swingid.report.html import write_comparison
 from swingid.result.result import Message, Parameter
 from swingid.study.compare import Trial, compare
-from swingid.study.compare.assumptions import Assumptions, assumptions
-from swingid.study.compare.comparison import Comparison, deviation, verdict
+from swingid.study.compare.comparison import Assumptions, Comparison, assumptions, deviation, verdict
 from swingid.uncertainty.budget import BudgetEntry, stated
 from swingid.uncertainty.budget import scatter as scattering
 from twin_logs import INERTIA, given, logged, twin
@@ -165,11 +164,11 @@ def test_what_several_methods_say_alike_is_said_once(tmp_path):
         trial("backstepping", replace(answer(1.0, 0.1), warnings=(reading,))),
     )
     comparison = Comparison(trials, (verdict("a.csv", trials),))
-    assert comparison.doubts("a.csv") == [("all methods", reading), ("energy", own)]
+    assert comparison.messages("a.csv") == [("all methods", reading), ("energy", own)]
     assert comparison.summary().count(reading.message) == 1
     assert "all methods, clock-jump: three rows are late." in comparison.summary()
     page = write_comparison(comparison, rotary_rig(), tmp_path / "page.html").read_text(encoding="utf-8")
     assert page.count(reading.message) == 1
     assert "energy: the motor" in page
     without = Comparison((*trials[:2], trial("output-error", refused_result())), ())
-    assert [who for who, _ in without.doubts("a.csv")] == ["momentum, energy", "energy", "output-error"]
+    assert [who for who, _ in without.messages("a.csv")] == ["momentum, energy", "energy", "output-error"]

@@ -16,8 +16,8 @@ from swingid.errors import UsageError
 from swingid.methods.table import METHODS, Method, method_of
 from swingid.preparation.prepared import Prepared
 from swingid.recursive.stream import MAKERS
-from swingid.study.compare.assumptions import assumptions
-from swingid.study.inspect.services import services
+from swingid.study.compare.comparison import assumptions
+from swingid.study.inspect.motion import services
 
 SOURCE = Path(sw.__file__).parent
 

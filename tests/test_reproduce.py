@@ -20,7 +20,7 @@ from swingid.errors import UsageError
 from swingid.report.paper import DRAW, Drawing, with_tables, write_paper
 from swingid.study.design.motions import course_of
 from swingid.study.reproduce import reproduce, tables
-from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY, judged
+from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY, verdict
 from swingid.study.reproduce.claims import LAWS as LAWS_OF_CLAIM
 from swingid.study.reproduce.claims_control import needed_voltage
 from swingid.study.reproduce.experiment import controller, converged, settled_within
@@ -173,8 +173,8 @@ def test_verdicts_are_those_of_the_numbers() -> None:
 # the parts
 
 
-def test_judged() -> None:
-    assert (judged(True), judged(True, False), judged(False, True), judged(False)) == (HOLDS, HOLDS, PARTLY, FAILS)
+def test_verdict() -> None:
+    assert (verdict(True), verdict(True, False), verdict(False, True), verdict(False)) == (HOLDS, HOLDS, PARTLY, FAILS)
 
 
 def test_settled_within_is_the_first_instant_of_the_last_stay() -> None:

@@ -49,7 +49,7 @@ def campaign(
         raise UsageError(
             "--workers is for this machine, --scheduler for a cluster; give one of them", code="two-workers"
         )
-    from swingid.report.pages import write_campaign
+    from swingid.report.html import write_campaign
     from swingid.study.campaign import load_plan, run_campaign, summarise
     from swingid.study.campaign.run import are_compiled
 

@@ -52,8 +52,8 @@ def design(
     """
     check_files({rig: "the rig file"}, json=json)
     from swingid.model.rig import Rig
-    from swingid.study.design import asked, refused
     from swingid.study.design import design as run
+    from swingid.study.design import refused, required
 
     plant = Rig.load(rig)
     angle = None if max_angle is None else parse_angle(max_angle, plant, "--max-angle")
@@ -67,7 +67,7 @@ def design(
         "settling": settling,
     }
     try:
-        asked(plant, uncertainty, **options)
+        required(plant, uncertainty, **options)
         announce_compilation("simulate")
         found = run(plant, uncertainty, **options)
     except SwingidError as error:

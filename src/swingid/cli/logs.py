@@ -95,7 +95,7 @@ def inspect(
     announce_compilation("identify")
     found = inspect_log(log, plant)
     if report is not None:
-        from swingid.report.pages import write_inspection
+        from swingid.report.html import write_inspection
 
         write_inspection(found, report)
     hand_over(found, json, report)

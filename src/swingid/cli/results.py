@@ -38,7 +38,7 @@ def compare(
     announce_compilation("identify")
     comparison = run(recordings, plant, method)
     if report is not None:
-        from swingid.report.pages import write_comparison
+        from swingid.report.html import write_comparison
 
         write_comparison(comparison, plant, report)
     hand_over(comparison, json, report)
@@ -76,7 +76,7 @@ def validate(
     announce_compilation("identify")
     validation = run(found, recordings, plant, input=None if input is None else input.value)
     if report is not None:
-        from swingid.report.pages import write_validation
+        from swingid.report.html import write_validation
 
         write_validation(validation, plant, report)
     hand_over(validation, json, report)

@@ -6,6 +6,7 @@ import io
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,13 +17,12 @@ from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
 from swingid.study.reproduce.tables import Table, tables
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from swingid.recording.recording import Recording
     from swingid.simulation.twin import Run
     from swingid.study.reproduce import Reproduction
-    from swingid.study.reproduce.simulation import Simulation
+    from swingid.study.reproduce.experiment import Simulation
 
 
 MARKS = re.compile(r"(<!-- table: ([\w-]+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -60,6 +60,8 @@ SIMULATION = {
 
 Runs = Mapping[str, "Run"]
 
+Channel = Callable[["Run"], tuple[Array, Array]]
+
 CLOSE = (20.0, 22.0)
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -75,16 +77,6 @@ ABOUT_TIMES = (8.9, 10.0)
 MAGNIFIED = 100
 
 
-def _without_tests(found: list[Table]) -> list[Table]:
-    """The tables of a page that may stand far from this project: without the names of its tests."""
-    return [
-        replace(table, head=table.head[:-1], rows=tuple(row[:-1] for row in table.rows), caption="")
-        if table.key == "unclear"
-        else table
-        for table in found
-    ]
-
-
 def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Path) -> Path:
     """Write the page of `Reproduction.results` and its figures to `path` and return it.
 
@@ -94,12 +86,18 @@ def write_paper(results: dict[str, Any], figures: list[Drawing], path: str | Pat
 
     from swingid.study.reproduce.claims import FAILS, HOLDS, PARTLY
 
-    drawn = {figure.number: figure for figure in figures}
+    # the page may stand far from this project: without the names of its tests
+    found = [
+        replace(table, head=table.head[:-1], rows=tuple(row[:-1] for row in table.rows), caption="")
+        if table.key == "unclear"
+        else table
+        for table in tables(results)
+    ]
     page = filled(
         "paper.html.j2",
-        tables={table.key: table for table in _without_tests(tables(results))},
-        figures={number: Markup(figure.svg) for number, figure in drawn.items()},
-        captions={number: (figure.caption, figure.here) for number, figure in drawn.items()},
+        tables={table.key: table for table in found},
+        figures={figure.number: Markup(figure.svg) for figure in figures},
+        captions={figure.number: (figure.caption, figure.here) for figure in figures},
         seed=results["seed"],
         verdicts={HOLDS: "holds", PARTLY: "part", FAILS: "fails"},
     )
@@ -162,34 +160,6 @@ def _drawing(number: int, caption: str, here: str, figure: Figure) -> Drawing:
     return Drawing(number, caption, here, svg, buffer.getvalue())
 
 
-def draw_fig2(runs: Runs) -> Figure:
-    """Tracking errors e."""
-    figure = _twice(runs, _tracking, "tracking error e, rad")
-    for axes in figure.axes:
-        for level in (-0.08, 0.08):
-            axes.axhline(level, color=GREY, lw=0.9, ls=":")
-    return figure
-
-
-def draw_fig3(runs: Runs) -> Figure:
-    """Velocity of the pendulum."""
-    return _twice(runs, lambda run: (run.truth.time, run.truth.speed), "q1', rad/s")
-
-
-def draw_fig4(runs: Runs) -> Figure:
-    """Velocity of the wheel."""
-    return _twice(runs, lambda run: (run.truth.time, run.truth.wheel_speed), "q2', rad/s")
-
-
-def draw_fig5(runs: Runs) -> Figure:
-    """Control signal u0, held from sample to sample."""
-    figure = _twice(runs, lambda run: (run.truth.time, run.truth.command), "control signal u0, V")
-    for axes in figure.axes:
-        for level in (-10.0, 10.0):
-            axes.axhline(level, color=GREY, lw=0.9, ls=":")
-    return figure
-
-
 def draw_fig6(runs: Runs) -> Figure:
     """Tuning parameter over the run."""
     figure, (axes,) = new_figure(2.6)
@@ -205,15 +175,13 @@ def draw_fig6(runs: Runs) -> Figure:
     return figure
 
 
-DRAW: dict[int, Callable[[Runs], Figure]] = {2: draw_fig2, 3: draw_fig3, 4: draw_fig4, 5: draw_fig5, 6: draw_fig6}
-
-
 def _tracking(run: Run) -> tuple[Array, Array]:
     assert run.recording.reference is not None
     return run.recording.time, run.recording.reference - run.recording.angle
 
 
-def _twice(runs: Runs, channel: Callable[[Run], tuple[Array, Array]], label: str) -> Figure:
+def draw_twice(label: str, channel: Channel, levels: tuple[float, ...], runs: Runs) -> Figure:
+    """Something over the whole run and over its last seconds, with and without body; levels: dotted lines."""
     figure, (whole, close) = new_figure(4.2, 2)
     for case, style in STYLES.items():
         time, values = channel(runs[case])
@@ -225,13 +193,21 @@ def _twice(runs: Runs, channel: Callable[[Run], tuple[Array, Array]], label: str
     whole.axvspan(*CLOSE, color=PALE, lw=0, zorder=0)
     whole.set(xlim=(0, 25), ylabel=label)
     close.set(xlim=CLOSE, ylabel=label, xlabel="time, s")
-    _legend(close, whole)
+    handles = close.get_legend_handles_labels()
+    whole.legend(*handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+    for axes in (whole, close):
+        for level in levels:
+            axes.axhline(level, color=GREY, lw=0.9, ls=":")
     return figure
 
 
-def _legend(source: Axes, target: Axes) -> None:
-    handles, labels = source.get_legend_handles_labels()
-    target.legend(handles, labels, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.2)
+DRAW: dict[int, Callable[[Runs], Figure]] = {
+    2: partial(draw_twice, "tracking error e, rad", _tracking, (-0.08, 0.08)),
+    3: partial(draw_twice, "q1', rad/s", lambda run: (run.truth.time, run.truth.speed), ()),
+    4: partial(draw_twice, "q2', rad/s", lambda run: (run.truth.time, run.truth.wheel_speed), ()),
+    5: partial(draw_twice, "control signal u0, V", lambda run: (run.truth.time, run.truth.command), (-10.0, 10.0)),
+    6: draw_fig6,
+}
 
 
 def draw_fig7(log: Recording) -> Figure:

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
+from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -95,6 +96,17 @@ def name_rows(axes: Axes, names: Sequence[str]) -> None:
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.grid(visible=False, axis="y")
     axes.tick_params(axis="y", length=0)
+
+
+def points(colour: str, marker: str = "o", **look: Any) -> dict[str, Any]:
+    """The look of points with bars, for matplotlib's `errorbar`."""
+    return {"fmt": marker, "ms": 5, "mew": 0, "color": colour, "elinewidth": 1.2, "capsize": 2.5} | look
+
+
+def beside(axes: Axes, row: float, text: str) -> None:
+    """Text at the right of a row, outside the axes."""
+    place: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
+    axes.annotate(text, (1.0, row), (6, 0), size=8.5, **place)
 
 
 def legend_above(axes: Axes, columns: int = 3) -> None:
@@ -184,14 +196,11 @@ def to_svg(figure: Figure, name: str, title: str) -> str:
     used = set(re.findall(r"(?:url\(#|href=\"#)([^)\"]+)", text))
     text = re.sub(r' id="([^"]+)"', lambda m: f' id="{name}-{m[1]}"' if m[1] in used else "", text)
     text = re.sub(r"(url\(#|href=\"#)", rf"\g<1>{name}-", text)
+    label = escape(title, {'"': "&quot;"})
     width, height = figure.get_size_inches() * 96
     opening = (
-        f'<svg class="plot" role="img" aria-label="{_escaped(title)}" viewBox="0 0 {width * 0.75:g} {height * 0.75:g}" '
+        f'<svg class="plot" role="img" aria-label="{label}" viewBox="0 0 {width * 0.75:g} {height * 0.75:g}" '
         f'width="{width:.0f}" height="{height:.0f}" xmlns="http://www.w3.org/2000/svg" '
         'xmlns:xlink="http://www.w3.org/1999/xlink">'
     )
     return re.sub(r"<svg[^>]*>", lambda _: opening, text, count=1)
-
-
-def _escaped(text: str) -> str:
-    return text.replace("&", "&amp;").replace('"', "&quot;").replace("<", "&lt;").replace(">", "&gt;")

@@ -171,8 +171,8 @@ def _sensor_text(value: object, unit: str) -> str:
     return number(float(value), unit, 3, fine=True) if isinstance(value, int | float) and value else ""
 
 
-def log_rows(log: Recording) -> list[Row]:
-    """Size and rate of the log, and whether a twin made it."""
+def log_rows(log: Recording, result: Result) -> list[Row]:
+    """Size and rate of the log, whether a twin made it, and the error of the result against the twin's inertia."""
     rows = [Row("file", "", log.source.path or "made in memory"), Row("rows", "", f"{len(log):,}".replace(",", " "))]
     if len(log) > 1:
         span = f"{log.time[0]:.4g} s to {log.time[-1]:.4g} s"
@@ -182,7 +182,8 @@ def log_rows(log: Recording) -> list[Row]:
         rows.append(Row("voltage" if log.voltage is not None else "drive", "", held))
     if log.metadata.get("made_by"):
         rows.append(Row("made by", "", str(log.metadata["made_by"])))
-    return rows
+    truth = truth_row(result, log)
+    return [*rows, truth] if truth else rows
 
 
 def law_rows(result: Result, most: int = 8) -> tuple[list[tuple[str, str]], int]:

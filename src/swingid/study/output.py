@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from swingid.result.data import plain
@@ -61,3 +61,8 @@ def noted(notes: Iterable[str]) -> list[str]:
         for note in notes
         for line in textwrap.wrap(f"note: {note}", WIDTH, initial_indent="    ", subsequent_indent="      ")
     ]
+
+
+def counted(codes: Mapping[str, int], runs: int) -> str:
+    """Codes with how often each was met."""
+    return ", ".join(f"{code} in {n} of {runs}" for code, n in sorted(codes.items(), key=lambda c: (-c[1], c[0])))

@@ -21,7 +21,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.study.experiment import Experiment, through_file, without_truth
-from swingid.study.output import Study, aligned, noted
+from swingid.study.output import Study, aligned, counted, noted
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -103,21 +103,10 @@ class Rehearsal(Study):
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, schema "swingid.rehearse/1"; what is unknown is null."""
+        named = ("method", "answered", "bias", "rmse", "p95", "refusals", "warnings", "errors", "half_widths")
         methods = [
-            {
-                "method": e.method,
-                "answered": e.answered,
-                "bias": e.bias,
-                "rmse": e.rmse,
-                "p95": e.p95,
-                "median_half_width": e.half_width,
-                "coverage": e.coverage[0],
-                "coverage_standard_error": e.coverage[1],
-                "refusals": e.refusals,
-                "warnings": e.warnings,
-                "errors": e.errors,
-                "half_widths": e.half_widths,
-            }
+            {name: getattr(e, name) for name in named}
+            | {"median_half_width": e.half_width, "coverage": e.coverage[0], "coverage_standard_error": e.coverage[1]}
             for e in self.expectations
         ]
         return {"schema": SCHEMA, "rig": self.rig, "runs": self.runs, "methods": methods, "notes": list(self.notes)}
@@ -128,8 +117,8 @@ class Rehearsal(Study):
         lines = [f"[[{self.runs} runs of the twin of {self.rig}: relative error of the inertia to expect]]"]
         lines += [*aligned(rows), ""]
         for e in self.expectations:
-            lines += [_told(e.method, "refused", e.refusals, self.runs)] if e.refusals else []
-            lines += [_told(e.method, "warned", e.warnings, self.runs)] if e.warnings else []
+            for what, codes in (("refused", e.refusals), ("warned", e.warnings)):
+                lines += [f"    {e.method} {what}: {counted(codes, self.runs)}"] if codes else []
         return "\n".join([*lines, *noted(self.notes)]).rstrip()
 
 
@@ -249,8 +238,7 @@ def _expectation(method: str, outcomes: Sequence[Outcome]) -> Expectation:
 def _notes(rig: Rig) -> Iterator[str]:
     if not rig.axis.friction.model_fields_set:
         yield "the rig states no axis.friction, so the twin swings without; state what you expect of the bearing."
-    exact = rig.constants_without_uncertainty()
-    if exact:
+    if exact := rig.constants_without_uncertainty():
         yield f"taken as exact, since rig.toml states no uncertainty: {', '.join(exact)}."
 
 
@@ -268,8 +256,3 @@ def _cells(e: Expectation, runs: int) -> tuple[str, ...]:
         f"{100 * share:.0f} ± {100 * error:.0f} %" if known else "",
         f"{e.answered} of {runs}",
     )
-
-
-def _told(method: str, what: str, codes: dict[str, int], runs: int) -> str:
-    listed = ", ".join(f"{code} in {count} of {runs}" for code, count in sorted(codes.items(), key=lambda c: -c[1]))
-    return f"    {method} {what}: {listed}"

@@ -11,10 +11,10 @@ import numpy as np
 
 from swingid.format import percent
 from swingid.report.figures.studies import LOOKS
-from swingid.report.style import legend_above, name_rows, new_figure, plain_powers
+from swingid.report.style import legend_above, name_rows, new_figure, plain_powers, points
 from swingid.result.plot import BLUE, GREEN, GREY, INK, ORANGE, PALE, SKY, VERMILION
 from swingid.result.result import COVERAGE_FACTOR
-from swingid.study.campaign.summary import cell_name
+from swingid.study.campaign.summary import cell_name, median_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -73,26 +73,20 @@ def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Fig
 
     None where a factor has fewer than two levels with an answer.
     """
-    cells = [c for c in summary.by_level if (c.factor, c.quantity) == (factor, quantity) and c.statistics.rmse[0] > 0]
-    levels = list(dict.fromkeys(c.level for c in summary.by_level if c.factor == factor))
-    if len({c.level for c in cells}) < 2:
+    cells, levels = _of_factor(summary, factor, quantity)
+    cells = [cell for cell in cells if cell.statistics.rmse[0] > 0]
+    if len({cell.level for cell in cells}) < 2:
         return None
-    methods = list(dict.fromkeys(c.method for c in cells))
     numbers = _numbers(levels)
-    rows = math.ceil((len(methods) + 1) / LEGEND_COLUMNS)
-    figure, (ax,) = new_figure((2.8 if numbers else 0.8 + max(ROW, METHOD * len(methods)) * len(levels)) + 0.2 * rows)
-    for k, method in enumerate(methods):
-        colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
+    figure, ax = _by_method(cells, levels, 1, high=not numbers)
+    for k, method in enumerate(methods := _methods(cells)):
         own = [c for c in cells if c.method == method]
         sizes, errors = [100 * c.statistics.rmse[0] for c in own], [100 * c.statistics.rmse[1] for c in own]
-        look: dict[str, Any] = {"ms": 5, "mew": 0, "color": colour, "elinewidth": 1.0, "capsize": 0, "label": method}
         if numbers:
             at = [numbers[c.level] for c in own]
-            ax.errorbar(at, sizes, yerr=errors, fmt=f"{marker}-", **look)
+            ax.errorbar(at, sizes, yerr=errors, **_look(k, method, "-"))
         else:
-            ax.errorbar(
-                sizes, [levels.index(c.level) + shift(k, methods) for c in own], xerr=errors, fmt=marker, **look
-            )
+            ax.errorbar(sizes, _places(own, levels, k, methods), xerr=errors, **_look(k, method))
     if numbers:
         _over_numbers(ax, factor, list(numbers.values()), cells, numbers)
     else:
@@ -102,6 +96,35 @@ def draw_levels(summary: Summary, factor: str, quantity: str = "inertia") -> Fig
         name_levels(ax, levels)
     legend_above(ax, LEGEND_COLUMNS)
     return figure
+
+
+def _of_factor(summary: Summary, factor: str, quantity: str) -> tuple[list[Cell], list[str]]:
+    """The cells of a factor and quantity, and the levels."""
+    cells = [c for c in summary.by_level if (c.factor, c.quantity) == (factor, quantity)]
+    return cells, list(dict.fromkeys(c.level for c in cells))
+
+
+def _methods(cells: Sequence[Cell]) -> list[str]:
+    return list(dict.fromkeys(cell.method for cell in cells))
+
+
+def _by_method(cells: Sequence[Cell], levels: Sequence[str], more: int, *, high: bool) -> tuple[Figure, Axes]:
+    """An empty figure for all methods; more: entries of the legend beside them; high: with a row per level."""
+    count = len(_methods(cells))
+    rows = math.ceil((count + more) / LEGEND_COLUMNS)
+    figure, (ax,) = new_figure((0.8 + max(ROW, METHOD * count) * len(levels) if high else 2.8) + 0.2 * rows)
+    return figure, ax
+
+
+def _look(k: int, method: str, line: str = "") -> dict[str, Any]:
+    """How the k-th method is drawn."""
+    colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
+    return points(colour, f"{marker}{line}", elinewidth=1.0, capsize=0, label=method)
+
+
+def _places(cells: Sequence[Cell], levels: list[str], k: int, methods: Sequence[str]) -> list[float]:
+    """Rows of the k-th method's cells."""
+    return [levels.index(cell.level) + shift(k, methods) for cell in cells]
 
 
 def shift(k: int, methods: Sequence[str]) -> float:
@@ -157,56 +180,39 @@ def draw_coverage(summary: Summary) -> Figure | None:
         return None
     figure, (ax,) = new_figure(0.8 + 0.26 * len(cells))
     for row, cell in enumerate(cells):
-        share, error = cell.statistics.coverage
-        bar = _bars([100 * share], [100 * error])
-        ax.errorbar(100 * share, row, xerr=bar, fmt="o", ms=5, mew=0, color=BLUE, elinewidth=1.2, capsize=2.5)
-    lowest = min(100 * (cell.statistics.coverage[0] - 2 * cell.statistics.coverage[1]) for cell in cells)
-    _shares(ax, lowest)
+        shares, bars = _shares([cell])
+        ax.errorbar(shares, row, xerr=bars, **points(BLUE))
+    _share_axis(ax, cells)
     name_rows(ax, [cell_name(cell) for cell in cells])
     return figure
 
 
 def draw_coverage_by(summary: Summary, factor: str, quantity: str = "inertia") -> Figure | None:
     """The same for every method at each level of a factor; None with fewer than two levels that have intervals."""
-    own = [c for c in summary.by_level if (c.factor, c.quantity) == (factor, quantity)]
-    cells = [c for c in own if math.isfinite(c.statistics.coverage[0])]
-    levels = list(dict.fromkeys(c.level for c in own))
-    if len({c.level for c in cells}) < 2:
+    cells, levels = _of_factor(summary, factor, quantity)
+    cells = [cell for cell in cells if math.isfinite(cell.statistics.coverage[0])]
+    if len({cell.level for cell in cells}) < 2:
         return None
-    methods = list(dict.fromkeys(c.method for c in cells))
-    rows = math.ceil(len(methods) / LEGEND_COLUMNS)
-    figure, (ax,) = new_figure(0.8 + max(ROW, METHOD * len(methods)) * len(levels) + 0.2 * rows)
-    for k, method in enumerate(methods):
-        colour, marker = MANY_LOOKS[k % len(MANY_LOOKS)]
-        of_method = [c for c in cells if c.method == method]
-        shares = [100 * c.statistics.coverage[0] for c in of_method]
-        errors = [100 * c.statistics.coverage[1] for c in of_method]
-        places = [levels.index(c.level) + shift(k, methods) for c in of_method]
-        ax.errorbar(
-            shares,
-            places,
-            xerr=_bars(shares, errors),
-            fmt=marker,
-            ms=5,
-            mew=0,
-            color=colour,
-            elinewidth=1.0,
-            capsize=0,
-            label=method,
-        )
-    _shares(ax, min(100 * (c.statistics.coverage[0] - 2 * c.statistics.coverage[1]) for c in cells))
+    figure, ax = _by_method(cells, levels, 0, high=True)
+    for k, method in enumerate(methods := _methods(cells)):
+        own = [cell for cell in cells if cell.method == method]
+        shares, bars = _shares(own)
+        ax.errorbar(shares, _places(own, levels, k, methods), xerr=bars, **_look(k, method))
+    _share_axis(ax, cells)
     name_levels(ax, levels)
     legend_above(ax, LEGEND_COLUMNS)
     return figure
 
 
-def _bars(shares: list[float], errors: list[float]) -> list[list[float]]:
-    """Lengths of bars to both sides, none beyond 100 %."""
-    return [errors, [min(error, 100.0 - share) for share, error in zip(shares, errors, strict=True)]]
+def _shares(cells: Sequence[Cell]) -> tuple[list[float], list[list[float]]]:
+    """Coverage (%) of cells, and lengths of its bars to both sides, none beyond 100 %."""
+    shares, errors = ([100 * cell.statistics.coverage[k] for cell in cells] for k in (0, 1))
+    return shares, [errors, [min(error, 100.0 - share) for share, error in zip(shares, errors, strict=True)]]
 
 
-def _shares(ax: Axes, lowest: float) -> None:
-    """The axis of shares (%), from `lowest` or less, with the line of the stated coverage probability."""
+def _share_axis(ax: Axes, cells: Sequence[Cell]) -> None:
+    """The axis of shares (%), with the line of the stated coverage probability."""
+    lowest = min(100 * (cell.statistics.coverage[0] - 2 * cell.statistics.coverage[1]) for cell in cells)
     ax.axvline(WANTED, color=GREEN, lw=1.4, zorder=0.5)
     ax.set_xlim(max(min(lowest, LEAST), -2.0), 101.0)
     ax.set_xlabel("95 % intervals that contain the true value, % (bars: one binomial standard error)")
@@ -214,23 +220,22 @@ def _shares(ax: Axes, lowest: float) -> None:
 
 def draw_boxes(summary: Summary) -> Figure | None:
     """Absolute relative errors (log scale) and errors in standard uncertainties, a box per method; None without any."""
-    pairs = [(cell.method, cell.quantity) for cell in summary.overall if cell.statistics.answered]
-    if not pairs:
+    cells = [cell for cell in summary.overall if cell.statistics.answered]
+    if not cells:
         return None
     sizes, claimed = [], []
-    for method, quantity in pairs:
-        own = (summary.columns["method"] == method) & (summary.columns["quantity"] == quantity)
+    for cell in cells:
+        own = (summary.columns["method"] == cell.method) & (summary.columns["quantity"] == cell.quantity)
         error = summary.columns["error"][own]
         u = summary.columns["u"][own] / np.abs(summary.columns["truth"][own])
         sizes.append(_known(100 * np.abs(error)))
         claimed.append(_known(error / u))
-    figure, (left, right) = new_figure(1.2 + 0.3 * len(pairs), ncols=2, sharey=True)
-    names = [method if quantity == "inertia" else f"{method}, {quantity}" for method, quantity in pairs]
+    figure, (left, right) = new_figure(1.2 + 0.3 * len(cells), ncols=2, sharey=True)
     _boxes(left, sizes)
     left.set_xscale("log")
     plain_powers(left.xaxis)
     left.set_xlabel("size of the error, %")
-    name_rows(left, names)
+    name_rows(left, [cell_name(cell) for cell in cells])
     _boxes(right, claimed)
     right.axvspan(-COVERAGE_FACTOR, COVERAGE_FACTOR, color=GREEN, alpha=0.15, lw=0)
     far = max((float(np.max(np.abs(values))) for values in claimed if len(values)), default=0.0)
@@ -276,20 +281,18 @@ def draw_map(summary: Summary, pair: tuple[str, str]) -> Figure | None:
 
     Empty: no run there came to an end. The error is that of the first method.
     """
-    across, up = (np.unique(summary.columns[name].astype(str if _is_text(summary, name) else float)) for name in pair)
+    kinds = [float if summary.columns[name].dtype.kind in "fi" else str for name in pair]
+    across, up = (np.unique(summary.columns[name].astype(kind)) for name, kind in zip(pair, kinds, strict=True))
     if len(across) < 2 or len(up) < 2:
         return None
     figure, panels = new_figure(2.0 + 0.5 * len(up), 2, ncols=2, sharex=True, sharey=True)
     method = summary.plan.tables.base.methods[:1]
+    rows = summary.columns["method"] == (method[0] if method else "")
     for axes, (column, factor, words) in zip(panels, PANELS, strict=True):
         values = np.full((len(up), len(across)), np.nan)
-        rows = summary.columns["method"] == (method[0] if method else "")
-        for i, y in enumerate(up):
-            for j, x in enumerate(across):
-                own = rows & (summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)
-                known = np.abs(summary.columns[column][own])
-                known = known[np.isfinite(known)]
-                values[i, j] = factor * np.median(known) if len(known) else np.nan
+        for (i, y), (j, x) in product(enumerate(up), enumerate(across)):
+            own = rows & (summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)
+            values[i, j] = factor * median_of(np.abs(summary.columns[column][own]))
         _panel(axes, values, words)
         if column == "tracking":
             _cross_out(axes, summary, pair, (across, up))
@@ -302,10 +305,6 @@ def draw_map(summary: Summary, pair: tuple[str, str]) -> Figure | None:
     return figure
 
 
-def _is_text(summary: Summary, name: str) -> bool:
-    return summary.columns[name].dtype.kind not in "fi"
-
-
 def _label(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
@@ -316,8 +315,8 @@ def _cross_out(axes: Axes, summary: Summary, pair: tuple[str, str], levels: tupl
     for (i, y), (j, x) in product(enumerate(levels[1]), enumerate(levels[0])):
         own = share[(summary.columns[pair[0]] == x) & (summary.columns[pair[1]] == y)]
         if len(own) and not np.nanmedian(np.where(np.isfinite(own), own, np.inf)) <= FOLLOWS:
-            axes.plot([j - 0.5, j + 0.5], [i - 0.5, i + 0.5], color=VERMILION, lw=0.9)
-            axes.plot([j - 0.5, j + 0.5], [i + 0.5, i - 0.5], color=VERMILION, lw=0.9)
+            for side in (0.5, -0.5):
+                axes.plot([j - 0.5, j + 0.5], [i - side, i + side], color=VERMILION, lw=0.9)
 
 
 def _short(value: float) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.format import common_exponent, last_place, percent, plus_minus, power_of_ten, pretty_unit
-from swingid.report.style import legend_above, name_rows, new_figure
+from swingid.report.style import beside, legend_above, name_rows, new_figure, points
 from swingid.result.plot import BLUE, GREEN, GREY, INK, ORANGE, PALE, draw_swing_points, plot_result
 from swingid.result.result import COVERAGE_FACTOR, Result, combined
 from swingid.result.summary import folded, sorted_budget
@@ -117,23 +117,14 @@ def draw_kinds(result: Result) -> Figure | None:
     for row, (name, (value, uncertainty)) in enumerate(estimates.items()):
         off = 100 * (value / inertia.value - 1)
         bar = spreads[name] if np.isfinite(spreads[name]) else 0.0
-        ax.errorbar(off, row, xerr=bar, fmt="o", ms=5, mew=0, color=BLUE, elinewidth=1.1, capsize=2.5)
+        ax.errorbar(off, row, xerr=bar, **points(BLUE, elinewidth=1.1))
         if bar <= COARSE * max(finest, own):
             reach = max(reach, abs(off) + bar)
-        ax.annotate(
-            _in_percent(off, 100 * uncertainty / abs(inertia.value)),
-            (1.0, row),
-            xycoords=("axes fraction", "data"),
-            xytext=(6, 0),
-            textcoords="offset points",
-            va="center",
-            size=8.5,
-        )
+        beside(ax, row, _in_percent(off, 100 * uncertainty / abs(inertia.value)))
     if reach > 0:
         ax.set_xlim(-1.12 * reach, 1.12 * reach)
-        _mark_cut_bars(
-            ax, [100 * (value / inertia.value - 1) for value, _ in estimates.values()], list(spreads.values())
-        )
+        offs = [100 * (value / inertia.value - 1) for value, _ in estimates.values()]
+        _mark_cut_bars(ax, offs, list(spreads.values()))
     name_rows(ax, list(estimates))
     ax.set_xlabel("deviation from the estimate, % (right: ± standard uncertainty)")
     legend_above(ax)

@@ -51,7 +51,7 @@ def draw_log(log: Recording, unused: Iterable[tuple[float, float]], *, linear: b
     panels = panels_of(log, linear=linear)
     figure, axes = new_figure(0.6 + 1.05 * len(panels), len(panels), sharex=True)
     for ax, panel in zip(axes, panels, strict=True):
-        _draw(ax, log.time, panel)
+        draw_panel(ax, log.time, panel)
         for begin, end in unused:
             ax.axvspan(begin, end, color=PALE, lw=0, zorder=0)
     axes[-1].set_xlabel("time, s")
@@ -66,16 +66,23 @@ def panels_of(log: Recording, *, linear: bool) -> list[Panel]:
     panels = [Panel(name, angle, log.angle, BLUE, log.reference)]
     if log.reference is not None:
         panels.append(Panel("tracking error", angle, log.reference - log.angle, VERMILION))
+    panels += drives_of(log, linear=linear)
+    if log.adaptive_gain is not None and np.isfinite(log.adaptive_gain).any():
+        made = log.metadata.get("simulation")
+        backstepping = isinstance(made, dict) and str(made.get("controller")).startswith("Backstepping")
+        panels.append(Panel("estimate α̂₂" if backstepping else "adaptive gain k̃", "", log.adaptive_gain, INK))
+    return panels
+
+
+def drives_of(log: Recording, *, linear: bool) -> list[Panel]:
+    """The channels of a log that drive the axis: wheel, voltage, torque or force."""
+    panels = []
     if log.wheel_angle is not None:
         panels.append(Panel("wheel speed", "rad/s", speed_of(log.time, log.wheel_angle, wheel_span(log)), PURPLE))
     if log.voltage is not None:
         panels.append(Panel("voltage", "V", log.voltage, ORANGE))
     if log.torque is not None:
         panels.append(Panel("force" if linear else "torque", "N" if linear else "N m", log.torque, ORANGE))
-    if log.adaptive_gain is not None and np.isfinite(log.adaptive_gain).any():
-        made = log.metadata.get("simulation")
-        backstepping = isinstance(made, dict) and str(made.get("controller")).startswith("Backstepping")
-        panels.append(Panel("estimate α̂₂" if backstepping else "adaptive gain k̃", "", log.adaptive_gain, INK))
     return panels
 
 
@@ -93,7 +100,8 @@ def speed_of(time: Array, angle: Array, span: float) -> Array:
     return np.where(usable, (angle[last] - angle[first]) / np.where(usable, spread, 1.0), np.nan)
 
 
-def _draw(ax: Axes, time: Array, panel: Panel) -> None:
+def draw_panel(ax: Axes, time: Array, panel: Panel) -> None:
+    """One quantity over time, with the prefix of its unit that suits it."""
     factor, unit = prefixed(panel.values, panel.unit)
     if panel.behind is not None:
         ax.plot(*envelope(time, panel.behind * factor), color=GREY, lw=0.9, ls=(0, (4, 2)))

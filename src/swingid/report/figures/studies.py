@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.format import power_of_ten
-from swingid.report.figures.motion import speed_of, wheel_span
-from swingid.report.style import WIDTH, envelope, legend_above, name_rows, new_figure, prefixed
+from swingid.report.figures.motion import draw_panel, drives_of
+from swingid.report.style import WIDTH, envelope, legend_above, name_rows, new_figure, points, prefixed
 from swingid.result.plot import BLUE, GREEN, GREY, INK, ORANGE, PALE, PURPLE, SKY, VERMILION, file_label
 from swingid.result.result import COVERAGE_FACTOR
 
@@ -49,17 +49,17 @@ def draw_forest(comparison: Comparison) -> Figure | None:
     logs = comparison.logs
     figure, (ax,) = new_figure(1.1 + (0.24 + 0.14 * len(logs)) * len(methods))
     origins = {log: _origin(comparison.of(log)) for log in logs}
-    points = []
+    placed = []
     for trial in answered:
         k = logs.index(trial.log)
         row = methods.index(trial.method) + (k - (len(logs) - 1) / 2) * 0.6 / max(len(logs), 1)
         off = 100 * (trial.result.inertia.value / origins[trial.log] - 1)
         u = trial.result.inertia.standard_uncertainty
-        points.append((trial, row, off, 100 * COVERAGE_FACTOR * (u or 0.0) / abs(origins[trial.log])))
-    reach = _reach([off for _, _, off, _ in points], [bar for *_, bar in points])
-    for trial, row, off, bar in points:
+        placed.append((trial, row, off, 100 * COVERAGE_FACTOR * (u or 0.0) / abs(origins[trial.log])))
+    reach = _reach([off for _, _, off, _ in placed], [bar for *_, bar in placed])
+    for trial, row, off, bar in placed:
         colour, marker = LOOKS[logs.index(trial.log) % len(LOOKS)]
-        ax.errorbar(off, row, xerr=bar, fmt=marker, ms=5, mew=0, color=colour, elinewidth=1.2, capsize=2.5)
+        ax.errorbar(off, row, xerr=bar, **points(colour, marker))
         _arrow_where_outside(ax, off, row, reach, colour)
     true = any(trial.truth is not None for trial in answered)
     ax.axvline(0.0, color=GREEN, lw=1.4, zorder=0.5)
@@ -170,15 +170,16 @@ def draw_inspection(found: Inspection) -> Figure | None:
     log = found.log
     if log is None:
         return None
-    drives = _drives(log, linear=found.linear)
+    drives = drives_of(log, linear=found.linear)
     figure = Figure(figsize=(WIDTH, 1.9 + 1.15 * len(drives) + 1.9))
     grid = figure.add_gridspec(2 + len(drives), 2, height_ratios=[1.7, *[1.0] * len(drives), 1.6])
     top = figure.add_subplot(grid[0, :])
     _draw_motion(top, found, log)
     last = top
-    for k, (label, unit, values, colour) in enumerate(drives, start=1):
+    for k, drive in enumerate(drives, start=1):
         last = figure.add_subplot(grid[k, :], sharex=top)
-        _draw_drive(last, log, label, unit, values, colour, found.swings)
+        draw_panel(last, log.time, drive)
+        _grey_unused(last, log, found.swings)
     for axes in figure.axes[:-1]:
         axes.tick_params(labelbottom=axes is last)
     last.set_xlabel("time, s")
@@ -186,18 +187,6 @@ def draw_inspection(found: Inspection) -> Figure | None:
     _draw_clock(figure.add_subplot(grid[-1, 1]), found.clock)
     figure.align_ylabels(figure.axes[:-2])
     return figure
-
-
-def _drives(log: Recording, *, linear: bool) -> list[tuple[str, str, np.ndarray, str]]:
-    """What moves the axis: label, unit, values, colour."""
-    drives: list[tuple[str, str, np.ndarray, str]] = []
-    if log.wheel_angle is not None:
-        drives.append(("wheel speed", "rad/s", speed_of(log.time, log.wheel_angle, wheel_span(log)), PURPLE))
-    if log.voltage is not None:
-        drives.append(("voltage", "V", log.voltage, ORANGE))
-    if log.torque is not None:
-        drives.append(("force" if linear else "torque", "N" if linear else "N m", log.torque, ORANGE))
-    return drives
 
 
 def _grey_unused(axes: Axes, log: Recording, swings: Swings | None) -> None:
@@ -228,17 +217,6 @@ def _draw_motion(axes: Axes, found: Inspection, log: Recording) -> None:
     _grey_unused(axes, log, swings)
     axes.set_title(title, pad=3)
     axes.set_ylabel("m" if found.linear else "rad")
-
-
-def _draw_drive(
-    axes: Axes, log: Recording, label: str, unit: str, values: np.ndarray, colour: str, swings: Swings | None
-) -> None:
-    factor, shown = prefixed(values, unit)
-    axes.plot(*envelope(log.time, values * factor), color=colour, lw=0.8)
-    _grey_unused(axes, log, swings)
-    axes.set_title(label, pad=3)
-    axes.set_ylabel(shown)
-    axes.locator_params(axis="y", nbins=4)
 
 
 def _draw_spectrum(axes: Axes, log: Recording, swings: Swings | None, *, linear: bool) -> None:

@@ -20,10 +20,9 @@ from pathlib import Path
 from typing import Any
 
 from swingid.errors import InputError, UsageError
-from swingid.study.campaign.batch import batch_rows
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
-from swingid.study.campaign.trial import Row, run_trial
+from swingid.study.campaign.trial import Row, batch_rows, run_trial
 from swingid.system import cores, locked
 
 Progress = Callable[[int, int, int], None]
@@ -77,12 +76,6 @@ def run_campaign(
     return store.folder / "results.parquet"
 
 
-def run_block(plan: Plan, block: int) -> list[Row]:
-    """The rows of all trials of a block, in their order."""
-    ensure_compiled(plan)
-    return block_rows(plan, plan.block(block))
-
-
 def block_rows(plan: Plan, trials: Sequence[int]) -> list[Row]:
     """The rows of some trials, in their order."""
     if plan.batched:
@@ -102,14 +95,14 @@ def blocks_done(plan: Plan, blocks: Sequence[int], workers: int | None, schedule
         return
     count = min(workers or cores(), len(blocks))
     if count <= 1:
-        for block in blocks:
-            yield _one(plan, block)
+        yield from (_one(plan, block) for block in blocks)
         return
     yield from _by_processes(plan, blocks, count)
 
 
 def _one(plan: Plan, block: int) -> Done:
-    return block, run_block(plan, block)
+    ensure_compiled(plan)
+    return block, block_rows(plan, plan.block(block))
 
 
 def _one_for(parent: int, plan: Plan, block: int) -> Done:

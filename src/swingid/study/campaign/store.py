@@ -67,7 +67,8 @@ class Store:
         write_whole(self.folder / MANIFEST, (json.dumps(content, indent=2, ensure_ascii=False) + "\n").encode())
 
     def _check_same(self, manifest: Path) -> None:
-        key = differing_key(_without(read_manifest(manifest), ("schema", *made_by())), self.plan.identity())
+        decisive = {k: v for k, v in read_manifest(manifest).items() if k not in ("schema", *made_by())}
+        key = differing_key(decisive, self.plan.identity())
         if key:
             raise InputError(
                 f"{self.folder} holds results of another plan ({key} differs); give another folder with --out, or "
@@ -107,13 +108,17 @@ class Store:
 
     def write(self, block: int, rows: Sequence[Row]) -> None:
         """Write the rows of a block; the file appears whole or not at all."""
-        self._write(self._part(block), self._table(rows))
+        import pyarrow as pa
+
+        self._write(self._part(block), pa.Table.from_pylist(list(rows), schema=self._schema()))
 
     def finish(self) -> Path:
         """Write all rows, sorted by trial, to one file, whose bytes follow from the plan alone; returns its path."""
         import pyarrow as pa
 
-        whole = pa.concat_tables([self._block(block) for block in range(self.plan.blocks)]).combine_chunks()
+        remedy = "remove it and start again, its trials are done anew"
+        parts = [_read(self._part(block), remedy) for block in range(self.plan.blocks)]
+        whole = pa.concat_tables(parts).combine_chunks()
         target = self.folder / RESULTS
         self._write(target, whole)
         for leftover in self.folder.rglob(".*.part"):
@@ -137,14 +142,6 @@ class Store:
 
     def _part(self, block: int) -> Path:
         return self.parts / f"part-{block:06d}.parquet"
-
-    def _block(self, block: int) -> pa.Table:
-        return _read(self._part(block), "remove it and start again, its trials are done anew")
-
-    def _table(self, rows: Sequence[Row]) -> pa.Table:
-        import pyarrow as pa
-
-        return pa.Table.from_pylist(list(rows), schema=self._schema())
 
     def _schema(self) -> pa.Schema:
         """Columns: place of the trial, factors, answer."""
@@ -186,10 +183,6 @@ def read_manifest(path: Path) -> dict[str, Any]:
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
         raise InputError(f"{path} is no campaign's; give another folder with --out", code="bad-json")
     return content
-
-
-def _without(content: dict[str, Any], keys: tuple[str, ...]) -> dict[str, Any]:
-    return {key: value for key, value in content.items() if key not in keys}
 
 
 @cache

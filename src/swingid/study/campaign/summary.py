@@ -16,7 +16,7 @@ from swingid.format import percent
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
-from swingid.study.output import Study, aligned, noted
+from swingid.study.output import Study, aligned, counted, noted
 from swingid.study.rehearse import Expectation
 
 if TYPE_CHECKING:
@@ -204,6 +204,14 @@ class Summary(Study):
             "loop": self.loop,
         }
 
+    def refusals_and_warnings(self) -> Iterator[tuple[str, str]]:
+        """Of each method over all runs: what it did, and with which codes how often."""
+        for cell in self.overall:
+            s = cell.statistics
+            for what, codes in (("refused", s.refusals), ("warned", s.warnings)):
+                if codes:
+                    yield f"{cell_name(cell)} {what}", counted(codes, s.runs)
+
     def text(self) -> str:
         """Figures of every method for a terminal: over all runs, then at each level of each factor."""
         plan = self.plan
@@ -214,12 +222,7 @@ class Summary(Study):
             if cells:
                 lines += ["", f"[[by {factor}]]"]
                 lines += _table((factor, "method"), cells, lambda cell: (cell.level, cell_name(cell)))
-        lines.append("")
-        for cell in self.overall:
-            s = cell.statistics
-            for what, codes in (("refused", s.refusals), ("warned", s.warnings)):
-                if codes:
-                    lines += noted([f"{cell_name(cell)} {what}: {counted(codes, s.runs)}"])
+        lines += ["", *noted(f"{what}: {codes}" for what, codes in self.refusals_and_warnings())]
         if self.failures:
             lines += noted([f"runs without a log: {counted(self.failures, self.trials)}"])
         return "\n".join(lines).rstrip()
@@ -250,7 +253,7 @@ def summary_of(plan: Plan, table: pa.Table) -> Summary:
         tuple(_cell_of(columns, m, q, np.ones(len(columns["trial"]), bool)) for m, q in pairs),
         tuple(by_level),
         tuple(_effects(by_level, pairs)),
-        {name: _median(columns[name][first]) for name in LOOP},
+        {name: median_of(columns[name][first]) for name in LOOP},
         columns,
     )
 
@@ -302,34 +305,25 @@ def _effects(cells: Sequence[Cell], pairs: Sequence[tuple[str, str]]) -> Iterato
             yield Effect(method, quantity, factor, min(biases), max(biases), max(sizes))
 
 
-def _median(values: Array) -> float:
+def median_of(values: Array) -> float:
+    """Median of the finite values, NaN where there are none."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) else math.nan
 
 
+NAMES = {"half_width": "median_half_width", "width": "half_width_over_rmse"}
+"""Statistics by their key in JSON, where that is another."""
+
+
 def _cell(cell: Cell) -> dict[str, Any]:
-    s = cell.statistics
-    place = {"method": cell.method, "quantity": cell.quantity}
+    """Method, quantity, level and statistics, each of these that has a standard error with it."""
+    found: dict[str, Any] = {"method": cell.method, "quantity": cell.quantity}
     if cell.factor:
-        place |= {"factor": cell.factor, "level": cell.level}
-    figures = {
-        "runs": s.runs,
-        "answered": s.answered,
-        "bias": s.bias[0],
-        "bias_standard_error": s.bias[1],
-        "rmse": s.rmse[0],
-        "rmse_standard_error": s.rmse[1],
-        "p95": s.p95,
-        "coverage": s.coverage[0],
-        "coverage_standard_error": s.coverage[1],
-        "median_half_width": s.half_width,
-        "half_width_over_rmse": s.width,
-        "efficiency": s.efficiency[0],
-        "efficiency_standard_error": s.efficiency[1],
-        "refusals": s.refusals,
-        "warnings": s.warnings,
-    }
-    return place | figures
+        found |= {"factor": cell.factor, "level": cell.level}
+    for field_name, value in vars(cell.statistics).items():
+        name = NAMES.get(field_name, field_name)
+        found |= {name: value[0], f"{name}_standard_error": value[1]} if isinstance(value, tuple) else {name: value}
+    return found
 
 
 def cell_name(cell: Cell) -> str:
@@ -362,17 +356,12 @@ def share(value: tuple[float, float]) -> str:
     return f"{100 * value[0]:.{digits}f}{error} %"
 
 
-def counted(codes: Mapping[str, int], runs: int) -> str:
-    """Codes with how often each was met."""
-    return ", ".join(f"{code} in {n} of {runs}" for code, n in sorted(codes.items(), key=lambda c: (-c[1], c[0])))
-
-
-def told_headings(cells: Sequence[Cell]) -> tuple[str, ...]:
+def used_headings(cells: Sequence[Cell]) -> tuple[str, ...]:
     """The headings of which at least one cell has something to say."""
     rows = [figures(cell.statistics) for cell in cells]
     return tuple(h for k, h in enumerate(HEADINGS) if any(row[k] for row in rows))
 
 
 def _table(names: tuple[str, ...], cells: Sequence[Cell], name: Callable[[Cell], tuple[str, ...]]) -> list[str]:
-    headings = told_headings(cells)
+    headings = used_headings(cells)
     return aligned([(*names, *headings), *((*name(c), *figures(c.statistics, headings)) for c in cells)])

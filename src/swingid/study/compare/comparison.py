@@ -16,7 +16,6 @@ from swingid.model.rig import Rig
 from swingid.pooling.shares import Identity, estimate_of, sum_of
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
-from swingid.study.compare.assumptions import Assumptions, assumptions
 from swingid.study.output import NO_BREAK, WIDTH, Study, aligned
 from swingid.uncertainty.significance import DIFFERS
 
@@ -31,6 +30,48 @@ MATTERS = 0.5
 
 Methods that depend alike on the same constants differ by far less than the uncertainty of either.
 """
+
+
+@dataclass(frozen=True)
+class Assumptions:
+    """What a number depends on besides the angles.
+
+    scale: what sets it, "wheel inertia", "torque" or "" (gravity alone). motor: the motor's constants and the
+    voltage. gravity: the stated gravity torque b. friction: what is assumed of the friction of the axis. speed: where
+    the method gets speeds from, "none" where it needs none.
+    """
+
+    scale: str
+    motor: bool
+    gravity: bool
+    friction: str
+    speed: str
+
+    def words(self) -> str:
+        """What the number depends on, in one phrase: 'wheel inertia, motor, b, friction basis'."""
+        parts = [self.scale] if self.scale else []
+        parts += ["motor"] if self.motor else []
+        parts += ["b"] if self.gravity else []
+        parts += [] if self.friction == "any" else [f"friction {self.friction}"]
+        parts += [] if self.speed == "none" else [f"{self.speed} speeds"]
+        return ", ".join(parts)
+
+
+def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
+    """Assumptions of `method` on this rig; a rig without a motor has none to rely on, nor b where it is 0 or sought."""
+    needs = METHODS[method]
+    motor = needs.motor != "unused"
+    gravity = rig.axis.gravity_torque
+    options = result.provenance.get("options")
+    if isinstance(options, dict) and options.get("input") == "wheel":
+        motor = False
+    return Assumptions(
+        scale={"reaction-wheel": "wheel inertia", "direct": "torque", "none": ""}[rig.drive.kind],
+        motor=motor and rig.drive.kind == "reaction-wheel",
+        gravity=not isinstance(gravity, str) and gravity.value != 0,
+        friction=needs.friction,
+        speed=needs.speeds,
+    )
 
 
 @dataclass(frozen=True)
@@ -62,7 +103,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Comparison(Study):
-    """Trials, log by log and method by method, and what they say of each other."""
+    """Trials, log by log and method by method, and whether they agree."""
 
     trials: tuple[Trial, ...]
     verdicts: tuple[Verdict, ...]
@@ -76,8 +117,8 @@ class Comparison(Study):
         """Trials of one log."""
         return tuple(trial for trial in self.trials if trial.log == log)
 
-    def doubts(self, log: str) -> list[tuple[str, Message]]:
-        """Refusals and warnings of one log, each once with the methods that say it; "all methods" where all do."""
+    def messages(self, log: str) -> list[tuple[str, Message]]:
+        """Refusals and warnings of one log, each once with its methods; "all methods" where all have it."""
         trials = self.of(log)
         by: dict[Message, list[str]] = {}
         for trial in trials:
@@ -187,10 +228,10 @@ def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
         if (far := deviations[t.method]) is not None and abs(far) > DIFFERS and _matters(t.result, reference.result)
     )
     if not apart:
-        doubts = ", ".join(dict.fromkeys(w.code for w in reference.result.warnings))
-        doubt = f", but {doubts} of {reference.method} may concern them all" if doubts else ""
+        codes = ", ".join(dict.fromkeys(w.code for w in reference.result.warnings))
+        warned = f", but {codes} of {reference.method} may concern them all" if codes else ""
         return Verdict(
-            log, reference.method, (), f"all methods agree with {reference.method} within their intervals{doubt}."
+            log, reference.method, (), f"all methods agree with {reference.method} within their intervals{warned}."
         )
     named = ", ".join(f"{name} ({deviations[name]:+.1f} standard uncertainties)" for name in apart)
     verb = "is" if len(apart) == 1 else "are"
@@ -244,24 +285,23 @@ def _of_log(comparison: Comparison, log: str) -> str:
     lines = [f"[[{log}]]", *aligned([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
     lines += ["", *aligned([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
     lines += [""] + [line for v in comparison.verdicts if v.log == log for line in _wrapped(f"verdict: {v.message}")]
-    lines += [line for who, m in comparison.doubts(log) for line in _wrapped(f"{who}, {m.code}: {m.message}")]
+    lines += [line for who, m in comparison.messages(log) for line in _wrapped(f"{who}, {m.code}: {m.message}")]
     return "\n".join(lines)
 
 
 def answer_cells(trial: Trial, *, fine: bool = False) -> list[str]:
     """Method, inertia, relative uncertainty, assumptions, time, error against the truth."""
-    rests = trial.assumptions.words()
     seconds = f"{1e3 * trial.seconds:.3g} ms" if trial.seconds < 1 else number(trial.seconds, "s", 3)
-    if "inertia" not in trial.result.parameters:
-        return [trial.method, "refused", "", rests, seconds, ""]
-    inertia = trial.result.inertia
-    u = inertia.standard_uncertainty
-    spread = "" if u is None else percent(u / abs(inertia.value), fine=fine)
-    value = plus_minus(inertia.value, u, inertia.unit, fine=fine)
-    if trial.error is None:
-        return [trial.method, value, spread, rests, seconds, ""]
-    outside = " (outside the interval)" if trial.covered is False else ""
-    return [trial.method, value, spread, rests, seconds, percent(trial.error, sign=True, fine=fine) + outside]
+    value, spread, error = "refused", "", ""
+    if "inertia" in trial.result.parameters:
+        inertia = trial.result.inertia
+        u = inertia.standard_uncertainty
+        value = plus_minus(inertia.value, u, inertia.unit, fine=fine)
+        spread = "" if u is None else percent(u / abs(inertia.value), fine=fine)
+    if trial.error is not None:
+        outside = " (outside the interval)" if trial.covered is False else ""
+        error = percent(trial.error, sign=True, fine=fine) + outside
+    return [trial.method, value, spread, trial.assumptions.words(), seconds, error]
 
 
 def friction_text(result: Result, *, fine: bool = False) -> str:

@@ -1,4 +1,4 @@
-"""From a wanted uncertainty to a motion: candidates, their predictions, the shortest that does, one run of the twin."""
+"""From a required uncertainty to a motion: candidates, predictions, the shortest that reaches it, a run of the twin."""
 
 from __future__ import annotations
 
@@ -72,39 +72,26 @@ def design(
     Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
     motion within the limits reaches the uncertainty.
     """
-    question = asked(
-        rig,
-        uncertainty,
-        duration=duration,
-        max_angle=max_angle,
-        max_speed=max_speed,
-        inertia=inertia,
-        gravity_torque=gravity_torque,
-        rate=rate,
-        settling=settling,
-    )
-    expected, wanted, limits = question.expected, question.share, question.limits
-    given = without_truth(rig)
-    natural = _natural(expected)
-    motions = candidates(expected, limits, natural, 2 * math.pi * SWINGS / (duration - settling))
-    looked = _look(motions, given, expected, rate, settling, duration)
+    task = required(rig, uncertainty, duration, max_angle, max_speed, inertia, gravity_torque, rate, settling)
+    slowest = 2 * math.pi * SWINGS / (duration - settling)
+    looked = _look(candidates(task.expected, task.limits, _natural(task.expected), slowest), task)
     if not looked:
         raise UnanswerableError(
             "no motion within the limits makes the inertia identifiable; allow a larger angle, speed, voltage or "
             "duration.",
             code="no-motion",
         )
-    reached, missed = _work_out(looked, given, expected, wanted, duration)
+    reached, missed = _work_out(looked, task)
     failed = ""
     for place, proposal in enumerate(reached):
-        trial = (
-            try_on_twin(expected, proposal, limits, wanted) if check and rig.drive.kind == "reaction-wheel" else None
-        )
+        trial = None
+        if check and rig.drive.kind == "reaction-wheel":
+            trial = try_on_twin(task.expected, proposal, task.limits, task.share)
         if trial is None or trial.passed:
             others = tuple(p for k, p in enumerate([*reached, *missed]) if k != place)
-            return Design(rig.name, str(rig.source), wanted, proposal, others, trial, tuple(_notes(rig, trial)))
+            return Design(rig.name, str(rig.source), task.share, proposal, others, trial, tuple(_notes(rig, trial)))
         failed = failed or trial.why
-    raise UnanswerableError(_why_not(reached, missed, wanted, duration, failed), code="not-reachable")
+    raise UnanswerableError(_why_not(reached, missed, task.share, duration, failed), code="not-reachable")
 
 
 def _natural(expected: Rig) -> float:
@@ -115,15 +102,13 @@ def _natural(expected: Rig) -> float:
     return math.sqrt(b / expected.axis.inertia.value)
 
 
-def _proposal(
-    motion: Sine | Multisine, given: Rig, expected: Rig, rate: float, settling: float, used: float
-) -> Proposal:
-    """A motion with its prediction for `used` seconds after `settling`."""
-    course = course_of(expected, motion, settling + used, rate)
-    prediction = predict(course.recording(settling), given, expected)
-    return Proposal(
-        motion.describe(), settling + used, settling, rate, _kept_error(motion, expected), course.peaks, prediction
-    )
+def _proposal(motion: Sine | Multisine, task: Task, used: float) -> Proposal:
+    """A motion with its prediction for `used` seconds after settling."""
+    duration = task.settling + used
+    course = course_of(task.expected, motion, duration, task.rate)
+    prediction = predict(course.recording(task.settling), task.given, task.expected)
+    delta0 = _kept_error(motion, task.expected)
+    return Proposal(motion.describe(), duration, task.settling, task.rate, delta0, course.peaks, prediction)
 
 
 def _kept_error(motion: Sine | Multisine, rig: Rig) -> float:
@@ -133,16 +118,13 @@ def _kept_error(motion: Sine | Multisine, rig: Rig) -> float:
     return float(f"{min(max(tenth, 0.5 * (sensor.noise + sensor.resolution)), PAPER_DELTA0):.2g}")
 
 
-def _look(
-    motions: list[Sine | Multisine], given: Rig, expected: Rig, rate: float, settling: float, duration: float
-) -> list[tuple[Sine | Multisine, Proposal]]:
+def _look(motions: list[Sine | Multisine], task: Task) -> list[tuple[Sine | Multisine, Proposal]]:
     """Every motion over one and the same used time; those near resonance and those without an answer are left out."""
     found = []
     for motion in motions:
-        slowest = min(part.frequency for part in parts_of(motion))
-        used = min(max(LOOK, 2 * math.pi * SWINGS / slowest), duration - settling)
+        used = min(max(LOOK, _fewest_swings(motion)), task.duration - task.settling)
         try:
-            proposal = _proposal(motion, given, expected, rate, settling, used)
+            proposal = _proposal(motion, task, used)
         except UnanswerableError:
             continue
         if proposal.prediction.gravity_sensitivity <= MOST_GRAVITY and math.isfinite(proposal.relative):
@@ -150,36 +132,36 @@ def _look(
     return found
 
 
-def _work_out(
-    looked: list[tuple[Sine | Multisine, Proposal]], given: Rig, expected: Rig, wanted: float, duration: float
-) -> tuple[list[Proposal], list[Proposal]]:
+def _fewest_swings(motion: Sine | Multisine) -> float:
+    """Time (s) of the fewest periods of the slowest sine that count."""
+    return 2 * math.pi * SWINGS / min(part.frequency for part in parts_of(motion))
+
+
+def _work_out(looked: list[tuple[Sine | Multisine, Proposal]], task: Task) -> tuple[list[Proposal], list[Proposal]]:
     """The best candidates with the time they need, shortest first, and those that do not reach it."""
 
     def needed(proposal: Proposal) -> tuple[float, float]:
-        left = wanted**2 - proposal.prediction.part("B") ** 2
+        left = task.share**2 - proposal.prediction.part("B") ** 2
         share = proposal.prediction.part("A") ** 2 / left if left > 0 else math.inf
-        return max(share * (proposal.duration - proposal.settling), _shortest(proposal)), proposal.relative
-
-    def _shortest(proposal: Proposal) -> float:
-        return min(LOOK, proposal.duration - proposal.settling) / 2
+        used = proposal.duration - proposal.settling
+        return max(share * used, min(LOOK, used) / 2), proposal.relative
 
     reached: list[Proposal] = []
     missed: list[Proposal] = []
     for motion, first in sorted(looked, key=lambda item: needed(item[1]))[:SHOWN]:
         if len(reached) == ENOUGH:
             break
-        slowest = min(part.frequency for part in parts_of(motion))
-        least = max(2 * math.pi * SWINGS / slowest, LOOK / 2)
-        longest = duration - first.settling
+        least = max(_fewest_swings(motion), LOOK / 2)
+        longest = task.duration - task.settling
         used = float(math.ceil(min(max(needed(first)[0], least), longest)))
         proposal = first
         while True:
             used = min(used, longest)
-            proposal = _proposal(motion, given, expected, first.rate, first.settling, used)
-            if proposal.relative <= wanted or used >= longest:
+            proposal = _proposal(motion, task, used)
+            if proposal.relative <= task.share or used >= longest:
                 break
             used = min(float(math.ceil(max(1.3 * used, min(needed(proposal)[0], longest)))), longest)
-        (reached if proposal.relative <= wanted else missed).append(proposal)
+        (reached if proposal.relative <= task.share else missed).append(proposal)
     reached.sort(key=lambda p: (p.duration, p.relative))
     missed.sort(key=lambda p: p.relative)
     return reached, missed
@@ -225,18 +207,24 @@ def _notes(rig: Rig, trial: Trial | None) -> list[str]:
 
 
 @dataclass(frozen=True)
-class Asked:
-    """A design's question, checked: the rig as expected, the wanted relative uncertainty, the limits."""
+class Task:
+    """What a design is for, checked: the rig as given to the method and as expected, the required relative uncertainty.
 
+    duration: longest run (s); rate: rows per second; settling: the controller's time to reach its motion (s).
+    """
+
+    given: Rig
     expected: Rig
     share: float
     limits: Limits
+    duration: float
+    rate: float
+    settling: float
 
 
-def asked(
+def required(
     rig: Rig,
     uncertainty: float | str,
-    *,
     duration: float,
     max_angle: float | None,
     max_speed: float | None,
@@ -244,8 +232,8 @@ def asked(
     gravity_torque: float | str | None,
     rate: float,
     settling: float,
-) -> Asked:
-    """Check all arguments of `design`; raises as it does, but never for what the motions cannot do."""
+) -> Task:
+    """The task of the arguments of `design`; raises as it does, but never for what the motions cannot do."""
     expected = expected_rig(rig, inertia, gravity_torque)
     assert expected.axis.inertia is not None
     share = wanted_share(uncertainty, expected.axis.inertia.value, rig)
@@ -260,7 +248,7 @@ def asked(
             f"duration is {duration:g} s, but the controller takes {settling:g} s to settle; allow more.",
             code="too-short",
         )
-    return Asked(expected, share, limits)
+    return Task(without_truth(rig), expected, share, limits, duration, rate, settling)
 
 
 def expected_rig(rig: Rig, inertia: float | str | None, gravity_torque: float | str | None) -> Rig:

@@ -1,4 +1,4 @@
-"""What the momentum method will know after a planned motion: information matrix of its rows, and the budget.
+"""Information matrix and uncertainty budget that the momentum method will have after a planned motion.
 
 The motion is free of noise; the errors of the sensors go through the linear fit θ = K y of the very windows that the
 method would choose: an error e1(t) of the angle moves row i by ∫(a11 φ_i'' + b cos q1 φ_i) e1 dt, one of the wheel by
@@ -44,8 +44,8 @@ class Prediction:
     """What to expect of the method.
 
     parameters: the expected values with predicted uncertainties. budget: as of a result. window: half-length of the
-    test functions (s). gravity_sensitivity: change of the inertia per change of the gravity torque, both relative.
-    seen: identifiability.
+    modulating functions (s). gravity_sensitivity: relative change of the inertia per relative change of the gravity
+    torque. seen: identifiability.
     """
 
     parameters: dict[str, Parameter]

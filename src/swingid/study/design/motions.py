@@ -1,14 +1,13 @@
 """Candidate motions: sines and pairs of sines within the limits, and the course of the rig that follows each exactly.
 
-q1 is the reference itself. Row (I) then gives the wheel, from rest, and row (II) with the dead zone inverted the
-voltage. A real controller lags and overshoots, so limits are kept with some distance (`SPARE`).
+q1 is the reference itself. Equation (I) then gives the wheel, from rest, and equation (II) with the dead zone inverted
+the voltage. A real controller lags and overshoots, so limits are kept with some distance (`SPARE`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 from itertools import combinations
 
 import numpy as np
@@ -20,9 +19,6 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
 from swingid.recording.recording import Recording
-
-Build = Callable[[float], Sine | Multisine]
-"""A motion from its amplitude."""
 
 FREQUENCIES = (1.5, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.5, 10.0, 12.0, 15.0, 20.0, 25.0)
 """rad/s; usual for a rig with a motor."""
@@ -75,13 +71,7 @@ class Course:
     @property
     def peaks(self) -> dict[str, float]:
         """Largest angle, speed, wheel speed, voltage and torque, SI."""
-        named = {
-            "angle": self.angle,
-            "speed": self.speed,
-            "wheel_speed": self.wheel_speed,
-            "voltage": self.voltage,
-            "torque": self.torque,
-        }
+        named = {name: getattr(self, name) for name in ("angle", "speed", "wheel_speed", "voltage", "torque")}
         return {name: float(np.abs(x).max()) for name, x in named.items() if x is not None}
 
 
@@ -138,7 +128,7 @@ def _integral(values: Array, rate: float) -> Array:
 
 
 def _voltage(rig: Rig, torque: Array, wheel_speed: Array) -> Array | None:
-    """Voltage at which row (II) gives `torque` (N m) on its left side; None for a motor without a torque constant."""
+    """Voltage for `torque` (N m) on the left of equation (II); None for a motor without a torque constant."""
     motor = rig.drive.motor
     assert motor is not None
     if motor.torque_per_volt.value == 0:
@@ -175,36 +165,30 @@ def candidates(rig: Rig, limits: Limits, natural: float, slowest: float) -> list
     """
     unit = "rad" if rig.axis.kind == "rotary" else "m"
     found: list[Sine | Multisine] = []
-    for build in (*_sines(natural, slowest, unit), *_pairs(natural, slowest, unit)):
+    for frequencies in _frequencies(natural, slowest):
         for share in SHARES:
-            motion = build(share * limits.angle)
+            motion = _motion(frequencies, share * limits.angle, unit)
             if limits.kept(course_of(rig, motion, 8.0, ROUGH).peaks):
                 found.append(motion)
                 break
     return found
 
 
-def _sines(natural: float, slowest: float, unit: str) -> Iterator[Build]:
+def _frequencies(natural: float, slowest: float) -> Iterator[tuple[float, ...]]:
+    """Frequencies (rad/s) of sines away from the resonance, and of pairs of sines of which one is above it."""
     low, high = RESONANCE[0] * natural, RESONANCE[1] * natural
-    for frequency in FREQUENCIES:
-        if frequency >= slowest and not low < frequency < high:
-            yield partial(_sine, frequency, unit)
+    allowed = [frequency for frequency in FREQUENCIES if frequency >= slowest]
+    yield from ((frequency,) for frequency in allowed if not low < frequency < high)
+    for slow, fast in combinations(allowed, 2):
+        if APART[0] <= fast / slow <= APART[1] and fast > high:
+            yield slow, fast
 
 
-def _pairs(natural: float, slowest: float, unit: str) -> Iterator[Build]:
-    for slow, fast in combinations(FREQUENCIES, 2):
-        apart = APART[0] <= fast / slow <= APART[1]
-        if slow >= slowest and apart and fast > RESONANCE[1] * natural:
-            yield partial(_pair, (slow, fast), unit)
-
-
-def _sine(frequency: float, unit: str, amplitude: float) -> Sine:
-    return Sine(_neat(amplitude), frequency, 0.0, unit)
-
-
-def _pair(frequencies: tuple[float, float], unit: str, amplitude: float) -> Multisine:
+def _motion(frequencies: tuple[float, ...], amplitude: float, unit: str) -> Sine | Multisine:
+    if len(frequencies) == 1:
+        return Sine(_neat(amplitude), frequencies[0], 0.0, unit)
     parts = zip(SPLIT, frequencies, strict=True)
-    return Multisine(tuple(_sine(frequency, unit, share * amplitude) for share, frequency in parts))
+    return Multisine(tuple(Sine(_neat(share * amplitude), frequency, 0.0, unit) for share, frequency in parts))
 
 
 def _neat(amplitude: float) -> float:

@@ -63,17 +63,13 @@ class Proposal:
     def to_dict(self) -> dict[str, object]:
         """Plain data."""
         return {
-            "reference": self.reference,
-            "duration": self.duration,
-            "settling": self.settling,
-            "rate": self.rate,
-            "delta0": self.delta0,
+            name: getattr(self, name) for name in ("reference", "duration", "settling", "rate", "delta0", "peaks")
+        } | {
             "relative_uncertainty": self.relative,
             "parameters": self.prediction.parameters,
             "budget": self.prediction.budget,
             "condition": self.prediction.seen.condition,
             "inflation": self.prediction.seen.inflation,
-            "peaks": self.peaks,
         }
 
 

@@ -1,4 +1,4 @@
-"""What each channel is worth: its steps, its noise, its limits, whether it lives; and what was mended on reading."""
+"""Checks of each channel: its steps, noise, limits, whether it is constant; and what was repaired on reading."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ COARSE = 0.2
 """Steps of an encoder per typical change between rows above which it is called coarse."""
 
 CLIPPED = 0.01
-"""Share of rows at the limits from which on a command is said to saturate."""
+"""Share of rows at the limits from which on a command counts as saturated."""
 
 MOSTLY = 0.5
 USER: dict[str, tuple[Level, str]] = {
@@ -49,8 +49,8 @@ OWN = {
 }
 """What swingid itself repairs on reading, by the name of the repair."""
 
-TOLD_ELSEWHERE = ("gaps", "repeated-rows", "no-reference")
-"""What other checks say with more numbers, or what is no matter here."""
+ELSEWHERE = ("gaps", "repeated-rows", "no-reference")
+"""What other checks report with more numbers, or what is no matter here."""
 
 ONE_TURN = 2 * np.pi
 
@@ -71,7 +71,7 @@ class Channel:
 
 
 def check_channels(channels: list[Channel], log: Recording | None, declared: Mapping[str, float]) -> list[Check]:
-    """What is to be said of every channel. declared: step in SI units by channel, as the rig file states it."""
+    """The checks of every channel. declared: step in SI units by channel, as the rig file states it."""
     found: list[Check] = []
     for channel in channels:
         values = getattr(log, channel.role, None) if log is not None else None
@@ -95,7 +95,7 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
     unit = channel.unit if channel.factor is not None else column.unit
     step = abs(factor) * column.step
     values_of: dict[str, object] = {"low": column.low, "high": column.high, "step": step}
-    text = f"column {column.name!r} from {column.low:.4g} to {column.high:.4g}{_in(column.unit or '')}"
+    text = f"column {column.name!r} from {column.low:.4g} to {column.high:.4g} {column.unit or ''}".rstrip()
     if column.missing:
         text += f", no number in {column.missing} of {len(column.values)} rows"
     if column.outliers:
@@ -106,12 +106,12 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
         text += f"; {_steps(channel, step, values_of)}"
         if declared > 0 and column.step > 0 and not 0.95 < step / declared < 1.05 and not is_decimal(column.step):
             key = "sensors" if channel.role == "angle" else "sensors.wheel"
-            text += f"; the rig file says {_size(declared, unit)}"
+            text += f"; the rig file states {number(declared, unit, 3)}"
             stated = f"counts_per_turn = {ONE_TURN / step:.0f}" if channel.rotary else f"resolution = {step:.3g}"
             if step > declared:
                 level, remedy = "repair", f"state {stated} under [{key}]"
     elif column.step:
-        text += f"; steps of {_size(step, unit)}"
+        text += f"; steps of {number(step, unit, 3)}"
     if values is not None and log is not None and channel.role != "reference":
         noise = white_noise(log, values)
         values_of["noise"] = noise
@@ -120,10 +120,6 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
     yield Check(code, word, level, f"{text}.", remedy, values_of)
     if channel.role in ("voltage", "torque"):
         yield from _saturation(channel)
-
-
-def _in(unit: str) -> str:
-    return f" {unit}" if unit else ""
 
 
 def _steps(channel: Channel, step: float, values: dict[str, object]) -> str:
@@ -137,12 +133,8 @@ def _steps(channel: Channel, step: float, values: dict[str, object]) -> str:
         values["counts_per_turn"] = counts
         bits = np.log2(counts)
         exact = f", {round(bits)} bit" if abs(bits - round(bits)) < 1e-3 else ""
-        return f"steps of {_size(step, 'rad')}, {counts:.6g} per turn{exact}"
-    return f"steps of {_size(step, channel.unit)}"
-
-
-def _size(value: float, unit: str) -> str:
-    return number(value, unit, 3)
+        return f"steps of {number(step, 'rad', 3)}, {counts:.6g} per turn{exact}"
+    return f"steps of {number(step, channel.unit, 3)}"
 
 
 def white_noise(log: Recording, values: np.ndarray) -> float:
@@ -168,7 +160,7 @@ def _saturation(channel: Channel) -> Iterator[Check]:
 def _on_reading(log: Recording) -> Iterator[Check]:
     """What was found and mended when the file was read."""
     for finding in log.findings:
-        if finding.code in TOLD_ELSEWHERE:
+        if finding.code in ELSEWHERE:
             continue
         level, remedy = USER.get(finding.code, ("note", "")) if finding.level == "warning" else ("note", "")
         if finding.code == "wheel-still" and log.wheel_angle is not None and np.ptp(log.wheel_angle) == 0:

@@ -50,7 +50,8 @@ def read(
         return Recording.from_table(table, rig, source), rig, tried, found
     except SwingidError as error:
         failed = error
-    for changes in _other_units(rig, failed.code) if columns is not None else ():
+    mended = columns is not None and failed.code == "implausible-angle"
+    for changes in _other_units(rig, "angle") if mended else ():
         try:
             other = rig.changed(changes)
             log = Recording.from_table(table, other, source)
@@ -100,7 +101,7 @@ def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tup
         fitting = [unit for unit, count in counts.items() if expected and abs(count / expected - 1) < SAME_STEP]
         if len(fitting) != 1 or fitting[0] == used:
             continue
-        whose = "as the rig file says" if declared else "as encoders have"
+        whose = "as the rig file states" if declared else "as encoders have"
         text = f"column {name!r} ({word}) looks like {UNIT_WORDS[fitting[0]]}: in {fitting[0]} its steps are"
         text += f" {expected:.0f} in a turn, {whose}, and {counts[used]:.6g} in {used}."
         remedy = f'set {channel}_unit = "{fitting[0]}" under [log]'
@@ -110,10 +111,10 @@ def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tup
     return changes, found
 
 
-def _other_units(rig: Rig, code: str) -> list[dict[str, object]]:
-    if code != "implausible-angle":
-        return []
-    return [{"log.angle_unit": unit} for unit in ("deg", "rad") if unit != rig.log.angle_unit]
+def _other_units(rig: Rig, channel: str) -> list[dict[str, object]]:
+    """Changes of [log] to the other units of an angle."""
+    key, units = f"{channel}_unit", ("deg", "rad") if channel == "angle" else ("rad", "deg", "turns")
+    return [{f"log.{key}": unit} for unit in units if unit != getattr(rig.log, key)]
 
 
 def physics(
@@ -136,7 +137,9 @@ def physics(
     if balance is not None and balance.left < MODEL and not off:
         return checks, rig, log, {}
     best: _Attempt | None = None
-    for changes in _other_signs(rig) if failed is not None else _other_wheel_units(rig):
+    wheel = rig.drive.kind == "reaction-wheel" and rig.log.wheel_speed is None
+    units = _other_units(rig, "wheel_angle") if wheel else []
+    for changes in _other_signs(rig) if failed is not None else units:
         attempt = _attempt(table, rig, changes, source)
         if attempt is None or (off and any(check.code == GRAVITY for check in attempt.checks)):
             continue
@@ -153,7 +156,8 @@ def physics(
     if failed is not None:
         text = without_path(failed, source)
     elif balance is not None:
-        text, code = f"the wheel angle looks like {_unit_words(best.changes)}: with {words(best.changes)}", "units"
+        unit = UNIT_WORDS[str(best.changes["log.wheel_angle_unit"])]
+        text, code = f"the wheel angle looks like {unit}: with {words(best.changes)}", "units"
         text += f" the balance leaves {percent(best.left)}, and {percent(balance.left)} as [log] reads it"
         text += ", with a gravity torque that contradicts the rig file." if off else "."
     wrong = Check(code, code, "repair", text, f"set {words(best.changes)} under [log]", {"changes": best.changes})
@@ -162,7 +166,7 @@ def physics(
 
 @dataclass(frozen=True)
 class _Attempt:
-    """What the checks say under other conventions, and what share of the inertia's term the balance then leaves."""
+    """The checks under other conventions, and what share of the inertia's term the balance then leaves."""
 
     changes: dict[str, object]
     rig: Rig
@@ -207,19 +211,9 @@ def _other_signs(rig: Rig) -> list[dict[str, object]]:
     return [*turned, other, *({**one, **other} for one in turned)]
 
 
-def _other_wheel_units(rig: Rig) -> list[dict[str, object]]:
-    if rig.drive.kind != "reaction-wheel" or rig.log.wheel_speed is not None:
-        return []
-    return [{"log.wheel_angle_unit": u} for u in ("rad", "deg", "turns") if u != rig.log.wheel_angle_unit]
-
-
 def _unread(error: SwingidError, source: Source) -> Check:
-    titles = {"wrong-sign": "signs"}
-    return Check(error.code, titles.get(error.code, "balance"), "fault", without_path(error, source), "")
-
-
-def _unit_words(changes: Mapping[str, object]) -> str:
-    return " and ".join(UNIT_WORDS.get(str(unit), str(unit)) for unit in changes.values())
+    title = "signs" if error.code == "wrong-sign" else "balance"
+    return Check(error.code, title, "fault", without_path(error, source), "")
 
 
 def words(changes: Mapping[str, object]) -> str:
@@ -228,6 +222,6 @@ def words(changes: Mapping[str, object]) -> str:
 
 
 def without_path(error: SwingidError, source: Source) -> str:
-    """The sentence without the file's name at its beginning, which the head of an inspection says."""
+    """The sentence without the file's name at its beginning, which the head of an inspection names."""
     message = error.message.removeprefix(f"{source.path}: ")
     return message.replace(f"{source.path} has", "the file has", 1)

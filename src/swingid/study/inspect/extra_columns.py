@@ -1,7 +1,7 @@
 """Latency, encoder nonlinearity and zero of the angle, estimated from the log's own balance of momentum.
 
-To first order each of them adds a column to row (I) (THEORY 4, self-calibration). With the channels as logged and
-a11 known from the fit without them:
+To first order each of them adds a column to the regression of equation (I) (self-calibration in docs/theory.md). With
+the channels as logged and a11 known from the fit without them:
 
     δ of the wheel against the angle     −a12 ∫φ'' q2'          (direct drive: δ of the angle against the torque, ∫φ' τ)
     α cos k q2 on the wheel's encoder    −a12 ∫φ'' cos k q2
@@ -11,7 +11,7 @@ a11 known from the fit without them:
 They are fitted beside inertia and friction, with wide normal priors: where the motion does not determine one, its
 posterior standard deviation stays that of the prior.
 
-A latency δ that both angles share cancels in row (I); against the voltage it shows in the motor's balance, row (II):
+A latency δ that both angles share cancels in equation (I); against the voltage it shows in that of the motor, (II):
 
     a12 ∫φ'' q1 + a22 ∫φ'' q2 = N ∫φ (M(u(t + δ), q2') − f2 N q2' − f3 sgn q2')
 
@@ -143,10 +143,8 @@ def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, t
 
     if signals.wheel is not None and signals.wheel_rate is not None:
         yield _Column("latency", PRIOR_LATENCY, -scale.a12 * integrals((signals.wheel_rate, 2))[:, 0])
-        for k in (1, 2):
-            for name, function in (("cosine", np.cos), ("sine", np.sin)):
-                wave = function(k * signals.wheel / turn)
-                yield _Column(f"wheel {k} {name}", PRIOR_ENCODER, -scale.a12 * integrals((wave, 2))[:, 0])
+        for name, wave in _waves("wheel", signals.wheel / turn):
+            yield _Column(name, PRIOR_ENCODER, -scale.a12 * integrals((wave, 2))[:, 0])
     elif signals.torque is not None:
         yield _Column("latency", PRIOR_LATENCY, integrals((signals.torque, 1))[:, 0])
     if signals.linear:
@@ -154,17 +152,22 @@ def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, t
     cosine = signals.cosine
     if b:
         yield _Column("zero", PRIOR_ZERO, -b * integrals((cosine, 0))[:, 0])
+    for name, wave in _waves("angle", signals.angle):
+        part = integrals((wave, 2), (wave * cosine, 0))
+        yield _Column(name, PRIOR_ENCODER, -(a11 * part[:, 0] + b * part[:, 1]))
+
+
+def _waves(which: str, angle: Array) -> Iterator[tuple[str, Array]]:
+    """Encoder nonlinearity once and twice per turn, by name."""
     for k in (1, 2):
-        for name, function in (("cosine", np.cos), ("sine", np.sin)):
-            wave = function(k * signals.angle)
-            part = integrals((wave, 2), (wave * cosine, 0))
-            yield _Column(f"angle {k} {name}", PRIOR_ENCODER, -(a11 * part[:, 0] + b * part[:, 1]))
+        yield f"{which} {k} cosine", np.cos(k * angle)
+        yield f"{which} {k} sine", np.sin(k * angle)
 
 
 def zero_of(fits: list[WindowFit], signals: Signals, scale: Scale) -> Extra | None:
     """How far 0 of the angle lies beside hanging (rad, to be taken off the angle); None without gravity.
 
-    Told beside friction that depends on the direction, which swings at the same frequency; fits: as of `extras`.
+    Estimated jointly with friction that depends on the direction, which has the same frequency; fits: as of `extras`.
     """
     if not scale.b or signals.linear:
         return None
@@ -190,9 +193,9 @@ def pooled(name: str, found: list[tuple[float, float]], prior: float) -> Extra:
 def voltage_latency(
     log: Recording, rig: Rig, signals: Signals, windows: Windows, noise: Noise
 ) -> tuple[float, float] | None:
-    """δ (s) beyond what the rig file says, and its standard uncertainty, from rows on `windows`.
+    """δ (s) beyond what the rig file states, and its standard uncertainty, from rows on `windows`.
 
-    None without voltage or motor constants, where the wheel rests too often, and where row (II) does not close.
+    None without voltage or motor constants, where the wheel rests too often, and where equation (II) does not close.
     """
     motor = rig.drive.motor
     if motor is None or signals.wheel is None or signals.wheel_values is None or log.voltage is None:

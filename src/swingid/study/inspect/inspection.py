@@ -1,12 +1,13 @@
-"""`inspect_log`: what a file holds, what it is worth, and whether it fits the rig."""
+"""`inspect_log`: what a file holds, how much of it is usable, and whether it fits the rig."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,15 +28,14 @@ from swingid.recording.load import FEWEST_ROWS, read_bytes
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
-from swingid.study.inspect.motion import Swings, read_motion
-from swingid.study.inspect.services import Service, services
+from swingid.study.inspect.motion import Service, Swings, read_motion, services
 from swingid.study.output import Study
 
 SCHEMA = "swingid.inspect/1"
 
 UNSAID = 1.0
 
-TOLD_BY_CLOCK = ("backwards", "unsorted", "repeated-times", "absurd-time")
+WITH_CLOCK = ("backwards", "unsorted", "repeated-times", "absurd-time")
 """Refusals of the reader that a fault of the clock contains already."""
 
 
@@ -62,12 +62,16 @@ class Inspection(Study):
     table: str
     clock: Clock | None
     checks: tuple[Check, ...]
-    services: tuple[Service, ...]
-    verdict: Verdict
+    services: tuple[Service, ...] = ()
     rig: Rig | None = None
     log: Recording | None = None
     swings: Swings | None = None
     tried: Mapping[str, object] = field(default_factory=dict)
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Whether the log is usable, from all checks."""
+        return verdict_of(self.checks, with_rig=self.rig is not None)
 
     def check(self, code: str) -> Check | None:
         """The check with this code, None where it was not made."""
@@ -75,7 +79,7 @@ class Inspection(Study):
 
     @property
     def linear(self) -> bool:
-        """Whether the axis is a linear one, as the rig says or the guess."""
+        """Whether the axis is a linear one, as the rig states it or the guess."""
         return self.roles.linear if self.rig is None else self.rig.axis.kind == "linear"
 
     def to_dict(self) -> dict[str, Any]:
@@ -95,7 +99,7 @@ class Inspection(Study):
             "other_columns": self.roles.others,
             "log_table": self.table,
             "checks": [check.to_dict() for check in self.checks],
-            "methods": [service.to_dict() for service in self.services],
+            "methods": [vars(service) for service in self.services],
             "changes_tried": self.tried,
         }
 
@@ -150,41 +154,18 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
         words = "1 row of numbers" if rows == 1 else f"{rows} rows of numbers"
         few = f"the log has {words}, too few for a motion"
         checks = [Check("too-short", "rows", "fault", few, "log some swings")]
-    elif reader is None and "angle" in roles.found:
-        pass  # without a clock; that is said
-    elif reader is None:
-        remedy = "name the column of the angle in a rig file"
-        checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
-    else:
+    elif reader is not None:
         log, reader, tried, more = read(table, reader, source, by_name if rig is not None else None)
         if any(check.level == "fault" for check in checks):
-            more = [check for check in more if check.code not in TOLD_BY_CLOCK]
+            more = [check for check in more if check.code not in WITH_CLOCK]
         if "log.time_unit" in tried:
             clock, checks = _clock(table, reader, roles, by_name)
         units = [check for check in more if check.title == "units"]  # first: the rest is in these units
         checks = [*units, *checks, *(_with_guess(check, roles) for check in more if check not in units)]
-    swings: Swings | None = None
-    found: list[Service] = []
-    seen: list[Check] = []
-    moves: list[Check] = []
-    if rig is not None and reader is not None and log is not None:
-        log = without_pushes(log, reader)
-    if reader is not None and rows >= FEWEST_ROWS:
-        seen = _seen(table, reader, by_name, log, declared=rig is not None)
-    if reader is not None and log is not None:
-        drive = reader.drive.kind if rig is not None else roles.drive
-        swings, moves = read_motion(log, channel_noise(log, reader), drive, linear=reader.axis.kind == "linear")
-        found = services(log, swings, drive, rig)
-        wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*checks, *seen))
-        if rig is not None and swings is not None and not wrong:
-            more, changed, log, changes = physics(table, log, reader, swings, source)
-            tried |= changes
-            if changed is not reader:
-                log = without_pushes(log, changed)
-                reader, seen = changed, _seen(table, changed, by_name, log, declared=True)
-            moves += more
-    checks += [*seen, *moves]
-    return Inspection(
+    elif "angle" not in roles.found:  # else the clock is missing, which its check reports
+        remedy = "name the column of the angle in a rig file"
+        checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
+    found = Inspection(
         path=source.path or "the table",
         sha256=source.sha256 or "",
         rows=rows,
@@ -193,19 +174,45 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
         table=text,
         clock=clock,
         checks=tuple(checks),
-        services=tuple(found),
-        verdict=verdict_of(checks, with_rig=rig is not None),
         rig=None if rig is None else reader,
         log=log,
-        swings=swings,
         tried=tried,
     )
+    if reader is None or rows < FEWEST_ROWS:
+        return found
+    return _with_motion(found, table, reader, source, by_name)
+
+
+def _with_motion(
+    found: Inspection, table: Table, reader: Rig, source: Source, columns: Mapping[str, Column]
+) -> Inspection:
+    """The inspection with the checks of channels, motion and balance as `reader` reads them."""
+    rig, log = found.rig, found.log
+    if log is None:
+        return replace(found, checks=(*found.checks, *_seen(table, reader, columns, None, declared=rig is not None)))
+    if rig is not None:
+        log = without_pushes(log, reader)
+    seen = _seen(table, reader, columns, log, declared=rig is not None)
+    drive = found.roles.drive if rig is None else reader.drive.kind
+    swings, moves = read_motion(log, channel_noise(log, reader), drive, linear=reader.axis.kind == "linear")
+    served = tuple(services(log, swings, drive, rig))
+    tried = dict(found.tried)
+    wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*found.checks, *seen))
+    if rig is not None and swings is not None and not wrong:
+        more, changed, log, changes = physics(table, log, reader, swings, source)
+        tried |= changes
+        if changed is not reader:
+            log = without_pushes(log, changed)
+            rig, seen = changed, _seen(table, changed, columns, log, declared=True)
+        moves += more
+    checks = (*found.checks, *seen, *moves)
+    return replace(found, checks=checks, services=served, rig=rig, log=log, swings=swings, tried=tried)
 
 
 def _clock(
     table: Table, rig: Rig | None, roles: Roles, columns: Mapping[str, Column]
 ) -> tuple[Clock | None, list[Check]]:
-    """The clock by the rig's convention or the guess, and what is to be said of it."""
+    """The clock by the rig's convention or the guess, and its checks."""
     rate, name, factor = None, roles.column("time"), 1.0
     if rig is not None:
         rate, name = rig.log.rate, table.find(rig.log.time)
@@ -220,7 +227,7 @@ def _clock(
         stamps = columns[name].values * factor
     else:
         if rig is not None:
-            return None, []  # reading the log says which column is missing
+            return None, []  # the check of reading names the missing column
         text = "no column rises as a clock does"
         return None, [Check("no-time", "rate", "fault", text, "state [log] rate, rows per second", {"rows": rows})]
     own = [column for column in columns.values() if len(column.values) == len(stamps)]
@@ -279,7 +286,7 @@ class Verdict:
     advice: str = ""
 
 
-def verdict_of(checks: list[Check], *, with_rig: bool) -> Verdict:
+def verdict_of(checks: Sequence[Check], *, with_rig: bool) -> Verdict:
     """From all checks to the verdict; without a rig the file alone was checked, and the line states it."""
     advice = _listed(check.remedy for check in checks if check.level == "advice")
     faults = [check for check in checks if check.level == "fault"]
@@ -303,7 +310,7 @@ def _listed(texts: Iterable[str]) -> str:
 
 
 def _sentences(checks: list[Check]) -> str:
-    """What the first two say, and what is to be done."""
+    """The first two with what is to be done."""
     texts = [
         check.evidence.rstrip(".")
         + (f"; {check.remedy}" if check.remedy and check.remedy not in check.evidence else "")

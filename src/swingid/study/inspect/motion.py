@@ -1,4 +1,4 @@
-"""The motion that a log shows: turning points, frequencies, rest, and its excitation of inertia and gravity."""
+"""The motion that a log shows: turning points, frequencies, rest, excitation, and how much of it serves each method."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import UnanswerableError
+from swingid.methods.table import METHODS, Method
+from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise
@@ -29,6 +31,9 @@ HARMONIC, SAME = 0.4, 0.02
 
 FEW = 6
 """Turning points below which methods have too few degrees of freedom for an uncertainty."""
+
+GAP = 5.0
+"""Steps of the clock beyond which a stretch without rows serves nobody."""
 
 STRONG = 0.1
 """Share of the amplitude that a second frequency needs to distinguish inertia from gravity."""
@@ -55,7 +60,7 @@ class Swings:
 
 
 def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tuple[Swings | None, list[Check]]:
-    """The motion of a log and what is to be said of it; None where there is none that a method could use."""
+    """The motion of a log and its checks; None where there is none that a method could use."""
     unit = "m" if linear else "rad"
     try:
         motion = find_motion(log.time, log.angle, noise.angle)
@@ -155,3 +160,70 @@ def _excitation(swings: Swings, unit: str) -> Check:
     if unit == "m":
         text = f"frequencies {shown}."
     return Check("excitation", "frequencies", "note", text, "", {"lines": [list(line) for line in swings.lines]})
+
+
+@dataclass(frozen=True)
+class Service:
+    """Seconds of the log that a method can use, 0 where none; why: what takes the rest away."""
+
+    method: str
+    seconds: float
+    why: str
+
+
+def services(log: Recording, swings: Swings | None, drive: str, rig: Rig | None) -> list[Service]:
+    """One line per method; without a rig what its constants allow is left open."""
+    return [_service(method, log, swings, drive, rig) for method in METHODS.values()]
+
+
+def _service(method: Method, log: Recording, swings: Swings | None, drive: str, rig: Rig | None) -> Service:
+    lacking = _lacking(method, log, drive, rig)
+    if swings is None or lacking:
+        return Service(method.name, 0.0, lacking or "no motion that swings to and fro")
+    start, stop = swings.start, swings.stop
+    why = []
+    first, last = float(log.time[0]), float(log.time[-1])
+    if method.turning_points:
+        turning = swings.motion.within(start, stop).turning_times
+        start, stop = float(turning[0]), float(turning[-1])
+    for seconds, reason in ((start - first, "before"), (last - stop, "after")):
+        if seconds > 0.01 * (last - first):
+            why.append(f"{seconds:.3g} s {reason} {_what(drive, reason, method)}")
+    inside = log.segment(start, stop)
+    steps = np.diff(inside.time)
+    gaps = steps[steps > GAP * np.median(steps)] if len(steps) else steps
+    usable = stop - start - swings.rest - float(gaps.sum())
+    if swings.rest > 0:
+        why.append(f"{swings.rest:.3g} s at rest")
+    if gaps.size:
+        why.append(f"{gaps.sum():.3g} s of gaps")
+    return Service(method.name, max(usable, 0.0), ", ".join(why) or "all of it")
+
+
+def _what(drive: str, reason: str, method: Method) -> str:
+    if method.turning_points:
+        return "the first turning point" if reason == "before" else "the last turning point"
+    if reason == "before":
+        return "the free decay" if drive == "none" else "the motion has settled"
+    return "the free decay ends" if drive == "none" else "the end of the part"
+
+
+def _lacking(method: Method, log: Recording, drive: str, rig: Rig | None) -> str:
+    """What a method needs that is not there; "" where nothing is missing."""
+    if drive == "reaction-wheel" and log.wheel_angle is None:
+        return "no wheel angle"
+    if drive == "direct" and log.torque is None:
+        return "no torque"
+    if method.gravity and rig is not None:
+        gravity = rig.axis.gravity_torque
+        if isinstance(gravity, str) or gravity.value == 0:
+            return "needs a gravity torque above 0"
+    if method.drive and drive == "none":
+        return "needs a drive"
+    if method.motor == "needed" and drive == "reaction-wheel":
+        if log.voltage is None:
+            return "no voltage"
+        motor = None if rig is None else rig.drive.motor
+        if rig is not None and (motor is None or motor.torque_per_volt.value == 0):
+            return "the rig file has no motor constants"
+    return ""

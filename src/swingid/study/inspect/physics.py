@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,15 +21,8 @@ from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale, require_channels
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording
-from swingid.study.inspect.extra_columns import (
-    PRIOR_LATENCY,
-    Extra,
-    amplitude,
-    extras,
-    pooled,
-    voltage_latency,
-    zero_of,
-)
+from swingid.study.inspect import extra_columns as small
+from swingid.study.inspect.extra_columns import Extra
 from swingid.study.inspect.motion import Swings
 from swingid.uncertainty.significance import CERTAIN, INDICATED
 
@@ -99,15 +93,15 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     fits = [fit for fit in balance.fits if len(fit.rows.windows) >= FEWEST]
     found += _wheel(balance, rig)
     turn = float(rig.log.wheel_scale) if rig.drive.kind == "reaction-wheel" else 1.0
-    small = extras(fits, balance.signals, balance.scale, turn) if fits else {}
-    if "zero" in small:
-        found.append(_zero(small["zero"], zero_of(fits, balance.signals, balance.scale)))
-    if "latency" in small:
-        found.append(_latency(small["latency"], balance, rig))
+    extras = small.extras(fits, balance.signals, balance.scale, turn) if fits else {}
+    if "zero" in extras:
+        found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals, balance.scale)))
+    if "latency" in extras:
+        found.append(_latency(extras["latency"], balance, rig))
     found += _voltage(fits, balance, rig)
     for which, word, table in (("angle", "angle", "sensors"), ("wheel", "wheel", "sensors.wheel")):
-        if f"{which} 1 cosine" in small:
-            found.append(_encoder(small, which, word, table, rig))
+        if f"{which} 1 cosine" in extras:
+            found.append(_encoder(extras, which, word, table, rig))
     if not any(check.level in ("repair", "advice") and check.code in BENDS_GRAVITY for check in found):
         found += _gravity(balance, rig)
     return found
@@ -132,8 +126,8 @@ def _model(balance: Balance) -> Iterator[Check]:
     if left < MODEL:
         yield Check("balance", "balance", "ok", f"{text}: it closes.", "", {"left": left})
         return
-    text += ": a term is missing, or a column is not what [log] says."
-    remedy = "correct the column, sign, unit or constant that is not what the rig file says"
+    text += ": a term is missing, or a column is not what [log] states."
+    remedy = "correct the column, sign, unit or constant that is not what the rig file states"
     yield Check("balance", "balance", "repair", text, remedy, {"left": left})
 
 
@@ -141,27 +135,26 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
     """The zero of the angle, beside the encoder's errors where the motion distinguishes them, else without them."""
     zero = joint if joint.uncertainty < CLEAR or alone is None else alone
     size = plus_minus(zero.value, zero.uncertainty, "rad")
-    values: dict[str, object] = {"zero": zero.value, "uncertainty": zero.uncertainty}
+    check = partial(Check, "zero", "zero of the angle", values={"zero": zero.value, "uncertainty": zero.uncertainty})
     if zero.uncertainty > 0.1:
         text = f"the motion does not determine where the body hangs (to within {zero.uncertainty:.2g} rad only)."
-        return Check("zero", "zero of the angle", "unknown", text, "", values)
+        return check("unknown", text)
     text = f"0 of the angle lies {size} beside hanging"
     if abs(zero.value) < max(CERTAIN * zero.uncertainty, 1e-3):
-        return Check("zero", "zero of the angle", "ok", f"{text}.", "", values)
+        return check("ok", f"{text}.")
     if zero is alone:
         text += ", unless it is the encoder's error or friction that differs by direction"
     if abs(zero.value) < HARMLESS:
-        text += "; upper and lower turning points make up for so little"
-        return Check("zero", "zero of the angle", "note", f"{text}.", "", values)
+        return check("note", f"{text}; upper and lower turning points make up for so little.")
     remedy = f"take {number(zero.value, 'rad', 3)} off the angle in the log"
-    return Check("zero", "zero of the angle", "advice", f"{text}.", remedy, values)
+    return check("advice", f"{text}.", remedy)
 
 
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
     """Whether drive and gravity are of one scale, where the motion determines it; see `checks.gravity`."""
     for message in check_gravity(balance.law, balance.fits, balance.signals, rig, balance.scale, balance.noise):
         drive = "log.torque_gain" if balance.scale.drive == "direct" else "drive.wheel.inertia"
-        remedy = f"correct axis.gravity_torque or {drive}, or state the one you doubt with its uncertainty"
+        remedy = f"correct axis.gravity_torque or {drive}, or state the less certain one with its uncertainty"
         yield Check(message.code, "scale", "repair", f"{message.message.rpartition('; ')[0]}.", remedy)
 
 
@@ -199,51 +192,52 @@ def _wheel(balance: Balance, rig: Rig) -> Iterator[Check]:
 def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
     """Latency between the channels, beyond what the rig file declares."""
     wheel = rig.drive.kind == "reaction-wheel"
-    size = plus_minus(1e3 * latency.value, 1e3 * latency.uncertainty, "ms")
-    what = "the wheel angle is read" if wheel else "the angle is read"
-    against = "after the angle" if wheel else "after the torque acts"
-    values: dict[str, object] = {"latency": latency.value, "uncertainty": latency.uncertainty}
-    if not latency.identifiable:
-        within = f"{1e3 * latency.uncertainty:.2g} ms"
-        text = f"the motion does not determine the latency between the channels (to within {within})."
-        return Check("latency", "latency", "unknown", text, "", values)
-    text = f"{what} {size} {against}, beyond what the rig file says"
-    if abs(latency.value) < max(CERTAIN * latency.uncertainty, SHORT * balance.noise.step):
-        return Check("latency", "latency", "ok", f"{text}: nothing to be seen.", "", values)
-    key = "sensors.wheel" if wheel else "sensors"
-    declared = rig.sensors.of("wheel" if wheel else "angle").latency.value
-    total = 1e3 * (declared + latency.value)
+    total = rig.sensors.of("wheel" if wheel else "angle").latency.value + latency.value
+    text = ""
     if total < 0 and not wheel:
-        text += "; a negative one means that the torque acts later than it is logged"
-    remedy = f'state latency = "{total:.4g} ± {1e3 * latency.uncertainty:.2g} ms" under [{key}]'
-    return Check("latency", "latency", "repair", f"{text}.", remedy, values)
+        text = "; a negative one means that the torque acts later than it is logged"
+    place = "[sensors.wheel]" if wheel else "[sensors]"
+    where = "the wheel angle is read {} after the angle" if wheel else "the angle is read {} after the torque acts"
+    check = Check("latency", "latency", "repair", f"{text}.", place)
+    return _delay(latency, total, check, balance, ("the latency between the channels", where))
 
 
 def _voltage(fits: list[WindowFit], balance: Balance, rig: Rig) -> Iterator[Check]:
     """Latency of both angles against the voltage, where the rig file has the motor's constants."""
     windows = [fit.rows.windows for fit in fits]
-    latencies = [voltage_latency(balance.used, rig, balance.signals, each, balance.noise) for each in windows]
+    latencies = [small.voltage_latency(balance.used, rig, balance.signals, each, balance.noise) for each in windows]
     known = sorted((u, value) for value, u in (one for one in latencies if one is not None))
     if not known:
         return
-    late = pooled("voltage latency", known, PRIOR_LATENCY)
-    size = plus_minus(1e3 * late.value, 1e3 * late.uncertainty, "ms")
-    values: dict[str, object] = {"latency": late.value, "uncertainty": late.uncertainty}
-    code, title = "voltage-latency", "latency of the voltage"
-    if not late.identifiable:
-        text = f"the motion does not determine when the voltage acts (to within {1e3 * late.uncertainty:.2g} ms only)."
-        yield Check(code, title, "unknown", text, "", values)
-        return
-    text = f"both angles are read {size} after the voltage acts, beyond what the rig file says"
-    if abs(late.value) < max(CERTAIN * late.uncertainty, SHORT * balance.noise.step):
-        yield Check(code, title, "ok", f"{text}: nothing to be seen.", "", values)
-        return
+    late = small.pooled("voltage latency", known, small.PRIOR_LATENCY)
+    total = rig.sensors.of("angle").latency.value + late.value
+    text = ". It affects methods that need the motor, and not momentum."
     if late.value < 0:
-        text += "; negative: the voltage acts later than it is logged (a delay, or the coil's inductance)"
-    total = 1e3 * (rig.sensors.of("angle").latency.value + late.value)
-    text += ". It affects methods that need the motor, and not momentum."
-    remedy = f'state latency = "{total:.4g} ± {1e3 * late.uncertainty:.2g} ms" under [sensors], for both encoders'
-    yield Check(code, title, "note", text, remedy, values)
+        text = "; negative: the voltage acts later than it is logged (a delay, or the coil's inductance)" + text
+    check = Check("voltage-latency", "latency of the voltage", "note", text, "[sensors], for both encoders")
+    yield _delay(
+        late, total, check, balance, ("when the voltage acts", "both angles are read {} after the voltage acts")
+    )
+
+
+def _delay(late: Extra, total: float, check: Check, balance: Balance, words: tuple[str, str]) -> Check:
+    """The check of a latency: as given where it is significant, with size and remedy; else "ok" or "unknown".
+
+    total: with what the rig file declares (s). check: what its evidence ends in, and the table to state it in. words:
+    what is sought, and the finding with {} for its size.
+    """
+    sought, finding = words
+    values: dict[str, object] = {"latency": late.value, "uncertainty": late.uncertainty}
+    within = f"{1e3 * late.uncertainty:.2g} ms"
+    if not late.identifiable:
+        text = f"the motion does not determine {sought} (to within {within} only)."
+        return replace(check, level="unknown", evidence=text, remedy="", values=values)
+    size = plus_minus(1e3 * late.value, 1e3 * late.uncertainty, "ms")
+    text = f"{finding.format(size)}, beyond what the rig file states"
+    if abs(late.value) < max(CERTAIN * late.uncertainty, SHORT * balance.noise.step):
+        return replace(check, level="ok", evidence=f"{text}: nothing to be seen.", remedy="", values=values)
+    remedy = f'state latency = "{1e3 * total:.4g} ± {within}" under {check.remedy}'
+    return replace(check, evidence=text + check.evidence, remedy=remedy, values=values)
 
 
 def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Rig) -> Check:
@@ -254,7 +248,7 @@ def _encoder(found: dict[str, Extra], which: str, word: str, table: str, rig: Ri
     remedy, known_any = "", False
     declared = rig.sensors.of("wheel" if which == "wheel" else "angle").nonlinearity
     for k, often in ((1, "once"), (2, "twice")):
-        size, spread, known = amplitude(found, f"{which} {k}")
+        size, spread, known = small.amplitude(found, f"{which} {k}")
         known_any |= known
         values |= {f"amplitude_{often}": size, f"uncertainty_{often}": spread, f"told_{often}": known}
         degrees = plus_minus(np.degrees(size), np.degrees(spread), "°") if known else "not identifiable"

@@ -14,33 +14,17 @@ from swingid.control.references import Multisine, Sine, Strokes, Triangle
 from swingid.control.references.base import Reference
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
+from swingid.study.reproduce import runs
 from swingid.study.reproduce.experiment import settled_within, viscous
-from swingid.study.reproduce.runs import (
-    HIDDEN,
-    SPANS,
-    Answer,
-    Log,
-    each_interval,
-    error_by,
-    experiment_log,
-    experiment_run,
-    ideal_rig,
-    intervals,
-    motion,
-    read_back,
-    reference_nodes,
-    result_by,
-    rig_of,
-    run_of,
-    simulation_run,
-    with_friction,
-)
+from swingid.study.reproduce.runs import Answer, Log
 
 BAR = 1.4
 """Per cent: the accuracy required where a sentence of the paper names none: that of its own ideal simulation."""
 
 HOLDS, PARTLY, FAILS = "holds", "holds in part", "does not hold"
 
+Measured = list[tuple[str, float | None, str]]
+"""(words, value, unit): "±%" for the size of an error; words before a colon are what several have in common."""
 
 BEARING = 1.144e-3
 """Viscous coefficient of the twin's bearing, f1 times 4.4, N m s."""
@@ -75,108 +59,104 @@ IDEAL, REAL = "ideal angles at 10 kHz", "14 bit at 1 kHz, speeds by local cubics
 
 OBSERVED = "14 bit at 1 kHz, speeds by the observers (23)"
 
+WORDS = {"printed": "paper's method", "better": "energy, solved together", "momentum": "momentum"}
+
 MIRRORS = ("paper's method", "the same about the reference", "momentum")
 
 
 @dataclass(frozen=True)
 class Claim:
-    """A claim in the paper's words, what was done, what was measured, the criterion and the verdict.
-
-    measured: (words, value, unit), "±%" for the size of an error; words before a colon are what several have in common.
-    """
+    """A claim in the paper's words, what was done, what was measured, the criterion and whether it is met."""
 
     claim: str
     test: str
-    measured: tuple[tuple[str, float | None, str], ...]
+    measured: Measured
     criterion: str
     verdict: str
 
     def to_dict(self) -> Answer:
         """Plain data."""
-        measured = [{"what": what, "value": value, "unit": unit} for what, value, unit in self.measured]
-        return vars(self) | {"measured": measured}
+        return vars(self) | {"measured": [dict(zip(("what", "value", "unit"), m, strict=True)) for m in self.measured]}
 
 
-def judged(whole: bool, part: bool = False) -> str:
-    """The verdict: the criterion is met, only the part of it that is named, or neither."""
+def verdict(whole: bool, part: bool = False) -> str:
+    """Whether the criterion is met, only the part of it that is named, or neither."""
     return HOLDS if whole else PARTLY if part else FAILS
 
 
 def _log(friction: dict[str, object], reference: Reference, seed: int) -> Log:
-    twin = with_friction(rig_of("plain"), friction)
-    return read_back(run_of(twin, reference, seed=seed), twin, span=LATE)
+    twin = runs.with_friction(runs.rig_of("plain"), friction)
+    return runs.read_back(runs.run_of(twin, reference, seed=seed), twin, span=LATE)
 
 
 def no_acceleration(seed: int) -> Claim:
     """The log holds time, two angles and a voltage."""
-    log = experiment_log("plain", with_friction(rig_of("plain"), HIDDEN), seed)
+    log = runs.experiment_log("plain", runs.with_friction(runs.rig_of("plain"), runs.HIDDEN), seed)
     recording = log.recording
-    extra = (recording.reference, recording.adaptive_gain, recording.torque)
-    channels = 3 + sum(channel is not None for channel in extra[2:])
-    errors = {way: error_by(way, log) for way in ("printed", "observers", "momentum")}
+    channels = 3 + (recording.torque is not None)
+    errors = {way: runs.error_by(way, log) for way in ("printed", "observers", "momentum")}
     own = [abs(errors[way]) < BAR for way in ("printed", "observers")]
     return Claim(
         "it does not require measurement of acceleration, cumbersome calculations and linearization",
         "The experiment's log with hidden dry friction: time, two encoders, voltage. (6) is a closed formula in "
         "angles, speeds and works; the speeds by the paper's observers (23), and by local cubics.",
-        (
+        [
             ("measured channels beside time", float(channels), ""),
             ("(6), speeds by the observers (23)", errors["observers"], "%"),
             ("(6), speeds by local cubics", errors["printed"], "%"),
             ("for comparison, momentum, which needs no speeds", errors["momentum"], "%"),
-        ),
+        ],
         f"J1 by (6) within {BAR:g} % with either speeds; in part: with one of them",
-        judged(all(own), any(own)),
+        verdict(all(own), any(own)),
     )
 
 
 def one_interval(seed: int) -> Claim:
     """Every two-step interval by itself, ideal and with the paper's encoders."""
-    ideal = read_back(simulation_run(), ideal_rig(), span=(6.0, 12.0))
-    real = experiment_log("plain", rig_of("plain"), seed)
+    ideal = runs.read_back(runs.simulation_run(), runs.ideal_rig(), span=(6.0, 12.0))
+    real = runs.experiment_log("plain", runs.rig_of("plain"), seed)
     observers: dict[str, object] = {"velocities": "observers", "filter_time": 0.0}
-    j1 = {words: _worst_inertia(log, options) for words, log, options in (
-        (IDEAL, ideal, {}), (REAL, real, {}), (OBSERVED, real, observers),
-    )}  # fmt: skip
-    f1 = {
-        IDEAL: _worst_friction(ideal, {}),
-        REAL: _worst_friction(real, {}),
-        OBSERVED: _worst_friction(real, observers),
-    }
-    measured = [(f"{words}: {name}, worst interval", worst[words], "±%")
-                for words in j1 for name, worst in (("J1", j1), ("f1", f1))]  # fmt: skip
-    good = {words: max(j1[words], f1[words]) < BAR for words in j1}
+    measured: Measured = []
+    good: dict[str, bool] = {}
+    for words, log, options in ((IDEAL, ideal, {}), (REAL, real, {}), (OBSERVED, real, observers)):
+        j1, f1 = _worst_inertia(log, options), _worst_friction(log, options)
+        measured += [(f"{words}: J1, worst interval", j1, "±%"), (f"{words}: f1, worst interval", f1, "±%")]
+        good[words] = max(j1, f1) < BAR
     return Claim(
         "only one two-step symmetric interval is needed to identify the inertia and friction parameters",
         "J1 by (6) and f1 by (7) from every single interval, mirrored about its measured turning point.",
-        tuple(measured),
+        measured,
         f"J1 and f1 within {BAR:g} % from every interval with 14-bit encoders, whichever way the speeds are found; in "
         "part: with ideal angles",
-        judged(good[REAL] and good[OBSERVED], good[IDEAL]),
+        verdict(good[REAL] and good[OBSERVED], good[IDEAL]),
     )
 
 
 def _worst_inertia(log: Log, options: dict[str, object]) -> float:
     """Largest error of J1^ from one interval, per cent."""
-    return float(max(abs(100 * (each_interval(log, **options)[1] / log.truth - 1))))
+    return float(max(abs(runs.interval_errors(log, **options)[1])))
 
 
 def _worst_friction(log: Log, options: dict[str, object]) -> float:
     """Largest error of f1^ from one interval, per cent; NaN where an interval gives none."""
-    results = [result_by("printed", log, nodes=nodes, **options) for nodes in intervals(log)]
+    results = [runs.result_by("printed", log, nodes=nodes, **options) for nodes in runs.intervals(log)]
     found = [None if isinstance(result, str) else viscous(result) for result in results]
     return float(max(abs(100 * ((math.nan if value is None else value) / BEARING - 1)) for value in found))
 
 
 def any_dissipation(seed: int) -> Claim:
     """Friction laws of order 0 to 3 and more."""
-    measured: list[tuple[str, float | None, str]] = []
+    measured: Measured = []
     orders = {name: law for name, law in LAWS.items() if name.startswith("order")}
     strong = {f"{name}, {STRONGER:g} times": _stronger(law) for name, law in orders.items()}
     for name, law in (LAWS | strong).items():
-        log = _log({"viscous": None} | law, motion("plain"), seed)
-        nodes = reference_nodes(motion("plain"), log)
-        errors = [error_by("printed", log), error_by("printed", log, nodes=nodes), error_by("momentum", log)]
+        log = _log({"viscous": None} | law, runs.motion("plain"), seed)
+        nodes = runs.reference_nodes(runs.motion("plain"), log)
+        errors = [
+            runs.error_by("printed", log),
+            runs.error_by("printed", log, nodes=nodes),
+            runs.error_by("momentum", log),
+        ]
         measured += [(f"{name}: {words}", error, "%") for words, error in zip(MIRRORS, errors, strict=True)]
     about = [
         [value is not None and abs(value) < BAR for words, value, _ in measured if words.endswith(mirror)]
@@ -187,10 +167,10 @@ def any_dissipation(seed: int) -> Claim:
         "One friction law after the other on the twin, known to no method: each with the energy per swing that the "
         f"paper's friction takes, orders 0 to 3 also with {STRONGER:g} times as much. The paper does not say whether "
         "its intervals are mirrored about the turning points of the reference or about the measured ones.",
-        tuple(measured),
+        measured,
         f"the paper's method within {BAR:g} % for every law, about either turning points; in part: about the measured "
         "ones",
-        judged(all(about[0]) and all(about[1]), all(about[0])),
+        verdict(all(about[0]) and all(about[1]), all(about[0])),
     )
 
 
@@ -201,32 +181,30 @@ def _stronger(law: dict[str, object]) -> dict[str, object]:
 
 def any_symmetric_motion(seed: int) -> Claim:
     """Motions of several shapes, whose derivatives nobody gives to the controller or to a method."""
-    measured: list[tuple[str, float | None, str]] = []
+    measured: Measured = []
     for name, reference in MOTIONS.items():
-        log = _log(dict(HIDDEN), reference, seed)
-        for way in ("printed", "better", "momentum"):
-            words = {"printed": "paper's method", "better": "energy, solved together", "momentum": "momentum"}[way]
-            measured.append((f"{name}: {words}", error_by(way, log), "%"))
+        log = _log(dict(runs.HIDDEN), reference, seed)
+        for way, words in WORDS.items():
+            measured.append((f"{name}: {words}", runs.error_by(way, log), "%"))
     printed = [value for words, value, _ in measured if "paper" in words]
     good = [value is not None and abs(value) < BAR for value in printed]
     return Claim(
         "the program trajectory can have any convenient symmetric shape with unknown derivatives",
         "The experiment with hidden dry friction and other motions; the controller is given samples of the "
         "motion only.",
-        tuple(measured),
+        measured,
         f"the paper's method within {BAR:g} % for every motion; in part: for some beside the sine",
-        judged(all(good), any(good[1:])),
+        verdict(all(good), any(good[1:])),
     )
 
 
 def discrete_online(seed: int) -> Claim:
     """(6) on every oscillation from the start, while k tilde still grows."""
-    twin = rig_of("plain")
-    log = read_back(experiment_run("plain", twin, seed), twin)
-    ends, values = each_interval(log)
-    errors = 100 * (values / log.truth - 1)
+    twin = runs.rig_of("plain")
+    log = runs.read_back(runs.experiment_run("plain", twin, seed), twin)
+    ends, errors = runs.interval_errors(log)
     running = np.cumsum(errors) / np.arange(1, len(errors) + 1)
-    late = ends > SPANS["plain"][0]
+    late = ends > runs.SPANS["plain"][0]
     noise = channel_noise(log.recording, log.rig)
     swings = len(find_motion(log.recording.time, log.recording.angle, noise.angle).turning_times)
     first = settled_within(ends, errors, BAR)
@@ -235,14 +213,14 @@ def discrete_online(seed: int) -> Claim:
         "the method can be also used as a discrete-online identification, where the formula is used for each "
         "oscillation",
         "(6) at every turning point from t = 0 on, each from the interval that has just ended.",
-        (
+        [
             ("intervals used, of so many turning points", len(errors) / swings, ""),
             (f"single intervals within {BAR:g} % for good from", first, "s"),
             ("scatter of single intervals from 15 s on", float(np.std(errors[late])), "±%"),
             ("their running mean at the end", float(running[-1]), "%"),
-        ),
+        ],
         f"every interval within {BAR:g} % from 15 s on, where the paper begins; in part: half of them",
-        judged(bool(good.all()), bool(np.mean(good) >= 0.5)),
+        verdict(bool(good.all()), bool(np.mean(good) >= 0.5)),
     )
 
 

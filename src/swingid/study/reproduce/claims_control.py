@@ -14,27 +14,10 @@ from swingid.model.rig import Rig
 from swingid.preparation.scale import Scale
 from swingid.simulation.twin import Run
 from swingid.study.design.motions import course_of
-from swingid.study.reproduce import published
-from swingid.study.reproduce.claims import BAR, Claim, judged
-from swingid.study.reproduce.experiment import controller, settled_within
-from swingid.study.reproduce.runs import (
-    HIDDEN,
-    SPANS,
-    Log,
-    each_interval,
-    error_by,
-    experiment_log,
-    ideal_rig,
-    inertia_by,
-    motion,
-    read_back,
-    reference_nodes,
-    rig_of,
-    run_of,
-    simulation_run,
-    with_friction,
-)
-from swingid.study.reproduce.simulation import curve_of
+from swingid.study.reproduce import published, runs
+from swingid.study.reproduce.claims import BAR, Claim, Measured, verdict
+from swingid.study.reproduce.experiment import controller, curve_of, settled_within
+from swingid.study.reproduce.runs import Log
 
 DELTAS = (0.16, 0.08, 0.04, 0.02)
 """Values of delta0 (rad); 0.08 is that of the experiment."""
@@ -58,32 +41,26 @@ GAINS = {"delta0": "δ0", "lambda0": "λ0", "sigma0": "σ0", "filter_time": "T o
 """What a user of (17)-(19) chooses beside k tilde (0), by the name it has here."""
 
 
-def _number(values: dict[str, object], name: str) -> float:
-    value = values[name]
-    assert isinstance(value, float)
-    return value
-
-
 def _run(gains: Compensator, seed: int, friction: dict[str, object] | None = None) -> tuple[Run, Log]:
-    twin = with_friction(rig_of("plain"), friction or {})
-    run = run_of(twin, motion("plain"), gains, seed=seed)
-    return run, read_back(run, twin, span=SPANS["plain"])
+    twin = runs.with_friction(runs.rig_of("plain"), friction or {})
+    run = runs.run_of(twin, runs.motion("plain"), gains, seed=seed)
+    return run, runs.read_back(run, twin, span=runs.SPANS["plain"])
 
 
 def accuracy_by_tracking(seed: int) -> Claim:
     """The tracking error is set by delta0; the error of J1 may or may not follow."""
-    gains = Compensator.paper(rig_of("plain"))
-    measured: list[tuple[str, float | None, str]] = []
+    gains = Compensator.paper(runs.rig_of("plain"))
+    measured: Measured = []
     follows: dict[str, list[bool]] = {"reference": [], "measured": []}
     for friction, said in (({}, "the paper's friction"), (STRONG, "8 times the friction")):
         tracking: list[float] = []
         errors: dict[str, list[float]] = {mirror: [] for mirror in follows}
         for delta0 in DELTAS:
             run, log = _run(replace(gains, delta0=delta0), seed, dict(friction))
-            tracking.append(1e3 * _number(controller(run), "error_rms"))
-            nodes = reference_nodes(motion("plain"), log)
-            errors["reference"].append(abs(error_by("printed", log, nodes=nodes)))
-            errors["measured"].append(abs(error_by("printed", log)))
+            tracking.append(1e3 * controller(run)["error_rms"])
+            nodes = runs.reference_nodes(runs.motion("plain"), log)
+            errors["reference"].append(abs(runs.error_by("printed", log, nodes=nodes)))
+            errors["measured"].append(abs(runs.error_by("printed", log)))
             name = f"{said}, δ0 = {delta0:g}"
             measured.append((f"{name}: tracking error, RMS", tracking[-1], "mrad"))
             measured.append((f"{name}: (6) about the reference's turning points", errors["reference"][-1], "±%"))
@@ -97,58 +74,57 @@ def accuracy_by_tracking(seed: int) -> Claim:
         "Runs with other δ0, under the paper's friction and under 8 times as much; error of J1 by (6), mirrored about "
         "the reference's turning points, whose symmetry the tracking error is about, and about the measured ones. With "
         "δ0 = 0.32 (6) about the reference refuses.",
-        tuple(measured),
+        measured,
         "set: from one δ0 to the next smaller one the tracking error and that of J1 fall; estimated: their ratio stays "
         f"the same within a factor of {ESTIMATES:g}; with either mirror and friction. In part: with one of them",
-        judged(all(map(all, follows.values())), any(map(any, follows.values()))),
+        verdict(all(map(all, follows.values())), any(map(any, follows.values()))),
     )
 
 
 def fast_convergence(seed: int) -> Claim:
     """A good k tilde (0)."""
-    gains = Compensator.paper(rig_of("plain"))
-    measured: list[tuple[str, float | None, str]] = []
+    gains = Compensator.paper(runs.rig_of("plain"))
+    measured: Measured = []
     ready: list[float] = []
     for start in STARTS:
         run, _ = _run(replace(gains, k_tilde0=start), seed)
-        log = read_back(run, rig_of("plain"))
-        ends, values = each_interval(log)
-        settled = _number(controller(run), "settled")
-        errors = 100 * (values / log.truth - 1)
+        log = runs.read_back(run, runs.rig_of("plain"))
+        ends, errors = runs.interval_errors(log)
+        settled = controller(run)["settled"]
         first = settled_within(ends, errors, BAR)
         ready.append(max(settled, math.inf if first is None else first))
         name = f"k̃(0) = {start:g}"
         measured.append((f"{name}: k̃ grows for the last time at", settled, "s"))
         measured.append((f"{name}: (6) within {BAR:g} % for good from", first, "s"))
-        late = errors[ends > SPANS["plain"][0]]
+        late = errors[ends > runs.SPANS["plain"][0]]
         measured.append((f"{name}: scatter of single intervals from 15 s on", float(np.std(late)), "±%"))
-    soon = PERIODS * 2.0 * math.pi / motion("plain").frequency
+    soon = PERIODS * 2.0 * math.pi / runs.motion("plain").frequency
     return Claim(
         "proposed method has a fast-time convergence by selecting the right initial values of tuning parameters",
         "The experiment with k̃(0) = 0 as in the paper, with half and nearly all of the k̃ that it ends with, and half "
         "as much again.",
-        tuple(measured),
+        measured,
         f"with the best start k̃ grows no more, and (6) is within {BAR:g} % for good, after {PERIODS:g} periods of the "
         f"motion ({soon:.2f} s); in part: sooner than from k̃(0) = 0",
-        judged(min(ready) <= soon, min(ready) < ready[0]),
+        verdict(min(ready) <= soon, min(ready) < ready[0]),
     )
 
 
 def two_parameters(seed: int) -> Claim:
     """Each gain halved and doubled."""
-    gains = Compensator.paper(rig_of("plain"))
+    gains = Compensator.paper(runs.rig_of("plain"))
     run, log = _run(gains, seed)
-    usual = _number(controller(run), "error_rms")
-    measured: list[tuple[str, float | None, str]] = []
-    worst, bounded = abs(error_by("printed", log)), True
+    usual = controller(run)["error_rms"]
+    measured: Measured = []
+    worst, bounded = abs(runs.error_by("printed", log)), True
     for name, letter in GAINS.items():
         for factor, words in ((0.5, "half of"), (2.0, "twice")):
             changed = replace(gains, **{name: factor * getattr(gains, name)})
             run, log = _run(changed, seed)
             answers = controller(run)
-            share = _number(answers, "error_rms") / usual - 1
-            bounded &= _number(answers, "error_peak") < 2.0 * changed.delta0
-            worst = max(worst, abs(error_by("printed", log)))
+            share = answers["error_rms"] / usual - 1
+            bounded &= answers["error_peak"] < 2.0 * changed.delta0
+            worst = max(worst, abs(runs.error_by("printed", log)))
             measured.append((f"{words} {letter}: tracking error, RMS, changes by", 100 * share, "%"))
     letters = ", ".join(GAINS.values())
     measured.append((f"numbers to choose ({letters}, k̃(0))", float(len(GAINS) + 1), ""))
@@ -156,43 +132,39 @@ def two_parameters(seed: int) -> Claim:
     return Claim(
         "can be easily configured with only two controller parameters",
         "The numbers that (17) to (19) take, and the experiment with each of them halved and doubled.",
-        tuple(measured),
+        measured,
         f"they are no more than two; in part: J1 stays within {BAR:g} % and e within 2 δ0, whichever is halved or "
         "doubled",
-        judged(len(GAINS) + 1 <= 2, worst < BAR and bounded),
+        verdict(len(GAINS) + 1 <= 2, worst < BAR and bounded),
     )
 
 
 def small_amplitude(seed: int) -> Claim:
     """The voltage beside what the motion itself needs, and beside the other controller's."""
-    twin = rig_of("plain")
+    twin = runs.rig_of("plain")
+    reference = runs.motion("plain")
     run, _ = _run(Compensator.paper(twin), seed)
-    ours = controller(run)
-    other = run_of(twin, motion("plain"), Backstepping.paper(twin), seed=seed)
-    theirs = controller(other)
-    reference = motion("plain")
-    log = run.recording
-    late = log.time > SPANS["plain"][0]
-    followed = Sine(float(np.ptp(log.angle[late]) / 2), reference.frequency)
-    needed = needed_voltage(twin, followed)
-    rms = {"ours": _number(ours, "voltage_rms"), "theirs": _number(theirs, "voltage_rms")}
-    peak = {"ours": _number(ours, "voltage_peak"), "theirs": _number(theirs, "voltage_peak")}
-    limit = 10.0
-    small = rms["ours"] < rms["theirs"] and peak["ours"] < peak["theirs"] and rms["ours"] <= NEAR * needed
+    other = runs.run_of(twin, reference, Backstepping.paper(twin), seed=seed)
+    rms, other_rms = (controller(made)["voltage_rms"] for made in (run, other))
+    peak, other_peak = (controller(made)["voltage_peak"] for made in (run, other))
+    late = run.recording.time > runs.SPANS["plain"][0]
+    followed = Sine(float(np.ptp(run.recording.angle[late]) / 2), reference.frequency)
+    needed, limit = needed_voltage(twin, followed), 10.0
+    small = rms < other_rms and peak < other_peak and rms <= NEAR * needed
     return Claim(
         "has a stable and small amplitude of the control signal",
         "Voltage from 15 to 22 s in the experiment, by this controller, by backstepping, and as the equations of "
         "motion ask for a sine of the amplitude that was made, the wheel standing still on average.",
-        (
-            ("this controller, RMS", rms["ours"], "V"),
-            ("this controller, peak", peak["ours"], "V"),
-            ("backstepping, RMS", rms["theirs"], "V"),
-            ("backstepping, peak", peak["theirs"], "V"),
+        [
+            ("this controller, RMS", rms, "V"),
+            ("this controller, peak", peak, "V"),
+            ("backstepping, RMS", other_rms, "V"),
+            ("backstepping, peak", other_peak, "V"),
             ("needed by the motion, RMS", needed, "V"),
-        ),
+        ],
         "stable: the voltage never reaches its limit of 10 V; small: RMS and peak are below those of backstepping, and "
         f"RMS is at most {NEAR:g} times what the motion needs. In part: one of the two",
-        judged(peak["ours"] < limit and small, peak["ours"] < limit or small),
+        verdict(peak < limit and small, peak < limit or small),
     )
 
 
@@ -220,26 +192,26 @@ def needed_voltage(twin: Rig, reference: Sine) -> float:
 
 def more_accurate(seed: int) -> Claim:
     """The paper's method beside NLS and backstepping: as the paper compares them, and with c1 1 % wrong."""
-    measured: list[tuple[str, float | None, str]] = []
+    measured: Measured = []
     words = {"printed": "paper's method", "nls": "NLS, viscous + Coulomb", "backstepping": "backstepping"}
-    log, online = read_back(simulation_run(), ideal_rig()), published.BACKSTEPPING[1]
+    log, online = runs.read_back(runs.simulation_run(), runs.ideal_rig()), published.BACKSTEPPING[1]
     other = curve_of("printed", published.FIG8)
     ideal = {
-        "printed": error_by("printed", Log(log.recording.segment(0.0, online), log.rig, log.truth)),
-        "backstepping": 100 * (float(other.inertia[np.searchsorted(other.time, online)]) / log.truth - 1),
+        "printed": runs.error_by("printed", log.first(online)),
+        "backstepping": log.error(float(other.inertia[np.searchsorted(other.time, online)])),
     }
     measured += [
         (f"J1, ideal simulations after {online:g} s: {words[way]}", error, "%") for way, error in ideal.items()
     ]
     settings = [ideal]
-    twins = {case: with_friction(rig_of(case), HIDDEN) for case in ("plain", "body")}
-    logs = {case: experiment_log(case, twin, seed) for case, twin in twins.items()}
+    twins = {case: runs.with_friction(runs.rig_of(case), runs.HIDDEN) for case in ("plain", "body")}
+    logs = {case: runs.experiment_log(case, twin, seed) for case, twin in twins.items()}
     for factor, said in ((1.0, "constants exact"), (1.01, "c1 stated + 1 %")):
         stated = {"drive.motor.torque_per_volt": factor * 52.04e-4}
-        given = {case: Log(log.recording, log.rig.changed(stated), log.truth) for case, log in logs.items()}
+        given = {case: replace(log, rig=log.rig.changed(stated)) for case, log in logs.items()}
         errors: dict[str, float] = {}
         for way in (*words, "momentum"):
-            values = [inertia_by(way, given[case]) for case in ("plain", "body")]
+            values = [runs.inertia_by(way, given[case]) for case in ("plain", "body")]
             errors[way] = 100 * ((values[1] - values[0]) / published.J_E - 1)
             measured.append((f"J_e, {said}: {words.get(way, way)}", errors[way], "%"))
         settings.append({way: errors[way] for way in words})
@@ -248,9 +220,9 @@ def more_accurate(seed: int) -> Claim:
         "has high accuracy and can provide greater identification performance than the known method",
         "J1 in the ideal simulations of Fig. 7 and Fig. 8; J_e in the experiment with hidden dry friction, by the "
         "paper's method and by the two it is compared with.",
-        tuple(measured),
+        measured,
         "the paper's method is nearest in every setting; in part: in one",
-        judged(all(best), any(best)),
+        verdict(all(best), any(best)),
     )
 
 

@@ -1,35 +1,29 @@
-"""The experiment of section 5 on the twin: with and without the test body, and with the pendulum balanced by it."""
+"""Section 5 on the twin: its experiment, with and without the test body and balanced by it, and its ideal simulations.
+
+The simulations are Fig. 7 with its four times, and Fig. 8 with the backstepping controller.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
+from swingid.control.backstepping import Backstepping
+from swingid.control.references import Sine
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array, Bools
 from swingid.pooling.difference import difference
+from swingid.recording.recording import Recording
 from swingid.result.result import Result
 from swingid.simulation.twin import Run
-from swingid.study.reproduce import published
-from swingid.study.reproduce.published import J_E
-from swingid.study.reproduce.runs import (
-    HIDDEN,
-    SPANS,
-    WAYS,
-    Answer,
-    Log,
-    each_interval,
-    error_by,
-    experiment_run,
-    read_back,
-    result_by,
-    rig_of,
-    with_friction,
-)
+from swingid.study.reproduce import published, runs
+from swingid.study.reproduce.runs import Answer, Log
 
-FRICTIONS = {"viscous": {}, "hidden": HIDDEN}
+FRICTIONS = {"viscous": {}, "hidden": runs.HIDDEN}
 """Twins by their friction: the paper's viscous one, and one with dry friction that no method has in its model."""
 
 VISCOUS = ("viscous", "viscous_positive", "viscous_negative")
@@ -41,6 +35,11 @@ GROWING = np.concatenate([np.arange(0.5, 8.5, 0.5), [10.0, 12.0, 15.0, 18.0, 22.
 
 CONVERGED = published.SIMULATION_ERROR
 """Per cent."""
+
+FREQUENCIES = (2.0, 8.5)
+"""Of the program motion of Fig. 8, which the paper does not print, rad/s."""
+
+WORKS = {"held": "work of the held voltage", "trapezoid": "work by the trapezoid on samples"}
 
 
 @dataclass(frozen=True)
@@ -54,26 +53,26 @@ class Experiment:
 
 def experiment(friction: str, seed: int, progress: Callable[[str], None]) -> Experiment:
     """All ways on the logs of all cases of one twin of `FRICTIONS`."""
-    twins = {case: with_friction(rig_of(case), FRICTIONS[friction]) for case in CASES}
-    runs = {case: experiment_run(case, twins[case], seed) for case in CASES}
-    logs = {case: read_back(runs[case], twins[case], span=SPANS[case]) for case in CASES}
-    whole = read_back(runs["plain"], twins["plain"])
+    twins = {case: runs.with_friction(runs.rig_of(case), FRICTIONS[friction]) for case in CASES}
+    made = {case: runs.experiment_run(case, twins[case], seed) for case in CASES}
+    logs = {case: runs.read_back(made[case], twins[case], span=runs.SPANS[case]) for case in CASES}
+    whole = runs.read_back(made["plain"], twins["plain"])
     rows: list[Answer] = []
-    for way in WAYS:
-        progress(f"experiment, {friction} friction: {WAYS[way].words}")
+    for way in runs.WAYS:
+        progress(f"experiment, {friction} friction: {runs.WAYS[way].words}")
         rows.append(_row(way, logs, whole))
     answers: dict[str, object] = {
         "friction": friction,
         "rows": rows,
-        "controller": {case: controller(runs[case]) for case in CASES},
-        "first_interval": {case: _first_interval(runs[case], twins[case]) for case in ("plain", "body")},
+        "controller": {case: controller(made[case]) for case in CASES},
+        "first_interval": {case: _first_interval(made[case], twins[case]) for case in ("plain", "body")},
     }
-    return Experiment(runs, logs, answers)
+    return Experiment(made, logs, answers)
 
 
 def _row(way: str, logs: dict[str, Log], whole: Log) -> Answer:
-    results = {case: result_by(way, log) for case, log in logs.items()}
-    row: Answer = {"way": way, "words": WAYS[way].words}
+    results = {case: runs.result_by(way, log) for case, log in logs.items()}
+    row: Answer = {"way": way, "words": runs.WAYS[way].words}
     for case, result in results.items():
         row[case] = _cell(result, logs[case])
     for case in ("body", "balanced"):
@@ -84,7 +83,7 @@ def _row(way: str, logs: dict[str, Log], whole: Log) -> Answer:
 
 def converged(way: str, log: Log) -> float | None:
     """Length (s) of a log from the run's start from which on J1^ stays within `CONVERGED`; None where it does not."""
-    errors = [error_by(way, Log(log.recording.segment(0.0, length), log.rig, log.truth)) for length in GROWING.tolist()]
+    errors = [runs.error_by(way, log.first(length)) for length in GROWING.tolist()]
     return settled_within(GROWING, np.array(errors), CONVERGED)
 
 
@@ -100,7 +99,7 @@ def _cell(result: Result | str, log: Log) -> Answer:
         "inertia": inertia.value,
         "u": inertia.standard_uncertainty,
         "a11": inertia.value + wheel.inertia.value + motor.rotor_inertia.value,
-        "error": 100 * (inertia.value / log.truth - 1),
+        "error": log.error(inertia.value),
         "warnings": [warning.code for warning in result.warnings],
     }
     f1 = viscous(result)
@@ -120,7 +119,7 @@ def _body(plain: Result | str, loaded: Result | str) -> Answer:
     if isinstance(plain, str) or isinstance(loaded, str):
         return {"refused": plain if isinstance(plain, str) else str(loaded)}
     value = loaded.inertia.value - plain.inertia.value
-    cell: Answer = {"inertia": value, "error": 100 * (value / J_E - 1)}
+    cell: Answer = {"inertia": value, "error": 100 * (value / published.J_E - 1)}
     try:
         cell["u"] = difference(plain, loaded).inertia.standard_uncertainty
     except UnanswerableError:
@@ -128,15 +127,16 @@ def _body(plain: Result | str, loaded: Result | str) -> Answer:
     return cell
 
 
-def controller(run: Run) -> Answer:
-    """The end of the adaptation: k tilde, when it last grew; tracking error and voltage from 15 to 22 s."""
+def controller(run: Run, part: Bools | None = None) -> dict[str, float]:
+    """The end of the adaptation: k tilde, when it last grew; tracking error and voltage in `part`, 15 to 22 s."""
     log = run.recording
     gain, reference, voltage = log.adaptive_gain, log.reference, log.voltage
     assert gain is not None
     assert reference is not None
     assert voltage is not None
     grown = np.nonzero(np.diff(gain) > 0)[0]
-    part = (log.time >= SPANS["plain"][0]) & (log.time <= SPANS["plain"][1])
+    if part is None:
+        part = (log.time >= runs.SPANS["plain"][0]) & (log.time <= runs.SPANS["plain"][1])
     e = (reference - log.angle)[part]
     return {
         "k_tilde": float(gain[-1]),
@@ -150,9 +150,7 @@ def controller(run: Run) -> Answer:
 
 def _first_interval(run: Run, twin: Rig) -> Answer:
     """When (6), interval by interval from the start, comes within 5 % for good, and within 1.4 %."""
-    log = read_back(run, twin)
-    ends, values = each_interval(log)
-    errors = 100 * (values / log.truth - 1)
+    ends, errors = runs.interval_errors(runs.read_back(run, twin))
     return {f"within {bound:g} %": settled_within(ends, errors, bound) for bound in (5.0, 1.4)}
 
 
@@ -161,3 +159,87 @@ def settled_within(times: np.ndarray, errors: np.ndarray, bound: float) -> float
     outside = np.nonzero(~(np.abs(errors) <= bound))[0]
     first = outside[-1] + 1 if len(outside) else 0
     return None if first == len(times) else float(times[first])
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The estimate J1^ (kg m^2) of a backstepping run over time (s)."""
+
+    law: str
+    frequency: float
+    time: Array
+    inertia: Array
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """The log of Fig. 7, the curves of Fig. 8, and the answers as plain data."""
+
+    log: Recording
+    curves: tuple[Curve, ...]
+    truth: float
+    answers: dict[str, object]
+
+
+def simulation(progress: Callable[[str], None]) -> Simulation:
+    """Both simulations and what the methods find in the first."""
+    progress("ideal simulation of Fig. 7, 10 kHz")
+    run = runs.simulation_run()
+    log = runs.read_back(run, runs.ideal_rig())
+    rows = [_at_the_times(log, work, letter) for letter in (True, False) for work in WORKS]
+    for way in ("printed", "better", "momentum", "nls-viscous"):
+        progress(f"ideal simulation of Fig. 7: {runs.WAYS[way].words}")
+        rows.append(_simulation_row(runs.WAYS[way].words + ", all intervals" * (way == "printed"), way, log))
+    progress("backstepping of Fig. 8, 10 kHz")
+    curves = tuple(curve_of(law, frequency) for frequency in FREQUENCIES for law in ("printed", "consistent"))
+    found = controller(run, run.recording.time > run.recording.time[-1] / 2)
+    answers: dict[str, object] = {"rows": rows, "single": _single(log)}
+    answers |= {name: found[name] for name in ("k_tilde", "settled", "error_rms")}
+    answers["backstepping"] = [_convergence(curve, log) for curve in curves]
+    return Simulation(run.recording, curves, log.truth, answers)
+
+
+def _simulation_row(words: str, way: str, log: Log, **options: object) -> Answer:
+    result = runs.result_by(way, log, **options)
+    if isinstance(result, str):
+        return {"words": words, "refused": result}
+    return {"words": words} | runs.answer_of(result.inertia.value, result.parameters["viscous"].value, log)
+
+
+def _at_the_times(log: Log, work: str, letter: bool) -> Answer:
+    """(6) and (7) from the paper's four times: letter by letter, or each pass with its own potential energies."""
+    words = "letter by letter" if letter else "potential energy of each pass's own nodes"
+    words = f"(6) at the paper's times, {words}; {WORKS[work]}"
+    if not letter:
+        return _simulation_row(words, "printed", log, nodes=published.TIMES, work=work)
+    return {"words": words} | runs.answer_of(*runs.by_letter(log, published.TIMES, work), log)
+
+
+def _single(log: Log) -> Answer:
+    """Errors (per cent) of J1^ by (6) from one interval each, where k tilde no longer grows."""
+    _, errors = runs.interval_errors(log)
+    settled = errors[len(errors) // 2 :]
+    return {"intervals": len(settled), "rms": float(np.sqrt(np.mean(settled**2))), "worst": float(max(abs(settled)))}
+
+
+@cache
+def curve_of(law: str, frequency: float) -> Curve:
+    """The backstepping run of Fig. 8 by the law "printed" or "consistent": 0.8 sin (frequency t), ideal, 10 kHz."""
+    twin = runs.ideal_rig()
+    controller = Backstepping.paper(twin, law="printed" if law == "printed" else "consistent")
+    log = runs.run_of(twin, Sine(published.AMPLITUDE, frequency), controller, duration=12.0, rate=1e4).recording
+    assert log.adaptive_gain is not None
+    return Curve(law, frequency, log.time, controller.inertia(log.adaptive_gain))
+
+
+def _convergence(curve: Curve, log: Log) -> Answer:
+    errors = log.error(curve.inertia)
+    error, after = published.BACKSTEPPING
+    return {
+        "law": curve.law,
+        "frequency": curve.frequency,
+        "after_8_s": float(errors[np.searchsorted(curve.time, after)]),
+        "within_5": settled_within(curve.time, errors, error),
+        "within_1": settled_within(curve.time, errors, 1.0),
+        "end": float(errors[-1]),
+    }

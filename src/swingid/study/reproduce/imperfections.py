@@ -9,25 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from swingid.model.rig import Rig
 from swingid.study.experiment import without_truth
+from swingid.study.reproduce import runs
 from swingid.study.reproduce.published import J_E
-from swingid.study.reproduce.runs import (
-    Answer,
-    Log,
-    by_letter,
-    each_interval,
-    experiment_log,
-    motion,
-    reference_nodes,
-    result_by,
-    rig_of,
-    with_friction,
-)
+from swingid.study.reproduce.runs import Answer, Log
 
 MOTOR = {
     "torque_per_volt": "c1",
@@ -68,6 +59,29 @@ class Imperfection:
     size: tuple[float, str] | None = None
 
 
+FRICTIONS: dict[str, dict[str, object]] = {
+    "Stribeck, 2 to 4 mN m": {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3},
+    "quadratic, 0.4 mN m s²": {"viscous": 2e-4, "quadratic": 4e-4},
+    "viscous, ± 50 % by direction": {"viscous": None, "viscous_positive": 1.716e-3, "viscous_negative": 0.572e-3},
+    "LuGre, 3 mN m, bristles of 1 mrad": {
+        "coulomb": 3e-3,
+        "lugre": {"bristle_stiffness": 3.0, "bristle_damping": 0.01},
+    },
+    "viscous, 8 times as much": {"viscous": 9.152e-3},
+}
+"""Friction of the twin that is not the paper's, by its words."""
+
+PROCESSING: dict[str, dict[str, Any]] = {
+    "mirror about the reference's turning points": {"mirror": True},
+    "the same, (6) letter by letter (one potential energy for both passes)": {"mirror": True, "letter": True},
+    "mirror about the reference's, 8 times the viscous friction": {"mirror": True, "friction": {"viscous": 9.152e-3}},
+    "speeds by the observers (23)": {"options": {"velocities": "observers", "filter_time": 0.0}, "draws": DRAWS},
+    "and the voltage through W_f": {"options": {"velocities": "observers"}, "draws": DRAWS},
+    "work by the trapezoid on samples": {"options": {"work": "trapezoid"}},
+}
+"""Other ways to compute (6), by their words."""
+
+
 def imperfections() -> list[Imperfection]:
     """The rows of the table."""
     rows = [Imperfection("nothing", "none")]
@@ -75,58 +89,19 @@ def imperfections() -> list[Imperfection]:
         rows += _stated(letter, f"drive.motor.{key}", 5)
     rows += _stated("gear i⁻¹", "drive.motor.gear_ratio", 1)
     rows += _stated("wheel J2", "drive.wheel.inertia", 1) + _stated("b", "axis.gravity_torque", 1)
-    for size in ("0.1 deg", "0.8 deg"):
-        words = f"encoders nonlinear by {size.replace(' deg', '°')} once per turn"
-        rows.append(Imperfection(words, "sensors", sensors={"nonlinearity": size}, draws=DRAWS))
-    rows.append(
-        Imperfection("both encoders 1 ms late, not declared", "sensors", sensors={"latency": 1e-3}, size=(1.0, "ms"))
+    for size in ("0.1", "0.8"):
+        words = f"encoders nonlinear by {size}° once per turn"
+        rows.append(Imperfection(words, "sensors", sensors={"nonlinearity": f"{size} deg"}, draws=DRAWS))
+    late: tuple[tuple[str, dict[str, object]], ...] = (
+        ("both encoders", {"latency": 1e-3}),
+        ("wheel's encoder", {"wheel": {"latency": 1e-3}}),
     )
-    rows.append(
-        Imperfection(
-            "wheel's encoder 1 ms late, not declared", "sensors", sensors={"wheel": {"latency": 1e-3}}, size=(1.0, "ms")
-        )
-    )
-    dry = {"coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 0.3}
-    frictions: dict[str, dict[str, object]] = {
-        "Stribeck, 2 to 4 mN m": dict(dry),
-        "quadratic, 0.4 mN m s²": {"viscous": 2e-4, "quadratic": 4e-4},
-        "viscous, ± 50 % by direction": {
-            "viscous": None,
-            "viscous_positive": 1.716e-3,
-            "viscous_negative": 0.572e-3,
-        },
-        "LuGre, 3 mN m, bristles of 1 mrad": {
-            "coulomb": 3e-3,
-            "lugre": {"bristle_stiffness": 3.0, "bristle_damping": 0.01},
-        },
-        "viscous, 8 times as much": {"viscous": 9.152e-3},
-    }
-    rows += [Imperfection(f"friction: {words}", "friction", friction=law) for words, law in frictions.items()]
     rows += [
-        Imperfection("mirror about the reference's turning points", "processing", mirror=True),
-        Imperfection(
-            "the same, (6) letter by letter (one potential energy for both passes)",
-            "processing",
-            mirror=True,
-            letter=True,
-        ),
-        Imperfection(
-            "mirror about the reference's, 8 times the viscous friction",
-            "processing",
-            {},
-            {"viscous": 9.152e-3},
-            mirror=True,
-        ),
-        Imperfection(
-            "speeds by the observers (23)",
-            "processing",
-            options={"velocities": "observers", "filter_time": 0.0},
-            draws=DRAWS,
-        ),
-        Imperfection("and the voltage through W_f", "processing", options={"velocities": "observers"}, draws=DRAWS),
-        Imperfection("work by the trapezoid on samples", "processing", options={"work": "trapezoid"}),
+        Imperfection(f"{which} 1 ms late, not declared", "sensors", sensors=sensors, size=(1.0, "ms"))
+        for which, sensors in late
     ]
-    return rows
+    rows += [Imperfection(f"friction: {words}", "friction", friction=law) for words, law in FRICTIONS.items()]
+    return rows + [Imperfection(words, "processing", **changes) for words, changes in PROCESSING.items()]
 
 
 def _stated(words: str, key: str, per_cent: float) -> list[Imperfection]:
@@ -168,27 +143,29 @@ def _row(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int],
 def _single(imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> float:
     """Error (per cent) of J1^ by (6) from one interval alone: root mean square over all intervals of all draws."""
     drawn = [_log("plain", imperfection, seed + draw, logs) for draw in range(imperfection.draws)]
-    errors = np.concatenate([100 * (each_interval(log)[1] / log.truth - 1) for log in drawn])
-    return float(np.sqrt(np.mean(errors**2)))
+    return _rms(np.concatenate([runs.interval_errors(log)[1] for log in drawn]))
 
 
 def _one(errors: np.ndarray) -> float | None:
     """The error, of several draws their root mean square; None where the method refused or did not converge."""
     if not np.isfinite(errors).all():
         return None
-    return float(errors[0]) if len(errors) == 1 else float(np.sqrt(np.mean(errors**2)))
+    return float(errors[0]) if len(errors) == 1 else _rms(errors)
+
+
+def _rms(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
 
 
 def _log(case: str, imperfection: Imperfection, seed: int, logs: dict[tuple[str, str, int], Log]) -> Log:
     """The log, made once for all rows with the same twin; the rig is the one that the lab states."""
-    stated = changed_by(rig_of(case), imperfection.stated)
-    twin = with_friction(rig_of(case), imperfection.friction)
+    stated = changed_by(runs.rig_of(case), imperfection.stated)
+    twin = runs.with_friction(runs.rig_of(case), imperfection.friction)
     twin = twin.changed({f"sensors.{key}": value for key, value in imperfection.sensors.items()})
     key = (case, repr((imperfection.friction, imperfection.sensors)), seed)
     if key not in logs:
-        logs[key] = experiment_log(case, twin, seed, stated=rig_of(case))
-    made = logs[key]
-    return Log(made.recording, without_truth(stated), made.truth)
+        logs[key] = runs.experiment_log(case, twin, seed, stated=runs.rig_of(case))
+    return replace(logs[key], rig=without_truth(stated))
 
 
 def changed_by(rig: Rig, factors: Mapping[str, float]) -> Rig:
@@ -211,14 +188,12 @@ def _errors(way: str, pair: list[Log], imperfection: Imperfection) -> tuple[floa
     for case, log in zip(("plain", "body"), pair, strict=True):
         options: dict[str, object] = dict(imperfection.options) if way == "printed" else {}
         if imperfection.mirror:
-            options["nodes"] = nodes = reference_nodes(motion(case), log)
+            options["nodes"] = nodes = runs.reference_nodes(runs.motion(case), log)
             if imperfection.letter:
-                values.append(by_letter(log, nodes)[0])
+                values.append(runs.by_letter(log, nodes)[0])
                 continue
-        result = result_by(way, log, **options)
-        # where the search for the least squares did not converge, its last value is of no meaning
-        if isinstance(result, str) or any(message.code == "not-converged" for message in result.warnings):
-            values.append(math.nan)
-        else:
-            values.append(result.inertia.value)
-    return 100 * (values[0] / pair[0].truth - 1), 100 * ((values[1] - values[0]) / J_E - 1)
+        result = runs.result_by(way, log, **options)
+        # the last value of a least-squares search that did not converge has no meaning
+        lost = isinstance(result, str) or any(message.code == "not-converged" for message in result.warnings)
+        values.append(math.nan if isinstance(result, str) or lost else result.inertia.value)
+    return pair[0].error(values[0]), 100 * ((values[1] - values[0]) / J_E - 1)

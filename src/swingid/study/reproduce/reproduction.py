@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
 from swingid.errors import UsageError
+from swingid.result.data import plain
 from swingid.study.reproduce import claims, claims_control, published
-from swingid.study.reproduce.experiment import FRICTIONS, Experiment, experiment
+from swingid.study.reproduce.experiment import FRICTIONS, Experiment, Simulation, experiment, simulation
 from swingid.study.reproduce.imperfections import imperfection_rows
 from swingid.study.reproduce.runs import Answer
-from swingid.study.reproduce.simulation import Simulation, simulation
 
 SCHEMA = "swingid.reproduce/1"
 
@@ -58,9 +57,7 @@ def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], N
     if not quick:
         results["imperfections"] = imperfection_rows(seed, report)
         results["claims"] = claim_rows(seed, report)
-    plain = plain_data(results)
-    assert isinstance(plain, dict)
-    return Reproduction(plain, runs["viscous"], ideal)
+    return Reproduction(plain_data(results), runs["viscous"], ideal)
 
 
 def _published() -> dict[str, object]:
@@ -69,19 +66,17 @@ def _published() -> dict[str, object]:
 
 
 def plain_data(value: Any) -> Any:
-    """What JSON knows, numbers to `DIGITS` digits; NaN and infinities become null."""
+    """What JSON knows (`result.data.plain`), numbers to `DIGITS` digits."""
+    value = plain(value)
     if isinstance(value, dict):
-        return {str(key): plain_data(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
+        return {key: plain_data(item) for key, item in value.items()}
+    if isinstance(value, list):
         return [plain_data(item) for item in value]
-    if isinstance(value, bool | str | int) or value is None:
-        return value
-    number = float(value)
-    return float(f"{number:.{DIGITS}g}") if math.isfinite(number) else None
+    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
 
 
 def claim_rows(seed: int, progress: Callable[[str], None]) -> list[Answer]:
-    """All claims, tested."""
+    """All claims, each with its test."""
     rows = []
     for test in (*claims.TESTS, *claims_control.TESTS):
         progress(f"claim: {test.__name__.replace('_', ' ')}")

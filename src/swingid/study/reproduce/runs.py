@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -49,6 +50,8 @@ SPANS = {"plain": published.SERIES, "body": published.SERIES, "balanced": (15.0,
 
 Answer = dict[str, object]
 
+T = TypeVar("T", float, Array)
+
 
 @dataclass(frozen=True)
 class Log:
@@ -60,6 +63,14 @@ class Log:
     recording: Recording
     rig: Rig
     truth: float
+
+    def first(self, length: float) -> Log:
+        """The log's first `length` seconds."""
+        return replace(self, recording=self.recording.segment(0.0, length))
+
+    def error(self, inertia: T) -> T:
+        """Error of one or several inertias in per cent of the twin's."""
+        return 100 * (inertia / self.truth - 1)
 
 
 def motion(case: str) -> Sine:
@@ -175,7 +186,7 @@ def inertia_by(way: str, log: Log, **options: object) -> float:
 
 def error_by(way: str, log: Log, **options: object) -> float:
     """Error of J1^ in per cent of the twin's inertia, NaN where the way refuses."""
-    return 100.0 * (inertia_by(way, log, **options) / log.truth - 1.0)
+    return log.error(inertia_by(way, log, **options))
 
 
 def answer_of(inertia: float, viscous: float, log: Log) -> Answer:
@@ -184,7 +195,7 @@ def answer_of(inertia: float, viscous: float, log: Log) -> Answer:
     assert motor is not None
     return {
         "inertia": inertia,
-        "error": 100 * (inertia / log.truth - 1),
+        "error": log.error(inertia),
         "f1": viscous / motor.gear_ratio.value,
     }
 
@@ -227,6 +238,12 @@ def each_interval(log: Log, **options: object) -> tuple[Array, Array]:
     assert result.details is not None
     assert result.details.swings is not None
     return np.array(nodes)[:, 3], result.details.swings.values
+
+
+def interval_errors(log: Log, **options: object) -> tuple[Array, Array]:
+    """(end of each two-step interval (s), error of its J1^ (per cent)), see `each_interval`."""
+    ends, values = each_interval(log, **options)
+    return ends, log.error(values)
 
 
 def reference_nodes(reference: Sine, log: Log) -> list[Nodes]:

@@ -6,31 +6,26 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from swingid.study.reproduce.published import FIG8, UNCLEAR
-
-TWINS = {
-    "viscous": "The experiment, friction viscous as in the paper",
-    "hidden": "The experiment, with dry friction that no method has in its model",
-}
-
+from swingid.study.reproduce.published import FIG8, unclear
 
 _UNITS = (
     "Inertias in 10⁻⁵ kg m², errors in %, f1 in 10⁻⁵ N m s; last column: s of log from the start of the run from which "
     "on J1 stays within 1.4 %. The twin: J1 = 302.2, J1 + J_e = 398.3, J_e = 96.1, f1 = 26"
 )
 
-SAYS = {
-    "viscous": f"{_UNITS}. The true J1 of the paper's rig is not known; its a11' is read as J1 + J_e, and its "
-    "118.4 for the J_e of NLS as 381.0 − 272.6 (misprints).",
-    "hidden": f"{_UNITS}, and beside it Stribeck friction of 2 mN m, 4 mN m towards rest (0.3 rad/s). "
-    "f1 is what a method calls the viscous part.",
+TWINS = {
+    "viscous": (
+        "The experiment, friction viscous as in the paper",
+        f"{_UNITS}. The true J1 of the paper's rig is not known; its a11' is read as J1 + J_e, and its "
+        "118.4 for the J_e of NLS as 381.0 − 272.6 (misprints).",
+    ),
+    "hidden": (
+        "The experiment, with dry friction that no method has in its model",
+        f"{_UNITS}, and beside it Stribeck friction of 2 mN m, 4 mN m towards rest (0.3 rad/s). "
+        "f1 is what a method calls the viscous part.",
+    ),
 }
-
-GLANCE = {
-    "printed": "(6) as printed",
-    "observers": "with speeds by the observers (23)",
-    "chain": "and the voltage through W_f",
-}
+"""Title and caption of the experiment's table, by the friction of its twin."""
 
 NOTHING = "–"
 
@@ -59,7 +54,10 @@ def tables(results: dict[str, Any]) -> list[Table]:
 
 
 def _unclear() -> Table:
-    rows = tuple((row.where, row.printed, row.here, ", ".join(f"`{test}`" for test in row.tests)) for row in UNCLEAR)
+    rows = tuple(
+        (row["where"], row["printed"], row["here"], ", ".join(f"`{test}`" for test in row["tests"]))
+        for row in unclear()
+    )
     caption = "What is printed, what stands here instead, and the test that shows it."
     return Table("unclear", "Misprints and gaps of the paper", caption, ("where", "printed", "here", "test"), rows)
 
@@ -67,37 +65,36 @@ def _unclear() -> Table:
 def _glance(results: dict[str, Any]) -> Table:
     """What the paper reports, and what comes out here."""
     paper = results["paper"]
-    j_e = {
-        one["friction"]: {row["way"]: row["j_e_body"].get("error") for row in one["rows"]}
-        for one in results["experiment"]
-    }
+    errors = {one["friction"]: {row["way"]: row for row in one["rows"]} for one in results["experiment"]}
+
+    def j_e(words: str, friction: str, way: str, case: str = "body") -> str:
+        return f"{words} {signed(errors[friction][way][f'j_e_{case}'].get('error'))}"
+
     reading = {way: 100 * ((paper["a11_body"][way] - paper["j1"][way]) / paper["j_e"] - 1) for way in paper["j1"]}
-    here = [f"{words} {signed(j_e['viscous'][way])}" for way, words in GLANCE.items()]
-    nls = [f"viscous friction {signed(j_e['viscous']['nls'])}", f"hidden dry friction {signed(j_e['hidden']['nls'])}"]
-    slow_nls = {row["way"]: row["j_e_balanced"].get("error") for row in results["experiment"][1]["rows"]}
-    nls.append(f"the same, balanced and slow {signed(slow_nls['nls'])}, with viscous friction in its model alone")
-    nls[-1] += f" {signed(slow_nls['nls-viscous'])}"
-    momentum = [
-        f"viscous friction {signed(j_e['viscous']['momentum'])}",
-        f"hidden dry friction {signed(j_e['hidden']['momentum'])}",
-    ]
+    here = (
+        j_e("(6) as printed", "viscous", "printed"),
+        j_e("with speeds by the observers (23)", "viscous", "observers"),
+        j_e("and the voltage through W_f", "viscous", "chain"),
+    )
+    slow_nls = j_e("the same, balanced and slow", "hidden", "nls", "balanced")
+    alone = j_e("with viscous friction in its model alone", "hidden", "nls-viscous", "balanced")
+    nls, momentum = (
+        [j_e("viscous friction", "viscous", way), j_e("hidden dry friction", "hidden", way)]
+        for way in ("nls", "momentum")
+    )
     letter, letter_trapezoid, held, trapezoid = (signed(row["error"]) for row in results["simulation"]["rows"][:4])
     slow = next(row for row in results["simulation"]["backstepping"] if row["frequency"] == FIG8)
+    simulated = (
+        f"(6) letter by letter {letter}, with the work by the trapezoid {letter_trapezoid}; with the potential "
+        f"energy of each pass's own nodes {held}, {trapezoid}"
+    )
+    law = f"printed law at {FIG8:g} rad/s {signed(slow['after_8_s'])}"
     rows = (
         ("J_e, proposed method", signed(reading["proposed"]), "; ".join(here)),
-        ("J_e, NLS", signed(reading["nls"], 3), "; ".join(nls)),
+        ("J_e, NLS", signed(reading["nls"], 3), "; ".join([*nls, f"{slow_nls}, {alone}"])),
         ("J_e, momentum", NOTHING, "; ".join(momentum)),
-        (
-            "J1, ideal simulation at the paper's times",
-            f"{paper['simulation_error']:g}, average",
-            f"(6) letter by letter {letter}, with the work by the trapezoid {letter_trapezoid}; with the potential "
-            f"energy of each pass's own nodes {held}, {trapezoid}",
-        ),
-        (
-            "J1, backstepping after 8 s",
-            f"{paper['backstepping'][0]:g}",
-            f"printed law at {FIG8:g} rad/s {signed(slow['after_8_s'])}",
-        ),
+        ("J1, ideal simulation at the paper's times", f"{paper['simulation_error']:g}, average", simulated),
+        ("J1, backstepping after 8 s", f"{paper['backstepping'][0]:g}", law),
     )
     return Table("glance", "At a glance", "Errors in %.", ("", "the paper", "here"), rows)
 
@@ -107,8 +104,7 @@ def _experiment(answers: dict[str, Any], paper: dict[str, Any]) -> Table:
     rows = [_ways(row) for row in answers["rows"]]
     return Table(
         f"experiment-{answers['friction']}",
-        TWINS[answers["friction"]],
-        SAYS[answers["friction"]],
+        *TWINS[answers["friction"]],
         ("", "J1", "error", "J1 + J_e", "error", "a11'", "J_e", "error", "f1", "1.4 % from"),
         (*printed, *rows),
     )
@@ -124,15 +120,18 @@ def _published(paper: dict[str, Any], way: str, words: str) -> tuple[str, ...]:
 
 def _ways(row: dict[str, Any]) -> tuple[str, ...]:
     plain, body, j_e = row["plain"], row["body"], row["j_e_body"]
-    cells = [row["words"], inertia(plain.get("inertia")), signed(plain.get("error")), inertia(body.get("inertia"))]
-    cells += [
-        signed(body.get("error")),
-        inertia(body.get("a11")),
-        inertia(j_e.get("inertia")),
-        signed(j_e.get("error")),
-    ]
-    f1 = plain.get("f1")
-    return (*cells, NOTHING if f1 is None else number(1e5 * f1), number(row["converged"], 2))
+    loaded = (*_inertia(body), inertia(body.get("a11")))
+    return (row["words"], *_inertia(plain), *loaded, *_inertia(j_e), _f1(plain), number(row["converged"], 2))
+
+
+def _inertia(answer: dict[str, Any]) -> tuple[str, str]:
+    """An identified inertia and its error; dashes where the method refused."""
+    return inertia(answer.get("inertia")), signed(answer.get("error"))
+
+
+def _f1(answer: dict[str, Any]) -> str:
+    f1 = answer.get("f1")
+    return NOTHING if f1 is None else number(1e5 * f1)
 
 
 def _balanced(results: dict[str, Any]) -> Table:
@@ -155,23 +154,13 @@ def _balanced(results: dict[str, Any]) -> Table:
 def _controllers(results: dict[str, Any]) -> Table:
     words = {"plain": "without the body, 8.5 rad/s", "body": "with the body, 6 rad/s", "balanced": "balanced, 2 rad/s"}
     rows = []
-    answers = results["experiment"][0]
+    answers, ideal = results["experiment"][0], results["simulation"]
     for case, name in words.items():
-        run = answers["controller"][case]
-        first = answers["first_interval"].get(case, {})
-        cells = (number(run["k_tilde"]), number(run["settled"]), number(1e3 * run["error_rms"]))
-        more = (number(1e3 * run["error_peak"]), number(run["voltage_rms"]), number(run["voltage_peak"]))
-        rows.append((name, *cells, *more, number(first.get("within 5 %")), number(first.get("within 1.4 %"))))
-    ideal = results["simulation"]
-    rows.append(
-        (
-            "ideal simulation, gains of Fig. 7",
-            number(ideal["k_tilde"]),
-            number(ideal["settled"]),
-            number(1e3 * ideal["error_rms"]),
-            *(NOTHING,) * 5,
-        )
-    )
+        run, first = answers["controller"][case], answers["first_interval"].get(case, {})
+        voltages = (number(run["voltage_rms"]), number(run["voltage_peak"]))
+        soon = (number(first.get("within 5 %")), number(first.get("within 1.4 %")))
+        rows.append((name, *_adaptation(run), number(1e3 * run["error_peak"]), *voltages, *soon))
+    rows.append(("ideal simulation, gains of Fig. 7", *_adaptation(ideal), *(NOTHING,) * 5))
     return Table(
         "controllers",
         "The controller, and how soon (6) is right",
@@ -182,13 +171,14 @@ def _controllers(results: dict[str, Any]) -> Table:
     )
 
 
+def _adaptation(run: dict[str, Any]) -> tuple[str, str, str]:
+    return number(run["k_tilde"]), number(run["settled"]), number(1e3 * run["error_rms"])
+
+
 def _simulation(results: dict[str, Any]) -> Table:
     paper = results["paper"]
     rows = [("the paper: its four times", NOTHING, f"{paper['simulation_error']:g} (average)", NOTHING)]
-    for row in results["simulation"]["rows"]:
-        f1 = row.get("f1")
-        cells = (row["words"], inertia(row.get("inertia")), signed(row.get("error")))
-        rows.append((*cells, NOTHING if f1 is None else number(1e5 * f1)))
+    rows += [(row["words"], *_inertia(row), _f1(row)) for row in results["simulation"]["rows"]]
     return Table(
         "simulation",
         "The ideal simulation of Fig. 7",

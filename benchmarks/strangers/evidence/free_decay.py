@@ -2,13 +2,16 @@
 
     python free_decay.py FILE TIME ANGLE UNIT [FROM TO] [--linear] [--spikes]
 
-TIME and ANGLE are column numbers of a text table (from 0) or names in a MATLAB file (a.b.c); TIME may be rate=1000. UNIT is rad
-per logged unit (or "deg"). T0 is the period of small swings: each period, from the third crossing to the first, is divided by
-2 K(sin(A/2)) / pi (not with --linear), A being the mean of its two peaks about the middle of successive peaks. --spikes: a running median of five rows first.
+TIME and ANGLE are column numbers of a text table (from 0) or names in a MATLAB file (a.b.c); TIME may be rate=1000.
+UNIT is rad per logged unit (or "deg"). T0 is the period of small swings: each period, from the third crossing to the
+first, is divided by 2 K(sin(A/2)) / pi (not with --linear), A being the mean of its two peaks about the middle of
+successive peaks. --spikes: a running median of five rows first.
 """
 
 import re
 import sys
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 from scipy.io import loadmat
@@ -27,7 +30,7 @@ def column(path, names):
             yield np.ravel(np.asarray(value, float))
         return
     rows = []
-    for line in open(path, encoding="latin-1"):
+    for line in Path(path).read_text(encoding="latin-1").splitlines():
         try:
             rows.append([float(cell) for cell in re.split(r"[,;\s]+", line.strip()) if cell])
         except ValueError:
@@ -66,25 +69,20 @@ def main(path, time, angle, unit, *window):
     middle = np.median(q)
     for _ in range(4):  # the middle of the swing, from peaks of both sides
         c = crossings(t, q - middle, 0.1 * np.percentile(np.abs(q - middle), 90))
-        peaks = np.array(
-            [
-                q[(t > a) & (t < b)][np.argmax(np.abs(q - middle)[(t > a) & (t < b)])]
-                for a, b in zip(c, c[1:], strict=False)
-            ]
-        )
+        parts = [np.flatnonzero((t > a) & (t < b)) for a, b in pairwise(c)]
+        peaks = np.array([q[part[np.argmax(np.abs(q[part] - middle))]] for part in parts])
         middles = (peaks[:-2] + 2 * peaks[1:-1] + peaks[2:]) / 4
         middle = np.median(middles)
     size = np.abs(peaks - middle)
     amplitude, period = (size[:-1] + size[1:]) / 2, c[2:] - c[:-2]
     small = period / (1 if linear else 2 / np.pi * ellipk(np.sin(amplitude / 2) ** 2))
     for part in np.array_split(np.arange(len(small)), min(8, len(small))):
-        s = small[part]
-        print(
-            f"t {c[part[0]]:9.3f}  A {np.mean(amplitude[part]):.4f}  T0 {np.median(s):.5f}  spread {1.48 * np.median(np.abs(s - np.median(s))):.5f}"
-        )
-    print(
-        f"middle {middle:+.4f} (range {np.ptp(middles):.4f})  periods {len(small)}  T0 {np.median(small):.5f}  J/b {(np.median(small) / 2 / np.pi) ** 2:.6g} s^2"
-    )
+        middling = np.median(small[part])
+        spread = 1.48 * np.median(np.abs(small[part] - middling))
+        print(f"t {c[part[0]]:9.3f}  A {np.mean(amplitude[part]):.4f}  T0 {middling:.5f}  spread {spread:.5f}")
+    ratio = (np.median(small) / 2 / np.pi) ** 2
+    print(f"middle {middle:+.4f} (range {np.ptp(middles):.4f})  {len(small)} periods")
+    print(f"T0 {np.median(small):.5f} s  J/b {ratio:.6g} s^2")
 
 
 if __name__ == "__main__":

@@ -23,6 +23,7 @@ class Kind(Enum):
     CALIBRATED = auto()
     NOT_IDENTIFIABLE = auto()
     GRAVITY_AND_INERTIA = auto()
+    WHEEL_STILL = auto()
 
 
 @dataclass(frozen=True, slots=True)

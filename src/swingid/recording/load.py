@@ -11,7 +11,7 @@ import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.recording.conventions import Conventions, from_first_row, gather, with_header_units
-from swingid.recording.findings import Finding, Source, notes_of, switched_off
+from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
 from swingid.recording.repair import limited, repair
 from swingid.recording.rows import LARGEST, MANY
@@ -232,7 +232,8 @@ def check_motion(channels: Channels, rig: Rig, name: str, *, still_axis: bool = 
         if swings and time[last] - time[first] > LONG_REST * (time[-1] - time[0]):
             part = "" if last - first == time.size - 1 else f" from {time[first]:.4g} to {time[last]:.4g} s"
             message = f"column {rig.log.wheel_angle!r} (wheel angle) does not change{part} while the axis swings"
-            findings.append(Finding("wheel-still", f"{message}; is the wheel's encoder connected?", "warning"))
+            text = f"{message}; is the wheel's encoder connected?"
+            findings.append(Finding("wheel-still", text, "warning", kind=Kind.WHEEL_STILL))
     step = float(np.median(np.diff(time)))
     if step > NO_STEP:
         message = f"{name}: one row in {step:g} s is too slow for a swing; if column {rig.log.time!r} is in us or ns"

@@ -9,6 +9,7 @@ from importlib.metadata import version
 
 from swingid.model.rig import Rig
 from swingid.model.terms import further_terms, rig_terms
+from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
 from swingid.units import Quantity
@@ -55,11 +56,11 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
 
 
 def add_findings(
-    log: Recording, warnings: list[Message], notes: list[Message], *, leave_out: str | None = None
+    log: Recording, warnings: list[Message], notes: list[Message], *, leave_out: Kind | None = None
 ) -> None:
     """Add what was found in the log when it was read to the warnings and the notes of a result, each to its kind."""
     for finding in log.findings:
-        if finding.code != leave_out:
+        if leave_out is None or finding.kind is not leave_out:
             (warnings if finding.level == "warning" else notes).append(
                 Message(finding.code, finding.message, finding.kind)
             )

@@ -1,4 +1,4 @@
-"""One log of a calibration: its windows, chosen once, and its rows with the encoders as they are known so far."""
+"""One log of a calibration: its windows, chosen once, and its regression with the encoders as estimated so far."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ import numpy as np
 
 from swingid.balance.choice import choose
 from swingid.balance.fits import WindowFit, columns_of, known_side, sensor_variance
-from swingid.balance.imperfections import constants
+from swingid.balance.imperfections import axis_bends, constants, late_channel, wheel_bends
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.calibration.encoders.columns import encoder_columns
-from swingid.calibration.encoders.parts import bounded
+from swingid.calibration.encoders.parts import ANGLE, WHEEL, bounded, latency_key
 from swingid.checks.answer import check_sign
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -27,13 +26,13 @@ from swingid.recording.recording import Recording
 
 @dataclass(frozen=True)
 class LogRows:
-    """The balance of one log, linear about the encoders as corrected so far.
+    """The regression of one log, linear about the encoders as corrected so far.
 
-    own: names of the unknowns of this log alone (friction), common: inertia and, where unknown, the gravity torque.
-    columns (rows, common + own); parts: minus what a unit of each part adds to the rows, by key; constants: the same
-    of uncertain constants of the rig, per standard deviation. grid (8, rows): errors of the rows for eight places of
-    the encoder's grid, the same in every log, for the encoder knows its place in the turn. balance, scale, noise, a11,
-    b: of which these rows were made.
+    own: names of the unknowns of this log alone (friction); common: inertia and, where unknown, the gravity torque.
+    columns (rows, common + own); parts: regressors of the encoders' parts by key; constants: those of uncertain
+    constants of the rig, per standard deviation. grid (8, rows): errors of the rows for eight phases of the encoder's
+    grid, the same in every log, because the grid is fixed to the encoder. balance, scale, noise, a11, b: those from
+    which the rows were computed.
     """
 
     common: tuple[str, ...]
@@ -50,11 +49,11 @@ class LogRows:
     b: float
 
     def sensor_noise(self, influence: Array) -> tuple[float, float]:
-        """Variance of an unknown by the sensors' white noise, and what a sum over neighbours sees of it."""
+        """Variance of an unknown by white noise of the sensors, and what Newey and West's sum makes of that noise."""
         return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, self.noise)
 
     def grid_noise(self, influence: Array) -> float:
-        """The same variance by the step of the angle's grid alone, were its errors white."""
+        """Variance of an unknown by the step of the angle's encoder, if its rounding errors were white."""
         noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0)
         return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, noise)[0]
 
@@ -76,15 +75,15 @@ class CalibrationLog:
     @classmethod
     def of(cls, log: Recording, rig: Rig) -> CalibrationLog:
         """Find the useful part and the windows; raises as the method momentum."""
-        # nothing is straightened yet: the nonlinearities are what is sought
+        # the readings are not corrected yet, because the nonlinearities are to be estimated
         prepared = Prepared(log, rig, Scale.of(rig), Encoders.of(bounded(rig)), ())
         require_channels(log, rig)
         part = prepared.part(reread=True)
-        # the windows are those that determine most beside bent encoders, whatever is known of a latency already
+        # windows of least variance beside encoder nonlinearities, whatever is stated of a latency
         choice = choose(Signals.of(part.log, rig, part.motion, part.encoders), rig, prepared.scale, part.noise)
         check_sign(choice.law, prepared.scale, log.source.path or "the log")
         late = part.motion.turning_times - choice.signals.motion.turning_times
-        # a repair that is switched off holds for methods, not for what is sought here
+        # the findings would keep `straightened` from correcting the readings again in each step
         return cls(replace(part.log, findings=()), part.noise, choice.law, late)
 
     def signals(self, rig: Rig) -> Signals:
@@ -98,7 +97,7 @@ class CalibrationLog:
         return signals.earlier(self.late) if same else signals
 
     def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows:
-        """The balance on windows of `stretch` times the chosen length; a11, b as known so far."""
+        """The regression on windows of `stretch` times the chosen length; a11, b as estimated so far."""
         scale, signals = Scale.of(rig), signals.suited(stretch * self.first.half)
         rows = rows_of(signals, law_windows(signals, stretch * self.first.half))
         friction = tuple(name for name in self.first.unknowns if name in rows.friction)
@@ -109,7 +108,7 @@ class CalibrationLog:
             own=friction,
             columns=columns,
             target=known_side(rows, scale),
-            parts={key: -column for key, column in encoder_columns(rows, signals, scale, a11, b).items()},
+            parts=_parts(rows, signals, rig, a11, b),
             constants={one.source: one.rows * one.std for one in constants(rig, rows) if one.std > 0},
             grid=self._grid(signals, rows, a11, b),
             balance=rows,
@@ -120,7 +119,7 @@ class CalibrationLog:
         )
 
     def _grid(self, signals: Signals, rows: Rows, a11: float, b: float) -> Array:
-        """What the encoder's grid does to the rows, for eight places of it; none without a grid."""
+        """Errors of the rows by the encoder's grid, for eight phases of it; none without a grid."""
         if self.noise.resolution == 0.0:
             return np.zeros((0, len(rows.windows)))
         nodes, windows = signals.nodes, rows.windows
@@ -132,3 +131,21 @@ class CalibrationLog:
         second = project(nodes, [(error * cosine, 0) for error in at_nodes], windows.centres, windows.half)
         result: Array = -(a11 * first + b * second).T
         return result
+
+
+def _parts(rows: Rows, signals: Signals, rig: Rig, a11: float, b: float) -> dict[str, Array]:
+    """Regressor of every part, by its key (and "zero"), about the channels as read (THEORY 4, self-calibration).
+
+    δ of the wheel against the angle     −a12 ∫φ'' q2'          (direct drive: of the angle against the torque, ∫φ' τ)
+    α of the wheel's encoder             −a12 ∫φ'' cos q2
+    α of the axis' encoder               −a11 ∫φ'' cos q1 − b ∫φ cos² q1
+    δ of the angle's zero                −b ∫φ cos q1
+    """
+    windows, a12 = rows.windows, Scale.of(rig).a12
+    bends = {ANGLE: axis_bends(signals, rows, a11, b), WHEEL: wheel_bends(signals, rows, a12)}
+    result = {f"{table}.nonlinearity_{name}": effect for table, own in bends.items() for name, effect in own.items()}
+    if not signals.linear:
+        result["zero"] = -b * project(signals.nodes, [(signals.cosine, 0)], windows.centres, windows.half)[:, 0]
+    if signals.wheel_rate is not None or signals.torque is not None:
+        result[latency_key(rig)] = late_channel(signals, rows, a12)
+    return result

@@ -1,33 +1,34 @@
-"""What is asked of the encoders: α and β of each in q + α cos q + β sin q, the latency between the channels.
+"""The unknowns of an encoder calibration: α and β of q + α cos q + β sin q of each encoder, the latency between them.
 
-Each has a bound, a normal prior: the spread that the rig file declares, else one that is no knowledge but ten times
-what a rig has.
+Each has a normal prior: the standard deviation that the rig file states, else one that is ten times what a rig has.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from swingid.model.rig import Rig
+from swingid.model.rig.sensors import ONE_ENCODER
+from swingid.units import Quantity
 
 WIDE = float(np.radians(1.0))
 LATEST = 0.01
-"""Bounds (rad, s) where the rig file declares nothing."""
+"""Prior standard deviations (rad, s) where the rig file states nothing."""
 
 ZERO = 0.02
-"""Bound (rad) of the zero of the angle, which the cosine part of the axis' encoder looks like."""
+"""Prior standard deviation (rad) of the zero of the angle, whose regressor is nearly that of α of the axis' encoder."""
 
 ANGLE, WHEEL = "sensors", "sensors.wheel"
 
 
 @dataclass(frozen=True)
 class Part:
-    """A small quantity by its key in the rig file; prior: its standard deviation before the logs are seen (rad, s).
+    """An unknown by its key in the rig file; prior: its prior standard deviation (rad, s).
 
-    declared: whether the rig file says so. nuisance: fitted beside the others, and not written.
+    declared: whether the rig file states the prior. nuisance: estimated beside the others, and not written.
     """
 
     key: str
@@ -42,14 +43,13 @@ class Part:
 
 
 def parts_of(rig: Rig) -> list[Part]:
-    """The parts that logs of this rig may tell."""
+    """The parts that logs of this rig may make identifiable."""
     found = []
     tables = {"angle": ANGLE, "wheel": WHEEL} if rig.drive.kind == "reaction-wheel" else {"angle": ANGLE}
     if rig.axis.kind == "rotary":
         for table in tables.values():
             spread = declared_spread(rig, table)
-            for name in ("cosine", "sine"):
-                found.append(Part(f"{table}.nonlinearity_{name}", spread or WIDE, spread > 0))
+            found += [Part(f"{table}.{key}", spread or WIDE, spread > 0) for key in ONE_ENCODER]
         found.append(Part("zero", ZERO, False, nuisance=True))
     if rig.drive.kind != "none":
         stds = [rig.sensors.of("angle").latency.std or 0.0]
@@ -61,7 +61,7 @@ def parts_of(rig: Rig) -> list[Part]:
 
 
 def declared_spread(rig: Rig, table: str) -> float:
-    """What sensors.nonlinearity says (rad) of the encoder of `table`, 0 where nothing; not what was calibrated."""
+    """Stated sensors.nonlinearity (rad) of the encoder of `table`, 0 without one; not the calibrated values."""
     own = rig.sensors.wheel
     if table == WHEEL and own is not None and "nonlinearity" in own.model_fields_set:
         return own.nonlinearity
@@ -69,15 +69,13 @@ def declared_spread(rig: Rig, table: str) -> float:
 
 
 def bounded(rig: Rig) -> Rig:
-    """The rig as if it declared the bound of every encoder of which it says nothing; its latencies are exact."""
-    rig = latencies_exact(rig)
+    """The rig with the prior of every encoder whose nonlinearity it does not state; its latencies are exact."""
+    rig = with_latencies(rig, lambda latency: latency.value)
     if rig.axis.kind != "rotary":
         return rig
-    wheel = rig.drive.kind == "reaction-wheel"
-    unsaid = {f"{ANGLE}.nonlinearity": WIDE} if declared_spread(rig, ANGLE) == 0 else {}
-    if wheel and declared_spread(rig, WHEEL) == 0:
-        unsaid[f"{WHEEL}.nonlinearity"] = WIDE
-    return rig.changed(unsaid) if unsaid else rig
+    tables = (ANGLE, WHEEL) if rig.drive.kind == "reaction-wheel" else (ANGLE,)
+    missing = {f"{table}.nonlinearity": WIDE for table in tables if declared_spread(rig, table) == 0}
+    return rig.changed(missing) if missing else rig
 
 
 def latency_key(rig: Rig) -> str:
@@ -85,35 +83,27 @@ def latency_key(rig: Rig) -> str:
     return f"{WHEEL if rig.drive.kind == 'reaction-wheel' else ANGLE}.latency"
 
 
+def stated_latency(rig: Rig) -> Quantity:
+    """Stated latency of the channel of `latency_key`."""
+    return rig.sensors.of("wheel" if rig.drive.kind == "reaction-wheel" else "angle").latency
+
+
 def uncalibrated(rig: Rig) -> Rig:
-    """The rig without what an earlier calibration of its encoders wrote: every calibration starts from the readings."""
-    keys = [f"{table}.nonlinearity_{name}" for table in (ANGLE, WHEEL) for name in ("cosine", "sine")]
-    stated = [key for key in keys if _stated(rig, key)]
-    return rig.changed(dict.fromkeys(stated)) if stated else rig
+    """The rig without values of an earlier calibration: every calibration starts from the readings."""
+    tables = ((ANGLE, rig.sensors), (WHEEL, rig.sensors.wheel))
+    found = [f"{name}.{key}" for name, own in tables for key in ONE_ENCODER if getattr(own, key, None) is not None]
+    return rig.changed(dict.fromkeys(found)) if found else rig
 
 
-def latencies_exact(rig: Rig) -> Rig:
-    """The rig with its latencies taken for exact."""
-    changes: dict[str, object] = {f"{ANGLE}.latency": rig.sensors.latency.value}
-    if rig.sensors.wheel is not None and "latency" in rig.sensors.wheel.model_fields_set:
-        changes[f"{WHEEL}.latency"] = rig.sensors.wheel.latency.value
-    return rig.changed(changes)
-
-
-def _stated(rig: Rig, key: str) -> bool:
-    table = rig.sensors.wheel if key.startswith(WHEEL) else rig.sensors
-    return table is not None and getattr(table, key.rpartition(".")[2]) is not None
+def with_latencies(rig: Rig, changed: Callable[[Quantity], object]) -> Rig:
+    """The rig with each stated latency as `changed` makes it."""
+    tables = ((ANGLE, rig.sensors), (WHEEL, rig.sensors.wheel))
+    stated = [(table, own) for table, own in tables if own is not None and "latency" in own.model_fields_set]
+    return rig.changed({f"{table}.latency": changed(own.latency) for table, own in stated}) if stated else rig
 
 
 def with_parts(rig: Rig, values: Mapping[str, float], parts: Iterable[Part]) -> Rig:
-    """The rig with these values (by key) in the place of α and β, and added to the latency."""
-    changes: dict[str, object] = {}
-    for part in parts:
-        if part.nuisance:
-            continue
-        value = values[part.key]
-        if part.unit == "s":
-            channel = rig.sensors.of("wheel" if part.key.startswith(WHEEL) else "angle")
-            value += channel.latency.value
-        changes[part.key] = value
-    return rig.changed(changes)
+    """The rig with these values (by key) of α and β, and added to the latency."""
+    late = stated_latency(rig).value
+    own = [part for part in parts if not part.nuisance]
+    return rig.changed({part.key: values[part.key] + (late if part.unit == "s" else 0.0) for part in own})

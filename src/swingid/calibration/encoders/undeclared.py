@@ -1,8 +1,8 @@
-"""Bent encoders and late channels that the rig file does not declare, found from the identified logs and taken off.
+"""Nonlinearity and latency that the rig file does not declare, estimated from the identified logs and corrected.
 
-The scatter of a log does not hold them, but its balance shows them (warnings of the kinds `CAUSES`). Then the same logs
-calibrate the encoders, as `calibrate_encoders` does, and are identified once more. So they do where a nonlinearity is
-declared that is too large for the first order that methods take it to.
+The scatter of a log does not contain them, but its residuals show them (warnings of the kinds `CAUSES`). Then the same
+logs calibrate the encoders, as `calibrate_encoders` does, and are identified once more. The same is done where a
+declared nonlinearity is too large for the first order that methods take it to.
 """
 
 from __future__ import annotations
@@ -12,33 +12,35 @@ from dataclasses import replace
 
 import numpy as np
 
+from swingid.calibration.encoders import parts as at
 from swingid.calibration.encoders.method import calibrate_encoders
-from swingid.calibration.encoders.parts import ANGLE, LATEST, WHEEL, WIDE, declared_spread, latency_key
 from swingid.errors import SwingidError, UnanswerableError
 from swingid.model.rig import Rig
+from swingid.preparation.encoders import LATENCY, is_off
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Message, Result
 from swingid.uncertainty.significance import CERTAIN, INDICATED
+from swingid.units import Quantity
 
 CAUSES = {Kind.ENCODER_NONLINEARITY, Kind.LATE_CHANNEL}
 """Kinds of warnings that lead here."""
 
 ALIKE = {*CAUSES, Kind.GRAVITY_TORQUE, Kind.ANGLE_ZERO}
-"""With what looks much like a nonlinearity of an encoder: beside the gravity torque, one log does not lead here."""
+"""With what has a regressor near that of a nonlinearity: beside the gravity torque, one log does not lead here."""
 
 CODE, REPAIR = "calibrated-by-itself", "calibrate"
 
 Ask = Callable[[Rig, tuple[Finding, ...]], Result]
-"""Identification of the logs with another rig and these findings more."""
+"""Identification of the logs with another rig and additional findings."""
 
 
 def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], rig: Rig) -> Result:
-    """The result of the same logs with what they themselves tell of undeclared encoder errors.
+    """The result of the same logs with the undeclared encoder errors that they themselves make identifiable.
 
-    Unchanged where `result` does not warn of such, where the repair "calibrate" is switched off, where an encoder would
-    have to be bent by more than 1° and three times what is declared, and where the new result still warns of what looks
-    like it or of anything new: then it was not the cause. The new one warns too, by `CODE`.
+    Unchanged where `result` does not warn of such, where the repair "calibrate" is switched off, where the nonlinearity
+    of an encoder would exceed both 1° and three times the declared one, and where the new result still warns of what
+    is nearly collinear with it or of anything new: then it was not the cause. The new one warns too, by `CODE`.
     """
     before = _warnings(result)
     kinds = {warning.kind for warning in before}
@@ -53,7 +55,9 @@ def calibrated_by_itself(result: Result, ask: Ask, logs: Sequence[Recording], ri
     codes = {warning.code for warning in before}
     left = [one for one in _warnings(again) if one.kind is not Kind.CALIBRATED]
     settled = all(one.kind not in ALIKE and one.code in codes for one in left)  # nothing of the kind, and nothing new
-    settled &= all(_size(better, table) <= max(WIDE, INDICATED * declared_spread(rig, table)) for table in _tables(rig))
+    settled &= all(
+        _size(better, table) <= max(at.WIDE, INDICATED * at.declared_spread(rig, table)) for table in _tables(rig)
+    )
     return _of_the_file(again, result) if settled else result
 
 
@@ -62,52 +66,54 @@ def _warnings(result: Result) -> list[Message]:
 
 
 def _encoders(logs: Sequence[Recording], rig: Rig) -> tuple[Rig, str]:
-    """The rig with the encoders as the logs tell them, and a sentence; UnanswerableError where they hardly tell."""
-    found = calibrate_encoders(logs, rig)
+    """The rig with the encoders that the logs give, and a sentence; UnanswerableError where nothing is significant.
+
+    Where the correction of latencies is switched off, neither step uses a stated one, and the latency between the
+    channels that is estimated here enters the identification as an uncertainty about 0.
+    """
+    uncorrected = any(is_off(log, LATENCY) for log in logs)
+    found = calibrate_encoders(logs, at.with_latencies(rig, lambda q: Quantity(0.0, q.std)) if uncorrected else rig)
+    better, key = found.rig, at.latency_key(rig)
+    if uncorrected and key in found.told:
+        late = found.result.parameters[key]
+        better = better.changed({key: Quantity(0.0, float(np.hypot(late.value, late.standard_uncertainty or 0.0)))})
     parts = [part for key, part in found.result.parameters.items() if "nonlinearity" in key]
-    # steps of an encoder that come again with every swing look like a nonlinearity, too
+    # rounding errors of an encoder that repeat with every swing look like a nonlinearity, too
     if not any(abs(part.value) > CERTAIN * (part.standard_uncertainty or np.inf) for part in parts):
-        raise UnanswerableError("the logs hardly tell how far the encoders are bent.", code="not-identifiable")
+        raise UnanswerableError("the encoders' nonlinearity is hardly identifiable.", code="not-identifiable")
     sizes = [f"{np.degrees(_size(found.rig, table)):.2g}° {of}" for table, of in _tables(rig).items()]
+    shows = "this log shows" if len(logs) == 1 else "these logs show"
     text = (
-        f"the rig file does not say how far the encoders are bent; {_log(logs)} {' and '.join(sizes)} once per turn, "
-        "which was found in the same balance and taken off. Write it into the rig file with swingid calibrate "
-        "--encoders; several motions tell it better."
+        f"the rig file does not state the encoders' nonlinearity; {shows} {' and '.join(sizes)} once per turn, which "
+        "was estimated from the same data and corrected. Write it into the rig file with swingid calibrate --encoders; "
+        "several motions determine it better."
     )
-    return found.rig, text
+    return better, text
 
 
 def _latency(rig: Rig) -> tuple[Rig, str]:
-    """The rig with its latency left open, which momentum finds then, and a sentence."""
-    key = latency_key(rig)
-    channel = rig.sensors.of("wheel" if key.startswith(WHEEL) else "angle")
+    """The rig with its latency left open, so that momentum estimates it, and a sentence."""
+    key = at.latency_key(rig)
     text = (
-        f"the channels are read at different times, which the rig file does not say: {key} was found in the same "
-        f"balance, within {1e3 * LATEST:.0f} ms. Write it into the rig file with swingid calibrate --encoders."
+        f"the channels are read at different times, which the rig file does not state: {key} was estimated from the "
+        f"same data, within {1e3 * at.LATEST:.0f} ms. Write it into the rig file with swingid calibrate --encoders."
     )
-    return rig.changed({key: {"value": channel.latency.value, "std": LATEST}}), text
+    return rig.changed({key: Quantity(at.stated_latency(rig).value, at.LATEST)}), text
 
 
 def _tables(rig: Rig) -> dict[str, str]:
-    tables = {ANGLE: "of the angle's encoder"}
-    return tables | {WHEEL: "of the wheel's"} if rig.drive.kind == "reaction-wheel" else tables
+    tables = {at.ANGLE: "of the angle's encoder"}
+    return tables | {at.WHEEL: "of the wheel's"} if rig.drive.kind == "reaction-wheel" else tables
 
 
 def _size(rig: Rig, table: str) -> float:
-    """Of the nonlinearity that is stated of an encoder, rad."""
-    sensor = rig.sensors.of("wheel" if table == WHEEL else "angle")
+    """Stated nonlinearity of an encoder, rad."""
+    sensor = rig.sensors.of("wheel" if table == at.WHEEL else "angle")
     return float(np.hypot(sensor.cosine.value, sensor.sine.value))
-
-
-def _log(logs: Sequence[Recording]) -> str:
-    return "this log shows" if len(logs) == 1 else "these logs show"
 
 
 def _of_the_file(again: Result, first: Result) -> Result:
     """`again` with the rig of the user's file in its provenance."""
     per_log = tuple(_of_the_file(one, other) for one, other in zip(again.per_log, first.per_log, strict=True))
-    return replace(again, provenance=again.provenance | _rig(first), per_log=per_log)
-
-
-def _rig(result: Result) -> dict[str, object]:
-    return {key: value for key, value in result.provenance.items() if key.startswith("rig")}
+    rig = {key: value for key, value in first.provenance.items() if key.startswith("rig")}
+    return replace(again, provenance=again.provenance | rig, per_log=per_log)

@@ -1,4 +1,4 @@
-"""Row (II) on test functions that stand where the wheel turns one way, and which constants it determines.
+"""Equation (II) on modulating functions within parts without reversal of the wheel, and which constants it determines.
 
 The balance is linear in the products as long as each instant keeps its branch of (8). M is continuous at the edges
 of the dead zone, so solving the linear balance and assigning the branches anew is Gauss–Newton's step on the
@@ -14,26 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.rows import Windows
+from swingid.calibration.motor import products as at
 from swingid.calibration.motor.channels import IDLE, WheelLog
-from swingid.calibration.motor.products import (
-    COULOMB,
-    COUNT,
-    COUPLING,
-    DAMPING,
-    EMF,
-    GAIN,
-    NEGATIVE,
-    POSITIVE,
-    allowed,
-    branches,
-    products_of,
-)
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
 from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.regression import LinearFit, fit_linear
-from swingid.numerics.test_functions import project_stacked
+from swingid.numerics.test_functions import project
 from swingid.result.result import Message
 
 LAG = 4
@@ -42,7 +30,7 @@ LAG = 4
 FEWEST_ROWS, MOST_STEPS = 24, 40
 
 EMPTY = 4e-3
-"""A column of less than this share of what it would be at full strength shows nothing."""
+"""Norm of a column, relative to that at full excitation, below which it counts as empty."""
 
 PARALLEL, SHARE = 1e-7, 0.05
 """Singular values below this share of the largest mean that columns with such a share in the direction are parallel."""
@@ -52,30 +40,30 @@ SHORTEST, LONGEST = 12, 1.0
 
 
 APART = 0.2
-"""A part of a sum counts as known when its own standard uncertainty is below this share of it."""
+"""A part of a sum counts as identifiable when its own standard uncertainty is below this share of it."""
 
 NEARLY = 3.0
-"""… or when it is known as well as the sum, to this factor."""
+"""… or when its uncertainty is that of the sum, to this factor."""
 
 KNOWN = 1 / 3
-"""Gain and damping must be known to this share, or there is no answer."""
+"""Relative standard uncertainty of gain and damping above which the log is refused."""
 
-SIDES = {POSITIVE: "positive", NEGATIVE: "negative"}
+SIDES = {at.POSITIVE: "positive", at.NEGATIVE: "negative"}
 
 WORDS = {
-    GAIN: "efficiency * torque_per_volt",
-    DAMPING: "efficiency * back_emf + gear_ratio * viscous",
-    POSITIVE: "coulomb + dead_zone[1]",
-    NEGATIVE: "coulomb - dead_zone[0]",
-    COULOMB: "coulomb",
-    EMF: "back_emf",
-    COUPLING: "rotor_inertia",
+    at.GAIN: "efficiency * torque_per_volt",
+    at.DAMPING: "efficiency * back_emf + gear_ratio * viscous",
+    at.POSITIVE: "coulomb + dead_zone[1]",
+    at.NEGATIVE: "coulomb - dead_zone[0]",
+    at.COULOMB: "coulomb",
+    at.EMF: "back_emf",
+    at.COUPLING: "rotor_inertia",
 }
 
 
 @dataclass(frozen=True)
 class LogRows:
-    """One log on its windows: what does not depend on the branches is projected once.
+    """One log on its windows: the integrals that do not depend on the branches are computed once.
 
     target (w,): ∫φ q2''. fixed (w, 2): columns of DAMPING and COUPLING.
     """
@@ -100,15 +88,14 @@ class LogRows:
         where = np.concatenate(centres)
         windows = Windows(where, np.full(len(where), half))
         wheel, angle = log.nodes.spline(log.wheel), log.nodes.spline(log.angle)
-        stacked = np.stack([wheel.ravel(), wheel.ravel(), angle.ravel()])
-        part = project_stacked(log.nodes, stacked, np.array([2, 1, 2]), windows.centres, windows.half)
+        part = project(log.nodes, [(wheel, 2), (wheel, 1), (angle, 2)], windows.centres, windows.half)
         speed = log.speed.at_nodes(log.nodes)
         fixed = np.column_stack([part[:, 1], -part[:, 2]])  # −∫φ q2' = ∫φ' q2
         return cls(log, windows, log.voltage_at_nodes(), speed, part[:, 0], fixed)
 
     def columns(self, values: Array) -> Array:
         """Columns (w, 7) of the balance with the branches that `values` give."""
-        branch = branches(values, self.voltage, self.speed)
+        branch = at.branches(values, self.voltage, self.speed)
         above, below = (branch > 0).astype(float), (branch < 0).astype(float)
         signals = [
             self.voltage * (branch != 0),
@@ -117,32 +104,28 @@ class LogRows:
             below,
             -(np.sign(self.speed) - above + below),
         ]
-        stacked = np.stack([signal.ravel() for signal in signals])
-        part = project_stacked(
-            self.log.nodes, stacked, np.zeros(len(signals), np.int64), self.windows.centres, self.windows.half
-        )
-        result = np.empty((len(self.target), COUNT))
-        result[:, [GAIN, EMF, POSITIVE, NEGATIVE, COULOMB]] = part
-        result[:, [DAMPING, COUPLING]] = self.fixed
+        columns = [(signal, 0) for signal in signals]
+        part = project(self.log.nodes, columns, self.windows.centres, self.windows.half)
+        result = np.empty((len(self.target), at.COUNT))
+        result[:, [at.GAIN, at.EMF, at.POSITIVE, at.NEGATIVE, at.COULOMB]] = part
+        result[:, [at.DAMPING, at.COUPLING]] = self.fixed
         return result
 
 
 @dataclass(frozen=True)
 class BalanceFit:
-    """Products (7,) found by row (II), with the covariance (7, 7) of the free ones (zeros elsewhere).
+    """Products (7,) by equation (II), with the covariance (7, 7) of the free ones (zeros elsewhere).
 
-    free: which products were fitted; seen: whose columns are not empty. residual: left-over share of ∫φ q2''. half:
-    half-length of the windows in s.
+    free: which products were fitted; seen: whose columns are neither empty nor a sum of others. half: half-length of
+    the windows in s.
     """
 
     values: Array
     covariance: Array
     free: Bools
     seen: Bools
-    fit: LinearFit
     rows: tuple[LogRows, ...]
     half: float
-    residual: float
 
 
 def fit_balance(logs: Sequence[WheelLog], start: Array, free: Bools) -> BalanceFit:
@@ -166,12 +149,12 @@ def fit_balance(logs: Sequence[WheelLog], start: Array, free: Bools) -> BalanceF
             "lower frequencies in the voltage, or more rows per second.",
             code="too-short",
         )
-    return min(found, key=_badness)
+    return min(found, key=_log_variance)
 
 
-def _badness(fit: BalanceFit) -> float:
-    """Product of the relative variances of what is always wanted, gain and damping."""
-    wanted = [k for k in (GAIN, DAMPING, POSITIVE, NEGATIVE) if fit.free[k]]
+def _log_variance(fit: BalanceFit) -> float:
+    """Sum of the logarithms of the variances of gain, damping and friction."""
+    wanted = [k for k in (at.GAIN, at.DAMPING, at.POSITIVE, at.NEGATIVE) if fit.free[k]]
     return float(np.sum(np.log(np.maximum(np.diag(fit.covariance)[wanted], 1e-300))))
 
 
@@ -185,19 +168,18 @@ def _fit(rows: tuple[LogRows, ...], start: Array, free: Bools, half: float) -> B
         left = np.split(target - columns @ values, np.cumsum(sizes)[:-1])
         level = [max(float(np.sqrt(np.mean(part**2))), 1e-300) for part in left]
         weights = np.repeat([level[0] / own for own in level], sizes)
-    covariance = np.zeros((COUNT, COUNT))
+    covariance = np.zeros((at.COUNT, at.COUNT))
     covariance[np.ix_(free, free)] = fit.covariance(LAG)
-    power = float(np.sqrt(np.mean((target - columns @ values) ** 2) / np.mean(target**2)))
     seen = _seen(columns, rows, free)
-    return BalanceFit(values, covariance, free, seen, fit, rows, half, power)
+    return BalanceFit(values, covariance, free, seen, rows, half)
 
 
 def _seen(columns: Array, rows: tuple[LogRows, ...], free: Bools) -> Bools:
-    """Which products the columns show: neither an empty column nor one that is a sum of others."""
+    """Which products are excited: neither an empty column nor one that is a sum of others."""
     sizes = np.linalg.norm(columns, axis=0)
     whole = np.linalg.norm(np.concatenate([part.windows.half for part in rows])) * 32 / 35
     volts = max(float(np.abs(part.voltage).max()) for part in rows)
-    full = np.array([whole * volts, sizes[DAMPING], sizes[DAMPING], whole, whole, whole, 0.0])
+    full = np.array([whole * volts, sizes[at.DAMPING], sizes[at.DAMPING], whole, whole, whole, 0.0])
     seen = np.asarray(sizes > EMPTY * full)
     where = np.flatnonzero(seen & free)
     _, s, directions = np.linalg.svd(columns[:, where] / sizes[where], full_matrices=False)
@@ -225,10 +207,10 @@ def _gauss_newton(
     least = loss(values, columns)
     for _ in range(MOST_STEPS):
         fit = solved(values, columns)
-        step = np.zeros(COUNT)
+        step = np.zeros(at.COUNT)
         step[free] = fit.values - values[free]
         for _ in range(6):
-            tried = allowed(values + step, free)
+            tried = at.allowed(values + step, free)
             new = stacked(tried)
             now = loss(tried, new)
             if now <= least * (1 + 1e-12):
@@ -245,9 +227,9 @@ def _gauss_newton(
 
 @dataclass(frozen=True)
 class Separation:
-    """What is fitted and what is held: free (7,) products, values (7,) to start from and to hold, notes in words.
+    """What is fitted and what is held: free (7,) products, values (7,) to start from and to hold, notes on it.
 
-    emf, coulomb: whether back_emf and viscous, coulomb and dead zone, are known apart.
+    emf, coulomb: whether back_emf and viscous, coulomb and dead zone, are distinguishable.
     """
 
     free: Bools
@@ -258,39 +240,49 @@ class Separation:
 
 
 def separate(fit: BalanceFit, rig: Rig, name: str) -> Separation:
-    """Which products a fit of all distinguishes; the rest is held at what the rig states.
+    """Which products a fit of all distinguishes; the rest is held at the stated values.
 
-    Raises UnanswerableError where not even gain and damping are seen; `name` is the log's, for the message.
+    Raises UnanswerableError where not even gain and damping are identifiable; `name` is the log's, for the message.
     """
-    u = _uncertainties(fit)
+    u = np.sqrt(np.diag(fit.covariance))
+    u[fit.free & ~fit.seen] = np.inf
     _require_excitation(fit, u, name)
-    free, values, notes = fit.free.copy(), fit.values.copy(), []
-    stated_values = products_of(rig)
+    free, values = fit.free.copy(), fit.values.copy()
+    by_rig = at.products_of(rig)
     sides = {k: side for k, side in SIDES.items() if not np.isfinite(u[k])}
-    notes += [_side_note(k, side) for k, side in sides.items()]
-    emf = _apart(fit.values[EMF], u[EMF], u[DAMPING])
-    coulomb = _apart(fit.values[COULOMB], u[COULOMB], min(u[POSITIVE], u[NEGATIVE]))
+    notes = [
+        Message("not-seen", f"the motor never drives in {side} direction, so {WORDS[k]} keeps the rig's values.")
+        for k, side in sides.items()
+    ]
+    emf = _identifiable(fit.values[at.EMF], u[at.EMF], u[at.DAMPING])
+    coulomb = _identifiable(fit.values[at.COULOMB], u[at.COULOMB], min(u[at.POSITIVE], u[at.NEGATIVE]))
+    assert rig.drive.motor is not None
     if not emf:
-        free[EMF], values[EMF] = False, min(stated_values[EMF], max(fit.values[DAMPING], 0.0))
-        notes.append(_emf_note(rig))
+        free[at.EMF], values[at.EMF] = False, min(by_rig[at.EMF], max(fit.values[at.DAMPING], 0.0))
+        held = "the rig's back_emf is kept" if stated(rig.drive.motor, "back_emf") else "back_emf is taken as 0"
+        text = (
+            "back_emf and viscous are collinear: only efficiency * back_emf + gear_ratio * viscous is identifiable, "
+            f"because the log hardly coasts inside the dead zone; {held} and viscous takes the rest (let the wheel "
+            "coast at 0 V)."
+        )
+        notes.append(Message("back-emf-with-viscous", text))
     if not coulomb:
         least = max(min((fit.values[k] for k in SIDES if k not in sides), default=0.0), 0.0)
-        known = _states(rig, "coulomb")
-        free[COULOMB], values[COULOMB] = False, min(stated_values[COULOMB], least) if known else least
-        notes.append(_coulomb_note(known))
+        known = stated(rig.drive.motor, "coulomb")
+        free[at.COULOMB], values[at.COULOMB] = False, min(by_rig[at.COULOMB], least) if known else least
+        held = "the rig's coulomb is kept" if known else "coulomb takes as much as it can"
+        text = (
+            "coulomb and dead_zone are collinear: only coulomb + dead_zone[1] and coulomb - dead_zone[0] are "
+            f"identifiable, because the motor hardly brakes the wheel or lets it coast; {held} and dead_zone takes the "
+            "rest."
+        )
+        notes.append(Message("coulomb-with-dead-zone", text))
     for k in sides:
-        free[k], values[k] = False, max(stated_values[k], values[COULOMB])
+        free[k], values[k] = False, max(by_rig[k], values[at.COULOMB])
     return Separation(free, values, emf, coulomb, tuple(notes))
 
 
-def _uncertainties(fit: BalanceFit) -> Array:
-    """Standard uncertainty of each product; infinite for one whose column is empty."""
-    result = np.sqrt(np.diag(fit.covariance))
-    result[fit.free & ~fit.seen] = np.inf
-    return np.asarray(result)
-
-
-def _apart(value: float, own: float, of_sum: float) -> bool:
+def _identifiable(value: float, own: float, of_sum: float) -> bool:
     return bool(np.isfinite(own) and (own <= APART * abs(value) or own <= NEARLY * of_sum))
 
 
@@ -298,49 +290,22 @@ def _require_excitation(fit: BalanceFit, u: Array, name: str) -> None:
     voltage = max(float(np.abs(part.log.voltage).max()) for part in fit.rows)
     if voltage < IDLE:
         raise UnanswerableError(
-            f"{name}: the voltage never drives the wheel, so torque_per_volt cannot be known; log a voltage test of "
-            "several frequencies.",
+            f"{name}: the voltage never drives the wheel, so torque_per_volt is not identifiable; log a voltage test "
+            "of several frequencies.",
             code="no-voltage",
         )
-    unknown = [k for k in (GAIN, DAMPING) if not u[k] <= KNOWN * abs(fit.values[k])]
+    unknown = [k for k in (at.GAIN, at.DAMPING) if not u[k] <= KNOWN * abs(fit.values[k])]
     if unknown:
-        others = [k for k in (POSITIVE, NEGATIVE) if not u[k] <= KNOWN * abs(fit.values[k])]
+        others = [k for k in SIDES if not u[k] <= KNOWN * abs(fit.values[k])]
         together = " and ".join(WORDS[k] for k in [*unknown, *others])
         raise UnanswerableError(
-            f"{name}: {together} are not distinguishable, because the voltage is too plain or too short; log a test of "
-            "several frequencies that turns the wheel both ways.",
+            f"{name}: {together} are not distinguishable, because the voltage has too few frequencies or is too short; "
+            "log a test of several frequencies that turns the wheel both ways.",
             code="not-identifiable",
         )
-    if fit.values[GAIN] < 0:
+    if fit.values[at.GAIN] < 0:
         raise UnanswerableError(
             f"{name}: a positive voltage turns the wheel backwards, so a sign is wrong; check log.voltage_sign and "
             "log.wheel_angle_sign.",
             code="wrong-sign",
         )
-
-
-def _side_note(place: int, side: str) -> Message:
-    text = f"the motor never pushes the {side} way, so {WORDS[place]} is not seen and stays as the rig states it."
-    return Message("not-seen", text)
-
-
-def _states(rig: Rig, key: str) -> bool:
-    return rig.drive.motor is not None and stated(rig.drive.motor, key)
-
-
-def _emf_note(rig: Rig) -> Message:
-    held = "the rig's back_emf is kept" if _states(rig, "back_emf") else "back_emf is taken as 0"
-    return Message(
-        "back-emf-with-viscous",
-        "back_emf and viscous are collinear: only efficiency * back_emf + gear_ratio * viscous is known, because the "
-        f"log hardly coasts inside the dead zone; {held} and viscous takes the rest (let the wheel coast at 0 V).",
-    )
-
-
-def _coulomb_note(known: bool) -> Message:
-    held = "the rig's coulomb is kept" if known else "coulomb takes as much as it can"
-    return Message(
-        "coulomb-with-dead-zone",
-        "coulomb and dead_zone are collinear: only coulomb + dead_zone[1] and coulomb - dead_zone[0] are known, "
-        f"because the motor hardly brakes the wheel or lets it coast; {held} and dead_zone takes the rest.",
-    )

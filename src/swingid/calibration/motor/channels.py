@@ -1,4 +1,4 @@
-"""What a log holds for the calibration of a motor: its kind, its wheel's motion, the parts that turn one way."""
+"""One log of a motor calibration: its kind, the wheel's motion, the parts without reversal of the wheel."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from swingid.recording.recording import Recording
 Kind = Literal["clamped", "driven", "free swing"]
 
 STILL = 12.0
-"""A channel that moves by less than so many standard deviations of its noise stands still."""
+"""A channel that moves by less than so many standard deviations of its noise is at rest."""
 
 IDLE = 1e-3
-"""A voltage below this share of a volt throughout is none."""
+"""A voltage (V) below this throughout counts as none."""
 
 SLOWEST = 0.02
-"""Below this share of its largest speed the wheel is about to rest or to turn back."""
+"""Share of the wheel's largest speed below which it may be about to stop or to reverse."""
 
 CALM = 0.1
-"""Noise of the axis' speed as a share of the slowest speed of the wheel that counts."""
+"""Noise of the axis' speed as a share of the slowest speed of the wheel that is used."""
 
 GAP = 4.5
-"""Missing rows beyond so many sample steps end a part."""
+"""A distance of rows beyond so many sample steps ends a part."""
 
 
 def kind_of(log: Recording, rig: Rig) -> Kind:
-    """What was done with the rig, from the data: the rod held, driven, or let swing without drive.
+    """Kind of a log, from the data: the rod clamped, driven, or a free swing without drive.
 
     Raises UnanswerableError where nothing moves.
     """
@@ -66,7 +66,7 @@ def kind_of(log: Recording, rig: Rig) -> Kind:
 
 @dataclass(frozen=True)
 class WheelLog:
-    """The channels of one log of a turning wheel, at samples and at Gauss nodes; what is declared of its encoders.
+    """The channels of one log of a turning wheel, at samples and at Gauss nodes; the declared errors of its encoders.
 
     wheel, angle (n,): rad, moved to their stamps. voltage (n,) in V; held from row to row where `held`. speed: the
     wheel's smoothed speed. runs (k, 2): begin and end (s) of the parts in which the wheel turns one way without rest
@@ -92,13 +92,13 @@ class WheelLog:
         name = log.source.path or "the log"
         if log.voltage is None:
             raise InputError(
-                f"{name} has no voltage, which a motor's calibration needs; name its column as voltage under [log].",
+                f"{name} has no voltage, which a motor calibration requires; name its column as voltage under [log].",
                 code="missing-voltage",
             )
         assert log.wheel_angle is not None
         if len(log) < FEWEST_ROWS:
             raise UnanswerableError(
-                f"{name} has {len(log)} rows, too few to see the wheel turn; log a longer test.", code="too-short"
+                f"{name} has {len(log)} rows, too few for the speed of the wheel; log a longer test.", code="too-short"
             )
         noise = channel_noise(log, rig)
         wheel = moved(log.time, log.wheel_angle, encoders.wheel.latency.value)
@@ -132,7 +132,7 @@ class WheelLog:
     def voltage_between(self) -> Array:
         """Mean voltage (n−1,) from row to row: that of the row where it is held, half-way to the next where measured.
 
-        Where rows are missing, those lost are taken to lie on the line between.
+        Missing rows are interpolated linearly.
         """
         rise = np.diff(self.voltage)
         if not self.held:
@@ -149,12 +149,12 @@ class WheelLog:
 
 
 def _slowest(speed: Speed) -> float:
-    """Speed (rad/s) below which the wheel may be about to rest or to turn back."""
+    """Speed (rad/s) below which the wheel may be about to stop or to reverse."""
     return max(6 * speed.noise, SLOWEST * float(np.abs(speed.speed).max()))
 
 
 def _smoothed(time: Array, angle: Array, noise: Noise, slowest: float) -> Array:
-    """q1 (rad) at the stamps, smoothed only until the noise of its speed is too small to turn the wheel back."""
+    """q1 (rad) at the stamps, smoothed only until the noise of its speed is too small to reverse the wheel."""
     white = noise.angle / (CALM * slowest)
     width = max(NARROWEST * noise.step, float(np.cbrt(9.375 * noise.step * white**2)))
     return speed_on_grid(time, angle, noise.angle, width, 3.0).angle_at(time)

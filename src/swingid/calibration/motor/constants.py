@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
+from swingid.calibration.motor import products as at
 from swingid.calibration.motor.balance import BalanceFit, Separation
 from swingid.calibration.motor.channels import WheelLog
 from swingid.calibration.motor.output_error import OutputFit
-from swingid.calibration.motor.products import (
-    COULOMB,
-    COUNT,
-    COUPLING,
-    DAMPING,
-    EMF,
-    GAIN,
-    NEGATIVE,
-    POSITIVE,
-    products_of,
-)
+from swingid.calibration.outcome import quantity, rewritten, rounded
 from swingid.errors import InputError
 from swingid.model.rig import Rig
-from swingid.model.rig.edit import edited
 from swingid.model.terms import FRICTION_KEYS
 from swingid.numerics.arrays import Array
 from swingid.result.result import Message
@@ -47,50 +35,57 @@ UNITS = {
     "motor.dead_zone.negative": "N m",
     "motor.rotor_inertia": "kg m^2",
 }
-"""Everything that a calibration can give: first the products that row (II) shows, then the constants of rig.toml."""
+"""Everything that a calibration can give: first the products that equation (II) contains, then the constants of
+rig.toml."""
 
 SCATTER = "scatter of the shots and sensor noise"
-
 
 MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb")
 
 
-def constants(values: Array, rig: Rig, *, coupled: bool) -> Array:
-    """All of `UNITS`, in order, from products (7,); coupled: the rotor's inertia comes from the products."""
-    motor, wheel = rig.drive.motor, rig.drive.wheel
-    assert motor is not None
-    assert wheel is not None
-    gear, eta, rotor = motor.gear_ratio.value, motor.efficiency.value, motor.rotor_inertia.value
-    if coupled:
-        # ρ = (J2 + N Jr)/(J2 + N² Jr)
-        rho = values[COUPLING]
-        rotor = wheel.inertia.value * (1 - rho) / (gear * (gear * rho - 1))
-    scale = (wheel.inertia.value + gear**2 * rotor) / gear
-    g, v, e, p, n, f = scale * values[[GAIN, DAMPING, EMF, POSITIVE, NEGATIVE, COULOMB]]
-    return np.array([g, v, p, n, g / eta, e / eta, (v - e) / gear, f, max(p - f, 0.0), min(f - n, 0.0), rotor])
-
-
 @dataclass(frozen=True)
-class Change:
-    """One declared imperfection at one standard uncertainty: what it does to all constants (of `UNITS`)."""
+class Conversion:
+    """From products to constants by what the rig states; coupled: the rotor's inertia comes from the products."""
 
-    source: str
-    std: float
-    shifts: Array
-    shared_id: str
+    rig: Rig
+    coupled: bool
+
+    def constants(self, values: Array, rig: Rig | None = None) -> Array:
+        """All of `UNITS`, in order, from products (7,); by another `rig` where one is given."""
+        drive = (rig or self.rig).drive
+        motor, wheel = drive.motor, drive.wheel
+        assert motor is not None
+        assert wheel is not None
+        gear, eta, rotor = motor.gear_ratio.value, motor.efficiency.value, motor.rotor_inertia.value
+        if self.coupled:
+            # ρ = (J2 + N Jr)/(J2 + N² Jr)
+            rho = values[at.COUPLING]
+            rotor = wheel.inertia.value * (1 - rho) / (gear * (gear * rho - 1))
+        scale = (wheel.inertia.value + gear**2 * rotor) / gear
+        g, v, e, p, n, f = scale * values[[at.GAIN, at.DAMPING, at.EMF, at.POSITIVE, at.NEGATIVE, at.COULOMB]]
+        return np.array([g, v, p, n, g / eta, e / eta, (v - e) / gear, f, max(p - f, 0.0), min(f - n, 0.0), rotor])
+
+    def jacobian(self, values: Array) -> Array:
+        """Derivatives (11, 7) of the constants to the products, by central differences."""
+        result = np.zeros((len(UNITS), at.COUNT))
+        for k in range(at.COUNT):
+            step = np.zeros(at.COUNT)
+            step[k] = 1e-6 * max(abs(values[k]), 1e-3)
+            result[:, k] = (self.constants(values + step) - self.constants(values - step)) / (2 * step[k])
+        return result
 
 
 def evaluated(
-    fit: OutputFit, other: BalanceFit, changes: list[Change], rig: Rig, *, coupled: bool
+    fit: OutputFit, other: BalanceFit, declared: list[Declared], to: Conversion
 ) -> tuple[Evaluated, dict[str, bool]]:
-    """All constants of `UNITS`, by output error, with their budget; and in which of them test functions disagree.
+    """All constants of `UNITS`, by output error, with their budget; and whether the balance differs in each of them.
 
-    Type A is from scatter and from what the two ways differ by, type B from `changes`.
+    Type A is from scatter and from the difference of the two methods, type B from `declared`.
     """
-    jacobian = _jacobian(fit.values, rig, coupled=coupled)
-    found = constants(fit.values, rig, coupled=coupled)
+    jacobian = to.jacobian(fit.values)
+    found = to.constants(fit.values)
     values = {name: (float(value), unit) for (name, unit), value in zip(UNITS.items(), found, strict=True)}
-    gaps = constants(other.values, rig, coupled=coupled) - found
+    gaps = to.constants(other.values) - found
     own = jacobian @ fit.covariance @ jacobian.T
     variances = np.diag(jacobian @ other.covariance @ jacobian.T + own)
     spread = np.sqrt(np.maximum(np.diag(own), 0.0))
@@ -99,66 +94,54 @@ def evaluated(
         (source, name, dark_uncertainty(float(gap), float(variance), float(u)))
         for name, gap, variance, u in zip(UNITS, gaps, variances, spread, strict=True)
     ]
-    declared = [Declared(stated(one.source, one.shared_id), one.std, one.shifts / one.std) for one in changes]
-    answer = evaluate(values, Scatter(SCATTER, own, np.full(len(values), np.inf)), dark, declared)
-    apart = np.abs(gaps) > INDICATED * np.sqrt(np.maximum(variances, 0.0))
-    return answer, dict(zip(UNITS, apart.tolist(), strict=True))
+    result = evaluate(values, Scatter(SCATTER, own, np.full(len(values), np.inf)), dark, declared)
+    differs = np.abs(gaps) > INDICATED * np.sqrt(np.maximum(variances, 0.0))
+    return result, dict(zip(UNITS, differs.tolist(), strict=True))
 
 
-def _jacobian(values: Array, rig: Rig, *, coupled: bool) -> Array:
-    """Derivatives (11, 7) of the constants to the products, by central differences."""
-    result = np.zeros((len(UNITS), COUNT))
-    for k in range(COUNT):
-        step = np.zeros(COUNT)
-        step[k] = 1e-6 * max(abs(values[k]), 1e-3)
-        high, low = (constants(values + sign * step, rig, coupled=coupled) for sign in (1, -1))
-        result[:, k] = (high - low) / (2 * step[k])
-    return result
+def declared_changes(fit: OutputFit, logs: list[WheelLog], split: Separation, to: Conversion) -> list[Declared]:
+    """Every declared uncertainty of the rig, and its effect on the constants."""
+    base = to.constants(fit.values)
+    shifts = [*_inertias(fit, to), *_held(fit, split, to)]
+    for source, shared, std, changes in _sensors(fit, logs):
+        shifts.append((source, shared, std, to.constants(fit.values + fit.shift(changes))))
+    return [Declared(stated(source, shared), std, (found - base) / std) for source, shared, std, found in shifts]
 
 
-def declared_changes(
-    fit: OutputFit, logs: list[WheelLog], rig: Rig, split: Separation, *, coupled: bool
-) -> list[Change]:
-    """What every declared uncertainty of the rig does to the constants, at one standard uncertainty each."""
-    base = constants(fit.values, rig, coupled=coupled)
-    found = [*_inertias(fit, rig, base, coupled=coupled), *_held(fit, rig, split, base, coupled=coupled)]
-    for source, std, shared, changes in _sensors(fit, logs, rig):
-        shifts = constants(fit.values + fit.shift(changes), rig, coupled=coupled) - base
-        found.append(Change(source, std, shifts, shared))
-    return found
+Shift = tuple[str, str, float, Array]
+"""Source, shared id and standard uncertainty of a declared quantity, and the constants with it off by that much."""
 
 
-def _inertias(fit: OutputFit, rig: Rig, base: Array, *, coupled: bool) -> Iterator[Change]:
-    """Wheel, rotor and gear: they turn accelerations into torques, and set a12/a22 where it is not fitted."""
-    motor, wheel = rig.drive.motor, rig.drive.wheel
+def _inertias(fit: OutputFit, to: Conversion) -> Iterator[Shift]:
+    """Wheel, rotor and gear: they turn accelerations into torques, and give a12/a22 where it is not fitted."""
+    motor, wheel = to.rig.drive.motor, to.rig.drive.wheel
     assert motor is not None
     assert wheel is not None
     keys = {"drive.wheel.inertia": wheel.inertia, "drive.motor.gear_ratio": motor.gear_ratio}
-    if not coupled:
+    if not to.coupled:
         keys["drive.motor.rotor_inertia"] = motor.rotor_inertia
-    for key, quantity in keys.items():
-        if not quantity.std:
+    for key, known in keys.items():
+        if not known.std:
             continue
-        other = rig.changed({key: Quantity(quantity.value + quantity.std)})
-        values = fit.values.copy()
-        if not coupled:
-            change = products_of(other)[COUPLING] - values[COUPLING]
-            values = values + _shift_by(fit, COUPLING, change)
-        yield Change(key, quantity.std, constants(values, other, coupled=coupled) - base, key)
+        other = to.rig.changed({key: Quantity(known.value + known.std)})
+        values = fit.values
+        if not to.coupled:
+            change = at.products_of(other)[at.COUPLING] - values[at.COUPLING]
+            values = values + _shift_by(fit, at.COUPLING, change)
+        yield key, key, known.std, to.constants(values, other)
 
 
-def _held(fit: OutputFit, rig: Rig, split: Separation, base: Array, *, coupled: bool) -> Iterator[Change]:
-    """Constants that were held at what the rig states, with its uncertainty."""
-    motor = rig.drive.motor
+def _held(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[Shift]:
+    """Constants that were held at the stated value, with its uncertainty."""
+    motor = to.rig.drive.motor
     assert motor is not None
-    for apart, key, place in ((split.emf, "back_emf", EMF), (split.coulomb, "coulomb", COULOMB)):
-        std = getattr(motor, key).std
-        if apart or not std:
+    for identifiable, name, place in ((split.emf, "back_emf", at.EMF), (split.coulomb, "coulomb", at.COULOMB)):
+        key, known = f"drive.motor.{name}", getattr(motor, name)
+        if identifiable or not known.std:
             continue
-        other = rig.changed({f"drive.motor.{key}": Quantity(getattr(motor, key).value + std)})
-        change = float(products_of(other)[place] - products_of(rig)[place])
-        values = fit.values + _shift_by(fit, place, change)
-        yield Change(f"drive.motor.{key}", std, constants(values, rig, coupled=coupled) - base, f"drive.motor.{key}")
+        other = to.rig.changed({key: Quantity(known.value + known.std)})
+        change = float(at.products_of(other)[place] - at.products_of(to.rig)[place])
+        yield key, key, known.std, to.constants(fit.values + _shift_by(fit, place, change))
 
 
 def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
@@ -169,40 +152,37 @@ def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
     return result
 
 
-def _sensors(fit: OutputFit, logs: list[WheelLog], rig: Rig) -> Iterator[tuple[str, float, str, list[Array]]]:
-    """Declared imperfections of the encoders as changes of the logged wheel angle of every shot."""
-    wheel, angle = logs[0].encoders.wheel, logs[0].encoders.angle
-    if wheel.latency.std:
-        yield "wheel latency", wheel.latency.std, "sensors.wheel.latency", late_wheel(fit, wheel.latency.std)
-    for name, wave in (("cosine", np.cos), ("sine", np.sin)):
-        if size := wheel.parts[name].std:
-            changes = [size * wave(shot.wheel) for shot in fit.shots]
-            yield f"wheel encoder nonlinearity ({name})", size, f"sensors.wheel.nonlinearity.{name}", changes
-    if all(log.kind == "clamped" for log in logs):
-        return
-    if late := angle.latency.std:
-        yield "angle latency", late, "sensors.latency", _by_axis(fit, lambda q, t: late * np.gradient(q, t))
-    for name, wave in (("cosine", np.cos), ("sine", np.sin)):
-        if size := angle.parts[name].std:
-            changes = _by_axis(fit, partial(_scaled, wave=wave, size=size))
-            yield f"angle encoder nonlinearity ({name})", size, f"sensors.nonlinearity.{name}", changes
+def _sensors(fit: OutputFit, logs: list[WheelLog]) -> Iterator[tuple[str, str, float, list[Array]]]:
+    """Declared imperfections of the encoders (as in `Shift`), as changes of the logged wheel angle of every shot."""
+    encoders = logs[0].encoders
+    of_wheel = (encoders.wheel, "wheel", "sensors.wheel", lambda error: [error(s.wheel, s.time) for s in fit.shots])
+    of_angle = (encoders.angle, "angle", "sensors", lambda error: _by_axis(fit, error))
+    for sensor, channel, key, changes in (of_wheel, of_angle):
+        if channel == "angle" and all(log.kind == "clamped" for log in logs):
+            return
+        if late := sensor.latency.std:
+            yield (
+                f"{channel} latency",
+                f"{key}.latency",
+                late,
+                changes(lambda q, t, late=late: late * np.gradient(q, t)),
+            )
+        for name, wave in (("cosine", np.cos), ("sine", np.sin)):
+            if size := sensor.parts[name].std:
+                effect = changes(lambda q, _, size=size, wave=wave: size * wave(q))
+                yield f"{channel} encoder nonlinearity ({name})", f"{key}.nonlinearity.{name}", size, effect
 
 
 def late_wheel(fit: OutputFit, late: float) -> list[Array]:
     """Change of the logged wheel angle of every shot when it is read `late` (s) after its stamp: q' δ."""
-    return [late * np.gradient(shot.wheel, np.append(0.0, np.cumsum(shot.steps))) for shot in fit.shots]
-
-
-def _scaled(angle: Array, time: Array, *, wave: Callable[[Array], Array], size: float) -> Array:
-    return size * wave(angle)
+    return [late * np.gradient(shot.wheel, shot.time) for shot in fit.shots]
 
 
 def _by_axis(fit: OutputFit, error: Callable[[Array, Array], Array]) -> list[Array]:
-    """An error of the axis' angle, of (angle, time), as a change of the wheel's: minus what the simulation does."""
+    """An error of the axis' angle, of (angle, time), as a change of the wheel's: minus its effect on the simulation."""
     result = []
     for shot, start in zip(fit.shots, fit.starts, strict=True):
-        time = np.append(0.0, np.cumsum(shot.steps))
-        other = shot.simulated(fit.values, start, shot.angle - error(shot.angle, time))[0]
+        other = shot.simulated(fit.values, start, shot.angle - error(shot.angle, shot.time))[0]
         result.append(shot.simulated(fit.values, start)[0] - other)
     return result
 
@@ -212,82 +192,52 @@ def calibrated_rig(
 ) -> tuple[Rig, list[Message]]:
     """The rig with the constants of `found` (names of a calibration, also those held) and their uncertainties.
 
-    Values keep two digits more than their uncertainty shows. efficiency loses its uncertainty, for it is known only
-    with torque_per_volt and back_emf, which carry that of the products.
+    Values keep two digits more than their uncertainty has. efficiency loses its uncertainty, because it acts only
+    through torque_per_volt and back_emf, which carry that of the products.
     """
-    values: dict[str, object] = {}
+    values = {} if split is None else _motor(rig, found, split, coupled=coupled)
     notes = []
-    if split is not None:
-        values |= _motor(rig, found, split, coupled=coupled)
-        assert rig.drive.motor is not None
-        eta = rig.drive.motor.efficiency
-        if eta.std is not None:
-            values["drive.motor.efficiency"] = eta.value
-            text = "efficiency is written without uncertainty: it acts only with torque_per_volt and back_emf."
-            notes.append(Message("efficiency-fixed", text))
-    text, kept = edited(rig.text, values | _axis(rig, found))
+    motor = rig.drive.motor
+    if split is not None and motor is not None and motor.efficiency.std is not None:
+        values["drive.motor.efficiency"] = motor.efficiency.value
+        text = "efficiency is written without uncertainty: it acts only with torque_per_volt and back_emf."
+        notes.append(Message("efficiency-fixed", text))
     try:
-        Rig.from_text(text, rig.source, default_name=rig.name)
+        new, lost = rewritten(rig, values | _axis(rig, found))
     except InputError as error:
-        text, kept = edited(rig.text, values)
+        new, lost = rewritten(rig, values)
         notes.append(Message("friction-not-written", f"friction and inertia of the axis were not written: {error}"))
-    if not kept:
-        message = "the rig file is written in a way whose comments could not be kept; its tables were written anew."
-        notes.append(Message("comments-lost", message))
-    return Rig.from_text(text, rig.source, default_name=rig.name), notes
+    return new, notes + lost
 
 
 def _axis(rig: Rig, found: Mapping[str, Parameter]) -> dict[str, object]:
-    """Inertia and friction of a free swing in the place of what the rig said of them; nothing without a swing."""
+    """Inertia and friction of a free swing instead of the stated ones; nothing without a swing."""
     if "axis.inertia" not in found:
         return {}
-    values: dict[str, object] = {"axis.inertia": _quantity(found["axis.inertia"], least=0.0)}
+    values: dict[str, object] = {"axis.inertia": quantity(found["axis.inertia"], least=0.0)}
     for key in (*(key for key in FRICTION_KEYS if "." not in key), "lugre"):
         name = f"axis.friction.{key}"
         if name in found:
-            values[name] = _quantity(found[name], least=None if key == "offset" else 0.0)
+            values[name] = quantity(found[name]) if key == "offset" else quantity(found[name], least=0.0)
         elif getattr(rig.axis.friction, key) is not None:
             values[name] = None
     return values
 
 
 def _motor(rig: Rig, found: Mapping[str, Parameter], split: Separation, *, coupled: bool) -> dict[str, object]:
-    values: dict[str, object] = {}
-    for key in MOTOR:
-        if key == "back_emf" and not split.emf:
-            continue
-        if key == "coulomb" and not split.coulomb:
-            values["drive.motor.coulomb"] = _held_coulomb(rig, found["motor.coulomb"])
-            continue
-        values[f"drive.motor.{key}"] = _quantity(found[f"motor.{key}"], least=0.0)
+    keys = [*(key for key in MOTOR if key != "back_emf" or split.emf), *(["rotor_inertia"] if coupled else [])]
+    values: dict[str, object] = {f"drive.motor.{key}": quantity(found[f"motor.{key}"], least=0.0) for key in keys}
     low, high = found["motor.dead_zone.negative"], found["motor.dead_zone.positive"]
     values["drive.motor.dead_zone"] = [rounded(low), rounded(high)]
-    if coupled:
-        values["drive.motor.rotor_inertia"] = _quantity(found["motor.rotor_inertia"], least=0.0)
+    if not split.coulomb:
+        values["drive.motor.coulomb"] = _held_coulomb(rig, found["motor.coulomb"])
     return values
 
 
 def _held_coulomb(rig: Rig, found: Parameter) -> Quantity | float:
     """Coulomb friction that the logs do not distinguish from the dead zone: as the rig states it where possible."""
     assert rig.drive.motor is not None
-    stated = rig.drive.motor.coulomb
-    if abs(stated.value - found.value) <= 1e-9 * abs(stated.value):
-        return stated if stated.std is not None else stated.value
+    known = rig.drive.motor.coulomb
+    if abs(known.value - found.value) <= 1e-9 * abs(known.value):
+        return known if known.std is not None else known.value
     return rounded(found)
-
-
-def _quantity(parameter: Parameter, *, least: float | None) -> Quantity:
-    u = parameter.standard_uncertainty
-    value = rounded(parameter)
-    if least is not None:
-        value = max(value, least)
-    return Quantity(value, None if u is None else float(f"{u:.3g}"))
-
-
-def rounded(parameter: Parameter) -> float:
-    """The value to two digits more than the first of its uncertainty, at most to fifteen."""
-    u = parameter.standard_uncertainty
-    if not u or not parameter.value:
-        return float(f"{parameter.value:.10g}")
-    digits = math.floor(math.log10(abs(parameter.value))) - math.floor(math.log10(u)) + 4
-    return float(f"{parameter.value:.{min(max(digits, 3), 15)}g}")

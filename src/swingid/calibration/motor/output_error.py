@@ -1,7 +1,7 @@
-"""Output error of row (II): simulated against logged angles of the wheel, on shots with a start of their own.
+"""Output error of equation (II): simulated against logged angles of the wheel, on shots with their own initial values.
 
-The wheel's angle integrates, so one simulation over a long log would add up what no model explains; shots of about a
-second, each with its own angle and speed at the start, do not. Those starts are eliminated shot by shot.
+The wheel's angle integrates, so one simulation over a long log would accumulate the errors of the model; shots of about
+a second, each with its own angle and speed at the start, do not (multiple shooting). Those are eliminated per shot.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
 from swingid.numerics.arrays import Array, Bools, Ints
 
 SHOT = 1.0
-"""Length of a shot in s: some time constants of a wheel under its damping."""
+"""Length of a shot in s: some time constants of a damped wheel."""
 
 FEWEST_ROWS, MOST_STEPS = 20, 30
 
 FEWEST_SPARE = 2
-"""Shots beyond the number of products from which their scatter is worth more than that of blocks of them."""
+"""Shots beyond the number of products from which on the scores of shots are used instead of those of blocks."""
 
 BLOCK = 0.1
-"""Length of such blocks in s: longer than steps of a coarse encoder stay alike."""
+"""Length of such blocks in s: longer than the correlation of a coarse encoder's rounding errors."""
 
 
 @dataclass(frozen=True)
 class Shot:
     """A part of a log: wheel (n,) in rad; steps, voltage, kicks (n−1,) as in `simulate_wheel`; start (q, q').
 
-    angle (n,): the smoothed angle of the axis, from which the kicks come. rough (n,): what smoothing took away. The
-    wheel felt it too, and too fast for its damping to matter: q2 + ρ q1 is the same with it or without.
+    angle (n,): the smoothed angle of the axis, from which the kicks come. rough (n,): what smoothing removed. It acted
+    on the wheel too, and too fast for its damping to matter: q2 + ρ q1 is the same with it or without.
     """
 
     log: int
@@ -45,6 +45,11 @@ class Shot:
     voltage: Array
     kicks: Array
     start: Array
+
+    @property
+    def time(self) -> Array:
+        """Seconds (n,) from the begin of the shot."""
+        return np.append(0.0, np.cumsum(self.steps))
 
     def simulated(self, values: Array, start: Array, angle: Array | None = None) -> tuple[Array, Array]:
         """Angles (n,) and their derivatives (n, 9) to products and start; `angle` (of the axis) instead of its own."""
@@ -59,8 +64,8 @@ class Shot:
 class OutputFit:
     """Products (7,) that the simulated angles fit best, with the covariance (7, 7) of the free ones.
 
-    levels: root mean square of the residuals of each log (rad). influence: what a change of every logged angle,
-    given per shot, does to the products (see `shift`).
+    levels: root mean square of the residuals of each log (rad). influence: derivative of the products to every logged
+    angle, per shot (see `shift`).
     """
 
     values: Array
@@ -78,17 +83,13 @@ class OutputFit:
         return result
 
 
-def shots_of(logs: Sequence[WheelLog]) -> list[Shot]:
-    """Shots of all logs, each begun where the wheel turns fast, so that its start is a moving one."""
-    return [shot for place, log in enumerate(logs) for shot in _shots(place, log)]
-
-
 def kicks_of(angle: Array, steps: Array) -> Array:
     """Changes (n−1,) of the speed of an angle (n,) that runs straight from sample to sample; the first is 0."""
     return np.append(0.0, np.diff(np.diff(angle) / steps))
 
 
 def _shots(place: int, log: WheelLog) -> Iterator[Shot]:
+    """Shots of a log, each begun where the wheel turns fast, so that it does not begin at rest."""
     time = log.nodes.time
     steps = np.diff(time)
     voltage = log.voltage_between()
@@ -112,7 +113,7 @@ def _shots(place: int, log: WheelLog) -> Iterator[Shot]:
 
 
 def _parts(log: WheelLog) -> list[Ints]:
-    """Rows between gaps; of a moving axis only the runs, for when a resting wheel lets go hangs on q1'' there."""
+    """Rows between gaps; of a moving axis only the runs: there q1'' decides when a resting wheel breaks away."""
     time = log.nodes.time
     if log.kind == "driven":
         places = np.searchsorted(time, log.runs)
@@ -132,32 +133,33 @@ def _cuts(time: Array, speed: Array) -> Ints:
 
 def fit_output(logs: Sequence[WheelLog], start: Array, free: Bools) -> OutputFit:
     """Refine the free products from `start` by Gauss–Newton with halved steps; needs `start` near the answer."""
-    shots = shots_of(logs)
+    shots = [shot for place, log in enumerate(logs) for shot in _shots(place, log)]
     weights = np.array([1 / max(log.noise.wheel, 1e-12) for log in logs])
-    values, starts = start.copy(), [shot.start for shot in shots]
-    values, starts = _descend(shots, values, starts, free, weights)
-    parts = [_reduced(shot, values, x, free) for shot, x in zip(shots, starts, strict=True)]
-    levels = np.array(
-        [_rms([p.left for p, s in zip(parts, shots, strict=True) if s.log == k]) for k in range(len(logs))]
-    )
+    values, starts = _descend(shots, start.copy(), [shot.start for shot in shots], free, weights)
+    parts = _reduced(shots, values, starts, free)
+    left = [[part.left for part, shot in zip(parts, shots, strict=True) if shot.log == k] for k in range(len(logs))]
+    levels = np.array([float(np.sqrt(np.mean(np.concatenate(own or [np.zeros(1)]) ** 2))) for own in left])
     if len(logs) > 1:
         weights = 1 / np.maximum(levels, 1e-12)
         values, starts = _descend(shots, values, starts, free, weights)
-        parts = [_reduced(shot, values, x, free) for shot, x in zip(shots, starts, strict=True)]
+        parts = _reduced(shots, values, starts, free)
     return _fitted(shots, parts, values, starts, free, weights, levels)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """One shot with its start eliminated: residuals, slopes to the free products, and how the start follows."""
+    """One shot with its start eliminated: residuals, derivatives to the free products, change of the start."""
 
     left: Array
     slopes: Array
     follow: Callable[[Array], Array]
-    loss: float
 
 
-def _reduced(shot: Shot, values: Array, start: Array, free: Bools) -> _Part:
+def _reduced(shots: list[Shot], values: Array, starts: list[Array], free: Bools) -> list[_Part]:
+    return [_part(shot, values, start, free) for shot, start in zip(shots, starts, strict=True)]
+
+
+def _part(shot: Shot, values: Array, start: Array, free: Bools) -> _Part:
     angles, slopes = shot.simulated(values, start)
     left = shot.wheel - angles
     own = slopes[:, COUNT:]
@@ -169,12 +171,7 @@ def _reduced(shot: Shot, values: Array, start: Array, free: Bools) -> _Part:
         result: Array = inverse @ (q.T @ (left - wanted @ step))
         return result
 
-    return _Part(left - q @ (q.T @ left), wanted - q @ (q.T @ wanted), follow, float(left @ left))
-
-
-def _rms(parts: list[Array]) -> float:
-    joined = np.concatenate(parts) if parts else np.zeros(1)
-    return float(np.sqrt(np.mean(joined**2)))
+    return _Part(left - q @ (q.T @ left), wanted - q @ (q.T @ wanted), follow)
 
 
 def _loss(shots: list[Shot], values: Array, starts: list[Array], weights: Array) -> float:
@@ -191,7 +188,7 @@ def _descend(
     """Gauss–Newton over products and starts, with halved steps while the sum of squares does not fall."""
     least = _loss(shots, values, starts, weights)
     for _ in range(MOST_STEPS):
-        parts = [_reduced(shot, values, x, free) for shot, x in zip(shots, starts, strict=True)]
+        parts = _reduced(shots, values, starts, free)
         step, _ = _solve(shots, parts, weights)
         for _ in range(10):
             tried = values.copy()

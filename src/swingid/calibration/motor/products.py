@@ -1,14 +1,14 @@
-"""The products of motor constants that row (II) shows, and the way between them and the keys of rig.toml.
+"""The products of motor constants that equation (II) contains, and their relation to the keys of rig.toml.
 
-Divided by a22, row (II) reads, with B the branch of (8) (+, 0 or −) and 1 an indicator,
+Divided by a22, equation (II) reads, with B the branch of (8) (+, 0 or −) and 1 an indicator,
 
     q2'' + ρ q1'' = g u 1[B≠0] − v q2' + e q2' 1[B=0] − p 1[B=+] + n 1[B=−] − f (sgn q2' − 1[B=+] + 1[B=−])
 
     g = η c1 N/a22,  v = (η c2 + f2 N) N/a22,  e = η c2 N/a22,
     p = (f3 + d1) N/a22,  n = (f3 − d2) N/a22,  f = f3 N/a22,  ρ = a12/a22
 
-In this form the two columns that are hard to see stand alone: e lives inside the dead zone only, f only where the
-motor's torque does not push the way the wheel turns.
+In this form the two regressors of least excitation differ from zero in few rows: that of e inside the dead zone only,
+that of f only where the motor's torque is not in the direction of rotation.
 """
 
 from __future__ import annotations
@@ -23,14 +23,8 @@ COUNT = 7
 """Places of a vector of products, and their number."""
 
 
-def torque_scale(rig: Rig) -> float:
-    """a22/N: what turns an acceleration of the wheel (rad/s²) into a torque on the rotor (N m)."""
-    assert rig.drive.motor is not None
-    return rig.drive.a22 / rig.drive.motor.gear_ratio.value
-
-
 def products_of(rig: Rig) -> Array:
-    """The products (7,) that the rig's constants give, per a22: a start for searches, or what is taken as known."""
+    """The products (7,) by the rig's constants, per a22: a start for searches, and values of held ones."""
     motor = rig.drive.motor
     assert motor is not None
     eta, (low, high) = motor.efficiency.value, motor.dead_zone
@@ -44,7 +38,8 @@ def products_of(rig: Rig) -> Array:
             motor.coulomb.value,
         ]
     )
-    result: Array = np.append(torques / torque_scale(rig), rig.drive.a12 / rig.drive.a22)
+    scale = rig.drive.a22 / motor.gear_ratio.value  # torque on the rotor per acceleration of the wheel
+    result: Array = np.append(torques / scale, rig.drive.a12 / rig.drive.a22)
     return result
 
 

@@ -1,11 +1,11 @@
-"""Row (II) simulated in closed form from event to event, with exact sensitivities, under a held voltage.
+"""Equation (II) simulated in closed form from event to event, with exact sensitivities, under a held voltage.
 
 Between events the wheel obeys q2'' = α − λ q2' with constant α and λ: the voltage is held, and the branch of (8) and
 the sign of q2' stay. The measured axis enters as straight lines between its samples: each change of its speed kicks
 the wheel by −ρ times as much, so that q2 follows −ρ q1 exactly from sample to sample. Events are a stop or reversal
 of the wheel, which may stick there, and the edges of the dead zone. At an edge M is continuous, so sensitivities pass
 unchanged; at a reversal the acceleration jumps from a to a', and the sensitivity of the speed is multiplied by
-a'/a (the saltation of the flow); a wheel that sticks forgets it. Products as in `products`, per a22.
+a'/a (the saltation of the flow); while a wheel sticks it is 0. Products as in `products`, per a22.
 """
 
 from __future__ import annotations

@@ -244,6 +244,8 @@ def test_a_free_swing_gives_gravity_over_inertia_and_friction():
     assert result.parameters["axis.inertia"].value == pytest.approx(INERTIA, rel=1e-4)
     assert found.rig.axis.friction.viscous.value == pytest.approx(1.144e-3, rel=2e-3)
     assert found.rig.drive == given(BIT14).drive
+    assert set(result.correlation) == set(result.parameters)
+    assert result.correlation["gravity_per_inertia"]["axis.inertia"] == pytest.approx(-1.0, abs=1e-6)
     unknown = calibrate(log, given(BIT14, **{"axis.gravity_torque": "unknown"})).result
     assert set(unknown.parameters) == {"gravity_per_inertia"}
     assert unknown.parameters["gravity_per_inertia"].value == pytest.approx(ratio.value)
@@ -253,6 +255,9 @@ def test_free_swing_and_voltage_test_together(clean):
     swing = simulate(PAPER, duration=20, initial_angle=0.5)
     result = calibrate([swing, clamped(sensors=BIT14)], given(BIT14)).result
     assert {*TRUE, "gravity_per_inertia", "axis.friction.viscous"} <= set(result.parameters)
+    assert set(result.correlation) == set(result.parameters)
+    assert result.correlation["motor.gain"]["motor.torque_per_volt"] > 0.9
+    assert result.correlation["motor.gain"]["axis.inertia"] == 0.0  # the wheel counts as exact
     expected = clean.result.parameters["motor.gain"].value
     assert result.parameters["motor.gain"].value == pytest.approx(expected, rel=1e-9)
 
@@ -272,6 +277,8 @@ def test_the_wheels_inertia_sets_the_scale():
     (entry,) = [e for e in result.budget if e.parameter == "motor.gain" and e.shared_id == "drive.wheel.inertia"]
     assert entry.type == "B"
     assert entry.sensitivity == pytest.approx(TRUE["motor.gain"] / PAPER.drive.a22, rel=1e-4)
+    # which all constants share
+    assert result.correlation["motor.gain"]["motor.breakaway_positive"] == pytest.approx(1.0, abs=1e-3)
 
 
 def test_a_declared_latency_is_taken_off_and_its_uncertainty_felt():

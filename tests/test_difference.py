@@ -228,5 +228,31 @@ def test_a_difference_that_does_not_feel_the_scale_calibrates_nothing() -> None:
 
 
 def test_results_that_do_not_name_their_scale_calibrate_nothing() -> None:
-    with pytest.raises(UnanswerableError, match="do not say"):
+    with pytest.raises(UnanswerableError, match="scale reference"):
         sw.difference(made(3e-3), made(4e-3), known=1e-3)
+
+
+def test_correlations_of_a_difference() -> None:
+    """By hand: scatter of each run, and the wheel, which both runs share; the scale by a known body."""
+    pairs = []
+    for value, b, u in ((3e-3, 10e-3, 3e-6), (4e-3, 12e-3, 4e-6)):
+        run = made(value, u, (("drive.wheel.inertia", 1e-6, 16.0 + 1e3 * value),), constants=WHEEL)
+        entry = BudgetEntry(scatter("scatter of the windows"), "gravity_torque", 10 * u)
+        torque = Parameter.of(b, 10 * u, "N m")
+        r = -0.5 * u / run.inertia.standard_uncertainty  # of the scatters: -0.5
+        table = {
+            one: {two: 1.0 if one == two else r for two in ("inertia", "gravity_torque")}
+            for one in ("inertia", "gravity_torque")
+        }
+        parameters = run.parameters | {"gravity_torque": torque}
+        pairs.append(replace(run, parameters=parameters, budget=(*run.budget, entry), correlation=table))
+    body = sw.difference(*pairs)
+    u = body.inertia.standard_uncertainty * body.parameters["gravity_torque"].standard_uncertainty
+    assert body.correlation["inertia"]["gravity_torque"] == pytest.approx(-0.5 * 10 * (3e-6**2 + 4e-6**2) / u)
+    # without coefficients in the runs the gravity torque has none
+    assert sw.difference(*(replace(run, correlation={}) for run in pairs)).correlation == {}
+    known = sw.difference(*pairs, known="1 ± 0.01 g*m^2").correlation
+    # J_e and the corrected wheel: both by the scatter of the two runs, in opposite directions
+    assert known["inertia"]["wheel_inertia"] < 0
+    assert known["scale_factor"]["wheel_inertia"] == pytest.approx(1.0)
+    assert all(known[one][two] == pytest.approx(known[two][one]) for one in known for two in known)

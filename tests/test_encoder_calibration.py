@@ -73,6 +73,7 @@ def test_parts_of_a_degree_and_a_late_wheel_are_found_exactly():
     assert [values[key] for key in WHEEL] == pytest.approx([alphas[1], betas[1]], abs=3e-5)
     assert values[LATENCY] == pytest.approx(late, abs=2e-6)
     assert set(found.told) == {*ANGLE, *WHEEL, LATENCY}
+    assert set(found.result.correlation) == {*ANGLE, *WHEEL, LATENCY}
     for log in logs:
         assert identify(log, found.rig).inertia.value == pytest.approx(INERTIA, rel=1e-5)
 

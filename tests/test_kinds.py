@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from factories import clean_result, rotary_log, rotary_rig
-from swingid.calibration.encoders import undeclared
+from swingid.calibration.encoders import EncoderCalibration, undeclared
 from swingid.errors import NotIdentifiableError, UnanswerableError
 from swingid.pooling.several import of_logs, undetermined
-from swingid.recording.findings import Finding, Kind
+from swingid.recording.findings import Finding, Kind, notes_of
 from swingid.result.provenance import add_findings
-from swingid.result.result import Message, Result
+from swingid.result.result import Message, Parameter, Result
+from swingid.units import Quantity
 
 
 def warned(*warnings: Message) -> Result:
@@ -57,6 +58,29 @@ def test_what_was_found_counts_only_where_nothing_like_it_is_left(after: Message
     again = warned(Message("b", "x.", Kind.CALIBRATED), after)
     found = undeclared.calibrated_by_itself(first, lambda rig, more: again, [rotary_log()], rotary_rig())
     assert (found.warnings == again.warnings) == settled
+
+
+@pytest.mark.parametrize("off", [False, True])
+def test_a_latency_that_is_not_corrected_counts_in_neither_step(off: bool, monkeypatch) -> None:
+    rig = rotary_rig().changed({"sensors.latency": "2 ± 0.2 ms"})
+    log = replace(rotary_log(), findings=tuple(notes_of(frozenset(["latency"] if off else []))))
+    key, bend = "sensors.wheel.latency", "sensors.nonlinearity_cosine"
+    steps: list[float] = []
+
+    def calibrate(logs, given):
+        steps.append(given.sensors.latency.value)
+        found = {key: Parameter.of(3e-3, 1e-4, "s"), bend: Parameter.of(1e-3, 1e-5, "rad")}
+        better = given.changed({key: Quantity(3e-3, 1e-4), bend: Quantity(1e-3, 1e-5)})
+        return EncoderCalibration(replace(clean_result(), parameters=found), better, (key, bend))
+
+    def ask(better, more):
+        steps.append(better.sensors.of("wheel").latency.value)
+        assert (better.sensors.of("wheel").latency.std > 2.9e-3) == off
+        return clean_result()
+
+    monkeypatch.setattr(undeclared, "calibrate_encoders", calibrate)
+    undeclared.calibrated_by_itself(warned(Message("a", "x.", Kind.ENCODER_NONLINEARITY)), ask, [log], rig)
+    assert steps == ([0.0, 0.0] if off else [2e-3, 3e-3])
 
 
 def test_several_logs_settle_warnings_by_their_kind() -> None:

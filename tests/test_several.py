@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.pooling.consistency import deviations, outliers
-from swingid.pooling.pooling import pool
+from swingid.pooling.pooling import deviations, outliers, pool
 from swingid.pooling.several import combine, identify_several
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.recording.findings import Kind
@@ -195,7 +194,10 @@ def test_friction_is_each_logs_own_and_judged() -> None:
 def test_refused_logs_leave_the_others() -> None:
     gone = refusal("", InputError("c.csv has no wheel angle.", code="missing-wheel-angle"), {"log": "c.csv"})
     common = combine([made(10.0, 0.1), gone, made(10.1, 0.1)], ["a.csv", "c.csv", "b.csv"])
-    assert [w.message for w in common.warnings] == ["c.csv gave no number and is left out: c.csv has no wheel angle."]
+    (warning,) = common.warnings
+    assert warning.code == "log-refused"
+    assert warning.message.startswith("c.csv ")
+    assert warning.message.endswith(": c.csv has no wheel angle.")
     assert common.inertia.value == pytest.approx(10.05)
     assert [run.status for run in common.per_log] == ["ok", "refused", "ok"]
     assert common.per_log[1].method == "momentum"
@@ -275,6 +277,52 @@ def test_a_pair_that_stands_apart_is_named() -> None:
     assert combine(runs, names(3)).status == "ok"
     (warning,) = combine([*runs, off], names(4)).warnings
     assert warning.message.startswith("run 3 disagrees with the others in inertia and gravity torque")
+
+
+# correlations
+
+
+def correlated(inertia: float, u: float, r: float, wheel: float) -> Result:
+    """Inertia with scatter u and viscous friction with scatter 2 u, r between the scatters; both feel the wheel."""
+    run = made(inertia, u, ("drive.wheel.inertia", 1.0, wheel))
+    own = [
+        BudgetEntry(scattering("scatter of the windows"), "viscous", 2 * u),
+        BudgetEntry(stated("drive.wheel.inertia", "drive.wheel.inertia"), "viscous", 3 * wheel, -3 * wheel),
+    ]
+    viscous = Parameter.of(1.0, combined(own, "viscous"), "N m s")
+    sizes = run.inertia.standard_uncertainty * viscous.standard_uncertainty
+    whole = (2 * r * u**2 - 3 * wheel**2) / sizes
+    table = {"inertia": {"inertia": 1.0, "viscous": whole}, "viscous": {"inertia": whole, "viscous": 1.0}}
+    parameters = run.parameters | {"viscous": viscous}
+    return replace(run, parameters=parameters, budget=(*run.budget, *own), correlation=table)
+
+
+def test_scatter_averages_out_of_a_correlation_and_the_wheel_stays() -> None:
+    runs = [correlated(10.0, 0.2, 0.6, 0.1) for _ in range(4)]
+    common = combine(runs, names(4), friction="shared")
+    covariance_ = 2 * 0.6 * 0.2**2 / 4 - 3 * 0.1**2
+    sizes = math.hypot(0.1, 0.1) * math.hypot(0.2, 0.3)
+    assert common.correlation["inertia"]["viscous"] == pytest.approx(covariance_ / sizes)
+    assert common.correlation["viscous"]["viscous"] == 1.0
+    # one parameter alone, and results that do not hold their own coefficients
+    assert combine(runs, names(4)).correlation == {}
+    assert combine([replace(run, correlation={}) for run in runs], names(4), friction="shared").correlation == {}
+
+
+def test_a_pooled_pair_is_correlated_as_its_covariance_states() -> None:
+    runs = [pair(3e-3, 78e-3, speed, 1e-6, 3e-4) for speed in (8.5, 12.0)]
+    tables = []
+    for run in runs:
+        own, u = run.covariance, [run.parameters[name].standard_uncertainty for name in run.parameters]
+        r = own["inertia"]["gravity_torque"] / (u[0] * u[1])
+        tables.append({"inertia": {"inertia": 1.0, "gravity_torque": r}, "gravity_torque": {"inertia": r}})
+        tables[-1]["gravity_torque"]["gravity_torque"] = 1.0
+    common = combine([replace(run, correlation=own) for run, own in zip(runs, tables, strict=True)], names(2))
+    matrix = common.covariance
+    expected = matrix["inertia"]["gravity_torque"] / math.sqrt(
+        matrix["inertia"]["inertia"] * matrix["gravity_torque"]["gravity_torque"]
+    )
+    assert common.correlation["inertia"]["gravity_torque"] == pytest.approx(expected)
 
 
 # the door

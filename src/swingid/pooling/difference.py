@@ -4,16 +4,20 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
 from swingid.pooling.runs import Runs, calibrated
-from swingid.pooling.shares import Estimate, Share, sum_of
+from swingid.pooling.shares import Estimate, Share, covariance, scatter_covariance, sum_of
 from swingid.result.result import Message, Result
-from swingid.uncertainty.budget import Parameter, stated
+from swingid.uncertainty.budget import Parameter, correlation_of, stated
 from swingid.units import Quantity, parse_quantity
 
 HOPELESS = 0.3
-"""Relative standard uncertainty above which the difference says nothing of the body."""
+"""Relative standard uncertainty above which the difference is refused."""
+
+GRAVITY_TORQUE = "gravity_torque"
 
 GIVEN = str | float | Quantity
 
@@ -50,24 +54,31 @@ def difference(
     estimates = {"inertia": about_axis}
     if body is not None:
         estimates = {"inertia": _about_own_centre(about_axis, *body, runs.unit), "inertia_about_axis": about_axis}
-    if all("gravity_torque" in result.parameters for result in (runs.tare, runs.loaded)):
-        pair = runs.estimates("gravity_torque")
-        estimates["gravity_torque"] = sum_of([pair[1], pair[0]], [1.0, -1.0])
-    warnings = _warnings(runs)
+    if all(GRAVITY_TORQUE in result.parameters for result in (runs.tare, runs.loaded)):
+        pair = runs.estimates(GRAVITY_TORQUE)
+        estimates[GRAVITY_TORQUE] = sum_of([pair[1], pair[0]], [1.0, -1.0])
+    warnings = [
+        Message(m.code, f"{name}: {m.message}", m.kind)
+        for result, name in zip((runs.tare, runs.loaded), runs.names, strict=True)
+        for m in result.warnings
+    ]
     notes = [Message("difference", f"{runs.names[1]} less {runs.names[0]}.")]
-    parameters = _parameters(estimates, runs)
     notes += [*_exact(mass=body and body[0], distance=body and body[1]), *_exact_in(runs), *runs.notes]
+    parameters = _parameters(estimates, runs)
     budget = [entry for name, estimate in estimates.items() for entry in estimate.entries(name)]
     if known is not None:
-        what = _quantity(known, _si(runs.unit), "known")
+        what = _quantity(known, "kg" if runs.unit == "kg" else "kg*m^2", "known")
         target = Estimate(what.value, {"known": _share("inertia of the known body", 1.0, what)})
-        if body is not None:
-            target = _about_axis(target, *body)
-        scale = calibrated(runs, (first, second), target)
-        parameters |= scale.parameters
-        budget += scale.budget
-        warnings += scale.warnings
-        notes += [*scale.notes, *_exact(known=what)]
+        if body is not None:  # J_e = J_c + m d²
+            target = _moved(target, 1.0, *body)
+        scaled, doubts, words = calibrated(runs, (first, second), target)
+        for name, (estimate, unit) in scaled.items():
+            estimates[name], parameters[name] = estimate, estimate.parameter(unit)
+            # what cancels leaves its rounding behind
+            budget += [e for e in estimate.entries(name) if e.standard_uncertainty > 1e-9 * estimate.u]
+        warnings += doubts
+        notes += [*words, *_exact(known=what)]
+    known_names = [name for name, parameter in parameters.items() if parameter.standard_uncertainty is not None]
     return Result(
         method="difference",
         status="warning" if warnings else "ok",
@@ -76,12 +87,37 @@ def difference(
         notes=tuple(notes),
         budget=tuple(budget),
         provenance=_provenance(runs, {"mass": mass, "distance": distance, "known": known}),
+        correlation=_correlation({name: estimates[name] for name in known_names}, runs),
     )
 
 
-def _si(unit: str) -> str:
-    """Unit of an inertia as `units` reads it."""
-    return "kg" if unit == "kg" else "kg*m^2"
+def _correlation(estimates: dict[str, Estimate], runs: Runs) -> dict[str, dict[str, float]]:
+    """Correlation coefficients; without those of the gravity torque where a run does not give its own.
+
+    All but the gravity torque are sums of the two inertias and of given quantities. With it they are correlated by what
+    rig.toml states, and by the scatter of each run.
+    """
+    names = [name for name in estimates if name != GRAVITY_TORQUE]
+    matrix = covariance([estimates[name] for name in names])
+    own = [scatter_covariance(run, ("inertia", GRAVITY_TORQUE)) for run in (runs.tare, runs.loaded)]
+    if GRAVITY_TORQUE in estimates and all(found is not None for found in own):
+        gravity = estimates[GRAVITY_TORQUE]
+        cross = covariance([one.of_type_b for one in (*(estimates[name] for name in names), gravity)])[-1]
+        for run, found, sign in zip(runs.estimates("inertia"), own, (-1.0, 1.0), strict=True):
+            assert found is not None
+            cross[:-1] += [sign * _gain(estimates[name], run) * found[0, 1] for name in names]
+        cross[-1] = gravity.u**2
+        matrix = np.block([[matrix, cross[:-1, None]], [cross[None, :]]])
+        names.append(GRAVITY_TORQUE)
+    return correlation_of(names, matrix)
+
+
+def _gain(estimate: Estimate, run: Estimate) -> float:
+    """Factor of the inertia of a run in an estimate, by a source of that run alone."""
+    for key, share in run.shares.items():
+        if share.u and share.source.type == "A":
+            return estimate.shares[key].u / share.u if key in estimate.shares else 0.0
+    return 0.0
 
 
 def _quantity(given: GIVEN, unit: str, key: str) -> Quantity:
@@ -107,9 +143,9 @@ def _body(runs: Runs, mass: GIVEN | None, distance: GIVEN | None) -> tuple[Quant
 
 
 def _require_seen(found: Estimate, runs: Runs, *, calibrating: bool) -> None:
-    """Raise where there is no body to be seen: the results are swapped, or the difference is lost.
+    """Raise where the difference is not significant, or where the results are swapped.
 
-    A known body may calibrate a scale that is too uncertain to measure it by.
+    A known body may calibrate a scale that is too uncertain to measure it.
     """
     text = plus_minus(found.value, found.u, runs.unit)
     if found.value < -2 * found.u:
@@ -143,12 +179,8 @@ def _about_own_centre(about_axis: Estimate, mass: Quantity, distance: Quantity, 
     return found
 
 
-def _about_axis(own: Estimate, mass: Quantity, distance: Quantity) -> Estimate:
-    """J_e = J_c + m d²."""
-    return _moved(own, 1.0, mass, distance)
-
-
 def _moved(inertia: Estimate, sign: float, mass: Quantity, distance: Quantity) -> Estimate:
+    """The inertia plus `sign` m d² (Huygens–Steiner)."""
     m, d = mass.value, distance.value
     shares = {
         "body.mass": _share("body.mass", sign * d**2, mass),
@@ -168,12 +200,6 @@ def _parameters(estimates: dict[str, Estimate], runs: Runs) -> dict[str, Paramet
         unit = pair[0].unit
         found[name] = estimate.parameter(unit) if known else Parameter.of(estimate.value, None, unit)
     return found
-
-
-def _warnings(runs: Runs) -> list[Message]:
-    """Those of the two runs, each with the name of its file."""
-    both = zip((runs.tare, runs.loaded), runs.names, strict=True)
-    return [Message(m.code, f"{name}: {m.message}") for result, name in both for m in result.warnings]
 
 
 def _exact_in(runs: Runs) -> list[Message]:

@@ -1,22 +1,23 @@
 """Inertia and an unknown gravity torque from several logs together: generalised least squares on both.
 
-One frequency sees one combination of the two (q1'' is nearly parallel to sin q1), another frequency another one. Each
-log's pair (inertia, gravity torque) with its whole type A covariance is the equation of its combination; together they
-give both, as a fit of all rows at once would.
+One frequency determines one combination of the two (q1'' is nearly parallel to sin q1), another frequency another one.
+Each log's pair (inertia, gravity torque) with its whole type A covariance is the equation of its combination; together
+they determine both, as a fit of all rows at once would.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from swingid.numerics.arrays import Array
 from swingid.pooling.pooling import BETWEEN, Pooled
-from swingid.pooling.shares import Estimate, Share, covariance, sum_of
+from swingid.pooling.shares import Estimate, Share, covariance, scatter_covariance, sum_of
 from swingid.result.result import Result
+from swingid.uncertainty.budget import correlation_of
 from swingid.uncertainty.budget import scatter as scatter_source
 from swingid.uncertainty.significance import FAMILY
 
@@ -42,13 +43,12 @@ class Pairs:
         """From the results and the estimates of each of the two parameters, per log."""
         flat = [estimates[name][k] for k in range(len(results)) for name in PAIR]
         own = [_own_covariance(result, estimates[PAIR[0]][k]) for k, result in enumerate(results)]
-        type_b = [Estimate(e.value, {key: s for key, s in e.shares.items() if s.source.type == "B"}) for e in flat]
-        return cls(np.array([e.value for e in flat]).reshape(-1, 2), np.array(own), type_b)
+        return cls(np.array([e.value for e in flat]).reshape(-1, 2), np.array(own), [e.of_type_b for e in flat])
 
     def gains(self, used: Sequence[int]) -> Array:
         """Weights (2, 2 n) of all values in the common pair of the logs `used`, least squares by type A."""
         unit = np.abs(self.values).max(axis=0)
-        information = {k: np.linalg.inv(_regular(self.own[k] / np.outer(unit, unit))) for k in used}
+        information = {k: _inverse(self.own[k] / np.outer(unit, unit)) for k in used}
         whole = sum(information.values())
         found = np.zeros((2, self.values.size))
         for k, each in information.items():
@@ -98,6 +98,37 @@ def pool_pair(pairs: Pairs) -> dict[str, Pooled]:
     return pooled
 
 
+def correlation(
+    results: Sequence[Result], pooled: Mapping[str, Pooled], pairs: Pairs | None
+) -> dict[str, dict[str, float]]:
+    """Correlation coefficients of the common values; none where a result holds none of its own.
+
+    Within a log as its covariance has it, between logs by what rig.toml states; scatter between logs and errors that
+    are alike in all of them count as uncorrelated between parameters.
+    """
+    names, count = list(pooled), len(results)
+    gains = np.zeros((count, len(names), len(names)))  # of the common values to those of each log
+    for i, one in enumerate(pooled.values()):
+        gains[:, i, i] = one.weights
+    own = [scatter_covariance(result, [name for name in names if name in result.parameters]) for result in results]
+    if len(names) < 2 or any(matrix is None for matrix in own):
+        return {}
+    matrix = covariance([one.estimate.of_type_b for one in pooled.values()])
+    at = [names.index(name) for name in PAIR] if pairs is not None else []
+    together = np.zeros((2, 0)) if pairs is None else pairs.gains(range(count))
+    spread = 1.0 if pairs is None else 1.0 + _excess(pairs, together)
+    for k, (result, of_log) in enumerate(zip(results, own, strict=True)):
+        within = np.zeros_like(matrix)
+        there = [j for j, name in enumerate(names) if name in result.parameters]
+        within[np.ix_(there, there)] = of_log
+        if pairs is not None:
+            gains[k][np.ix_(at, at)] = together[:, 2 * k : 2 * k + 2]
+            within[np.ix_(at, at)] = pairs.own[k] * spread
+        matrix += gains[k] @ within @ gains[k].T
+    np.fill_diagonal(matrix, [one.estimate.u**2 for one in pooled.values()])
+    return correlation_of(names, matrix)
+
+
 def outlying_pair(pairs: Pairs) -> tuple[int, float] | None:
     """The log whose pair is farthest from the others', and how far (1: the limit of chance); None where all agree."""
     count = len(pairs.values)
@@ -117,8 +148,8 @@ def outlying_pair(pairs: Pairs) -> tuple[int, float] | None:
 def _own_covariance(result: Result, inertia: Estimate) -> Array:
     """Type A covariance of the pair in one log.
 
-    What the budget of the inertia holds beside the scatter (drift, disagreement, grid) widens the whole matrix, for a
-    wrong balance moves the pair along the direction that this log hardly sees.
+    Entries of the inertia's budget beside the scatter (drift, disagreement, grid) widen the whole matrix, because a
+    wrong balance moves the pair along the direction that this log hardly determines.
     """
     matrix = np.array([[result.covariance[one][other] for other in PAIR] for one in PAIR])
     whole = sum(share.u**2 for share in inertia.shares.values() if share.source.type == "A")
@@ -126,10 +157,10 @@ def _own_covariance(result: Result, inertia: Estimate) -> Array:
     return widened
 
 
-def _regular(matrix: Array) -> Array:
-    """The matrix with a floor under its eigenvalues, for inversion."""
-    regular: Array = matrix + (1e-12 * float(np.trace(matrix)) + 1e-24) * np.eye(len(matrix))
-    return regular
+def _inverse(matrix: Array) -> Array:
+    """Inverse of the matrix with a floor under its eigenvalues."""
+    floor = (1e-12 * float(np.trace(matrix)) + 1e-24) * np.eye(len(matrix))
+    return np.asarray(np.linalg.inv(matrix + floor), np.float64)
 
 
 def _excess(pairs: Pairs, gains: Array) -> float:

@@ -13,10 +13,9 @@ import numpy as np
 from swingid.errors import InputError, SwingidError, UsageError
 from swingid.format import percent
 from swingid.methods.table import METHODS, Method
-from swingid.pooling.consistency import outliers
-from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair, pool_pair
-from swingid.pooling.pooling import BETWEEN, Pooled, pool
-from swingid.pooling.several import SINGLE, conditioning, estimates_of
+from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair
+from swingid.pooling.pooling import BETWEEN, Pooled, outliers, pool
+from swingid.pooling.several import SINGLE, common_result, conditioning, estimates_of, pool_all
 from swingid.pooling.shares import Estimate, sum_of
 from swingid.recording.large import LARGE, LargeLog
 from swingid.recording.recording import Recording
@@ -29,17 +28,17 @@ BETWEEN_PARTS = "scatter between the parts"
 AVERAGED = "averaging of rows"
 
 AVERAGE_OUT = ("momentum",)
-"""Methods whose scatter falls with the number of parts. Energy's smoothed speeds err alike in all of them, at the level
-of one part's scatter, so there its scatter counts as shared."""
+"""Methods whose scatter averages out over the parts. The errors of energy's smoothed speeds are alike in all parts, at
+the level of one part's scatter, so there its scatter counts as shared."""
 
 OFTEN = 0.1
 """Share of the parts from which on their warning is a warning of the whole; below it becomes a note."""
 
-JUDGED = 48
-"""Groups of successive parts, at most, of which each is held against the others."""
+GROUPS = 48
+"""Groups of successive parts, at most, of which each is compared with the others."""
 
 OF_A_PART = ("segment", "friction-per-log")
-"""Notes that say nothing of the whole."""
+"""Notes that hold for a part only."""
 
 DRAWN = 2000
 """Swings, at most, that the result keeps for drawing."""
@@ -55,7 +54,7 @@ def require_in_parts(log: LargeLog, method: Method) -> None:
 
 
 def identify_large(log: LargeLog, identify_one: Callable[[Recording], Result]) -> Result:
-    """Identify a large log part by part in bounded memory; the parts are pooled as several logs are.
+    """Identify a large log part by part in bounded memory; the parts are pooled like several logs.
 
     identify_one: from a recording to its result. Raises InputError where the file cannot be used; where no part has a
     number, the error of the first.
@@ -105,18 +104,19 @@ def _smear(log: Recording, result: Result) -> float:
     peak = float(np.quantile(np.abs(np.diff(log.angle) / steps), 0.99))
     frequency = 2 * peak / max(float(np.ptp(log.angle)), 1e-300)
     width = float(np.median(steps))
-    gravity = result.parameters.get("gravity_torque")
-    stated = result.provenance.get("constants", {})
-    b = gravity.value if gravity is not None else _value(stated, "axis.gravity_torque")
+    b = _gravity_torque(result)
     size = peak if b else frequency  # without gravity the motion's size is none in angles
     share = abs(b) / max(abs(result.inertia.value) * frequency**2, 1e-300)
     return (size * width) ** 2 / 24 * max(1.0, share)
 
 
-def _value(constants: object, key: str) -> float:
-    found = constants.get(key) if isinstance(constants, dict) else None
-    value = found.get("value") if isinstance(found, dict) else None
-    return float(value) if value is not None else 0.0
+def _gravity_torque(result: Result) -> float:
+    """As estimated, else as stated; 0 where there is none."""
+    if "gravity_torque" in result.parameters:
+        return result.parameters["gravity_torque"].value
+    constants = result.provenance.get("constants")
+    found = constants.get("axis.gravity_torque") if isinstance(constants, dict) else None
+    return float(found["value"] or 0.0) if isinstance(found, dict) else 0.0
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,7 @@ class Part:
 
 
 def combine_parts(parts: Sequence[Part]) -> Result:
-    """The common answer of the parts of one log, by one method; inertia, gravity torque and friction are pooled.
+    """The common result of the parts of one log, by one method; inertia, gravity torque and friction are pooled.
 
     Friction is that of the parts that chose the commonest law. A warning of few parts is a note. Raises the error of
     the first part where none has a number, UnanswerableError where all together do not distinguish inertia from gravity
@@ -152,82 +152,81 @@ def combine_parts(parts: Sequence[Part]) -> Result:
         raise next(part.result for part in parts if isinstance(part.result, SwingidError))
     kept = certain or found[:1]
     results = [result for _, result in kept]
-    if certain:
-        pooled = _pooled(results)
-        units = {name: parameter.unit for result in results for name, parameter in result.parameters.items()}
-        parameters = {name: one.parameter(units[name]) for name, one in pooled.items()}
-        budget = tuple(entry for name, one in pooled.items() for entry in _entries(name, one))
-        budget, parameters = _with_averaging(budget, parameters, max(part.smear for part, _ in kept))
-    else:
-        pooled, parameters, budget = {}, results[0].parameters, results[0].budget
-    joint = bool(results[0].covariance)
-    warnings = conditioning(parameters["inertia"], budget) if joint and len(results) > 1 else []
-    said, notes = _said(results, len(parts), settled=joint and len(results) > 1)
-    warnings += [*said, *_apart(kept, joint=joint)]
-    notes = [_note(parts, kept, pooled), *notes, *_without(parts)]
-    return Result(
-        method=results[0].method,
+    pairs = Pairs.of(results, _estimates(results, "per-log")) if is_joint(results) else None
+    pooled = _pooled(results, pairs) if certain else {}
+    common = common_result(results, pooled, pairs) if certain else results[0]
+    common = _with_averaging(common, max(part.smear for part, _ in kept)) if certain else common
+    settled = pairs is not None and len(results) > 1
+    warnings = conditioning(common.inertia, common.budget) if settled else []
+    of_parts, notes = _messages(results, len(parts), settled=settled)
+    warnings += [*of_parts, *_inconsistent(kept, pairs)]
+    return replace(
+        common,
         status="warning" if warnings else "ok",
-        parameters=parameters,
         warnings=tuple(warnings),
-        notes=tuple(notes),
-        budget=budget,
+        notes=(_note(parts, kept, pooled), *notes, *_without(parts)),
         provenance=_provenance(parts, results),
         details=_details(kept),
-        sensitivities={} if joint or not pooled else _sensitivities(results, pooled["inertia"]),
-        covariance=Pairs.of(results, estimates_of(results, "per-log")).common_covariance() if joint else {},
     )
 
 
-def _pooled(results: Sequence[Result]) -> dict[str, Pooled]:
+def _pooled(results: Sequence[Result], pairs: Pairs | None) -> dict[str, Pooled]:
     """Inertia and gravity torque of all parts, friction of those with the commonest law."""
-    estimates = _estimates(results, "per-log")
-    pooled = {name: pool(each) for name, each in estimates.items()}
-    if is_joint(results):
-        pooled |= pool_pair(Pairs.of(results, estimates))
-    laws = Counter(tuple(name for name in result.parameters if name not in PAIR) for result in results)
-    law = laws.most_common(1)[0][0]
-    alike = [result for result in results if tuple(name for name in result.parameters if name not in PAIR) == law]
-    friction = {name: each for name, each in _estimates(alike, "shared").items() if name not in PAIR}
-    return pooled | {name: pool(each) for name, each in friction.items()}
+    pooled = pool_all(_estimates(results, "per-log"), pairs)
+    laws = [tuple(name for name in result.parameters if name not in PAIR) for result in results]
+    law = Counter(laws).most_common(1)[0][0]
+    alike = np.array([own == law for own in laws])
+    estimates = _estimates([result for result, same in zip(results, alike, strict=True) if same], "shared")
+    for name, each in estimates.items():
+        if name not in PAIR:
+            one = pool(each)
+            weights = np.zeros(len(results))
+            weights[alike] = one.weights
+            pooled[name] = replace(one, weights=weights)
+    return {name: _renamed(one) for name, one in pooled.items()}
+
+
+def _renamed(pooled: Pooled) -> Pooled:
+    """With the scatter between logs called that between parts."""
+    share = pooled.estimate.shares.get(BETWEEN)
+    if share is None:
+        return pooled
+    own = replace(share, source=replace(share.source, name=BETWEEN_PARTS))
+    return replace(pooled, estimate=replace(pooled.estimate, shares=pooled.estimate.shares | {BETWEEN: own}))
 
 
 def _estimates(results: Sequence[Result], friction: str) -> dict[str, list[Estimate]]:
     return estimates_of(results, friction, scatter_is_shared=results[0].method not in AVERAGE_OUT)
 
 
-def _with_averaging(
-    budget: tuple[BudgetEntry, ...], parameters: dict[str, Parameter], smear: float
-) -> tuple[tuple[BudgetEntry, ...], dict[str, Parameter]]:
-    """Budget and parameters with what averaging rows does to the inertia: anywhere within ± smear (GUM 4.3.7)."""
-    inertia = parameters["inertia"]
-    if smear == 0.0 or inertia.standard_uncertainty is None or inertia.interval95 is None:
-        return budget, parameters
-    entry = BudgetEntry(systematic(AVERAGED, "rectangular"), "inertia", float(abs(inertia.value) * smear / 3**0.5))
-    own, more = inertia.standard_uncertainty, entry.standard_uncertainty
+def _with_averaging(common: Result, smear: float) -> Result:
+    """With the effect of averaging rows on the inertia: anywhere within ± smear (GUM 4.3.7)."""
+    inertia = common.inertia
+    own = inertia.standard_uncertainty
+    if smear == 0.0 or own is None:
+        return common
+    more = float(abs(inertia.value) * smear / 3**0.5)
+    entry = BudgetEntry(systematic(AVERAGED, "rectangular"), "inertia", more)
     freedom = effective_freedom(((own, inertia.degrees_of_freedom), (more, math.inf)))
     whole = Parameter.of(inertia.value, math.hypot(own, more), inertia.unit, freedom)
-    return (*budget, entry), parameters | {"inertia": whole}
+    less = own / math.hypot(own, more)
+    table = {
+        one: {other: r * (less if (one == "inertia") != (other == "inertia") else 1.0) for other, r in row.items()}
+        for one, row in common.correlation.items()
+    }
+    parameters = common.parameters | {"inertia": whole}
+    return replace(common, budget=(*common.budget, entry), parameters=parameters, correlation=table)
 
 
-def _entries(name: str, pooled: Pooled) -> list[BudgetEntry]:
-    """The budget of one parameter, the scatter named for what it is here."""
-    share = pooled.estimate.shares.get(BETWEEN)
-    if share is None:
-        return pooled.estimate.entries(name)
-    renamed = replace(share, source=replace(share.source, name=BETWEEN_PARTS))
-    return replace(pooled.estimate, shares=pooled.estimate.shares | {BETWEEN: renamed}).entries(name)
-
-
-def _said(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
-    """What the parts say, each kind once: as a warning where many parts warn of it, else as a note."""
+def _messages(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes of the parts, each code once: as a warning where many parts have it, else as a note."""
     left_out = SINGLE if settled else set()
     warnings: list[Message] = []
     notes: list[Message] = []
-    for code, texts in _kinds([[m for m in one.warnings if m.kind not in left_out] for one in results]).items():
+    for code, texts in _by_code([[m for m in one.warnings if m.kind not in left_out] for one in results]).items():
         message = Message(code, f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}")
         (warnings if len(texts) >= OFTEN * count else notes).append(message)
-    for code, texts in _kinds([result.notes for result in results]).items():
+    for code, texts in _by_code([result.notes for result in results]).items():
         if code not in OF_A_PART:
             alike = len(texts) == len(results) and len(set(texts)) == 1
             text = texts[0] if alike else f"in {len(texts)} of {count} parts of the log, such as: {texts[0]}"
@@ -235,43 +234,42 @@ def _said(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list
     return warnings, notes
 
 
-def _kinds(said: Sequence[Sequence[Message]]) -> dict[str, list[str]]:
+def _by_code(messages: Sequence[Sequence[Message]]) -> dict[str, list[str]]:
     """By code: the first message of each part that has one."""
-    kinds: dict[str, list[str]] = {}
-    for messages in said:
-        for code in dict.fromkeys(message.code for message in messages):
-            kinds.setdefault(code, []).append(next(m.message for m in messages if m.code == code))
-    return kinds
+    found: dict[str, list[str]] = {}
+    for of_part in messages:
+        first = {message.code: message.message for message in reversed(of_part)}
+        for code in dict.fromkeys(message.code for message in of_part):
+            found.setdefault(code, []).append(first[code])
+    return found
 
 
-def _apart(kept: Sequence[tuple[Part, Result]], *, joint: bool) -> list[Message]:
-    """A warning that names the parts that disagree with the rest in the inertia (in the pair, where that is sought)."""
-    advice = "look at the log there, or leave it out with --part; the uncertainty holds the scatter"
-    if joint:
-        found = outlying_pair(Pairs.of([r for _, r in kept], estimates_of([r for _, r in kept], "per-log")))
+def _inconsistent(kept: Sequence[tuple[Part, Result]], pairs: Pairs | None) -> list[Message]:
+    """A warning that names the parts that are inconsistent with the rest in the inertia (in the pair, if estimated)."""
+    advice = "look at the log there, or exclude it with --part; the uncertainty contains the scatter"
+    if pairs is not None:
+        found = outlying_pair(pairs)
         if found is None:
             return []
         name = kept[found[0]][0].name
         text = f"the part from {name} is inconsistent with the others in inertia and gravity torque; {advice}."
         return [Message("parts-disagree", text)]
-    size = -(-len(kept) // JUDGED)
-    groups = [kept[k : k + size] for k in range(0, len(kept), size)]
     if any(result.inertia.standard_uncertainty is None for _, result in kept):
         return []
-    all_of_them = estimates_of([result for _, result in kept], "per-log")["inertia"]
-    estimates = [_mean(all_of_them[k : k + size]) for k in range(0, len(kept), size)]
+    size = -(-len(kept) // GROUPS)
+    each = estimates_of([result for _, result in kept], "per-log")["inertia"]
+    estimates = [_mean(each[k : k + size]) for k in range(0, len(kept), size)]
     named = outliers(estimates)
     if not named:
         return []
     listed = ", ".join(
-        f"{groups[d.log][0][0].start:.6g} s to {groups[d.log][-1][0].stop:.6g} s "
+        f"{kept[d.log * size][0].start:.6g} s to {kept[: (d.log + 1) * size][-1][0].stop:.6g} s "
         f"({percent(d.value / (estimates[d.log].value - d.value), sign=True)})"
         for d in named[:5]
     )
     more = f" and {len(named) - 5} more" if len(named) > 5 else ""
-    return [
-        Message("parts-disagree", f"the inertia is inconsistent with the other parts from {listed}{more}; {advice}.")
-    ]
+    text = f"the inertia is inconsistent with the other parts from {listed}{more}; {advice}."
+    return [Message("parts-disagree", text)]
 
 
 def _mean(estimates: Sequence[Estimate]) -> Estimate:
@@ -279,7 +277,7 @@ def _mean(estimates: Sequence[Estimate]) -> Estimate:
 
 
 def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], pooled: dict[str, Pooled]) -> Message:
-    """How the log was read, and how its parts scatter."""
+    """How the log was read, and the scatter of its parts."""
     blocks = sorted({part.averaged for part in parts})
     text = f"the log was read in {len(parts)} parts, {len(kept)} of which have a number"
     if blocks != [1]:
@@ -291,23 +289,21 @@ def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], pooled: di
         if inertia.between > 0:
             scatter = f"scatter between the parts {percent(inertia.between / abs(inertia.estimate.value))}"
         text += f"; {scatter}"
-    return Message("read-in-parts", f"{text}; what the parts share does not average out.")
+    return Message("read-in-parts", f"{text}; sources that the parts share do not average out.")
 
 
 def _without(parts: Sequence[Part]) -> list[Message]:
     """One note for each reason why parts have no number."""
-    reasons: dict[str, list[Part]] = {}
-    for part in parts:
-        if isinstance(part.result, SwingidError):
-            reasons.setdefault(part.result.code, []).append(part)
-    return [
-        Message(
-            "parts-without-number",
-            f"{len(alike)} of {len(parts)} parts have no number, such as that from {alike[0].name}: "
-            f"{alike[0].result.message if isinstance(alike[0].result, SwingidError) else ''}",
-        )
+    errors = [(part, part.result) for part in parts if isinstance(part.result, SwingidError)]
+    reasons: dict[str, list[tuple[Part, SwingidError]]] = {}
+    for part, error in errors:
+        reasons.setdefault(error.code, []).append((part, error))
+    texts = [
+        f"{len(alike)} of {len(parts)} parts have no number, such as that from {alike[0][0].name}: "
+        f"{alike[0][1].message}"
         for alike in reasons.values()
     ]
+    return [Message("parts-without-number", text) for text in texts]
 
 
 def _provenance(parts: Sequence[Part], results: Sequence[Result]) -> dict[str, object]:
@@ -361,10 +357,3 @@ def _details(kept: Sequence[tuple[Part, Result]]) -> Details | None:
         swings=series,
         friction=middle.friction,
     )
-
-
-def _sensitivities(results: Sequence[Result], inertia: Pooled) -> dict[str, float]:
-    keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
-    return {
-        key: float(sum(w * r.sensitivities[key] for w, r in zip(inertia.weights, results, strict=True))) for key in keys
-    }

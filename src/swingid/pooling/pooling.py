@@ -1,13 +1,13 @@
-"""The common value of one parameter in several logs: weights, scatter between the logs, and what does not average out.
+"""The common value of one parameter in several logs, its weights and the scatter between logs; which logs disagree.
 
 The logs' values are x_i = θ + (what all logs share) + b_i + e_i: e_i has the standard uncertainty that log i states on
-its own, b_i the variance τ² of whatever differs from run to run and no budget knows. τ² is Paule and Mandel's (1982, J.
+its own, b_i the variance τ² of whatever differs from run to run and is in no budget. τ² is Paule and Mandel's (1982, J.
 Res. NBS 87, 377), the choice of consensus building among laboratories (Koepke, Lafarge, Possolo and Toman 2017,
 Metrologia 54, S34; Veroniki et al. 2016, Res. Synth. Methods 7, 55), with the shared sources taken off the observed
 scatter as in the general method of moments (DerSimonian and Kacker 2007, Contemp. Clin. Trials 28, 105). A Birge ratio
-would blame every log in proportion to what it states: right for wrong uncertainties, not for differing runs. Where
+would widen every log in proportion to its uncertainty: right for wrong uncertainties, not for differing runs. Where
 τ > 0 the interval is Student's with n − 1 degrees of freedom (Hartung and Knapp 2001, Stat. Med. 20, 3875). Two or
-three logs hardly tell τ: where it is estimated as 0 by chance, the interval is that of the logs' own uncertainties.
+three logs hardly determine τ: where its estimate is 0 by chance, the interval is that of the logs' own uncertainties.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import numpy as np
 from swingid.numerics.arrays import Array
 from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.uncertainty.budget import Parameter, scatter
+from swingid.uncertainty.significance import family_level
 
 BETWEEN = "scatter between the logs"
 
@@ -43,7 +44,7 @@ def pool(estimates: Sequence[Estimate]) -> Pooled:
     """Pool the estimates of one parameter from several logs (at least one).
 
     Weights are 1/(u_i² + τ²): u_i is what log i has on its own (type A), with what the type B shares of log i exceed
-    the least such share among the logs, so that a log that leans on a constant more than the others counts less.
+    the least such share among the logs, so that a log that depends more on a constant than the others has less weight.
     """
     whole = covariance(estimates)
     values = np.array([estimate.value for estimate in estimates])
@@ -69,7 +70,7 @@ def _alone(estimates: Sequence[Estimate], k: int) -> float:
 
 
 def _weight_variances(estimates: Sequence[Estimate]) -> Array:
-    """Variance that the weights stand on, (n,), never zero."""
+    """Variance from which the weights follow, (n,), never zero."""
     counts: dict[str, int] = {}
     for estimate in estimates:
         for key in estimate.shares:
@@ -107,3 +108,56 @@ def _between(values: Array, own: Array, whole: Array) -> float:
             break
         low, high = (middle, high) if excess(middle) > 0 else (low, middle)
     return (low + high) / 2
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Log number `log` less the pooled value of the others, its standard uncertainty; `beyond`: it is significant."""
+
+    log: int
+    value: float
+    u: float
+    beyond: bool
+
+    @property
+    def normalised(self) -> float:
+        """E_n of ISO 13528 (9.7) and ISO/IEC 17043: the deviation over its expanded uncertainty, k = 2."""
+        return self.value / (2 * self.u) if self.u > 0 else math.copysign(math.inf, self.value)
+
+
+def deviations(estimates: Sequence[Estimate]) -> list[Deviation]:
+    """Each log against the pooled value of the others (leave one out), common sources cancelled.
+
+    The scatter between logs is left out of the uncertainties: it is what is tested here.
+    """
+    if len(estimates) < 2:
+        return []
+    limit = family_level(len(estimates))
+    found = []
+    for k, estimate in enumerate(estimates):
+        others = [other for j, other in enumerate(estimates) if j != k]
+        rest = sum_of(others, pool(others).weights)
+        gap = sum_of([estimate, rest], [1.0, -1.0])
+        floor = 1e-9 * abs(estimate.value)
+        u = math.hypot(gap.u, floor)
+        found.append(Deviation(k, gap.value, u, abs(gap.value) > limit * u))
+    return found
+
+
+def outliers(estimates: Sequence[Estimate]) -> list[Deviation]:
+    """The logs that disagree with the rest, the worst first: it is taken out and the others are tested again.
+
+    Of two logs that disagree both are returned, for nothing shows which is right. So are all where no majority agrees.
+    """
+    left = list(range(len(estimates)))
+    named: list[Deviation] = []
+    while len(left) > 1:
+        tested = deviations([estimates[k] for k in left])
+        worst = max(tested, key=lambda d: abs(d.normalised))
+        if not worst.beyond:
+            break
+        if len(left) == 2 or len(named) + 1 >= math.ceil(len(estimates) / 2):
+            return deviations(estimates)
+        named.append(Deviation(left[worst.log], worst.value, worst.u, True))
+        left.remove(left[worst.log])
+    return named

@@ -1,7 +1,7 @@
 """Two results of one rig, without and with a body: whether they can be subtracted, and the scale by a known body.
 
-The inertia of a run is linear in the constant c that sets its scale (a12 for momentum; η c1 where the motor's torque
-does it): J_k(c (1 + δ)) = J_k + s_k δ with s_k = c ∂J_k/∂c. A body of known inertia J_e requires
+The inertia of a run is linear in the constant c that is its scale reference (a12 for momentum; η c1 where it is the
+motor's torque): J_k(c (1 + δ)) = J_k + s_k δ with s_k = c ∂J_k/∂c. A body of known inertia J_e requires
 (J_2 + s_2 δ) − (J_1 + s_1 δ) = J_e, which gives δ, and both runs are corrected by it. Errors of the constant itself
 cancel in the corrected inertias; those of everything else are carried through.
 """
@@ -17,13 +17,12 @@ from swingid.format import percent
 from swingid.pooling.shares import Estimate, estimate_of, sum_of
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
-from swingid.uncertainty.budget import BudgetEntry, Parameter
+from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE_FACTOR
 
 GRAVITY = "axis.gravity_torque"
 
 ENCODERS = "sensors."
-
 
 TORQUE, WHEEL, GAIN = "drive.motor.torque_per_volt", "drive.wheel.inertia", "log.torque_gain"
 
@@ -63,7 +62,7 @@ class Runs:
         return estimate_of(own, parameter, lambda entry: entry.shared_id or entry.source)
 
     def _labelled(self, entry: BudgetEntry, run: str) -> BudgetEntry:
-        """With the run named in a source that is its own: without the sign of its effect a shared one cannot cancel."""
+        """With the run in the name of a source that is its own; without the sign of its effect a shared one is, too."""
         shared = entry.shared_id
         if shared is not None and shared not in self.apart and entry.sensitivity is not None:
             return entry
@@ -75,7 +74,7 @@ class Runs:
         return self.tare.inertia.unit
 
     def constant(self, key: str) -> tuple[float, float] | None:
-        """Value and standard uncertainty (0: exact) of a constant of the rig, None where the results do not say."""
+        """Value and standard uncertainty (0: exact) of a constant of the rig, None where the results have none."""
         return _constant(self.tare, key)
 
 
@@ -176,39 +175,41 @@ def _alike(one: float, other: float) -> bool:
     return math.isclose(one, other, rel_tol=1e-6)
 
 
+LEVERS = {
+    TORQUE: ("eta c1", "torque_per_volt", "N m/V", (TORQUE, EFFICIENCY)),
+    WHEEL: ("a12", "wheel_inertia", "kg m^2", (WHEEL, ROTOR, GEAR)),
+    GAIN: (GAIN, "torque_gain", "", (GAIN,)),
+    GRAVITY: (GRAVITY, "axis_gravity_torque", "N m", (GRAVITY,)),
+}
+"""Constants that can be the scale reference, the first that applies: name, parameter, unit, keys of its errors."""
+
+
 @dataclass(frozen=True)
 class Lever:
-    """The constant that sets the scale: its name, its key and the unit of what is corrected, the corrected value.
+    """The scale reference: its name, its key and the unit of what is corrected, the corrected value.
 
-    size: change of the constant `key` per unit of δ. slopes: s_1, s_2, change of each inertia per unit of δ. parts:
-    keys whose errors are errors of the scale. stated: relative standard uncertainty by the rig file (0: exact).
+    parts: keys whose errors are errors of the scale. size: change of the constant `key` per unit of δ. slopes: s_1,
+    s_2, change of each inertia per unit of δ. stated: relative standard uncertainty by the rig file (0: exact).
     """
 
-    name: str
     key: str
+    name: str
     parameter: str
     unit: str
+    parts: tuple[str, ...]
     value: float
     size: float
     slopes: tuple[float, float]
-    parts: tuple[str, ...]
     stated: float
 
 
-@dataclass(frozen=True)
-class ScaleCorrection:
-    """What a known body adds to a difference."""
+def calibrated(
+    runs: Runs, inertias: tuple[Estimate, Estimate], known: Estimate
+) -> tuple[dict[str, tuple[Estimate, str]], list[Message], list[Message]]:
+    """The scale corrected so that the difference of the `inertias` (tare, loaded) is the `known` one.
 
-    parameters: dict[str, Parameter]
-    budget: list[BudgetEntry]
-    warnings: list[Message]
-    notes: list[Message]
-
-
-def calibrated(runs: Runs, inertias: tuple[Estimate, Estimate], known: Estimate) -> ScaleCorrection:
-    """Correct the scale so that the difference of the `inertias` (tare, loaded) is the `known` one.
-
-    Raises UnanswerableError where the results do not say what set their scale, or the difference does not feel it.
+    Returns values with their units by name; warnings and notes. Raises UnanswerableError where the results do not state
+    their scale reference, or the difference does not depend on it.
     """
     lever = find_lever(runs)
     tare, loaded = inertias
@@ -230,19 +231,10 @@ def calibrated(runs: Runs, inertias: tuple[Estimate, Estimate], known: Estimate)
         lever.parameter: (sum_of([own], [lever.size], lever.value), lever.unit),
         **{name: (estimate, runs.unit) for name, estimate in corrected.items()},
     }
-    warnings, notes = _verdict(lever, own)
-    # what cancels leaves its rounding behind
-    budget = [
-        entry
-        for name, (estimate, _) in found.items()
-        for entry in estimate.entries(name)
-        if entry.standard_uncertainty > 1e-9 * estimate.u
-    ]
-    parameters = {name: estimate.parameter(unit) for name, (estimate, unit) in found.items()}
-    return ScaleCorrection(parameters, budget, warnings, notes)
+    return found, *_size_of(lever, own)
 
 
-def _verdict(lever: Lever, delta: Estimate) -> tuple[list[Message], list[Message]]:
+def _size_of(lever: Lever, delta: Estimate) -> tuple[list[Message], list[Message]]:
     """The size of the correction, as a note, or as a warning where it is more than its uncertainties explain."""
     size = f"{percent(delta.value, sign=True)} ± {percent(delta.u)}"
     stated = f"stated to {percent(lever.stated)}" if lever.stated else "taken as exact"
@@ -254,40 +246,35 @@ def _verdict(lever: Lever, delta: Estimate) -> tuple[list[Message], list[Message
         return [Message("scale-correction", text)], []
     text = f"the known body corrects {lever.name} by {size}; rig.toml has it {stated}"
     if lever.stated and lever.stated < delta.u:
-        text += ", which is more certain than this body makes it"
+        text += ", which is a smaller uncertainty than this body gives"
     return [], [Message("scale-correction", text + ".")]
 
 
 def find_lever(runs: Runs) -> Lever:
-    """What sets the scale of both runs."""
-    slopes = {key: _slopes(runs, key) for key in (TORQUE, WHEEL, GAIN, GRAVITY)}
-    if (pair := slopes[TORQUE]) is not None and (c1 := runs.constant(TORQUE)) is not None:
-        eta = runs.constant(EFFICIENCY) or (1.0, 0.0)
-        stated = math.hypot(c1[1] / c1[0], eta[1] / eta[0])
-        pushes = (c1[0] * pair[0], c1[0] * pair[1])
-        return Lever("eta c1", TORQUE, "torque_per_volt", "N m/V", c1[0], c1[0], pushes, (TORQUE, EFFICIENCY), stated)
-    if (pair := slopes[WHEEL]) is not None and (wheel := runs.constant(WHEEL)) is not None:
-        rotor, gear = runs.constant(ROTOR) or (0.0, 0.0), runs.constant(GEAR) or (1.0, 0.0)
-        a12 = wheel[0] + gear[0] * rotor[0]
-        stated = math.hypot(wheel[1], gear[0] * rotor[1], rotor[0] * gear[1]) / a12
-        pushes = (a12 * pair[0], a12 * pair[1])
-        return Lever("a12", WHEEL, "wheel_inertia", "kg m^2", wheel[0], a12, pushes, (WHEEL, ROTOR, GEAR), stated)
-    for key, parameter, unit in ((GAIN, "torque_gain", ""), (GRAVITY, "axis_gravity_torque", "N m")):
-        if (pair := slopes[key]) is not None and (constant := runs.constant(key)) is not None and constant[0]:
-            if key == GRAVITY and key in runs.apart:
-                continue
-            pushes = (constant[0] * pair[0], constant[0] * pair[1])
-            stated = constant[1] / constant[0]
-            return Lever(key, key, parameter, unit, constant[0], constant[0], pushes, (key,), stated)
+    """The scale reference of both runs."""
+    for key, words in LEVERS.items():
+        pair, known = _slopes(runs, key), runs.constant(key)
+        if pair is None or known is None or not known[0] or (key == GRAVITY and key in runs.apart):
+            continue
+        value, std = known
+        size, stated = value, std / value
+        if key == TORQUE:
+            eta = runs.constant(EFFICIENCY) or (1.0, 0.0)
+            stated = math.hypot(stated, eta[1] / eta[0])
+        elif key == WHEEL:
+            rotor, gear = runs.constant(ROTOR) or (0.0, 0.0), runs.constant(GEAR) or (1.0, 0.0)
+            size = value + gear[0] * rotor[0]
+            stated = math.hypot(std, gear[0] * rotor[1], rotor[0] * gear[1]) / size
+        return Lever(key, *words, value, size, (size * pair[0], size * pair[1]), stated)
     raise UnanswerableError(
-        f"{runs.names[0]} and {runs.names[1]} do not say how their scale was set, so a known body calibrates nothing; "
+        f"{runs.names[0]} and {runs.names[1]} do not state their scale reference, so a known body calibrates nothing; "
         "identify both again, with an uncertainty of drive.wheel.inertia in the rig file.",
         code="no-scale",
     )
 
 
 def _slopes(runs: Runs, key: str) -> tuple[float, float] | None:
-    """Change of the inertia of each run per unit of a constant; None where one of them does not say or not depend."""
+    """Change of the inertia of each run per unit of a constant; None where one has none."""
     found = []
     for result in (runs.tare, runs.loaded):
         slope = result.sensitivities.get(key)

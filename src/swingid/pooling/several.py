@@ -8,9 +8,8 @@ from pathlib import PurePath
 
 from swingid.errors import NotIdentifiableError, SwingidError, UnanswerableError, UsageError
 from swingid.format import percent, plus_minus
-from swingid.pooling.consistency import outliers
-from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair, pool_pair
-from swingid.pooling.pooling import Pooled, pool
+from swingid.pooling.joint import PAIR, Pairs, correlation, is_joint, outlying_pair, pool_pair
+from swingid.pooling.pooling import Pooled, outliers, pool
 from swingid.pooling.shares import Estimate, Identity, estimate_of
 from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
@@ -18,22 +17,20 @@ from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
-Identify = Callable[[Recording | LargeLog], Result]
+Log = Recording | LargeLog
+Identify = Callable[[Log], Result]
 
 FRICTION = ("per-log", "shared")
 
-
-_LISTED = {"logs": "log", "logs_sha256": "log_sha256"}
-
 SINGLE = {Kind.NOT_IDENTIFIABLE, Kind.GRAVITY_AND_INERTIA}
-"""Warnings of a single log that several logs may settle."""
+"""Warnings of a single log that do not hold for several logs together."""
 
 HOPELESS, HARDLY = 0.3, 0.02
 """Relative uncertainty (type A) above which inertia and gravity torque are not distinguishable; above which hardly."""
 
 
 def identify_several(
-    logs: Sequence[Recording | LargeLog] | Mapping[str, Recording | LargeLog | SwingidError],
+    logs: Sequence[Log] | Mapping[str, Log | SwingidError],
     identify_one: Identify,
     *,
     friction: str = "per-log",
@@ -74,29 +71,39 @@ def identify_several(
 
 
 def combine(results: Sequence[Result], names: Sequence[str], *, friction: str = "per-log") -> Result:
-    """The common answer of results of one method and rig, of which at least one holds a number.
+    """The common estimate of results of one method and rig, of which at least one has a number.
 
     Raises UnanswerableError where even together they do not distinguish inertia from gravity torque.
     """
     kept = [k for k, result in enumerate(results) if result.parameters]
-    certain = [k for k in kept if results[k].inertia.standard_uncertainty is not None]
-    counted = certain or kept
+    counted = [k for k in kept if results[k].inertia.standard_uncertainty is not None] or kept
     sound, called = [results[k] for k in counted], [names[k] for k in counted]
-    results = [result if result.method else _of_method(result, sound[0].method) for result in results]
+    results = [result if result.method else replace(result, method=sound[0].method) for result in results]
+    warnings = [
+        *(
+            Message("log-refused", f"{name} gave no number and is excluded: {result.error.message}")
+            for result, name in zip(results, names, strict=True)
+            if result.error is not None
+        ),
+        *(
+            Message("log-without-uncertainty", f"{names[k]} gives an inertia without uncertainty and is excluded.")
+            for k in kept
+            if k not in counted
+        ),
+    ]
     found: list[Message] = []
-    warnings = [*refused(results, names), *uncertain(names[k] for k in kept if k not in counted)]
     if len(sound) == 1:
         undetermined(sound[0])
-        text = f"{called[0]} is the only log that counts, so nothing was pooled."
-        common, notes = sound[0], [Message("several-logs", text)]
+        common, notes = sound[0], [Message("several-logs", f"{called[0]} alone has a weight, so nothing was pooled.")]
     else:
         common, found, notes = _pooled(sound, called, friction)
     warnings += [*of_logs(sound, called, settled=bool(common.covariance) and len(sound) > 1), *found]
+    notes += [note for note in sound[0].notes if all(note in other.notes for other in sound[1:])]
     return replace(
         common,
         status="warning" if warnings else "ok",
         warnings=tuple(warnings),
-        notes=(*notes, *common_notes(sound)),
+        notes=tuple(notes),
         provenance=_provenance(sound, results, friction),
         details=None,
         per_log=tuple(results),
@@ -108,31 +115,47 @@ def _pooled(
 ) -> tuple[Result, list[Message], list[Message]]:
     """The common parameters with their budget; warnings and notes on how the logs agree."""
     estimates = estimates_of(results, friction)
-    pooled: dict[str, Pooled] = {name: pool(each) for name, each in estimates.items()}
-    pairs = Pairs.of(results, {name: estimates[name] for name in PAIR}) if is_joint(results) else None
-    if pairs is not None:
-        pooled |= pool_pair(pairs)
-    parameters = {name: common.parameter(results[0].parameters[name].unit) for name, common in pooled.items()}
-    budget = [entry for name, common in pooled.items() for entry in common.estimate.entries(name)]
+    pairs = Pairs.of(results, estimates) if is_joint(results) else None
+    pooled = pool_all(estimates, pairs)
+    common = common_result(results, pooled, pairs)
     warnings = []
     if pairs is not None:
-        warnings += [*conditioning(parameters["inertia"], budget), *pair_disagreement(pairs, names)]
+        warnings += [*conditioning(common.inertia, common.budget), *pair_disagreement(pairs, names)]
     checked = {name: estimates[name] for name in pooled if pairs is None or name not in PAIR}
-    warnings += disagreements(checked, names, parameters)
-    notes = [pooling_note(pooled["inertia"], names, joint=pairs is not None)]
+    found = _disagreements(checked, names, common.parameters)
+    warnings += [Message("logs-disagree", text) for text in found]
+    notes = [_pooling_note(pooled["inertia"], names, joint=pairs is not None)]
     if friction == "per-log":
-        notes.append(friction_note(results, estimates_of(results, "shared"), names))
+        notes.append(_friction_note(results, names))
     else:
-        notes.append(shared_friction_note(results, pooled))
-    common = Result(
+        notes.append(_shared_friction_note(results, pooled))
+    return common, warnings, notes
+
+
+def pool_all(estimates: Mapping[str, list[Estimate]], pairs: Pairs | None) -> dict[str, Pooled]:
+    """Each parameter pooled, inertia and gravity torque together where there are `pairs`."""
+    pooled = {name: pool(each) for name, each in estimates.items()}
+    return pooled if pairs is None else pooled | pool_pair(pairs)
+
+
+def common_result(results: Sequence[Result], pooled: Mapping[str, Pooled], pairs: Pairs | None) -> Result:
+    """The result with the common values, their budget and correlations; without messages and provenance."""
+    units = {name: parameter.unit for result in results for name, parameter in result.parameters.items()}
+    sensitivities = {}
+    if pairs is None:  # of the pooled inertia, where every log has its own
+        keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
+        for key in keys:
+            slopes = [result.sensitivities[key] for result in results]
+            sensitivities[key] = float(sum(w * s for w, s in zip(pooled["inertia"].weights, slopes, strict=True)))
+    return Result(
         method=results[0].method,
         status="ok",
-        parameters=parameters,
-        budget=tuple(budget),
-        sensitivities={} if pairs is not None else _sensitivities(results, pooled["inertia"]),
+        parameters={name: common.parameter(units[name]) for name, common in pooled.items()},
+        budget=tuple(entry for name, common in pooled.items() for entry in common.estimate.entries(name)),
+        sensitivities=sensitivities,
         covariance={} if pairs is None else pairs.common_covariance(),
+        correlation=correlation(results, pooled, pairs),
     )
-    return common, warnings, notes
 
 
 def estimates_of(
@@ -140,7 +163,7 @@ def estimates_of(
 ) -> dict[str, list[Estimate]]:
     """Estimates, per log, of every parameter that all logs give with an uncertainty and that is to be pooled.
 
-    scatter_is_shared: what each states as its scatter does not average out.
+    scatter_is_shared: the scatter of the logs does not average out.
     """
     return {
         name: [estimate_of(result, name, _identity(k, scatter_is_shared)) for k, result in enumerate(results)]
@@ -151,8 +174,8 @@ def estimates_of(
 
 
 def _by_name(
-    logs: Sequence[Recording | LargeLog] | Mapping[str, Recording | LargeLog | SwingidError],
-) -> dict[str, Recording | LargeLog | SwingidError]:
+    logs: Sequence[Log] | Mapping[str, Log | SwingidError],
+) -> dict[str, Log | SwingidError]:
     """The logs by name: their paths, or their numbers where paths are missing or alike."""
     if isinstance(logs, Mapping):
         return dict(logs)
@@ -169,7 +192,7 @@ def _short(names: Sequence[str]) -> list[str]:
     return bare if len(set(bare)) == len(bare) else list(names)
 
 
-def _refuse_twice(logs: Mapping[str, Recording | LargeLog | SwingidError]) -> None:
+def _refuse_twice(logs: Mapping[str, Log | SwingidError]) -> None:
     seen: dict[object, str] = {}
     for name, log in logs.items():
         if not isinstance(log, Recording):
@@ -181,12 +204,8 @@ def _refuse_twice(logs: Mapping[str, Recording | LargeLog | SwingidError]) -> No
         seen[key] = name
 
 
-def _of_method(result: Result, method: str) -> Result:
-    return Result(method, result.status, error=result.error, provenance=result.provenance)
-
-
 def _identity(log: int, scatter_is_shared: bool) -> Identity:
-    """Scatter is each log's own; the rig's constants, and type A errors of a nature that all logs share, are not."""
+    """Scatter is each log's own; the rig's constants, and errors of type A that are alike in all logs, are not."""
 
     def key(entry: BudgetEntry) -> str:
         if entry.type == "B":
@@ -203,34 +222,10 @@ def _provenance(sound: Sequence[Result], results: Sequence[Result], friction: st
     options = first.pop("options", None)
     for key in ("log", "log_sha256", "rows"):
         first.pop(key, None)
-    logs = {f"{key}": [result.provenance.get(name) for result in results] for key, name in _LISTED.items()}
+    listed = {"logs": "log", "logs_sha256": "log_sha256"}
+    logs: dict[str, object] = {key: [one.provenance.get(name) for one in results] for key, name in listed.items()}
     own = {"friction": friction} | (dict(options) if isinstance(options, dict) else {})
     return logs | first | {"options": own}
-
-
-def _sensitivities(results: Sequence[Result], inertia: Pooled) -> dict[str, float]:
-    """Of the pooled inertia, where every log knows its own."""
-    keys = [key for key in results[0].sensitivities if all(key in result.sensitivities for result in results)]
-    return {
-        key: float(sum(w * r.sensitivities[key] for w, r in zip(inertia.weights, results, strict=True))) for key in keys
-    }
-
-
-def refused(results: Sequence[Result], names: Sequence[str]) -> list[Message]:
-    """One warning for each log that gave no number, with its reason."""
-    return [
-        Message("log-refused", f"{name} gave no number and is left out: {result.error.message}")
-        for result, name in zip(results, names, strict=True)
-        if result.error is not None
-    ]
-
-
-def uncertain(names: Iterable[str]) -> list[Message]:
-    """Logs whose inertia has no uncertainty, and so no weight beside those that have one."""
-    return [
-        Message("log-without-uncertainty", f"{name} gives an inertia without uncertainty and is left out of the mean.")
-        for name in names
-    ]
 
 
 def undetermined(result: Result) -> None:
@@ -270,34 +265,31 @@ def conditioning(inertia: Parameter, budget: Sequence[BudgetEntry]) -> list[Mess
 
 
 def pair_disagreement(pairs: Pairs, names: Sequence[str]) -> list[Message]:
-    """The log whose inertia and gravity torque together lie apart from those of the others."""
+    """The log whose inertia and gravity torque together are inconsistent with those of the others."""
     found = outlying_pair(pairs)
     if found is None:
         return []
     text = (
         f"{names[found[0]]} disagrees with the others in inertia and gravity torque together "
-        f"({found[1]:.2g} times what chance explains); look for what differs in that run, or leave it out."
+        f"({found[1]:.2g} times the limit of chance); check what differs in that run, or leave it out."
     )
     return [Message("logs-disagree", text)]
 
 
-def disagreements(
-    estimates: dict[str, list[Estimate]], names: Sequence[str], parameters: dict[str, Parameter]
-) -> list[Message]:
-    """Which logs disagree with the rest, in which parameter."""
-    return [
-        Message("logs-disagree", verdict)
-        for name, each in estimates.items()
-        if (verdict := _verdict(name, each, names, parameters[name].unit))
-    ]
+def _disagreements(
+    estimates: Mapping[str, list[Estimate]], names: Sequence[str], parameters: Mapping[str, Parameter]
+) -> list[str]:
+    """One sentence for each parameter in which logs disagree with the rest."""
+    found = [_disagreement(name, each, names, parameters[name].unit) for name, each in estimates.items()]
+    return [text for text in found if text]
 
 
-def _verdict(parameter: str, estimates: list[Estimate], names: Sequence[str], unit: str) -> str:
+def _disagreement(parameter: str, estimates: list[Estimate], names: Sequence[str], unit: str) -> str:
     """One sentence on the logs that disagree in a parameter, "" where none does."""
     named = outliers(estimates)
     if not named:
         return ""
-    advice = "the uncertainty of the common value holds the scatter; look for what differs between these runs"
+    advice = "the uncertainty of the common value contains the scatter; check what differs between these runs"
     if len(named) == len(estimates) == 2:
         first, second = (plus_minus(e.value, e.u, unit) for e in estimates)
         gap = abs(named[0].normalised)
@@ -306,7 +298,8 @@ def _verdict(parameter: str, estimates: list[Estimate], names: Sequence[str], un
             f"intervals allow; {advice}."
         )
     if len(named) == len(estimates):
-        spread = percent(_spread(estimates) / abs(sum(e.value for e in estimates) / len(estimates)))
+        values = [estimate.value for estimate in estimates]
+        spread = percent((max(values) - min(values)) / abs(sum(values) / len(values)))
         return f"the logs disagree in {parameter} by up to {spread} and no majority of them agrees; {advice}."
     listed = ", ".join(
         f"{names[d.log]} ({percent(d.value / (estimates[d.log].value - d.value), sign=True)}, "
@@ -317,13 +310,8 @@ def _verdict(parameter: str, estimates: list[Estimate], names: Sequence[str], un
     return f"{listed} {verb} with the other logs in {parameter}; {advice}, or leave {those} out."
 
 
-def _spread(estimates: Sequence[Estimate]) -> float:
-    values = [estimate.value for estimate in estimates]
-    return max(values) - min(values)
-
-
-def pooling_note(inertia: Pooled, names: Sequence[str], *, joint: bool) -> Message:
-    """How the common inertia was made, and what the logs scatter beyond their own uncertainties."""
+def _pooling_note(inertia: Pooled, names: Sequence[str], *, joint: bool) -> Message:
+    """How the common inertia was computed, and the scatter of the logs beyond their own uncertainties."""
     if joint:
         text = f"inertia and gravity torque of {len(names)} logs were solved for together, by their covariances"
     else:
@@ -332,10 +320,10 @@ def pooling_note(inertia: Pooled, names: Sequence[str], *, joint: bool) -> Messa
     scatter = "no scatter between the logs beyond that within them"
     if inertia.between > 0:
         scatter = f"scatter between the logs {percent(inertia.between / abs(inertia.estimate.value))}"
-    return Message("several-logs", f"{text}; {scatter}; what the logs share does not average out.")
+    return Message("several-logs", f"{text}; {scatter}; sources that the logs share do not average out.")
 
 
-def shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> Message:
+def _shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> Message:
     """Which friction parameters were pooled, and that logs with other laws have others."""
     shared, all_of_them = list(pooled), dict.fromkeys(name for result in results for name in result.parameters)
     left = [name for name in all_of_them if name not in shared]
@@ -345,22 +333,16 @@ def shared_friction_note(results: Sequence[Result], pooled: Iterable[str]) -> Me
     return Message("friction-shared", text + ".")
 
 
-def friction_note(results: Sequence[Result], estimates: dict[str, list[Estimate]], names: Sequence[str]) -> Message:
-    """Whether friction, left to each log, agrees between them. estimates: of the parameters that all logs give."""
-    own = {name: each for name, each in estimates.items() if name not in PAIR}
+def _friction_note(results: Sequence[Result], names: Sequence[str]) -> Message:
+    """Whether friction, left to each log, agrees between them."""
+    own = {name: each for name, each in estimates_of(results, "shared").items() if name not in PAIR}
     laws = {tuple(name for name in result.parameters if name not in PAIR) for result in results}
-    verdicts = [v for name, each in own.items() if (v := _verdict(name, each, names, results[0].parameters[name].unit))]
-    if verdicts:
-        return Message("friction-per-log", f"friction differs between the logs: {' '.join(verdicts)}")
+    found = _disagreements(own, names, results[0].parameters)
+    if found:
+        return Message("friction-per-log", f"friction differs between the logs: {' '.join(found)}")
     text = "friction is each log's own, see per_log"
     if own:
         text += f"; {', '.join(own)} agree{'s' if len(own) == 1 else ''} within the uncertainties"
     if len(laws) > 1:
         text += "; the logs chose different friction laws"
     return Message("friction-per-log", text + ".")
-
-
-def common_notes(results: Sequence[Result]) -> list[Message]:
-    """Notes that every log makes in the same words."""
-    others = [set(result.notes) for result in results[1:]]
-    return [note for note in results[0].notes if all(note in other for other in others)]

@@ -1,4 +1,4 @@
-"""Values whose errors are sums of independent sources, so that sums of such values know what they have in common.
+"""Values whose errors are sums of independent sources, so that sums of such values keep their correlation.
 
 The linear propagation of the GUM (JCGM 100, 5.2), source by source: two values that share a source are correlated by
 it, with the signs of their sensitivities.
@@ -20,7 +20,7 @@ from swingid.uncertainty.freedom import effective_freedom
 
 @dataclass(frozen=True)
 class Share:
-    """What one source does to a value.
+    """The contribution of one source to a value.
 
     u: change of the value for one standard deviation of the source, with its sign where that is known. std: the
     source's standard deviation in its own unit (None: type A).
@@ -42,6 +42,11 @@ class Estimate:
     def u(self) -> float:
         """Standard uncertainty."""
         return math.sqrt(sum(share.u**2 for share in self.shares.values()))
+
+    @property
+    def of_type_b(self) -> Estimate:
+        """The same with its shares of type B alone."""
+        return Estimate(self.value, {key: share for key, share in self.shares.items() if share.source.type == "B"})
 
     @property
     def freedom(self) -> float:
@@ -103,3 +108,14 @@ def covariance(estimates: Sequence[Estimate]) -> Array:
     matrix = matrix.reshape(len(estimates), len(keys))
     result: Array = matrix @ matrix.T
     return result
+
+
+def scatter_covariance(result: Result, names: Sequence[str]) -> Array | None:
+    """Type A covariance of parameters in a result, (n, n): all less that of type B; None where it is not known."""
+    if any(name not in result.correlation for name in names):
+        return None
+    u = np.array([result.parameters[name].standard_uncertainty for name in names], dtype=np.float64)
+    whole = np.array([[result.correlation[one][other] for other in names] for one in names]) * np.outer(u, u)
+    stated = [estimate_of(result, name, lambda entry: entry.shared_id or entry.source).of_type_b for name in names]
+    found: Array = whole - covariance(stated)
+    return found

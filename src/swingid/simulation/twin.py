@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from dataclasses import KW_ONLY, dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from swingid.model.motion import EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
-from swingid.simulation.draws import metadata
 from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ Controller = Compensator | Backstepping
 
 @dataclass(frozen=True)
 class Truth:
-    """The true motion behind a recording, for tests and plots only: no method may see it.
+    """The true motion behind a recording, for tests and plots only: no method is given it.
 
     time (n,) (s): instants of all rows, lost ones too, or `truth_times`; angle, speed, wheel_angle,
     wheel_speed (rad, rad/s), bristle (rad). command (rows,): held from row to row (V; direct drive N m).
@@ -57,11 +56,93 @@ class Truth:
 
 @dataclass(frozen=True)
 class Run:
-    """A recording and the truth behind it; log (rows, 4): angle, wheel angle, command, gain, lost rows too."""
+    """A recording and the true motion behind it; log (rows, 4): angle, wheel angle, command, gain, lost rows too."""
 
     recording: Recording
     truth: Truth
     log: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Setup:
+    """One run: the arguments of `simulate`."""
+
+    rig: Rig
+    reference: Reference | None = None
+    controller: Controller | None = None
+    _: KW_ONLY
+    duration: float
+    rate: float = 1000.0
+    seed: int = 0
+    initial_angle: float = 0.0
+    initial_speed: float = 0.0
+    drive: ArrayLike | None = None
+    push: ArrayLike | None = None
+    draw: bool = False
+    encoder_zero: tuple[float, float] = (0.0, 0.0)
+
+    def row_count(self) -> int:
+        """Number of rows; UsageError unless duration and rate are positive numbers and give at least two."""
+        for name in ("duration", "rate"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                text = f"{name} must be a positive number, and is {getattr(self, name)}"
+                raise UsageError(text, code="bad-duration")
+        rows = math.floor(self.duration * self.rate + 1e-9) + 1
+        if rows < 2:
+            text = f"{self.duration:g} s at {self.rate:g} rows per second is less than two rows; simulate longer"
+            raise UsageError(text, code="too-short")
+        return rows
+
+    def inputs(self, times: Array, rows: int) -> tuple[Array, bool]:
+        """(reference or commands at `times`, whether the loop is open); UsageError where they contradict."""
+        rig, reference = self.rig, self.reference
+        if rig.drive.kind == "none" and (reference is not None or self.drive is not None):
+            raise UsageError(f"rig {rig.name!r} has no drive, so it can't follow anything", code="no-drive")
+        if self.drive is not None:
+            if reference is not None or self.controller is not None:
+                raise UsageError("give either drive or reference and controller, not both", code="two-drives")
+            return _per_row("drive", self.drive, len(times), rows), True
+        if reference is None:
+            if self.controller is not None:
+                raise UsageError("a controller needs a reference to follow; give one", code="no-reference")
+            return np.zeros(len(times)), True
+        require_axis(reference, rig.axis.kind)
+        wanted = np.asarray(reference(times), dtype=np.float64)
+        if wanted.shape != times.shape or not np.isfinite(wanted).all():
+            raise UsageError("the reference must give one finite number per instant", code="bad-reference")
+        return wanted, False
+
+    def pushes(self, count: int, rows: int) -> Array:
+        """Torque from outside at so many instants, of which the log has `rows`; empty where there is none."""
+        return np.empty(0) if self.push is None else _per_row("push", self.push, count, rows)
+
+    def recording(
+        self, controller: Controller | None, times: Array, inputs: Array, log: Array, made: draws.Draws
+    ) -> Recording:
+        """The rows that were not lost of a log (rows, 4), in the model's conventions; controller None: open loop."""
+        arguments: dict[str, object] = {
+            "duration": self.duration,
+            "rate": self.rate,
+            "seed": self.seed,
+            "drawn": self.draw,
+            "initial_angle": self.initial_angle,
+            "initial_speed": self.initial_speed,
+            "encoder_zero": list(self.encoder_zero),
+        }
+        pushes = self.pushes(len(inputs), len(log))
+        if pushes.size:
+            arguments["push"] = {"largest": float(np.max(np.abs(pushes))), "rows": int(np.count_nonzero(pushes))}
+        kept, kind, closed = np.flatnonzero(made.kept), self.rig.drive.kind, controller is not None
+        return Recording(
+            time=times[kept],
+            angle=log[kept, 0],
+            wheel_angle=log[kept, 1] if kind == "reaction-wheel" else None,
+            voltage=log[kept, 2] if kind == "reaction-wheel" else None,
+            torque=log[kept, 2] if kind == "direct" else None,
+            reference=inputs[kept] if closed else None,
+            adaptive_gain=log[kept, 3] if closed else None,
+            metadata=draws.metadata(self.rig, made, controller, self.reference, **arguments),
+        )
 
 
 def simulate(
@@ -91,43 +172,31 @@ def simulate(
 
     Raises UsageError for contradicting arguments, InputError for a rig without inertia or gravity torque.
     """
-    return simulate_run(**locals()).recording  # the arguments as they are: both functions have the same
+    return run_of(Setup(**locals())).recording
 
 
-def simulate_run(
-    rig: Rig,
-    reference: Reference | None = None,
-    controller: Controller | None = None,
-    *,
-    duration: float,
-    rate: float = 1000.0,
-    seed: int = 0,
-    initial_angle: float = 0.0,
-    initial_speed: float = 0.0,
-    drive: ArrayLike | None = None,
-    push: ArrayLike | None = None,
-    draw: bool = False,
-    encoder_zero: tuple[float, float] = (0.0, 0.0),
-    truth_times: ArrayLike | None = None,
-) -> Run:
-    """As `simulate`, with the truth beside the recording, at the rows' instants or at `truth_times` (s, rising).
+def simulate_run(*arguments: Any, truth_times: ArrayLike | None = None, **options: Any) -> Run:
+    """As `simulate`, with the true motion beside the recording, at the rows' instants or at `truth_times` (s, rising).
 
     For tests and plots: identification is given `Run.recording`, never `Run.truth`. Errors as `simulate`.
     """
-    rows = row_count(duration, rate)
-    _check_start(initial_angle, initial_speed, seed)
-    made = draws.draw(rig, rows, seed, constants_too=draw, encoder_zero=encoder_zero)
+    return run_of(Setup(*arguments, **options), truth_times)
+
+
+def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
+    """See `simulate_run`."""
+    rig, rate, rows = setup.rig, setup.rate, setup.row_count()
+    _check_start(setup)
+    made = draws.draw(rig, rows, setup.seed, constants_too=setup.draw, encoder_zero=setup.encoder_zero)
     wanted = np.arange(rows) / rate if truth_times is None else np.asarray(truth_times, dtype=np.float64)
-    reads = np.arange(rows) / rate + made.delays
-    instants, places = _instants(reads, wanted)
+    instants, places = _instants(np.arange(rows) / rate + made.delays, wanted)
     times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
-    inputs, open_loop = loop_inputs(rig, reference, controller, drive, times[:-1], rows)
-    pushes = np.empty(0) if push is None else _per_row("push", push, times[:-1], rows)
+    inputs, open_loop = setup.inputs(times[:-1], rows)
+    controller = None if open_loop else setup.controller or Compensator.paper(rig)
     kind, state, gains = OPEN_LOOP, np.zeros(1), np.zeros(1)
-    if not open_loop:
-        controller = controller or Compensator.paper(rig)
+    if controller is not None:
         kind = BACKSTEPPING if isinstance(controller, Backstepping) else COMPENSATOR
-        state, gains = controller.initial_state(initial_angle), controller.parameters(1.0 / rate)
+        state, gains = controller.initial_state(setup.initial_angle), controller.parameters(1.0 / rate)
     noise = np.zeros((2, len(inputs)))
     noise[:, :rows] = made.noise
     p = vector(made.values, rig.drive.kind)
@@ -135,12 +204,12 @@ def simulate_run(
     counts = closed_loop(
         times,
         inputs,
-        pushes,
+        setup.pushes(len(inputs), rows),
         kind,
         state,
         gains,
         own_limit(rig),
-        np.array([initial_angle, initial_speed, 0.0, 0.0, 0.0]),
+        np.array([setup.initial_angle, setup.initial_speed, 0.0, 0.0, 0.0]),
         p,
         np.array([encoder.array() for encoder in made.encoders]),
         noise,
@@ -149,19 +218,7 @@ def simulate_run(
         seen,
         log,
     )
-    arguments = {
-        "duration": duration,
-        "rate": rate,
-        "seed": seed,
-        "drawn": draw,
-        "initial_angle": initial_angle,
-        "initial_speed": initial_speed,
-        "encoder_zero": list(encoder_zero),
-    }
-    if push is not None:
-        arguments["push"] = {"largest": float(np.max(np.abs(pushes))), "rows": int(np.count_nonzero(pushes))}
-    data = metadata(rig, made, None if open_loop else controller, reference, **arguments)
-    recording = recording_of(rig, times, inputs, open_loop, log, made, data)
+    recording = setup.recording(controller, times, inputs, log, made)
     return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
 
 
@@ -173,93 +230,28 @@ def _instants(reads: Array, wanted: Array) -> tuple[Array, Ints]:
     return instants, places
 
 
-def _check_start(initial_angle: float, initial_speed: float, seed: int) -> None:
-    for name, value in (("initial_angle", initial_angle), ("initial_speed", initial_speed)):
-        if not math.isfinite(value):
-            raise UsageError(f"{name} must be a finite number, and is {value}", code="bad-start")
+def _check_start(setup: Setup) -> None:
+    for name in ("initial_angle", "initial_speed"):
+        if not math.isfinite(getattr(setup, name)):
+            raise UsageError(f"{name} must be a finite number, and is {getattr(setup, name)}", code="bad-start")
+    seed = setup.seed
     if not isinstance(seed, int | np.integer) or seed < 0:
         raise UsageError(f"seed must be a whole number that is not negative, and is {seed}", code="bad-seed")
 
 
-def row_count(duration: float, rate: float) -> int:
-    """Number of rows; UsageError unless duration and rate are positive numbers and give at least two."""
-    for name, value in (("duration", duration), ("rate", rate)):
-        if not 0.0 < value < math.inf:
-            raise UsageError(f"{name} must be a positive number, and is {value}", code="bad-duration")
-    rows = math.floor(duration * rate + 1e-9) + 1
-    if rows < 2:
-        raise UsageError(
-            f"{duration:g} s at {rate:g} rows per second is less than two rows; simulate longer",
-            code="too-short",
-        )
-    return rows
-
-
-def loop_inputs(
-    rig: Rig,
-    reference: Reference | None,
-    controller: Controller | None,
-    drive: ArrayLike | None,
-    times: Array,
-    rows: int,
-) -> tuple[Array, bool]:
-    """(reference or commands at `times`, whether the loop is open); UsageError where they contradict."""
-    kind = rig.drive.kind
-    if kind == "none" and (reference is not None or drive is not None):
-        raise UsageError(f"rig {rig.name!r} has no drive, so it can't follow anything", code="no-drive")
-    if drive is not None:
-        if reference is not None or controller is not None:
-            raise UsageError("give either drive or reference and controller, not both", code="two-drives")
-        return _per_row("drive", drive, times, rows), True
-    if reference is None:
-        if controller is not None:
-            raise UsageError("a controller needs a reference to follow; give one", code="no-reference")
-        return np.zeros(len(times)), True
-    require_axis(reference, rig.axis.kind)
-    wanted = np.asarray(reference(times), dtype=np.float64)
-    if wanted.shape != times.shape or not np.isfinite(wanted).all():
-        raise UsageError("the reference must give one finite number per instant", code="bad-reference")
-    return wanted, False
-
-
-def _per_row(name: str, values: ArrayLike, times: Array, rows: int) -> Array:
-    """One value per instant of `times`, the last one going on; UsageError unless there is a finite number per row."""
+def _per_row(name: str, values: ArrayLike, count: int, rows: int) -> Array:
+    """One value for each of `count` instants, the last one going on; UsageError unless one per row is finite."""
     given = np.asarray(values, dtype=np.float64)
     if given.ndim != 1 or len(given) < rows - 1 or not np.isfinite(given).all():
         text = f"{name} must hold one finite number per row, {rows}, and has shape {given.shape}"
         raise UsageError(text, code=f"bad-{name}")
-    return given[np.minimum(np.arange(len(times)), len(given) - 1)]
+    return given[np.minimum(np.arange(count), len(given) - 1)]
 
 
 def own_limit(rig: Rig) -> float:
     """The rig's voltage limit (V), infinite where it has none."""
     motor = rig.drive.motor if rig.drive.kind == "reaction-wheel" else None
     return math.inf if motor is None or motor.voltage_limit is None else float(motor.voltage_limit)
-
-
-def recording_of(
-    rig: Rig,
-    times: Array,
-    inputs: Array,
-    open_loop: bool,
-    log: Array,
-    made: draws.Draws,
-    data: dict[str, object],
-) -> Recording:
-    """The rows that were not lost of a log (rows, 4), as a Recording in the model's conventions."""
-    kept = np.flatnonzero(made.kept)
-    wheel = rig.drive.kind == "reaction-wheel"
-    return Recording(
-        time=times[kept],
-        angle=log[kept, 0],
-        wheel_angle=log[kept, 1] if wheel else None,
-        voltage=log[kept, 2] if wheel else None,
-        torque=log[kept, 2] if rig.drive.kind == "direct" else None,
-        reference=None if open_loop else inputs[kept],
-        adaptive_gain=None if open_loop else log[kept, 3],
-        drive_held=True,
-        metadata=data,
-    )
 
 
 def _truth(wanted: Array, true: Array, commands: Array, p: Array, made: draws.Draws, counts: Ints) -> Truth:

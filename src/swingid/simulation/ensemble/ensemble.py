@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,12 +15,11 @@ from swingid.model.parameters import STRIBECK_SPEED
 from swingid.numerics.arrays import Array, Ints
 from swingid.recording.recording import Recording
 from swingid.simulation.draws import draw as drawn
-from swingid.simulation.draws import metadata
 from swingid.simulation.ensemble import lanes
 from swingid.simulation.ensemble.block import run_block
 from swingid.simulation.ensemble.lanes import LANES
 from swingid.simulation.ensemble.runs import Run, runs_of
-from swingid.simulation.twin import Controller, Reference, loop_inputs, own_limit, recording_of, row_count, simulate_run
+from swingid.simulation.twin import Controller, Reference, own_limit, run_of
 from swingid.system import cores
 
 if TYPE_CHECKING:
@@ -43,10 +42,9 @@ class Block:
     inputs: Array
     which: Ints
     closed: bool
-    rate: float
 
 
-def blocks_of(runs: list[Run], time: Array, rate: float) -> tuple[list[Block], list[int]]:
+def blocks_of(runs: list[Run], time: Array) -> tuple[list[Block], list[int]]:
     """Blocks of the runs that the lanes can take, and the places of those they can't. Errors as `simulate`."""
     constants = [run.constants() for run in runs]
     kinds: dict[tuple[bool, bool], list[int]] = {}
@@ -64,7 +62,7 @@ def blocks_of(runs: list[Run], time: Array, rate: float) -> tuple[list[Block], l
             own = members[first : first + LANES]
             part = which[first : first + LANES]
             p = np.array([constants[k] for k in own])
-            blocks.append(Block(own, [runs[k] for k in own], p, inputs, part, closed, rate))
+            blocks.append(Block(own, [runs[k] for k in own], p, inputs, part, closed))
     return blocks, left
 
 
@@ -77,7 +75,7 @@ def _distinct_inputs(runs: list[Run], time: Array) -> tuple[Array, Ints]:
         key = (id(run.reference), id(run.drive))
         if key not in columns:
             columns[key] = len(found)
-            found.append(loop_inputs(run.rig, run.reference, run.controller, run.drive, time, len(time))[0])
+            found.append(run.inputs(time, len(time))[0])
         which[k] = columns[key]
     return np.ascontiguousarray(np.array(found).T), which
 
@@ -88,7 +86,7 @@ def run_packed(block: Block, log: Array) -> Array:
     Lanes without a run do the last member's once more.
     """
     rows, count = len(block.inputs), len(block.members)
-    sample = 1.0 / block.rate
+    sample = 1.0 / block.runs[0].rate
     steps = int(np.ceil(sample / LONGEST * (1.0 - 1e-9)))
     h = sample / steps
     lane = np.zeros((lanes.ROWS, LANES))
@@ -151,8 +149,6 @@ class Ensemble:
     state: Array
     alone: Bools
     runs: tuple[Run, ...]
-    duration: float
-    rate: float
 
     def __len__(self) -> int:
         """Number of runs."""
@@ -171,21 +167,10 @@ class Ensemble:
         """Run k as the Recording that `simulate` gives for it; UsageError unless record="all"."""
         if len(self.log) < CHANNELS["all"]:
             raise UsageError('simulate the ensemble with record="all" to have recordings', code="not-recorded")
-        run = self.runs[k]
-        rig, rows = run.own_rig, len(self.time)
-        made = drawn(rig, rows, run.seed, constants_too=run.draw)
-        inputs, open_loop = loop_inputs(rig, run.reference, run.controller, run.drive, self.time, rows)
-        arguments = {
-            "duration": self.duration,
-            "rate": self.rate,
-            "seed": run.seed,
-            "drawn": run.draw,
-            "initial_angle": run.initial_angle,
-            "initial_speed": run.initial_speed,
-            "encoder_zero": list(run.encoder_zero),
-        }
-        data = metadata(rig, made, run.controller, run.reference, **arguments)
-        return recording_of(rig, self.time, inputs, open_loop, self.log[:, k].T, made, data)
+        run, rows = self.runs[k], len(self.time)
+        run = replace(run, rig=run.own_rig, changes={})
+        made = drawn(run.rig, rows, run.seed, constants_too=run.draw)
+        return run.recording(run.controller, self.time, run.inputs(self.time, rows)[0], self.log[:, k].T, made)
 
 
 def simulate_ensemble(
@@ -219,46 +204,27 @@ def simulate_ensemble(
 
     Raises as `simulate`, and UsageError where the lengths of the sequences differ.
     """
-    runs = runs_of(
-        rigs, reference, controller, values or {}, drive, seeds, initial_angle, initial_speed, draw, encoder_zero
-    )
-    return _simulated(runs, duration, rate, record, threads)
+    return next(ensemble_chunks(**locals(), chunk=None))
 
 
 def ensemble_chunks(
-    rigs: Rig | Sequence[Rig],
-    reference: Reference | Sequence[Reference] | None = None,
-    controller: Controller | Sequence[Controller] | None = None,
-    *,
-    duration: float,
-    rate: float = 1000.0,
-    seeds: int | Sequence[int] = 0,
-    values: Mapping[str, ArrayLike] | None = None,
-    initial_angle: ArrayLike = 0.0,
-    initial_speed: ArrayLike = 0.0,
-    drive: ArrayLike | None = None,
-    draw: bool = False,
-    encoder_zero: ArrayLike = (0.0, 0.0),
-    record: Record = "all",
-    threads: int | None = None,
-    chunk: int = 8 * LANES,
+    *arguments: Any, record: Record = "all", threads: int | None = None, chunk: int | None = 8 * LANES, **options: Any
 ) -> Iterator[Ensemble]:
     """As `simulate_ensemble`, in pieces of at most `chunk` runs in their order, so that memory does not grow with n."""
-    runs = runs_of(
-        rigs, reference, controller, values or {}, drive, seeds, initial_angle, initial_speed, draw, encoder_zero
-    )
-    for first in range(0, len(runs), chunk):
-        yield _simulated(runs[first : first + chunk], duration, rate, record, threads)
+    runs = runs_of(*arguments, **options)
+    size = chunk or len(runs)
+    for first in range(0, len(runs), size):
+        yield _simulated(runs[first : first + size], record, threads)
 
 
-def _simulated(runs: list[Run], duration: float, rate: float, record: Record, threads: int | None) -> Ensemble:
+def _simulated(runs: list[Run], record: Record, threads: int | None) -> Ensemble:
     if record not in CHANNELS:
         raise UsageError(f"record must be one of {', '.join(CHANNELS)}, not {record!r}", code="bad-record")
-    rows = row_count(duration, rate)
-    time = np.arange(rows) / rate
+    rows = runs[0].row_count()
+    time = np.arange(rows) / runs[0].rate
     log = np.empty((CHANNELS[record], len(runs), rows))
     state = np.empty((len(runs), 4))
-    blocks, left = blocks_of(runs, time, rate)
+    blocks, left = blocks_of(runs, time)
 
     def made(block: Block) -> None:
         first, last = block.members[0], block.members[-1] + 1
@@ -269,7 +235,7 @@ def _simulated(runs: list[Run], duration: float, rate: float, record: Record, th
             log[:, block.members] = part
 
     def made_alone(k: int) -> None:
-        log[:, k], state[k] = _alone(runs[k], duration, rate, len(log))
+        log[:, k], state[k] = _alone(runs[k], len(log))
 
     workers = threads or cores()
     if workers > 1:
@@ -281,22 +247,12 @@ def _simulated(runs: list[Run], duration: float, rate: float, record: Record, th
         list(map(made_alone, left))
     alone = np.zeros(len(runs), np.bool_)
     alone[left] = True
-    return Ensemble(time, log, state, alone, tuple(runs), duration, rate)
+    return Ensemble(time, log, state, alone, tuple(runs))
 
 
-def _alone(run: Run, duration: float, rate: float, channels: int) -> tuple[Array, Array]:
+def _alone(run: Run, channels: int) -> tuple[Array, Array]:
     """Log (channels, rows) and last state (4,) of a run by the kernel of single runs."""
-    arguments: dict[str, Any] = {
-        "duration": duration,
-        "rate": rate,
-        "seed": run.seed,
-        "initial_angle": run.initial_angle,
-        "initial_speed": run.initial_speed,
-        "drive": run.drive,
-        "draw": run.draw,
-        "encoder_zero": run.encoder_zero,
-    }
-    run_made = simulate_run(run.own_rig, run.reference, run.controller, **arguments)
-    truth = run_made.truth
-    last = np.array([truth.angle[-1], truth.speed[-1], truth.wheel_angle[-1], truth.wheel_speed[-1]])
-    return run_made.log.T[:channels], last
+    made = run_of(replace(run, rig=run.own_rig, changes={}))
+    true = made.truth
+    last = np.array([true.angle[-1], true.speed[-1], true.wheel_angle[-1], true.wheel_speed[-1]])
+    return made.log.T[:channels], last

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -15,7 +15,7 @@ from swingid.model.parameters import constants, vector
 from swingid.model.terms import TERMS
 from swingid.simulation.draws import CHANNELS, draw_constants, draw_nonlinearity, stream
 from swingid.simulation.ensemble.lanes import OTHERS
-from swingid.simulation.twin import Controller, Reference
+from swingid.simulation.twin import Controller, Reference, Setup
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -27,24 +27,14 @@ CHANGEABLE = tuple(term.key for term in TERMS.values() if term.key)
 """Keys of a rig file that may differ from run to run without a rig for each."""
 
 
-@dataclass(frozen=True)
-class Run:
-    """One run: the arguments of `simulate` that make it.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Run(Setup):
+    """One run; its rig differs from `rig` in `changes`: values (SI) of keys in `CHANGEABLE`.
 
-    changes: values (SI) of keys in `CHANGEABLE` by which its rig differs from `rig`. controller None: the loop is open,
-    with `drive` (rows,) as commands or none.
+    controller None: the loop is open, with `drive` (rows,) as commands or none.
     """
 
-    rig: Rig
-    changes: Mapping[str, float]
-    reference: Reference | None
-    controller: Controller | None
-    drive: Array | None
-    seed: int
-    initial_angle: float
-    initial_speed: float
-    draw: bool
-    encoder_zero: tuple[float, float] = (0.0, 0.0)
+    changes: Mapping[str, float] = field(default_factory=dict)
 
     @cached_property
     def own_rig(self) -> Rig:
@@ -62,12 +52,9 @@ class Run:
         """Whether the lanes know all terms of its motion (of the constants p), its controller and sensors."""
         if np.any(p[OTHERS]):
             return False
-        if self.controller is not None and (
-            not isinstance(self.controller, Compensator) or len(self.controller.k) != 1
-        ):
-            return False
+        known = self.controller is None or (isinstance(self.controller, Compensator) and len(self.controller.k) == 1)
         sensors = [self.rig.sensors.of(name) for name in CHANNELS]
-        return not any(s.jitter or s.latency.value or s.latency.std for s in sensors)
+        return known and not any(s.jitter or s.latency.value or s.latency.std for s in sensors)
 
     def encoders(self) -> Array:
         """Arrays (2, 4) of `model.sensors` for axis and wheel."""
@@ -88,53 +75,50 @@ class Run:
 
 def runs_of(
     rigs: Rig | Sequence[Rig],
-    reference: Reference | Sequence[Reference] | None,
-    controller: Controller | Sequence[Controller] | None,
-    values: Mapping[str, ArrayLike],
-    drive: ArrayLike | None,
-    seeds: int | Sequence[int],
-    initial_angle: ArrayLike,
-    initial_speed: ArrayLike,
-    draw: bool,
+    reference: Reference | Sequence[Reference] | None = None,
+    controller: Controller | Sequence[Controller] | None = None,
+    *,
+    seeds: int | Sequence[int] = 0,
+    values: Mapping[str, ArrayLike] | None = None,
+    initial_angle: ArrayLike = 0.0,
+    initial_speed: ArrayLike = 0.0,
+    drive: ArrayLike | None = None,
     encoder_zero: ArrayLike = (0.0, 0.0),
+    **common: Any,
 ) -> list[Run]:
-    """The runs that the arguments of `simulate_ensemble` describe: what is given once holds for all of them.
+    """The runs that the arguments of `simulate_ensemble` describe: what is given once, as all of `common`, is of all.
 
     Raises UsageError where lengths differ or a key cannot differ from run to run, InputError for impossible values.
     """
     rig = rigs if not isinstance(rigs, Sequence) else rigs[0]
+    values = values or {}
     for key in values:
         if key not in CHANGEABLE:
-            raise UsageError(
-                f"{key} cannot differ from run to run by `values`; give one rig per run instead", code="unknown-key"
-            )
+            text = f"{key} cannot differ from run to run by `values`; give one rig per run instead"
+            raise UsageError(text, code="unknown-key")
         rig.changed({key: float(np.min(values[key]))})
     commands = None if drive is None else np.asarray(drive, dtype=np.float64)
-    several: dict[str, list[object]] = {
+    numbers = {"initial_angle": initial_angle, "initial_speed": initial_speed, **values}
+    several: dict[str, list[Any]] = {
         "rigs": _listed(rigs),
         "reference": _listed(reference),
         "controller": _listed(controller),
         "drive": list(commands) if commands is not None and commands.ndim == 2 else [commands],
         "seeds": _listed(seeds if isinstance(seeds, int) else list(seeds)),
-        "initial_angle": np.atleast_1d(np.asarray(initial_angle, dtype=np.float64)).tolist(),
-        "initial_speed": np.atleast_1d(np.asarray(initial_speed, dtype=np.float64)).tolist(),
         "encoder_zero": np.atleast_2d(np.asarray(encoder_zero, dtype=np.float64)).tolist(),
-    } | {key: np.atleast_1d(np.asarray(value, dtype=np.float64)).tolist() for key, value in values.items()}
+    } | {name: np.atleast_1d(np.asarray(each, dtype=np.float64)).tolist() for name, each in numbers.items()}
     count = max(len(each) for each in several.values())
     for name, each in several.items():
         if len(each) not in (1, count):
-            raise UsageError(
-                f"{name} holds {len(each)} entries for {count} runs; give one or {count}", code="bad-lengths"
-            )
+            text = f"{name} holds {len(each)} entries for {count} runs; give one or {count}"
+            raise UsageError(text, code="bad-lengths")
     runs: list[Run] = []
     standard: dict[int, Compensator] = {}
     for k in range(count):
-        one: dict[str, Any] = {name: each[k if len(each) == count else 0] for name, each in several.items()}
-        changes = {key: one[key] for key in values}
-        run = Run(
-            one["rigs"], changes, one["reference"], one["controller"], one["drive"], int(one["seeds"]),
-            one["initial_angle"], one["initial_speed"], draw, tuple(one["encoder_zero"]),
-        )  # fmt: skip
+        own = {name: each[k if len(each) == count else 0] for name, each in several.items()}
+        changes = {key: own.pop(key) for key in values}
+        rig, seed, zero = own.pop("rigs"), int(own.pop("seeds")), tuple(own.pop("encoder_zero"))
+        run = Run(rig, changes=changes, seed=seed, encoder_zero=zero, **own, **common)
         runs.append(_with_controller(run, standard))
     return runs
 
@@ -153,6 +137,6 @@ def _with_controller(run: Run, standard: dict[int, Compensator]) -> Run:
     return replace(run, controller=standard[id(run.rig)])
 
 
-def _listed(value: object) -> list[object]:
+def _listed(value: object) -> list[Any]:
     """A sequence as a list; anything else as a list of one."""
     return list(value) if isinstance(value, (list, tuple)) else [value]

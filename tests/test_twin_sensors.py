@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from swingid.model.sensors import Encoder, counts, wrapped
+from swingid.model.sensors import Encoder
 from swingid.simulation import simulate, simulate_run
 from swingid.simulation.draws import draw_constants
 from twin_cases import first_call_compiles, free_rig, paper_rig, sine, warm_compensator
@@ -34,12 +34,6 @@ def test_an_encoder_reads_what_its_imperfections_say(q, alpha, beta, zero):
     assert coarse / STEP == pytest.approx(round(coarse / STEP), abs=1e-6)
     noisy = Encoder(resolution=STEP).read(true, np.array([0.3]))[0]
     assert abs(noisy - (q + 0.3)) <= 0.5 * STEP * (1 + 1e-9)
-
-
-def test_counts_and_turns():
-    readings = np.array([-STEP, 0.0, 3 * STEP, 2 * math.pi + STEP])
-    assert counts(readings, STEP).tolist() == [-1, 0, 3, 16385]
-    assert wrapped(readings) == pytest.approx([2 * math.pi - STEP, 0.0, 3 * STEP, STEP])
 
 
 def test_perfect_sensors_log_the_true_angles():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import hashlib
 import os
 import stat
 import threading
@@ -106,6 +107,32 @@ def read_file(path: str | Path, most: int = LARGEST_FILE) -> bytes:
     if not stat.S_ISFIFO(mode):
         raise InputError(f"{path} is a device, not a file; give the path of a file.", code="not-a-file")
     return _read_pipe(path, most)
+
+
+def read_input(path: str | Path, *, missing: str, folder: tuple[str, str], most: int = LARGEST_FILE) -> bytes:
+    """As `read_file`, with InputError for every way in which a path can be wrong.
+
+    missing: what to do where there is no file. folder: code of the error for a folder, and what to do.
+    """
+    name = str(path) if str(path).isprintable() else repr(str(path))
+    try:
+        return read_file(path, most)
+    except FileNotFoundError:
+        raise InputError(f"{name} does not exist; {missing}.", code="missing-file") from None
+    except IsADirectoryError:
+        raise InputError(f"{name} is a folder; {folder[1]}.", code=folder[0]) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(f"{name} cannot be read: {reason}.", code="unreadable-file") from None
+
+
+def sha256_of(path: str | Path) -> str:
+    """SHA-256 of a file; InputError where it cannot be read."""
+    try:
+        with Path(path).open("rb") as stream:
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}.", code="unreadable-file") from None
 
 
 def _read_pipe(path: Path, most: int) -> bytes:

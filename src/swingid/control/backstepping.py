@@ -45,7 +45,7 @@ PARAMETERS = WHEEL_OBSERVER + OBSERVER_PARAMETERS
 
 @njit
 def reference_rates(reference: float, state: Array, h: float) -> tuple[float, float]:
-    """y_m' and y_m'' at this sample from it and the three before, of which `state` keeps the memory.
+    """y_m' and y_m'' at this sample from it and the three before, which `state` keeps.
 
     Errors h^2 y_m'''/3 and 11/12 h^2 y_m''''; the first sample gives 0, 0, the next two are of lower order.
     """
@@ -148,7 +148,7 @@ class Backstepping(SampledController):
         """The gains of section 5 for a rig; sample_time (s) is used by `step` alone.
 
         Raises UsageError for a rig that is no reaction wheel pendulum, or without gravity torque or motor constants,
-        on which (21) stands.
+        which (21) depends on.
         """
         motor, wheel, gravity = rig.drive.motor, rig.drive.wheel, rig.axis.gravity_torque
         if rig.drive.kind != "reaction-wheel" or motor is None or wheel is None or rig.axis.kind == "linear":

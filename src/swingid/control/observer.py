@@ -91,10 +91,6 @@ class VelocityObserver:
                     f"VelocityObserver: {name} must be {what}, not {getattr(self, name)}.", code="bad-gain"
                 )
 
-    def initial_state(self) -> Array:
-        """State (4,) before the first sample."""
-        return np.zeros(OBSERVER_STATES)
-
     def parameters(self, sample_time: float) -> Array:
         """Parameter array (12,) of `observer_step` for a sample time (s)."""
         parameters = np.zeros(OBSERVER_PARAMETERS)

@@ -3,8 +3,8 @@
     a11 q1'' + a12 q2'' = -b sin q1 - F(q1') - Σ c f(q1, q1')     (I)   (direct drive: + torque; Σ: `further`)
     a12 q1'' + a22 q2'' = N (M - f2 N q2' - f3 sign q2')          (II)
 
-A mode is three integers: s1, s2 in {+1, -1, 0} say to which side axis and wheel slide (0: at rest),
-`branch` where the motor stands in its dead zone (8). Within a mode the right-hand side is smooth. A rig
+A mode is three integers: s1, s2 in {+1, -1, 0} are the sides to which axis and wheel slide (0: at rest),
+`branch` is that of the motor's dead zone (8). Within a mode the right-hand side is smooth. A rig
 without a wheel has a12 = 0 and a wheel that rests for ever.
 
 Arguments: q1 in rad, v1 = q1' and v2 = q2' in rad/s, z the bristles' deflection in rad, u the held command in V (direct
@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from swingid.model.friction import sliding_friction
-from swingid.model.further import further_load, further_torque
+from swingid.model.further import ALL, HELD, further_torque
 from swingid.model.motor import branch_torque, motor_friction
 from swingid.model.parameters import A11, A12, A22, DIRECT, FURTHER, GEAR, B
 from swingid.numerics.arrays import Array
@@ -33,14 +33,14 @@ def axis_load(q1: float, u: float, p: Array) -> float:
 def held_load(q1: float, torque: float, p: Array) -> float:
     """A torque on the axis less what its angle makes of gravity and the further terms (N m)."""
     load = torque - p[B] * math.sin(q1)
-    return float(load - further_load(q1, p)) if p[FURTHER] != 0.0 else float(load)
+    return float(load - further_torque(q1, 0.0, 1, HELD, p)) if p[FURTHER] != 0.0 else float(load)
 
 
 @njit_inlined
 def sliding_load(q1: float, v1: float, s1: int, z: float, torque: float, p: Array) -> float:
-    """A torque on an axis that slides less everything that row (I) has on the left beside the inertias (N m)."""
+    """A torque on an axis that slides less everything that equation (I) has on the left beside the inertias (N m)."""
     load = torque - p[B] * math.sin(q1) - sliding_friction(v1, s1, z, p)
-    return float(load - further_torque(q1, v1, s1, p)) if p[FURTHER] != 0.0 else float(load)
+    return float(load - further_torque(q1, v1, s1, ALL, p)) if p[FURTHER] != 0.0 else float(load)
 
 
 @njit_inlined
@@ -55,7 +55,7 @@ def accelerations(
 ) -> tuple[float, float]:
     """(q1'', q2'') (rad/s^2) in the mode (s1, s2, branch) under the held command u (V, direct drive N m).
 
-    The acceleration of what rests is 0, and its row gives way to the constraint (`holding_torques`).
+    The acceleration of what rests is 0, and its equation gives way to the constraint (`holding_torques`).
     """
     if s1 != 0 and s2 != 0:
         r1 = sliding_load(q1, v1, s1, z, p[DIRECT] * u, p)

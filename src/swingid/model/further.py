@@ -1,4 +1,4 @@
-"""The further terms of row (I) in the compiled model: sums over slots of the vector of constants.
+"""The further terms of equation (I) in the compiled model: sums over slots of the vector of constants.
 
 A slot holds what the registry (`terms`) records of a term: coefficient c, shift and order of g(q), kind of g, power and
 parity of the speed. Its torque is c (sgn v)^odd |v|^power g(q). Side s = +1 or −1 of sliding as in `friction`.
@@ -14,6 +14,17 @@ from swingid.model.parameters import COEFFICIENT, FIRST_SLOT, FURTHER, KIND, ODD
 from swingid.model.terms import DISPLACEMENT, WAVE, WEIGHT
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit_called
+
+HELD, DRY, WET, ALL = 1, 2, 4, 7
+"""Kinds of terms by their speed: without it (springs, cogging), with its sign alone, with its size."""
+
+
+@njit_called
+def kind_of(i: int, p: Array) -> int:
+    """`HELD`, `DRY` or `WET`: how the slot at place i depends on the speed."""
+    if p[i + POWER] != 0.0:
+        return WET
+    return HELD if p[i + ODD] == 0.0 else DRY
 
 
 @njit_called
@@ -61,45 +72,16 @@ def speed_factor(v: float, s: int, i: int, p: Array) -> float:
 
 
 @njit_called
-def further_load(q: float, p: Array) -> float:
-    """Torque (N m) of the further terms that do not depend on the motion: springs, cogging."""
+def further_torque(q: float, v: float, s: int, kinds: int, p: Array) -> float:
+    """Torque (N m) of the further terms of some kinds, the sum of `HELD`, `DRY` and `WET`.
+
+    Of dry terms alone, towards the side 1: the torque up to which they hold a resting axis, in either direction.
+    """
     total = 0.0
     for k in range(int(p[FURTHER])):
         i = FIRST_SLOT + SLOT * k
-        if p[i + POWER] == 0.0 and p[i + ODD] == 0.0:
-            total += p[i + COEFFICIENT] * angle_factor(q, i, p)
-    return total
-
-
-@njit_called
-def further_friction(q: float, v: float, s: int, p: Array) -> float:
-    """Torque (N m) of the further terms that depend on the motion."""
-    total = 0.0
-    for k in range(int(p[FURTHER])):
-        i = FIRST_SLOT + SLOT * k
-        if p[i + POWER] != 0.0 or p[i + ODD] != 0.0:
+        if kinds & kind_of(i, p):
             total += p[i + COEFFICIENT] * speed_factor(v, s, i, p) * angle_factor(q, i, p)
-    return total
-
-
-@njit_called
-def further_torque(q: float, v: float, s: int, p: Array) -> float:
-    """Torque (N m) of all further terms."""
-    total = 0.0
-    for k in range(int(p[FURTHER])):
-        i = FIRST_SLOT + SLOT * k
-        total += p[i + COEFFICIENT] * speed_factor(v, s, i, p) * angle_factor(q, i, p)
-    return total
-
-
-@njit_called
-def further_level(q: float, p: Array) -> float:
-    """Torque (N m) up to which the further terms hold a resting axis, in either direction."""
-    total = 0.0
-    for k in range(int(p[FURTHER])):
-        i = FIRST_SLOT + SLOT * k
-        if p[i + POWER] == 0.0 and p[i + ODD] != 0.0:
-            total += p[i + COEFFICIENT] * angle_factor(q, i, p)
     return total
 
 
@@ -109,7 +91,7 @@ def further_energy(q: float, p: Array) -> float:
     total = 0.0
     for k in range(int(p[FURTHER])):
         i = FIRST_SLOT + SLOT * k
-        if p[i + POWER] == 0.0 and p[i + ODD] == 0.0:
+        if kind_of(i, p) == HELD:
             total += p[i + COEFFICIENT] * angle_energy(q, i, p)
     return total
 

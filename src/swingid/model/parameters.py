@@ -1,8 +1,8 @@
 """The constants of a rig as one float64 vector, which every compiled kernel reads.
 
 The vector is built in two moves: `constants` collects the rig's quantities by their rig.toml keys, `vector` turns plain
-values under those keys into the vector. Between the two, values may be drawn from their uncertainties. What a constant
-is called, its symbol and its unit stand in `terms`. (Kernels under njit have the numbers of the places compiled in.)
+values under those keys into the vector. Between the two, values may be drawn from their uncertainties. Name, symbol and
+unit of a constant are in `terms`. (Kernels under njit have the numbers of the places compiled in.)
 """
 
 from __future__ import annotations
@@ -66,16 +66,10 @@ def constants(rig: Rig) -> dict[str, Quantity]:
 
     axis = rig.axis
     if axis.inertia is None:
-        raise InputError(
-            f"rig {rig.name!r} gives no axis.inertia, without which no motion can be computed; add it",
-            code="missing-inertia",
-        )
+        message = f"rig {rig.name!r} gives no axis.inertia, without which no motion can be computed; add it"
+        raise InputError(message, code="missing-inertia")
     if isinstance(axis.gravity_torque, str):
-        raise InputError(
-            f"rig {rig.name!r} has axis.gravity_torque = {axis.gravity_torque!r}, which gives no motion; "
-            "put a number there",
-            code="unknown-gravity",
-        )
+        raise _no_motion(rig, "axis.gravity_torque", axis.gravity_torque, "unknown-gravity")
     found = {"axis.inertia": axis.inertia, "axis.gravity_torque": axis.gravity_torque}
     for name in FRICTION_KEYS:
         quantity = stated_at(rig, TERMS[name].key)
@@ -94,11 +88,15 @@ def constants(rig: Rig) -> dict[str, Quantity]:
         for key in (term.key, term.shift, term.order):
             quantity = stated_at(rig, key) if stated_at(rig, term.key) is not None and key else None
             if isinstance(quantity, str):
-                message = f"rig {rig.name!r} has {key} = {quantity!r}, which gives no motion; put a number there"
-                raise InputError(message, code="unknown-term")
+                raise _no_motion(rig, key, quantity, "unknown-term")
             if quantity is not None:
                 found[key] = quantity
     return found
+
+
+def _no_motion(rig: Rig, key: str, stated: str, code: str) -> InputError:
+    message = f"rig {rig.name!r} has {key} = {stated!r}, which gives no motion; put a number there"
+    return InputError(message, code=code)
 
 
 def rig_vector(rig: Rig) -> Array:

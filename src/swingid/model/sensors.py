@@ -1,4 +1,4 @@
-"""Encoders and how a log comes to hold what it holds: each imperfection optional and off by default.
+"""Encoders and their imperfections, each optional and off by default.
 
 A reading is q + alpha cos q + beta sin q (integral nonlinearity, once per turn), plus the offset of the
 encoder's zero, plus white noise, rounded to the nearest step of the resolution. Rounding rather than
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit_inlined
 
 # Places in an encoder's array.
@@ -53,13 +53,3 @@ class Encoder:
         draws = np.zeros(len(angles)) if noise is None else noise
         array = self.array()
         return np.array([encoder_reading(q, array, draw) for q, draw in zip(angles, draws, strict=True)])
-
-
-def wrapped(readings: Array, period: float = 2.0 * math.pi) -> Array:
-    """Readings (n,) as an encoder of one turn gives them: in [0, period), in their unit (rad by default)."""
-    return np.asarray(np.mod(readings, period))
-
-
-def counts(readings: Array, resolution: float) -> Ints:
-    """Whole counts of readings (rad or m) at a resolution (rad or m per count)."""
-    return np.rint(np.asarray(readings) / resolution).astype(np.int64)

@@ -1,7 +1,7 @@
 """Which of axis and wheel rests and which slides: a discrete state with a release torque.
 
 Rest ends where the torque that friction would have to supply passes the static level; sliding ends where
-the speed passes zero. At rest the mode is found by asking every candidate whether it agrees with itself:
+the speed passes zero. At rest the mode is the candidate that is consistent with itself:
 what rests needs no more than its static level, what slides accelerates towards its own side. For Coulomb
 friction there is exactly one such mode (the mass matrix is positive definite); where static friction
 exceeds sliding friction there can be two, and rest goes first.

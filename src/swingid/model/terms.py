@@ -1,4 +1,4 @@
-"""The registry of terms: every term of row (I) and every constant of a rig, one record each.
+"""The registry of terms: every term of equation (I) and every constant of a rig, one record each.
 
     a11 q1'' + b sin q1 + Σ_k c_k f_k(q1, q1') = drive,    f(q, v) = (sgn v)^odd |v|^power g(q)
 
@@ -119,7 +119,7 @@ _RECORDS = (
     Term("lugre.bristle_damping", f"{_F}.lugre.bristle_damping", "LuGre bristle damping", *_VISCOUS, "σ₁"),
     Term("viscous_even", "", "direction-dependent friction", *_VISCOUS, power=1, signed=True),
     Term("stribeck", "", "Stribeck's peak", *_N),
-    Term("memory", "", "friction's memory", "N m s", "N s", signed=True),
+    Term("memory", "", "dynamic friction", "N m s", "N s", signed=True),
     # The drive.
     Term("wheel_inertia", "drive.wheel.inertia", "wheel inertia", "kg m^2", None, "J₂"),
     Term("rotor_inertia", f"{_M}.rotor_inertia", "rotor inertia", "kg m^2", None, "Jr"),
@@ -133,17 +133,11 @@ _RECORDS = (
 
 _C = "axis.cogging"
 
+_SPRING = ("N m/rad", "N/m")
+
 _FURTHER = (
     Term(
-        "stiffness",
-        "axis.stiffness",
-        "spring stiffness",
-        "N m/rad",
-        "N/m",
-        "k",
-        0,
-        kind=DISPLACEMENT,
-        shift="axis.spring_zero",
+        "stiffness", "axis.stiffness", "spring stiffness", *_SPRING, "k", 0, kind=DISPLACEMENT, shift="axis.spring_zero"
     ),
     Term(
         "cogging_amplitude",
@@ -236,7 +230,7 @@ class RigTerm:
 
 
 def rig_terms(rig: object) -> tuple[RigTerm, ...]:
-    """The further terms that a Rig has, for the methods: of friction they learn that it is there, never how much.
+    """The further terms that a Rig has, for the methods: of friction only that it is there, not the coefficient.
 
     A wave of unknown phase is two unknowns, those of its sine and its cosine.
     """

@@ -11,16 +11,22 @@ from swingid.numerics.compiled import njit, njit_sums
 
 
 @njit
-def symmetric_inverse(matrix: Array) -> Array:
-    """Inverse of a small positive definite matrix, for compiled loops where a call of LAPACK costs more (Cholesky)."""
-    n = len(matrix)
-    factor, inverse = np.zeros((n, n)), np.zeros((n, n))
-    for a in range(n):
+def cholesky(matrix: Array) -> None:
+    """Cholesky's factor of a small positive definite matrix into its lower triangle, of which alone it is read."""
+    for a in range(len(matrix)):
         for c in range(a + 1):
             total = matrix[a, c]
             for j in range(c):
-                total -= factor[a, j] * factor[c, j]
-            factor[a, c] = np.sqrt(max(total, 1e-300)) if a == c else total / factor[c, c]
+                total -= matrix[a, j] * matrix[c, j]
+            matrix[a, c] = np.sqrt(max(total, 1e-300)) if a == c else total / matrix[c, c]
+
+
+@njit
+def symmetric_inverse(matrix: Array) -> Array:
+    """Inverse of a small positive definite matrix, for compiled loops where a call of LAPACK costs more (Cholesky)."""
+    n = len(matrix)
+    factor, inverse = matrix.copy(), np.zeros((n, n))
+    cholesky(factor)
     for k in range(n):  # the columns of L⁻¹, then L⁻ᵀ L⁻¹
         for a in range(k, n):
             total = 1.0 if a == k else 0.0
@@ -106,7 +112,8 @@ def gram(rows: Array) -> Array:
 
 
 @njit_sums
-def _inner(one: Array, other: Array) -> float:
+def inner(one: Array, other: Array) -> float:
+    """Sum of products; the sum may be reordered, so that the compiler can use vector instructions."""
     total = 0.0
     for i in range(len(one)):
         total += one[i] * other[i]
@@ -123,15 +130,15 @@ def _orthonormal(rows: Array) -> tuple[Array, Array]:
     q, r = rows.copy(), np.zeros((count, count))
     for k in range(count):
         own = q[k]
-        before = np.sqrt(_inner(own, own))
+        before = np.sqrt(inner(own, own))
         for _ in range(2):
             for j in range(k):
                 other = q[j]
-                share = _inner(other, own)
+                share = inner(other, own)
                 r[j, k] += share
                 for i in range(length):
                     own[i] -= share * other[i]
-        left = np.sqrt(_inner(own, own))
+        left = np.sqrt(inner(own, own))
         seen = left > 1e-15 * before
         r[k, k] = left if seen else 0.0
         for i in range(length):
@@ -181,7 +188,7 @@ def _fitted(columns: Array, target: Array, smallest: float) -> tuple[Array, Arra
     count, length = columns.shape
     rows, scale = columns.copy(), np.empty(count)
     for k in range(count):
-        power = _inner(rows[k], rows[k])
+        power = inner(rows[k], rows[k])
         scale[k] = np.sqrt(power) if power > 0.0 else 1.0
         for i in range(length):
             rows[k, i] /= scale[k]
@@ -203,7 +210,7 @@ def _fitted(columns: Array, target: Array, smallest: float) -> tuple[Array, Arra
             share, other = back[a, c] / scale[a], q[c]
             for i in range(length):
                 own[i] += share * other[i]
-        values[a] = _inner(own, target)
+        values[a] = inner(own, target)
     for a in range(count):
         share, other = values[a] * scale[a], rows[a]
         for i in range(length):
@@ -226,6 +233,15 @@ def parzen(reach: int) -> Array:
     return np.asarray(np.where(x < 0.5, 1 - 6 * x**2 + 6 * x**3, 2 * (1 - x) ** 3))
 
 
+def _weighted_products(scores: Array, weights: Array) -> Array:
+    """Products of scores (p, n) with themselves (p, p), summed over lags with weights from lag 0 (weight 1) on."""
+    covariance: Array = scores @ scores.T
+    for k, weight in enumerate(weights[1:], start=1):
+        cross = scores[:, k:] @ scores[:, :-k].T
+        covariance += weight * (cross + cross.T)
+    return covariance
+
+
 def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array:
     """Covariance of Σ scores, scores (p, n), with the Parzen kernel over `reach` neighbours (Andrews 1991).
 
@@ -234,10 +250,7 @@ def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array
     used: scores that are not zero. Small-sample factor n / (n − p), n = 1.85 used / reach independent stretches.
     """
     reach = min(reach, scores.shape[1] - 1)
-    covariance = scores @ scores.T
-    for k, weight in enumerate(parzen(reach)[1:], start=1):
-        cross = scores[:, k:] @ scores[:, :-k].T
-        covariance += weight * (cross + cross.T)
+    covariance = _weighted_products(scores, parzen(reach))
     independent = 1.85 * used / (reach + 1)
     result: Array = covariance * max(independent / max(independent - unknowns, 1.0), 1.0)
     return result
@@ -250,9 +263,6 @@ NEIGHBOURS = np.array([1.0, 0.5])
 def block_covariance(scores: Array, unknowns: int) -> Array:
     """Newey–West covariance of sums over blocks, scores (p, blocks), one neighbour correlated."""
     blocks = scores.shape[1]
-    covariance = scores @ scores.T
-    if blocks > 2:
-        cross = scores[:, 1:] @ scores[:, :-1].T
-        covariance = covariance + NEIGHBOURS[1] * (cross + cross.T)
+    covariance = _weighted_products(scores, NEIGHBOURS if blocks > 2 else NEIGHBOURS[:1])
     result: Array = covariance * (blocks / max(blocks - unknowns, 1))
     return result

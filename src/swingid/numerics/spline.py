@@ -9,6 +9,7 @@ import numpy as np
 
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit, njit_sums
+from swingid.numerics.regression import cholesky
 
 
 @njit
@@ -67,12 +68,7 @@ def spline_slopes(time: Array, values: Array) -> Array:
 def _solve_in_place(gram: Array, right: Array) -> None:
     """Solve a small positive definite system, lower triangle given, by Cholesky; the solution replaces `right`."""
     n = len(right)
-    for a in range(n):
-        for c in range(a + 1):
-            total = gram[a, c]
-            for j in range(c):
-                total -= gram[a, j] * gram[c, j]
-            gram[a, c] = np.sqrt(max(total, 1e-300)) if a == c else total / gram[c, c]
+    cholesky(gram)
     for a in range(n):
         for j in range(a):
             right[a] -= gram[a, j] * right[j]

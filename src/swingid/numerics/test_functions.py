@@ -1,7 +1,7 @@
-"""Modulating (test) functions with compact support, and the projections of sampled signals on them.
+"""Modulating (test) functions with compact support, and the integrals of sampled signals with them.
 
 φ(t) = (1 − s²)^m, s = (t − c)/L: zero with its first m − 1 derivatives at c ± L, so that integration by parts
-moves the derivatives of a signal on φ and leaves nothing at the ends. Functions of a signal's values are projected
+moves the derivatives of a signal on φ and leaves nothing at the ends. Functions of a signal's values are integrated
 with hat functions of these values as their basis.
 """
 
@@ -14,6 +14,7 @@ import numpy as np
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
+from swingid.numerics.regression import inner
 from swingid.numerics.spline import rows_before
 
 POWER = 3
@@ -92,15 +93,6 @@ def _lagrange_scales(fractions: Array) -> Array:
 
 
 @njit_sums
-def _inner(test: Array, signal: Array) -> float:
-    """Sum of products; the sum may be reordered, so that the compiler can use vector instructions."""
-    total = 0.0
-    for j in range(len(test)):
-        total += test[j] * signal[j]
-    return total
-
-
-@njit_sums
 def _fill_tests(instants: Array, steps: Array, c: float, big_l: float, tests: Array) -> None:
     """φ, φ' and φ'' at the nodes, times the nodes' weights, into the three rows of `tests`."""
     inverse = 1.0 / big_l
@@ -138,7 +130,7 @@ def _project(
             begin, end = (first + 1) * points, last * points
             _fill_tests(instants[begin:end], steps[begin:end], c, big_l, tests)
             for g in range(len(orders)):
-                result[i, g] += _inner(tests[orders[g], : end - begin], signals[g, begin:end])
+                result[i, g] += inner(tests[orders[g], : end - begin], signals[g, begin:end])
     return result
 
 
@@ -197,7 +189,7 @@ def project_steps(edges: Array, levels: Array, centres: Array, half: Array) -> A
 
 @njit
 def project_impulses(instants: Array, strengths: Array, centres: Array, half: Array) -> Array:
-    """Σ_j strengths_j φ(t_j): the projection of impulses at rising `instants`."""
+    """Σ_j strengths_j φ(t_j): the modulated integral of impulses at rising `instants`."""
     result = np.zeros(len(centres))
     for i in range(len(centres)):
         j = rows_before(instants, centres[i] - half[i], False)
@@ -324,7 +316,7 @@ def _project_hats(
 def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
     """∫φ Λ_j(x) dt for the hat functions Λ_j on rising `knots`; returns (windows, knots).
 
-    The projection of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
+    The modulated integral of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
     Values of x beyond the knots count for the outermost one.
     """
     fractions, weights = gauss_rule(nodes.points)

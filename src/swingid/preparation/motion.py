@@ -12,7 +12,7 @@ import numpy as np
 
 from swingid.errors import UnanswerableError
 from swingid.numerics.arrays import Array, Ints, median, quantile
-from swingid.numerics.compiled import njit
+from swingid.numerics.reversals import reversals
 from swingid.numerics.spline import local_cubic
 from swingid.preparation.speed import NARROWEST, Speed, smooth_speed, typical_step
 
@@ -155,9 +155,9 @@ def find_motion(time: Array, angle: Array, noise: float) -> Motion:
     reach = max(speed.half_width / 2, NARROWEST * typical_step(time))
     instants, angles = _refined(time, angle, speed, instants, reach)
     path = np.concatenate([[q[0]], angles, [q[-1]]])
-    keep = _inner(_extremes(path, max(SMALLEST_SWING * size, 8 * noise)), len(angles))
+    keep = _inner(reversals(path, max(SMALLEST_SWING * size, 8 * noise)), len(angles))
     small = np.zeros(len(angles), dtype=bool)
-    small[_inner(_extremes(path, 8 * noise), len(angles))] = True
+    small[_inner(reversals(path, 8 * noise), len(angles))] = True
     small[keep] = False
     sides = np.sign(v[crossings[keep]])
     return Motion(speed, instants[keep], angles[keep], sides, _rests(speed, fine, v), reach, instants[small])
@@ -180,27 +180,6 @@ def _refined(time: Array, angle: Array, speed: Speed, instants: Array, reach: fl
     shift = np.where(np.isfinite(shift) & (np.abs(shift) < speed.half_width / 2), shift, 0.0)
     refined = np.maximum.accumulate(instants + shift)
     return refined, speed.angle_at(refined)
-
-
-@njit
-def _extremes(values: Array, threshold: float) -> Ints:
-    """Indices of the alternating extremes of `values` that differ by more than `threshold` (hysteresis)."""
-    kept = np.empty(len(values), np.int64)
-    count = low = high = direction = 0
-    for k, value in enumerate(values):
-        if value > values[high]:
-            high = k
-        if value < values[low]:
-            low = k
-        if direction >= 0 and values[high] - value > threshold:
-            kept[count] = high
-            count += 1
-            direction, low, high = -1, k, k
-        elif direction <= 0 and value - values[low] > threshold:
-            kept[count] = low
-            count += 1
-            direction, high, low = 1, k, k
-    return kept[:count].copy()
 
 
 def _rests(speed: Speed, instants: Array, v: Array) -> Array:

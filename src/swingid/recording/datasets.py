@@ -7,7 +7,6 @@ Files come from a local copy where there is one, else from their address; checks
 from __future__ import annotations
 
 import difflib
-import hashlib
 import os
 import tempfile
 import tomllib
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import InputError, UsageError
 from swingid.recording.formats.isolated import require
-from swingid.system import write_whole
+from swingid.system import sha256_of, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -112,10 +111,7 @@ def _copy_of(file: DataFile, dataset: DataSet, place: Path) -> Path | None:
 
 def _verify(path: Path, file: DataFile, advice: str) -> None:
     """Raise InputError unless the file is the one of the catalogue, byte for byte."""
-    try:
-        found = hashlib.sha256(path.read_bytes()).hexdigest()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.", code="unreadable-file") from None
+    found = sha256_of(path)
     if found != file.sha256:
         message = f"{path} is not the published file (SHA-256 {found[:12]}… instead of {file.sha256[:12]}…)"
         raise InputError(f"{message}; {advice}.", code="wrong-checksum")

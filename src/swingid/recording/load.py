@@ -13,9 +13,10 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.recording.conventions import Conventions, from_first_row, gather, with_header_units
 from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
+from swingid.recording.formats.csv import TABLE_NEEDS
 from swingid.recording.repair import limited, repair
 from swingid.recording.rows import LARGEST, MANY
-from swingid.system import LARGEST_FILE, is_file, read_file
+from swingid.system import LARGEST_FILE, is_file, read_input
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -84,20 +85,10 @@ def read_bytes(path: str | Path) -> bytes:
     A file of more than `LARGEST_FILE` bytes, or Parquet of more than `MOST_ROWS` rows, is not read whole.
     """
     _refuse_large(path)
-    try:
-        content = read_file(path)
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist; give the path of a log.", code="missing-file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a folder; give the path of one log in it.", code="is-a-folder") from None
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-        raise InputError(f"{path} cannot be read: {reason}.", code="unreadable-file") from None
+    folder = "is-a-folder", "give the path of one log in it"
+    content = read_input(path, missing="give the path of a log", folder=folder)
     if not content.strip():
-        raise InputError(
-            f"{path} is empty; a log needs a header line with column names and rows of numbers.",
-            code="empty-file",
-        )
+        raise InputError(f"{path} is empty; {TABLE_NEEDS}.", code="empty-file")
     return content
 
 

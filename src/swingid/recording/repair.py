@@ -103,25 +103,10 @@ def without_spikes(
 ) -> tuple[Channels, list[Finding]]:
     """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are reported.
 
-    rows: of the log that each row is the mean of.
+    spikes: those that are known already. rows: of the log that each row is the mean of.
     """
     findings: list[Finding] = []
-    channels = _drop_spikes(channels, spikes, findings, keep="spikes" in off, mean_of=rows)
-    _warn_of_jumps(channels, conventions.columns, findings, rows)
-    _note_gaps(channels["time"], conventions.columns["time"], findings)
-    return channels, findings
-
-
-def _drop_spikes(
-    channels: Channels, spikes: Bools, findings: list[Finding], *, keep: bool, mean_of: int = 1
-) -> Channels:
-    """The rows without single samples that fit neither neighbour; `spikes` are those that are known already.
-
-    keep: leave them in, and warn.
-    """
-    rows = len(spikes)
-    times = []
-    everything = channels
+    times, everything, count = [], channels, len(spikes)
     for again in range(PASSES + 1):
         if spikes.any():
             times.append(channels["time"][spikes])
@@ -131,20 +116,23 @@ def _drop_spikes(
         spikes = np.zeros(len(channels["time"]), dtype=bool)
         for channel in SMOOTH:
             if channel in channels:
-                spikes |= find_spikes(channels["time"], channels[channel], mean_of)
+                spikes |= find_spikes(channels["time"], channels[channel], rows)
     if times:
         found = np.sort(np.concatenate(times))
         shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
-        if keep:
-            message = f"{found.size} of {rows} rows hold isolated spikes of an angle, not removed, at {shown} s."
+        if "spikes" in off:
+            message = f"{found.size} of {count} rows hold isolated spikes of an angle, not removed, at {shown} s."
             findings.append(Finding("spikes-left", message, "warning"))
-            return everything
-        message = f"{found.size} of {rows} rows left out: isolated spikes of an angle at {shown} s."
-        findings.append(Finding("spikes", message, "warning", "spikes"))
-    return channels
+            channels = everything
+        else:
+            message = f"{found.size} of {count} rows left out: isolated spikes of an angle at {shown} s."
+            findings.append(Finding("spikes", message, "warning", "spikes"))
+    _warn_of_jumps(channels, conventions.columns, findings, rows)
+    _note_gaps(channels["time"], conventions.columns["time"], findings)
+    return channels, findings
 
 
-def _warn_of_jumps(channels: Channels, columns: Mapping[str, str], findings: list[Finding], rows: int = 1) -> None:
+def _warn_of_jumps(channels: Channels, columns: Mapping[str, str], findings: list[Finding], rows: int) -> None:
     for channel in ANGLES:
         jumps = find_jumps(channels["time"], channels[channel], rows) if channel in channels else []
         if not jumps:

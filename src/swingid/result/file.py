@@ -8,7 +8,7 @@ from pathlib import Path
 
 from swingid.errors import InputError
 from swingid.result.result import SCHEMA, Message, Result
-from swingid.system import read_file
+from swingid.system import is_file, read_input
 from swingid.uncertainty.budget import BudgetEntry, Distribution, Parameter, Source
 
 LARGEST = 200_000_000
@@ -51,22 +51,14 @@ class _MalformedError(Exception):
 
 
 def _document(name: str) -> dict[str, object]:
+    if is_file(name) and Path(name).stat().st_size > LARGEST:
+        raise InputError(f"{name} is too large for a result file.", code="not-a-result")
+    writes, folder = f"swingid identify LOG --json {name} writes it", ("not-a-file", "give the result file in it")
     try:
-        file = Path(name)
-        if file.is_dir():
-            raise InputError(f"{name} is a folder; give the result file in it.", code="not-a-file")
-        if file.stat().st_size > LARGEST:
-            raise InputError(f"{name} is too large for a result file.", code="not-a-result")
-        text = read_file(file, LARGEST).decode("utf-8-sig")
-    except FileNotFoundError:
-        message = f"{name} does not exist; swingid identify LOG --json {name} writes it."
-        raise InputError(message, code="missing-file") from None
+        text = read_input(name, missing=writes, folder=folder, most=LARGEST).decode("utf-8-sig")
     except UnicodeDecodeError:
         message = f"{name} is no result file: it is not text; give what swingid identify LOG --json FILE wrote."
         raise InputError(message, code="not-a-result") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{name!r} cannot be read: {reason}.", code="unreadable-file") from None
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):

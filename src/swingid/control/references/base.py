@@ -35,14 +35,18 @@ class Reference(Protocol):
         ...
 
 
+def refused(motion: str, problem: str) -> UsageError:
+    """The error that names a motion and what is wrong with it."""
+    return UsageError(f"Reference {motion}: {problem}.", code="bad-reference")
+
+
 def require_positive(motion: str, unit: str = "rad", **values: float) -> None:
     """Raise UsageError unless every value is positive and finite and `unit` is rad or m; it names motion and value."""
     if unit not in UNITS:
-        raise UsageError(f"Reference {motion}: the unit must be rad or m, not {unit!r}.", code="bad-reference")
+        raise refused(motion, f"the unit must be rad or m, not {unit!r}")
     for name, value in values.items():
         if not 0.0 < value < math.inf:
-            sentence = f"Reference {motion}: {name.replace('_', ' ')} must be positive, and is {value}."
-            raise UsageError(sentence, code="bad-reference")
+            raise refused(motion, f"{name.replace('_', ' ')} must be positive, and is {value}")
 
 
 def require_axis(motion: object, kind: str) -> None:
@@ -116,6 +120,8 @@ def sampled_turning_points(y: Callable[[Array], Array], duration: float, step: f
     swings. A dwell is reported by its middle, a smooth reversal to about step^2 times the cube of its frequency. Not
     for motions with a formula.
     """
+    from swingid.numerics.reversals import reversals
+
     if not duration > 0.0:
         return np.empty(0)
     times = np.linspace(0.0, duration, max(3, math.ceil(duration / step) + 1))
@@ -123,32 +129,8 @@ def sampled_turning_points(y: Callable[[Array], Array], duration: float, step: f
     span = float(np.ptp(values))
     if not span > 0.0:
         return np.empty(0)
-    extremes = [_middle_of_extreme(y, times, values, k, 1e-9 * span) for k in _reversals(values, 1e-3 * span)]
+    extremes = [_middle_of_extreme(y, times, values, k, 1e-9 * span) for k in reversals(values, 1e-3 * span) if k > 0]
     return inside(np.asarray(extremes, dtype=float), duration)
-
-
-def _reversals(values: Array, swing: float) -> list[int]:
-    """Indices of the alternating extremes from which the values go back by more than `swing`."""
-    found: list[int] = []
-    direction, best = 0, 0
-    low = high = 0
-    for k, value in enumerate(values):
-        if direction == 0:
-            low, high = (k if value < values[low] else low), (k if value > values[high] else high)
-            if value > values[low] + swing:
-                direction, best = 1, k
-                if low > 0:
-                    found.append(low)
-            elif value < values[high] - swing:
-                direction, best = -1, k
-                if high > 0:
-                    found.append(high)
-        elif direction * (value - values[best]) > 0.0:
-            best = k
-        elif direction * (values[best] - value) > swing:
-            found.append(best)
-            direction, best = -direction, k
-    return found
 
 
 def _middle_of_extreme(y: Callable[[Array], Array], times: Array, values: Array, k: int, flat: float) -> float:

@@ -8,8 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from swingid.control.references.base import crossings, inside, require_positive
-from swingid.errors import UsageError
+from swingid.control.references.base import crossings, inside, refused, require_positive
 from swingid.numerics.arrays import Array
 
 
@@ -74,12 +73,11 @@ class Multisine:
         """Refuse an empty sum and a sum of angles and lengths."""
         object.__setattr__(self, "parts", tuple(self.parts))
         if not self.parts:
-            raise UsageError("Reference multisine: give at least one part.", code="bad-reference")
+            raise refused("multisine", "give at least one part")
         if len({part.unit for part in self.parts}) > 1:
-            raise UsageError("Reference multisine: rad and m cannot be added.", code="bad-reference")
+            raise refused("multisine", "rad and m cannot be added")
         if len({part.frequency for part in self.parts}) < len(self.parts):
-            sentence = "Reference multisine: two parts have the same frequency; write them as one part."
-            raise UsageError(sentence, code="bad-reference")
+            raise refused("multisine", "two parts have the same frequency; write them as one part")
 
     @property
     def unit(self) -> str:
@@ -114,14 +112,8 @@ class Multisine:
     def _crossings(self, order: int, duration: float) -> Array:
         """Sign changes of a derivative; its own derivatives are bounded by the sum of the parts'."""
         slope, bend = (sum(part.amplitude * part.frequency ** (order + more) for part in self.parts) for more in (1, 2))
-        return crossings(
-            lambda t: self._derivative(t, order),
-            lambda t: self._derivative(t, order + 1),
-            slope,
-            bend,
-            0.0,
-            duration,
-        )
+        f, df = (partial(self._derivative, order=order + more) for more in (0, 1))
+        return crossings(f, df, slope, bend, 0.0, duration)
 
 
 @dataclass(frozen=True)
@@ -228,8 +220,7 @@ class Strokes:
         """Refuse a motion that does not move."""
         require_positive("strokes", self.unit, amplitude=self.amplitude, stroke_time=self.stroke_time)
         if not 0.0 <= self.dwell < math.inf:
-            sentence = f"Reference strokes: the dwell must not be negative, and is {self.dwell}."
-            raise UsageError(sentence, code="bad-reference")
+            raise refused("strokes", f"the dwell must not be negative, and is {self.dwell}")
 
     def __call__(self, t: Array) -> Array:
         """Positions at the times t (s)."""
@@ -288,11 +279,8 @@ class Triangle:
         if self.corner is None:
             object.__setattr__(self, "corner", 0.1 * self.period)
         if not 0.0 < self._corner <= 0.5 * self.period:
-            sentence = (
-                f"Reference triangle: the corner must last between 0 and half a period "
-                f"({0.5 * self.period:.6g} s), and is {self._corner} s."
-            )
-            raise UsageError(sentence, code="bad-reference")
+            limits = f"between 0 and half a period ({0.5 * self.period:.6g} s)"
+            raise refused("triangle", f"the corner must last {limits}, and is {self._corner} s")
 
     @property
     def period(self) -> float:

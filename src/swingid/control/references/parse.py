@@ -17,9 +17,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from typing import Any, TypeVar
 
-from swingid.control.references.base import Reference
+from swingid.control.references.base import Reference, refused
 from swingid.control.references.motions import Chirp, Multisine, Sine, Strokes, Triangle
 from swingid.control.references.sampled import Sampled
 from swingid.errors import InputError, UsageError
@@ -50,40 +50,35 @@ def parse_reference(text: str, unit: str = "rad") -> Reference:
     if kind not in EXAMPLES:
         raise _bad(text, "sine", f"it must begin with one of {', '.join(EXAMPLES)}")
     if kind == "multisine":
-        return Multisine(tuple(_sine(text, kind, part, unit) for part in re.split(r"\s\+\s", rest)))
-    return _BUILDERS[kind](text, kind, rest, unit)
+        return Multisine(tuple(_motion(Sine, text, kind, part, unit) for part in re.split(r"\s\+\s", rest)))
+    return _motion(_KINDS[kind], text, kind, rest, unit)
 
 
-def _sine(text: str, kind: str, rest: str, plain: str) -> Sine:
-    amplitude, unit, terms = _terms(text, kind, rest, (1, 2), plain)
-    phase = _angle(text, kind, terms[1]) if len(terms) > 1 else 0.0
-    return Sine(amplitude, _frequency(text, kind, terms[0]), phase, unit)
-
-
-def _strokes(text: str, kind: str, rest: str, plain: str) -> Strokes:
-    amplitude, unit, terms = _terms(text, kind, rest, (1, 2), plain)
-    times = [_time(text, kind, term) for term in terms]
-    return Strokes(amplitude, times[0], times[1] if len(times) > 1 else 0.0, unit)
-
-
-def _triangle(text: str, kind: str, rest: str, plain: str) -> Triangle:
-    amplitude, unit, terms = _terms(text, kind, rest, (1, 2), plain)
-    corner = _time(text, kind, terms[1]) if len(terms) > 1 else None
-    return Triangle(amplitude, _frequency(text, kind, terms[0]), corner, unit)
-
-
-def _chirp(text: str, kind: str, rest: str, plain: str) -> Chirp:
-    amplitude, unit, terms = _terms(text, kind, rest, (3, 3), plain)
-    band = [_frequency(text, kind, term) for term in terms[:2]]
-    return Chirp(amplitude, band[0], band[1], _time(text, kind, terms[2]), unit)
-
-
-_BUILDERS: dict[str, Callable[[str, str, str, str], Reference]] = {
-    "sine": _sine,
-    "strokes": _strokes,
-    "triangle": _triangle,
-    "chirp": _chirp,
+M = TypeVar("M", bound=Sine | Strokes | Triangle | Chirp)
+_KINDS: dict[str, type[Sine | Strokes | Triangle | Chirp]] = {
+    "sine": Sine,
+    "strokes": Strokes,
+    "triangle": Triangle,
+    "chirp": Chirp,
 }
+_FIELDS: dict[type[object], dict[str, str]] = {
+    Sine: {"frequency": "rad/s", "phase": "rad"},
+    Strokes: {"stroke_time": "s", "dwell": "s"},
+    Triangle: {"frequency": "rad/s", "corner": "s"},
+    Chirp: {"low": "rad/s", "high": "rad/s", "sweep": "s"},
+}
+"""SI units of the quantities behind the amplitude; of two the second may be left out."""
+
+
+def _motion(motion: type[M], text: str, kind: str, rest: str, plain: str) -> M:
+    """A motion from the quantities in `rest`; plain: unit of an amplitude that states none."""
+    fields = _FIELDS[motion]
+    fewest = 1 if len(fields) == 2 else len(fields)
+    amplitude, unit, terms = _terms(text, kind, rest, (fewest, len(fields)), plain)
+    values: dict[str, Any] = {
+        name: _value(text, kind, term, si) for (name, si), term in zip(fields.items(), terms, strict=False)
+    }
+    return motion(amplitude, unit=unit, **values)
 
 
 def _terms(text: str, kind: str, rest: str, wanted: tuple[int, int], plain: str) -> tuple[float, str, list[Term]]:
@@ -106,24 +101,11 @@ def _terms(text: str, kind: str, rest: str, wanted: tuple[int, int], plain: str)
     return _value(text, kind, terms[0], "m"), "m", terms[1:]
 
 
-def _angle(text: str, kind: str, term: Term) -> float:
-    return _value(text, kind, term, "rad")
-
-
-def _time(text: str, kind: str, term: Term) -> float:
-    return _value(text, kind, term, "s")
-
-
-def _frequency(text: str, kind: str, term: Term) -> float:
-    """Angular frequency (rad/s). Cycles are counted here, since a unit system takes Hz for 1/s."""
-    if term[1].endswith("Hz"):
-        return 2.0 * math.pi * _value(text, kind, term, "Hz")
-    return _value(text, kind, term, "rad/s")
-
-
 def _value(text: str, kind: str, term: Term, unit: str) -> float:
-    """The number of a term in `unit`."""
+    """The number of a term in `unit`; cycles per second count 2π rad, which a unit system takes for 1/s."""
     number, given = term
+    if unit == "rad/s" and given.endswith("Hz"):
+        return 2.0 * math.pi * _value(text, kind, term, "Hz")
     if not math.isfinite(float(number)):
         raise _bad(text, kind, f"{number} is too large")
     if given in ("", unit):
@@ -137,5 +119,4 @@ def _value(text: str, kind: str, term: Term, unit: str) -> float:
 
 
 def _bad(text: str, kind: str, reason: str) -> UsageError:
-    sentence = f"Reference {text.strip()!r}: {reason}; write for example {EXAMPLES[kind]!r}."
-    return UsageError(sentence, code="bad-reference")
+    return refused(repr(text.strip()), f"{reason}; write for example {EXAMPLES[kind]!r}")

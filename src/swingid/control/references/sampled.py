@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from swingid.control.references.base import require_positive, sampled_turning_points
+from swingid.control.references.base import refused, require_positive, sampled_turning_points
 from swingid.errors import InputError, UsageError
 from swingid.numerics.arrays import Array
 from swingid.system import read_file
@@ -32,11 +32,11 @@ class Sampled:
         self.times, self.values = (np.array(channel, dtype=float) for channel in (times, values))
         self.name = name
         if self.times.ndim != 1 or self.times.shape != self.values.shape or self.times.size < FEWEST:
-            raise _refused(name, f"give as many times as values, {FEWEST} or more")
+            raise refused(name, f"give as many times as values, {FEWEST} or more")
         if not (np.all(np.isfinite(self.times)) and np.all(np.isfinite(self.values))):
-            raise _refused(name, "times and values must be finite numbers")
+            raise refused(name, "times and values must be finite numbers")
         if not np.all(np.diff(self.times) > 0.0):
-            raise _refused(name, "times must rise strictly")
+            raise refused(name, "times must rise strictly")
         self._slopes = spline_slopes(self.times, self.values)
         for channel in (self.times, self.values, self._slopes):
             channel.flags.writeable = False
@@ -129,7 +129,7 @@ class Motion:
         t = np.asarray(t, dtype=float)
         values = np.asarray(self.function(t), dtype=float)
         if values.shape != t.shape or not np.all(np.isfinite(values)):
-            raise _refused(self.name, "the function must return one finite position for each time")
+            raise refused(self.name, "the function must return one finite position for each time")
         return values
 
     def turning_points(self, duration: float) -> Array:
@@ -149,7 +149,3 @@ class Motion:
     def describe(self) -> str:
         """The name given with the function."""
         return self.name
-
-
-def _refused(name: str, sentence: str) -> UsageError:
-    return UsageError(f"Reference {name}: {sentence}.", code="bad-reference")

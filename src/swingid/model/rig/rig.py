@@ -20,7 +20,7 @@ from swingid.model.rig.log import LogConventions
 from swingid.model.rig.sensors import Sensors
 from swingid.model.rig.tables import Axis, Drive
 from swingid.model.terms import MOTOR_KEYS, rig_terms
-from swingid.system import read_file
+from swingid.system import read_input
 from swingid.units import Quantity, shown
 
 
@@ -242,17 +242,11 @@ class Rig(Table):
 
 
 def _read(path: Path) -> str:
-    """The text of a rig file, or InputError that says why there is none."""
+    """The text of a rig file, or InputError with the reason why there is none."""
+    missing, folder = "'swingid init DIR' writes a rig.toml to start from", ("not-a-file", "give the rig file in it")
+    content = read_input(path, missing=missing, folder=folder)
     try:
-        return read_file(path).decode("utf-8")
+        return content.decode("utf-8")
     except UnicodeDecodeError as error:
         message = f"{path} is not UTF-8 text (byte {error.start}); save it as UTF-8"
         raise InputError(message, code="not-utf8") from None
-    except FileNotFoundError:
-        message = f"{path} does not exist; 'swingid init DIR' writes a rig.toml to start from"
-        raise InputError(message, code="missing-file") from None
-    except IsADirectoryError:
-        raise InputError(f"{path} is a folder; give the rig file in it", code="not-a-file") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"{str(path)!r} cannot be read: {reason}", code="unreadable-file") from None

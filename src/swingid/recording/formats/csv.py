@@ -50,6 +50,7 @@ _OTHER_KINDS = {
     b"<": "HTML or XML",
 }
 _COMMENTS = (b"#", b"%", b"//")
+TABLE_NEEDS = "a log needs a header line with column names and rows of numbers"
 LABVIEW = b"LabVIEW Measurement"
 """First bytes of a text that `labview` reads."""
 
@@ -63,20 +64,14 @@ def read(content: bytes, name: str) -> Table:
     content = as_text(content, name)
     raw_metadata, body = split_comments(content)
     layout = layout_of(body, name)
-    rows = body[layout.rows :]
-    if not rows.strip():
-        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
-    return read_rows(rows, layout, name, raw_metadata)
+    return read_rows(body[layout.rows :], layout, name, raw_metadata)
 
 
 def layout_of(body: bytes, name: str) -> Layout:
     """How the text below the comments is laid out; InputError where it is no table."""
     layout = find_layout(body)
     if layout is None:
-        raise InputError(
-            f"{name} is empty; a log needs a header line with column names and rows of numbers.",
-            code="empty-file",
-        )
+        raise InputError(f"{name} is empty; {TABLE_NEEDS}.", code="empty-file")
     if layout.header_width != layout.width:
         message = f"{name} is not a table: its header names {layout.header_width} columns, but its rows have"
         raise InputError(f"{message} {layout.width} cells.", code="not-a-table")
@@ -93,6 +88,8 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
     import pyarrow as pa
     import pyarrow.csv as pc
 
+    if not rows.strip():
+        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
     if layout.delimiter == b" ":
         rows = re.sub(rb"[ \t]+", b" ", re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", rows))
     ragged = []

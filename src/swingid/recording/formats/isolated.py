@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import importlib
 import importlib.util
 import json
 import os
@@ -135,7 +134,7 @@ def serve() -> None:
 def _answer(request: dict[str, Any]) -> dict[str, str]:
     if "package" in request:
         try:
-            importlib.import_module(request["package"])
+            import_module(request["package"])
         except Exception as error:
             return {"error": type(error).__name__}
         return {}
@@ -144,7 +143,7 @@ def _answer(request: dict[str, Any]) -> dict[str, str]:
     limit_process(MEMORY + TIMES * size, 2 * (LONGEST + size / SPEED))
     module, _, name = str(request["reader"]).partition(":")
     try:
-        columns, metadata = getattr(importlib.import_module(module), name)(request["path"])
+        columns, metadata = getattr(import_module(module), name)(request["path"])
         arrays: dict[str, Any] = {f"column{k}": values for k, values in enumerate(columns.values())}
         np.savez(request["target"], names=np.array(list(columns), dtype=str), **arrays)
     except Exception as error:  # a damaged file may fail anywhere in the other package

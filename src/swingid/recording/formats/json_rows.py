@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.recording.formats.table import METADATA_KEY, Table, flat
+from swingid.recording.formats.table import METADATA_KEY, Table, columns_of, flat, number_of
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
@@ -45,7 +45,7 @@ def read(content: bytes, name: str) -> Table:
         metadata = first if isinstance(first, dict) else {}
     if isinstance(header, dict) and is_bam(header):
         rows = decoded(rows)
-    columns = _columns(rows) if rows else _arrays(header)
+    columns = columns_of([flat(row) for row in rows]) if rows else _arrays(header)
     if not columns:
         message = f"{name} holds no rows: JSON lines, a list of objects, or an object of arrays is needed."
         raise InputError(message, code="not-a-table")
@@ -99,34 +99,13 @@ def _lines(text: str, name: str) -> tuple[list[dict[str, Any]], object, int]:
     return rows, None, lost
 
 
-def _columns(rows: list[dict[str, Any]]) -> Columns:
-    """Columns over all keys that occur; a row without a key has no number there."""
-    cells_of = [flat(row) for row in rows]
-    names = dict.fromkeys(key for row in cells_of for key in row)
-    found: Columns = {}
-    for name in names:
-        cells = [row.get(name) for row in cells_of]
-        if all(cell is None or isinstance(cell, int | float) for cell in cells):
-            found[name] = np.array([np.nan if cell is None else _number(cell) for cell in cells])
-        else:
-            found[name] = np.array([None if cell is None else str(cell) for cell in cells], dtype=object)
-    return found
-
-
-def _number(cell: float) -> float:
-    try:
-        return float(cell)
-    except OverflowError:  # an integer of hundreds of digits
-        return float("nan")
-
-
 def _arrays(header: object) -> Columns:
     """The arrays of numbers in an object."""
     found: Columns = {}
     for key, value in header.items() if isinstance(header, dict) else ():
         numbers = isinstance(value, list) and all(isinstance(cell, int | float) or cell is None for cell in value)
         if numbers and len(value) > 1:
-            found[str(key)] = np.array([np.nan if cell is None else _number(cell) for cell in value])
+            found[str(key)] = np.array([number_of(cell) for cell in value])
     return found
 
 

@@ -38,8 +38,6 @@ def read(content: bytes, name: str) -> Table:
     except StopIteration:
         message = f"{name} is not a whole LabVIEW measurement file: its headers do not end; export it again."
         raise InputError(message, code="not-a-table") from None
-    if not rows:
-        raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
     labels = segment.get("Y_Unit_Label", [])
     units = ["s" if column.startswith(TIME) else label for column, label in _labelled(names, labels)]
     text = "\n".join(mark.join(row[: len(names)]) for row in rows) + "\n"

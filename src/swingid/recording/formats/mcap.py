@@ -12,7 +12,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.isolated import require
-from swingid.recording.formats.table import METADATA_KEY, Table, flat
+from swingid.recording.formats.table import METADATA_KEY, Table, columns_of, flat
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
@@ -59,8 +59,7 @@ def read(content: bytes, name: str) -> Table:
     columns: Columns = {}
     for topic, rows in topics.items():
         prefix = "" if len(topics) == 1 else f"{topic}."
-        for key in dict.fromkeys(key for row in rows for key in row):
-            columns[prefix + key] = np.array([row.get(key, np.nan) for row in rows])
+        columns |= {prefix + key: values for key, values in columns_of(rows).items()}
     return Table(columns, metadata if isinstance(metadata, dict) else {})
 
 

@@ -17,6 +17,7 @@ from swingid.recording.formats.table import METADATA_KEY, Table, most_unpacked
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
     from swingid.numerics.arrays import Array
@@ -31,16 +32,12 @@ def read(content: bytes, name: str) -> Table:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
+    with _damaged(name):
         file = pq.ParquetFile(pa.BufferReader(content))
         if 8 * file.metadata.num_rows * file.metadata.num_columns > most_unpacked(len(content)):
             raise ValueError("more numbers than the file can hold")
         table = file.read()
-        raw = (table.schema.metadata or {}).get(METADATA_KEY.encode(), b"{}")
-        return table_from_arrow(table, name, raw.decode("utf-8", "replace"))
-    except (pa.ArrowException, OSError, ValueError, TypeError):
-        message = f"{name} is not a whole Parquet file: damaged, or cut off while it was written; export it again."
-        raise InputError(message, code="not-a-table") from None
+        return table_from_arrow(table, name, _metadata(table.schema))
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:
@@ -76,8 +73,8 @@ class File:
         """The columns, each with a row of zeros in the place of its own."""
         with _damaged(self.path):
             schema = _opened(self.path).schema_arrow
-            raw = (schema.metadata or {}).get(METADATA_KEY.encode(), b"{}").decode("utf-8", "replace")
-            return Table({str(name).strip(): np.zeros(1) for name in schema.names}, parse_metadata(raw))
+            names = [str(name).strip() for name in schema.names]
+            return Table({name: np.zeros(1) for name in names}, parse_metadata(_metadata(schema)))
 
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The columns in pieces of `rows` rows; InputError where the file is damaged."""
@@ -89,6 +86,11 @@ class File:
             for batch in file.iter_batches(batch_size=rows, columns=wanted):
                 if batch.num_rows:
                     yield table_from_arrow(pa.Table.from_batches([batch]), self.path, "{}")
+
+
+def _metadata(schema: pa.Schema) -> str:
+    """JSON text of swingid's metadata."""
+    return str((schema.metadata or {}).get(METADATA_KEY.encode(), b"{}").decode("utf-8", "replace"))
 
 
 def _opened(path: str) -> pq.ParquetFile:

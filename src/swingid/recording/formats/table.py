@@ -11,7 +11,7 @@ import numpy as np
 from swingid.recording.formats.cells import is_stamp, seconds_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -162,3 +162,23 @@ def flat(row: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         elif not isinstance(value, list):
             cells[prefix + str(key)] = value
     return cells
+
+
+def columns_of(rows: Sequence[Mapping[str, Any]]) -> Columns:
+    """Columns over all keys that occur in rows of cells; a row without a key has no number there."""
+    found: Columns = {}
+    for name in dict.fromkeys(key for row in rows for key in row):
+        cells = [row.get(name) for row in rows]
+        if all(cell is None or isinstance(cell, int | float) for cell in cells):
+            found[name] = np.array([number_of(cell) for cell in cells])
+        else:
+            found[name] = np.array([None if cell is None else str(cell) for cell in cells], dtype=object)
+    return found
+
+
+def number_of(cell: float | None) -> float:
+    """A cell as a double; NaN for none, and for an integer of hundreds of digits."""
+    try:
+        return np.nan if cell is None else float(cell)
+    except OverflowError:
+        return np.nan

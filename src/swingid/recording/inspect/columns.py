@@ -65,7 +65,7 @@ def _refined(changes: Array, step: float) -> float:
 
 def is_decimal(step: float) -> bool:
     """Whether a step is 1, 2 or 5 times a power of ten, as of written digits rather than of an encoder."""
-    if step <= 0:
+    if step < np.finfo(np.float64).tiny:  # below, a double has fewer digits, and its power of ten may be 0
         return False
     mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
     return bool(min(abs(mantissa - m) for m in (1.0, 2.0, 5.0, 10.0)) < 1e-6 * mantissa)

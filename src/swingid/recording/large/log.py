@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -19,6 +18,7 @@ from swingid.recording.formats.table import Table
 from swingid.recording.large.parts import Reader, parts, within
 from swingid.recording.load import drive_held, read_header
 from swingid.recording.recording import Recording
+from swingid.system import sha256_of
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -84,15 +84,6 @@ def pieces_of(path: str | Path) -> tuple[Table, Iterator[Table]]:
     return header, file.pieces(PIECE, list(header.columns))
 
 
-def digest(path: str | Path) -> str:
-    """SHA-256 of a file; InputError where it cannot be read."""
-    try:
-        with Path(path).open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}.", code="unreadable-file") from None
-
-
 def _require(path: str | Path) -> parquet.File | csv.File:
     found = _file(path)
     if found is None:
@@ -129,13 +120,8 @@ class LargeLog:
         Rows are averaged as far as the motion allows, see `parts`; each recording says how many (`averaged`). Raises
         InputError where the file cannot be read.
         """
-        header = self._open.header()
-        off = switched_off(self.repairs)
-        conventions, findings = read_header(header, self.rig, self.path, off)
-        gather(header, conventions, self.path)  # raises for a column that is missing
-        conventions, epoch = self._from_first_row(header, conventions)
-        findings += epoch
-        held = drive_held(header, conventions)
+        header, conventions, findings = self._read_header()
+        held, off = drive_held(header, conventions), switched_off(self.repairs)
         reader = Reader(conventions, self.rig, self.path, held, off, tuple(findings), self.span)
         yield from parts(self._open.pieces(PIECE, _columns(header, conventions)), reader)
 
@@ -146,10 +132,7 @@ class LargeLog:
         """
         if self.span is None:
             return None
-        header = self._open.header()
-        conventions, _ = read_header(header, self.rig, self.path, switched_off(self.repairs))
-        gather(header, conventions, self.path)
-        conventions, _ = self._from_first_row(header, conventions)
+        header, conventions, _ = self._read_header()
         before, rows, found = 0, 0, []
         for table in self._open.pieces(PIECE, list(header.columns)):
             inside = within(table, conventions, before, self.span)
@@ -160,25 +143,29 @@ class LargeLog:
             if inside.any():
                 found.append({name: values[inside] for name, values in table.columns.items()})
         if not found:
-            raise UnanswerableError(
-                f"{self.path} has no rows between {self.span[0]:g} s and {self.span[1]:g} s; choose another part.",
-                code="empty-segment",
-            )
+            text = f"{self.path} has no rows between {self.span[0]:g} s and {self.span[1]:g} s; choose another part."
+            raise UnanswerableError(text, code="empty-segment")
         columns = {name: np.concatenate([piece[name] for piece in found]) for name in found[0]}
         table = Table(columns, header.metadata, 0, header.units)
         source = Source(self.path, self.sha256())
         log = Recording.from_table(table, self.rig, source, repairs=self.repairs)
         return log if conventions.scales["time"].offset else log.segment(*self.span)  # else from the part's first row
 
-    def _from_first_row(self, header: Table, conventions: Conventions) -> tuple[Conventions, list[Finding]]:
-        """See `conventions.from_first_row`, of the first rows of the file."""
+    def _read_header(self) -> tuple[Table, Conventions, list[Finding]]:
+        """The header, how the log is to be read (times from the first row of the file), and what was found in that."""
+        header = self._open.header()
+        conventions, findings = read_header(header, self.rig, self.path, switched_off(self.repairs))
+        gather(header, conventions, self.path)  # raises for a column that is missing
         stamps = header.find(conventions.columns["time"]) if conventions.rate is None else None
         first = None if stamps is None else next(self._open.pieces(FIRST, [stamps]), None)
-        return (conventions, []) if first is None else from_first_row(first, conventions)
+        if first is None:
+            return header, conventions, findings
+        conventions, epoch = from_first_row(first, conventions)
+        return header, conventions, [*findings, *epoch]
 
     def sha256(self) -> str:
         """SHA-256 of the file; InputError where it cannot be read."""
-        return digest(self.path)
+        return sha256_of(self.path)
 
 
 def _columns(header: Table, conventions: Conventions) -> list[str]:

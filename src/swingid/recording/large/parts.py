@@ -16,12 +16,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError, SwingidError
+from swingid.numerics.reversals import reversals
 from swingid.recording.conventions import Scale, gather
 from swingid.recording.findings import Finding, Source
 from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
 from swingid.recording.repair import limited, made_continuous, on_even_clock, without_spikes
-from swingid.recording.rows import MANY, rows_in_order
+from swingid.recording.rows import MANY, rows_in_order, take
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -111,7 +112,7 @@ def _pieces(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[Channels,
         before += channels["time"].size
         if reader.span is not None:
             inside = within(table, reader.conventions, row, reader.span)
-            channels = {name: values[inside] for name, values in channels.items()}
+            channels = take(channels, inside)
         if channels["time"].size < 2:
             continue
         channels, findings = rows_in_order(channels, reader.conventions, texts, reader.name, reader.off)
@@ -121,7 +122,7 @@ def _pieces(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[Channels,
         if spikes.any():
             message = f"{int(spikes.sum())} of {spikes.size} rows left out: isolated spikes of an angle."
             findings.append(Finding("spikes", message, "warning", "spikes"))
-            channels = {name: values[~spikes] for name, values in channels.items()}
+            channels = take(channels, ~spikes)
         if any(finding.code == "unwrapped" for finding in more):
             wrapped |= {name for name in ANGLES if reader.conventions.scales.get(name) is not None}
         channels = _continued(channels, last, reader.conventions, wrapped)
@@ -157,7 +158,7 @@ def _after(channels: Channels, last: Channels, reader: Reader, row: int, finding
         message = f"{where}; a log of this size is not sorted, so give one run per file, or choose a part of it."
         raise InputError(message, code="unsorted")
     findings.append(Finding("unsorted", f"{where}; {count} rows were left out.", "warning", "sort"))
-    return {name: values[~late] for name, values in channels.items()}
+    return take(channels, ~late)
 
 
 def _continued(channels: Channels, last: Channels, conventions: Conventions, wrapped: set[str]) -> Channels:
@@ -216,35 +217,14 @@ WIDE = 1.5
 def block_length(angle: Array) -> int:
     """Rows (odd) that may be averaged into one, from the swings of the angle (n,); 1 where there is no motion."""
     stride = max(1, angle.size // LOOKED_AT)
-    extremes = _extremes(angle[::stride])
+    low, high = np.quantile(angle[::stride], (0.01, 0.99))
+    extremes = reversals(angle[::stride], BACK * float(high - low))[1:]  # the first may be where the rows begin
     if len(extremes) >= 3:
         swing = float(np.quantile(np.diff(extremes), SHORTER, method="lower")) * stride
     else:  # a slow motion, or none
-        swing = angle.size / 3 if extremes else 0.0
+        swing = angle.size / 3 if extremes.size else 0.0
     rows = int(swing / BLOCKS_PER_SWING)
     return max(1, rows if rows % 2 else rows - 1)
-
-
-def _extremes(values: Array) -> list[int]:
-    """Places of the alternating extremes of `values`, without the first, which may be where they begin."""
-    low, high = np.quantile(values, (0.01, 0.99))
-    back = BACK * float(high - low)
-    found: list[int] = []
-    lowest = highest = 0
-    direction = 0
-    path = values.tolist()
-    for k, value in enumerate(path):
-        if value > path[highest]:
-            highest = k
-        if value < path[lowest]:
-            lowest = k
-        if direction >= 0 and path[highest] - value > back:
-            found.append(highest)
-            direction, lowest, highest = -1, k, k
-        elif direction <= 0 and value - path[lowest] > back:
-            found.append(lowest)
-            direction, lowest, highest = 1, k, k
-    return found[1:]
 
 
 def averaged(channels: Channels, rows: int, held: tuple[str, ...]) -> tuple[Channels, Channels]:
@@ -268,7 +248,7 @@ def averaged(channels: Channels, rows: int, held: tuple[str, ...]) -> tuple[Chan
     widths = time[rows - 1 : used : rows] - time[0:used:rows]
     whole = widths < WIDE * np.median(widths)
     if not whole.all():
-        found = {name: values[whole] for name, values in found.items()}
+        found = take(found, whole)
     return found, {name: values[used:] for name, values in channels.items()}
 
 

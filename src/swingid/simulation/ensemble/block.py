@@ -9,22 +9,12 @@ import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
 from swingid.simulation.ensemble import lanes as at
+from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.events import redo
 from swingid.simulation.ensemble.lanes import LANES
-from swingid.simulation.ensemble.series import (
-    TERMS,
-    coefficients,
-    decay,
-    moved,
-    njit_lane,
-    njit_threads,
-    sine_cosine,
-    slope,
-    turned,
-)
 
 
-@njit_lane
+@series.njit_lane
 def control(lane: Array, i: int, h: float) -> None:
     """Command of run i of a block from its readings, and its controller moved on by a sample of h (s), in place."""
     e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
@@ -58,7 +48,7 @@ def control(lane: Array, i: int, h: float) -> None:
     limit = lane[at.LIMIT * LANES + i]
     u = u if u > -limit else -limit
     lane[at.COMMAND * LANES + i] = u if u < limit else limit
-    lane[at.XI * LANES + i] = e + (xi - e) * decay(k1 * turn)
+    lane[at.XI * LANES + i] = e + (xi - e) * series.decay(k1 * turn)
     lane[at.FILTERED * LANES + i] = e + (held - e) * fading
     lane[at.K_TILDE * LANES + i] = k_next
     lane[at.WHEEL_MEMORY * LANES + i] = memory + change
@@ -75,7 +65,7 @@ FIFTH, PEAKED_FIFTH, FOURTH = 1e-13, 1e-14, 1e-11
 """rad per step: terms below which what follows is left out for sure."""
 
 
-@njit_lane
+@series.njit_lane
 def reading(q: float, zero: float, noise: float, resolution: float) -> float:
     """Reading (rad) of an encoder without nonlinearity: `model.sensors.encoder_reading`."""
     value = q + zero + noise
@@ -83,24 +73,38 @@ def reading(q: float, zero: float, noise: float, resolution: float) -> float:
     return step * np.rint(value / step) if resolution > 0.0 else value
 
 
-@njit_lane
+@series.njit_lane
 def read_bent(lane: Array, i: int, angle: int, encoder: int, place: int, noise: float) -> None:
     """Reading of run i's row `angle` by the nonlinear encoder whose rows begin at `encoder`, into the row `place`."""
     q, step = lane[angle * LANES + i], lane[encoder * LANES + i]
     alpha, beta = lane[(encoder + 1) * LANES + i], lane[(encoder + 2) * LANES + i]
-    sine, cosine = sine_cosine(q)
+    sine, cosine = series.sine_cosine(q)
     bend = alpha * cosine + beta * sine
     lane[place * LANES + i] = reading(q, lane[(encoder + 3) * LANES + i], noise + bend, step)
 
 
-@njit_lane
+@series.njit_lane
 def too_long(fourth: float, fifth: float, peaked: int) -> bool:
     """Whether a step is too long for a series with these last terms: the next is theirs squared, divided."""
     error, least = (PEAKED_ERROR, PEAKED_FIFTH) if peaked else (ERROR, FIFTH)
     return (abs(fifth) > least) & (fifth * fifth > error * abs(fourth))
 
 
-@njit_lane
+@series.njit_lane
+def motor(lane: Array, i: int, command: float, gear: float, y: float) -> tuple[float, float, float, float, bool, bool]:
+    """Run i's motor: torque η c1 u, back-EMF, load and drag on the wheel; whether above or below the dead zone."""
+    volts, emf = lane[at.GAIN * LANES + i] * command, lane[at.BACK_EMF * LANES + i]
+    edge_p, edge_n = lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
+    torque = volts - emf * y
+    above, below = torque > edge_p, torque < edge_n
+    live = above | below
+    drive = gear * (volts - (edge_p if above else edge_n))
+    drive = drive if live else 0.0
+    drag = lane[at.MOTOR_DRAG * LANES + i] + (gear * emf if live else 0.0)
+    return volts, emf, drive, drag, above, below
+
+
+@series.njit_lane
 def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     """Run i of a block one step on; 1 and nothing moved where its mode may end in the step, else 0.
 
@@ -113,16 +117,10 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
     gravity = lane[at.GRAVITY * LANES + i]
     side1, side2 = (1.0 if u >= 0.0 else -1.0), (1.0 if y >= 0.0 else -1.0)
-    sine, cosine = sine_cosine(q1)
+    sine, cosine = series.sine_cosine(q1)
 
-    volts, emf = lane[at.GAIN * LANES + i] * command, lane[at.BACK_EMF * LANES + i]
+    volts, emf, drive, drag, above, below = motor(lane, i, command, gear, y)
     edge_p, edge_n = lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
-    torque = volts - emf * y
-    above, below = torque > edge_p, torque < edge_n
-    live = above | below
-    drive = gear * (volts - (edge_p if above else edge_n))
-    drive = drive if live else 0.0
-    drag = lane[at.MOTOR_DRAG * LANES + i] + (gear * emf if live else 0.0)
     dry2 = side2 * lane[at.MOTOR_COULOMB * LANES + i]
 
     viscous_p, viscous_n = lane[at.VISCOUS_P * LANES + i], lane[at.VISCOUS_N * LANES + i]
@@ -152,8 +150,8 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
         dry2 = 0.0 if rest2 else dry2
 
     axis = (gravity, viscous, side1 * lane[at.QUADRATIC * LANES + i], outer - dry1, height, spike)
-    cu, cy = coefficients(sine, cosine, u, y, axis, (drive - dry2, drag), (m11, m12, m22), peaked)
-    u_end, y_end = moved(u, cu, 1.0), moved(y, cy, 1.0)
+    cu, cy = series.coefficients(sine, cosine, u, y, axis, (drive - dry2, drag), (m11, m12, m22), peaked)
+    u_end, y_end = series.moved(u, cu, 1.0), series.moved(y, cy, 1.0)
 
     # a speed that passes zero, or that its first slope would take there: it may have been beyond and back
     passed1, passed2 = u_end * side1 < 0.0, y_end * side2 < 0.0
@@ -170,14 +168,14 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     if resting:
         a12, released = lane[at.A12 * LANES + i], lane[at.WHEEL_STATIC * LANES + i]
         hold = outer - gravity * sine
-        start, end = hold - a12 * cy[0], hold - a12 * slope(cy, 1.0)
+        start, end = hold - a12 * cy[0], hold - a12 * series.slope(cy, 1.0)
         flagged |= rest1 & ((start > static_p) | (start < -static_n) | (end > static_p) | (end < -static_n))
-        start, end = drive - a12 * cu[0], drive - a12 * slope(cu, 1.0)
+        start, end = drive - a12 * cu[0], drive - a12 * series.slope(cu, 1.0)
         flagged |= rest2 & ((abs(start) > released) | (abs(end) > released))
 
-    lane[at.Q1 * LANES + i] = q1 if flagged else q1 + turned(u, cu, 1.0)
+    lane[at.Q1 * LANES + i] = q1 if flagged else q1 + series.turned(u, cu, 1.0)
     lane[at.U * LANES + i] = u if flagged else u_end
-    lane[at.Q2 * LANES + i] = q2 if flagged else q2 + turned(y, cy, 1.0)
+    lane[at.Q2 * LANES + i] = q2 if flagged else q2 + series.turned(y, cy, 1.0)
     lane[at.Y * LANES + i] = y if flagged else y_end
     parts = 1.0
     if peaked:  # each passes through a part of the peak, if the step goes through it
@@ -186,7 +184,7 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     return 1 if flagged else 0
 
 
-@njit_lane
+@series.njit_lane
 def move_all(lane: Array, peaked: int, resting: int) -> int:
     """All runs of a block one step on; how many are left for `redo`."""
     count = 0
@@ -195,7 +193,7 @@ def move_all(lane: Array, peaked: int, resting: int) -> int:
     return count
 
 
-@njit_lane
+@series.njit_lane
 def any_rests(lane: Array) -> int:
     """How many runs of a block have an axis or a wheel at rest, where it can stick."""
     count = 0
@@ -206,7 +204,37 @@ def any_rests(lane: Array) -> int:
     return count
 
 
-@njit_threads
+@series.njit_lane
+def read_all(lane: Array, bent: int, noise: Array, row: int) -> None:
+    """Readings of both encoders of all runs, with the `row` of the noise (2, rows or 1, LANES)."""
+    if bent:
+        for i in range(LANES):
+            read_bent(lane, i, at.Q1, at.ANGLE_STEP, at.ANGLE_READING, noise[0, row, i])
+            read_bent(lane, i, at.Q2, at.WHEEL_STEP, at.WHEEL_READING, noise[1, row, i])
+    for i in range(0 if bent else LANES):
+        zero, step = lane[at.ANGLE_ZERO * LANES + i], lane[at.ANGLE_STEP * LANES + i]
+        lane[at.ANGLE_READING * LANES + i] = reading(lane[at.Q1 * LANES + i], zero, noise[0, row, i], step)
+        zero, step = lane[at.WHEEL_ZERO * LANES + i], lane[at.WHEEL_STEP * LANES + i]
+        lane[at.WHEEL_READING * LANES + i] = reading(lane[at.Q2 * LANES + i], zero, noise[1, row, i], step)
+
+
+@series.njit_lane
+def command_all(lane: Array, closed: int, sample: float) -> None:
+    """Commands of all runs, of the controllers or as given, within each rig's own limit."""
+    if closed:
+        for i in range(LANES):
+            control(lane, i, sample)
+    else:
+        for i in range(LANES):
+            lane[at.COMMAND * LANES + i] = lane[at.REFERENCE * LANES + i]
+    for i in range(LANES):
+        limit = lane[at.RIG_LIMIT * LANES + i]
+        command = lane[at.COMMAND * LANES + i]
+        command = command if command > -limit else -limit
+        lane[at.COMMAND * LANES + i] = command if command < limit else limit
+
+
+@series.njit_threads
 def run_block(
     lane: Array,
     p: Array,
@@ -230,31 +258,12 @@ def run_block(
     rows, channels, noisy = len(inputs), len(log), noise.shape[1] > 1
     sample = h * steps
     work, nothing, nowhere, counts = np.zeros((10, 5)), np.zeros(0), np.zeros((0, 5)), np.zeros(4, np.int64)
-    series, redone, resting = np.zeros((6, TERMS + 1)), 0, any_rests(lane)
+    taylor, redone, resting = np.zeros((6, series.TERMS + 1)), 0, any_rests(lane)
     for k in range(rows):
         for i in range(LANES):
             lane[at.REFERENCE * LANES + i] = inputs[k, which[i]]
-        row = k if noisy else 0
-        if bent:
-            for i in range(LANES):
-                read_bent(lane, i, at.Q1, at.ANGLE_STEP, at.ANGLE_READING, noise[0, row, i])
-                read_bent(lane, i, at.Q2, at.WHEEL_STEP, at.WHEEL_READING, noise[1, row, i])
-        for i in range(0 if bent else LANES):
-            zero, step = lane[at.ANGLE_ZERO * LANES + i], lane[at.ANGLE_STEP * LANES + i]
-            lane[at.ANGLE_READING * LANES + i] = reading(lane[at.Q1 * LANES + i], zero, noise[0, row, i], step)
-            zero, step = lane[at.WHEEL_ZERO * LANES + i], lane[at.WHEEL_STEP * LANES + i]
-            lane[at.WHEEL_READING * LANES + i] = reading(lane[at.Q2 * LANES + i], zero, noise[1, row, i], step)
-        if closed:
-            for i in range(LANES):
-                control(lane, i, sample)
-        else:
-            for i in range(LANES):
-                lane[at.COMMAND * LANES + i] = lane[at.REFERENCE * LANES + i]
-        for i in range(LANES):
-            limit = lane[at.RIG_LIMIT * LANES + i]
-            command = lane[at.COMMAND * LANES + i]
-            command = command if command > -limit else -limit
-            lane[at.COMMAND * LANES + i] = command if command < limit else limit
+        read_all(lane, bent, noise, k if noisy else 0)
+        command_all(lane, closed, sample)
         for channel in range(channels):
             first = (at.ANGLE_READING + channel) * LANES if channel < 3 else at.K_TILDE * LANES
             for i in range(log.shape[1]):
@@ -270,7 +279,7 @@ def run_block(
                 count = move_all(lane, 0, 0)
             if count > 0:
                 redone += count
-                redo(lane, p, h, work, series, nothing, nowhere, counts)
+                redo(lane, p, h, work, taylor, nothing, nowhere, counts)
             if resting or count > 0:
                 resting = any_rests(lane)
     return redone

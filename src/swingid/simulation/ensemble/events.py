@@ -17,23 +17,9 @@ from swingid.model.motion import LONGEST, advance
 from swingid.model.motor import motor_branch
 from swingid.model.sticking import mode_at_rest, side
 from swingid.numerics.arrays import Array, Ints
+from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
-from swingid.simulation.ensemble.series import (
-    INVERSES,
-    MOST_TRIALS,
-    TERMS,
-    Axis,
-    Mobility,
-    decay,
-    grade,
-    last_terms,
-    njit_lane,
-    njit_threads,
-    passed,
-    root,
-    sine_cosine,
-    value,
-)
+from swingid.simulation.ensemble.series import INVERSES, TERMS
 
 LAST = 1e-13
 """rad per step: what the last term of a series may be, so that the next is well below it."""
@@ -48,8 +34,10 @@ SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK = range(6)
 """Rows of the series (6, TERMS + 1)."""
 
 
-@njit_lane
-def mode_constants(mode: Mode, h: float, u: float, p: Array) -> tuple[Axis, tuple[float, float], Mobility]:
+@series.njit_lane
+def mode_constants(
+    mode: Mode, h: float, u: float, p: Array
+) -> tuple[series.Axis, tuple[float, float], series.Mobility]:
     """What `coefficients` takes for a step of h (s) in a mode under the command u (V; N m), from p (SIZE,)."""
     s1, s2, branch = mode
     viscous, coulomb, static = p[at.VISCOUS_N], p[at.COULOMB_N], p[at.STATIC_N]
@@ -75,8 +63,8 @@ def mode_constants(mode: Mode, h: float, u: float, p: Array) -> tuple[Axis, tupl
     return axis, (drive - s2 * p[at.GEAR] * p[at.F3], drag), (m11, m12, m22)
 
 
-@njit_lane
-def expand(a: Array, axis: Axis, wheel: tuple[float, float], mobility: Mobility) -> None:
+@series.njit_lane
+def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: series.Mobility) -> None:
     """Taylor's coefficients up to `TERMS`, as `series.coefficients` has them up to 5, into a from its first column.
 
     That has sine and cosine of q1, U and Y. Time counts in steps; axis, wheel and mobility as there.
@@ -85,7 +73,7 @@ def expand(a: Array, axis: Axis, wheel: tuple[float, float], mobility: Mobility)
     load2, drag = wheel
     m11, m12, m22 = mobility
     a[SQUARE, 0] = a[SPEED, 0] * a[SPEED, 0]
-    a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
+    a[PEAK, 0] = height * series.decay(peak * a[SQUARE, 0])
     for k in range(TERMS):
         if k > 0:
             # what is newest comes last into each sum, so that the older products need not wait for it
@@ -110,7 +98,7 @@ def expand(a: Array, axis: Axis, wheel: tuple[float, float], mobility: Mobility)
         a[WHEEL_SPEED, k + 1] = (m22 * r2 - m12 * r1) * INVERSES[k + 1]
 
 
-@njit_lane
+@series.njit_lane
 def first_change(
     mode: Mode, u: Array, y: Array, ends: tuple[float, float], edges: tuple[float, float]
 ) -> tuple[int, float]:
@@ -126,7 +114,7 @@ def first_change(
         if s1 * end < 0.0:
             if u[0] == 0.0:
                 return UNSURE, 0.0
-            what, x = AXIS, root(u, end, 0.0)
+            what, x = AXIS, series.root(u, end, 0.0)
         elif s1 * (u[0] + u[1]) < 0.0:
             return UNSURE, 0.0
     end = ends[1]
@@ -134,20 +122,20 @@ def first_change(
         if s2 * end < 0.0:
             if y[0] == 0.0:
                 return UNSURE, 0.0
-            there = root(y, end, 0.0)
+            there = series.root(y, end, 0.0)
             if there < x:
                 what, x = WHEEL, there
         elif s2 * (y[0] + y[1]) < 0.0:
             return UNSURE, 0.0
     for edge in edges:
         if (end - edge) * (y[0] - edge) < 0.0:
-            there = root(y, end, edge)
+            there = series.root(y, end, edge)
             if there < x:
                 what, x = EDGE, there
     return what, x
 
 
-@njit_lane
+@series.njit_lane
 def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, float]:
     """Speeds Y of the wheel (rad per step of h) at which the torque is at the edges of the motor's branch."""
     if p[at.C2] == 0.0 or (p[at.D1] == 0.0 and p[at.D2] == 0.0):
@@ -161,24 +149,24 @@ def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, floa
     return upper, lower
 
 
-@njit_lane
+@series.njit_lane
 def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -> bool:
     """Whether what rests in a mode may be released within a step, by what friction must hold at its ends."""
     s1, s2, _ = mode
     a12 = p[at.A12] / (h * h)
     if s1 == 0:
         for k in range(2):
-            dry = p[at.DIRECT] * u - p[at.B] * a[SIN, 0] - p[at.OFFSET] - a12 * grade(a[WHEEL_SPEED], float(k))
+            dry = p[at.DIRECT] * u - p[at.B] * a[SIN, 0] - p[at.OFFSET] - a12 * series.grade(a[WHEEL_SPEED], float(k))
             if dry > p[at.STATIC_P] or dry < -p[at.STATIC_N]:
                 return True
     if s2 == 0:
         for k in range(2):
-            if abs(drive - a12 * grade(a[SPEED], float(k))) > p[at.WHEEL_STATIC]:
+            if abs(drive - a12 * series.grade(a[SPEED], float(k))) > p[at.WHEEL_STATIC]:
                 return True
     return False
 
 
-@njit_threads
+@series.njit_threads
 def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -> float:
     """Move row NOW of `work` by up to h (s) under the command u through changes of mode; returns what is left (s).
 
@@ -191,28 +179,28 @@ def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -
         mode = (side(v1), side(v2), motor_branch(u, v2, p))
         if v1 == 0.0 or v2 == 0.0:
             mode = mode_at_rest(q1, v1, v2, 0.0, mode, u, p)
-        a[SIN, 0], a[COS, 0] = sine_cosine(q1)
+        a[SIN, 0], a[COS, 0] = series.sine_cosine(q1)
         part, last, drive = min(part, left), 0.0, 0.0
-        for _ in range(MOST_TRIALS):
+        for _ in range(series.MOST_TRIALS):
             axis, wheel, mobility = mode_constants(mode, part, u, p)
             speed[0], wheel_speed[0], drive = v1 * part, v2 * part, wheel[0]
             expand(a, axis, wheel, mobility)
-            last = max(last_terms(speed), last_terms(wheel_speed), 1e-300)
+            last = max(series.last_terms(speed), series.last_terms(wheel_speed), 1e-300)
             if last <= LAST:
                 break
             part *= min(0.9, 0.9 * (LAST / last) ** INVERSES[TERMS + 1])
         if last > LAST or released(mode, a, part, u, drive, p):
             return left
-        ends = value(speed, 1.0), value(wheel_speed, 1.0)
+        ends = series.value(speed, 1.0), series.value(wheel_speed, 1.0)
         what, x = first_change(mode, speed, wheel_speed, ends, branch_edges(mode[2], part, u, p))
         if what == UNSURE:
             return left
         if what == EDGE:
             x = min(x + BEYOND, 1.0)
-        work[NOW, ANGLE] += passed(speed, x)
-        work[NOW, WHEEL_ANGLE] += passed(wheel_speed, x)
+        work[NOW, ANGLE] += series.passed(speed, x)
+        work[NOW, WHEEL_ANGLE] += series.passed(wheel_speed, x)
         if what != NONE:
-            ends = value(speed, x), value(wheel_speed, x)
+            ends = series.value(speed, x), series.value(wheel_speed, x)
         work[NOW, V1] = 0.0 if what == AXIS else ends[0] / part
         work[NOW, V2] = 0.0 if what == WHEEL else ends[1] / part
         if what == NONE and part == left:
@@ -224,7 +212,7 @@ def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -
     return left
 
 
-@njit_threads
+@series.njit_threads
 def redo(lane: Array, p: Array, h: float, work: Array, a: Array, nothing: Array, nowhere: Array, counts: Ints) -> None:
     """Take the flagged steps of a block again, with each change located."""
     for i in range(LANES):

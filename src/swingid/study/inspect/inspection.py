@@ -23,13 +23,14 @@ from swingid.recording.formats.table import Table, canonical
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
 from swingid.recording.inspect.check import Clock, check_clock
 from swingid.recording.inspect.rig_text import trial_rig
-from swingid.recording.large import digest, first_rows, is_large, rows_in
+from swingid.recording.large import first_rows, is_large, rows_in
 from swingid.recording.load import FEWEST_ROWS, read_bytes
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
 from swingid.study.inspect.motion import Service, Swings, read_motion, services
 from swingid.study.output import Study
+from swingid.system import sha256_of
 
 SCHEMA = "swingid.inspect/1"
 
@@ -133,7 +134,7 @@ def inspect_log(path: str | Path, rig: Rig | None = None) -> Inspection:
 def _of_first_rows(path: str | Path, rig: Rig | None) -> Inspection:
     """Inspect the first rows of a large log."""
     table = first_rows(path)
-    found = inspect_table(table, rig, Source(str(path), digest(path)))
+    found = inspect_table(table, rig, Source(str(path), sha256_of(path)))
     text = f"the log has {rows_in(path)} rows, of which the first {found.rows} were looked at."
     return replace(found, checks=(Check("first-rows", "rows", "note", text), *found.checks))
 

@@ -56,26 +56,7 @@ _HOMES = {
     "validate": "swingid.study.validate",
 }
 
-__all__ = [
-    "Backstepping",
-    "Compensator",
-    "LargeLog",
-    "Recording",
-    "Result",
-    "Rig",
-    "calibrate",
-    "calibrate_encoders",
-    "compare",
-    "design",
-    "difference",
-    "errors",
-    "identify",
-    "online",
-    "parse_reference",
-    "rehearse",
-    "simulate",
-    "validate",
-]
+__all__ = ["errors", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:

@@ -38,25 +38,20 @@ def calibrate(
     json: JsonOrRefusal = None,
     report: Report = None,
 ) -> None:
-    """Find the motor's constants from LOGs of a voltage test, and say which cannot be distinguished.
+    """Find the motor's constants from LOGs of a voltage test, and report which cannot be distinguished.
 
-    What kind of test a log is, clamped rod, free rod or free swing, is seen in the log. With --encoders: what the
+    What kind of test a log is, clamped rod, free rod or free swing, is found from the log. With --encoders: what the
     encoders do wrong once per turn, and the latency between the channels, from one or several motions of one body.
     """
-    _check_usage(logs, rig, out, json, report)
-    provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
-    with refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
-        found = _calibrate(logs, rig, encoders, out, json, report)
-    hand_over(found.result, json, out, report)
-
-
-def _check_usage(logs: list[str], rig: str, out: str | None, json: str | None, report: str | None) -> None:
-    """Raise UsageError for a log given twice, and for targets that make no sense or would overwrite something."""
     check_once(logs)
     if out is not None and not out.lower().endswith(".toml"):
         raise UsageError(f"--out {out} must end in .toml, as every rig file", code="bad-target")
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
     check_targets({"--out": out, "--json": json, "--report": report}, inputs)
+    provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
+    with refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
+        found = _calibrate(logs, rig, encoders, out, json, report)
+    hand_over(found.result, json, out, report)
 
 
 def _calibrate(

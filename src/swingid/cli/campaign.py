@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Annotated
 import typer
 
 from swingid.cli.options import Json
-from swingid.cli.output import check_writable, say, tell, time_left, write_json
+from swingid.cli.output import check_writable, overwrite, say, tell, time_left, write_json
 from swingid.errors import UsageError
 
 LINES = 20
@@ -78,15 +77,11 @@ def _progress() -> Callable[[int, int, int], None]:
     """Runs done and time left on standard error: a line that overwrites itself, or some lines in a file."""
     start = time.monotonic()
     shown = -1
-    terminal = sys.stderr is not None and sys.stderr.isatty()
 
     def show(done: int, trials: int, already: int) -> None:
         nonlocal shown
         line = progress_line(done, trials, already, time.monotonic() - start)
-        if terminal:
-            sys.stderr.write(f"\r{line:<70}" + ("\n" if done == trials else ""))
-            sys.stderr.flush()
-        elif LINES * done // trials > shown:
+        if not overwrite(line, last=done == trials) and LINES * done // trials > shown:
             shown = LINES * done // trials
             tell(f"swingid: {line}", to_error=True)
 

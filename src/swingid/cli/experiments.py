@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -15,6 +14,7 @@ from swingid.cli.output import (
     check_files,
     check_target,
     hand_over,
+    overwrite,
     say,
     tell,
     write_json,
@@ -89,9 +89,9 @@ def rehearse(
     method: Methods = None,
     json: Json = None,
 ) -> None:
-    """Say what error and interval to expect of each method from this experiment on RIG, before the rig is touched.
+    """Predict the error and the interval of each method from this experiment on RIG, before the rig is touched.
 
-    Each run draws what rig.toml is unsure of: constants within their uncertainties, encoders, noise. RIG has to state
+    Each run draws what rig.toml states with an uncertainty: constants, encoders, noise. RIG has to state
     axis.inertia (what you expect) and should state axis.friction.
     """
     check_files({rig: "the rig file"}, json=json)
@@ -116,15 +116,9 @@ def rehearse(
         seed=seed,
         initial_angle=angle,
         methods=method,
-        progress=_progress if sys.stderr is not None and sys.stderr.isatty() else None,
+        progress=lambda done, runs: overwrite(f"run {done} of {runs}", last=done == runs),
     )
     hand_over(rehearsal, json)
-
-
-def _progress(done: int, runs: int) -> None:
-    """A counter that overwrites itself, for terminals only."""
-    sys.stderr.write(f"\rrun {done} of {runs}" + ("\n" if done == runs else ""))
-    sys.stderr.flush()
 
 
 def reproduce(

@@ -23,7 +23,7 @@ _WrongUsage: type[Exception] = typer.BadParameter.__mro__[2]
 
 
 def exit_code(error: Exception, arguments: Sequence[str]) -> int:
-    """Say in one sentence what went wrong; returns the exit code that stands for it."""
+    """Print in one sentence what went wrong; returns the exit code that stands for it."""
     if isinstance(error, SwingidError):
         say(error.message)
         return error.exit_code
@@ -45,7 +45,7 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
 
 
 def interrupted() -> int:
-    """Say that the user stopped the run; returns the exit code."""
+    """Print that the user stopped the run; returns the exit code."""
     say("interrupted")
     return INTERRUPTED
 

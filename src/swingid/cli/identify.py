@@ -73,11 +73,13 @@ def identify(
 
     Several logs of one body give one inertia, how far the logs scatter, and which of them disagree.
     """
-    _check_usage(logs, rig, method, variant, json, report)
+    if variant is not None and method != "energy":
+        raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
+    check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
     options = _options(option or [])
     if variant is not None:
         if "variant" in options:
-            raise UsageError("--variant and --option variant say the same; give one of them", code="bad-option")
+            raise UsageError("--variant and --option variant are the same; give one of them", code="bad-option")
         options["variant"] = variant.value
     reading = _Reading(_part(part), dict.fromkeys(without_repair or [], False))
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
@@ -119,15 +121,6 @@ def _part(text: str | None) -> tuple[float, float] | None:
     if not colon or not found[0] < found[1]:
         raise UsageError(f"--part {text}: write FROM:TO in seconds, such as 0:4.5", code="bad-part")
     return found
-
-
-def _check_usage(
-    logs: list[str], rig: str, method: str, variant: Variant | None, json: str | None, report: str | None
-) -> None:
-    """Raise UsageError for a combination of options that makes no sense or would overwrite an input."""
-    if variant is not None and method != "energy":
-        raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
-    check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
 
 
 def _identify(

@@ -82,9 +82,9 @@ def inspect(
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """Say what LOG holds: columns, clock, encoders, motion, and with a rig signs, latencies and encoder errors.
+    """Report what LOG holds: columns, clock, encoders, motion, and with a rig signs, latencies and encoder errors.
 
-    A verdict says whether it is ready for identify. Exit code 0 whenever the file could be read, whatever the verdict.
+    The verdict is whether it is ready for identify. Exit code 0 whenever the file could be read, whatever the verdict.
     """
     inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
     check_files(inputs, json=json, report=report)

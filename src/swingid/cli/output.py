@@ -1,4 +1,4 @@
-"""What a command says and writes: people read standard error and output, scripts read JSON and files."""
+"""What a command prints and writes: people read standard error and output, scripts read JSON and files."""
 
 from __future__ import annotations
 
@@ -100,6 +100,16 @@ def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: s
     check_writable(json, report)
 
 
+def overwrite(line: str, *, last: bool) -> bool:
+    """Show progress on a terminal in a line that overwrites itself; False where standard error is none."""
+    if sys.stderr is None or not sys.stderr.isatty():
+        return False
+    with suppress(OSError):
+        sys.stderr.write(f"\r{line:<70}" + ("\n" if last else ""))
+        sys.stderr.flush()
+    return True
+
+
 def check_once(logs: Sequence[str]) -> None:
     """Raise UsageError where the same file is given twice."""
     if len({os.path.realpath(log) for log in logs}) < len(logs):
@@ -154,7 +164,7 @@ def hand_over(found: Answer, json: str | None, *written: str | None) -> None:
 def refusals_to(
     json: str | None, method: str, provenance: dict[str, object], report: str | None = None
 ) -> Iterator[None]:
-    """Write JSON and report that say why there is no number where the block raises; its error goes on.
+    """Write JSON and report with the reason why there is no number where the block raises; its error goes on.
 
     A second error while doing so gives way to the first.
     """
@@ -204,18 +214,14 @@ class Progress:
         self.shown = time.monotonic()
 
     def __call__(self, rows: int, total: int) -> None:
-        """Say how far it is; how long the rest takes, from the second call on, for the first may compile."""
+        """Report how far it is; how long the rest takes, from the second call on, for the first may compile."""
         now = time.monotonic()
         text = f"{rows / 1e6:.1f} of {total / 1e6:.1f} million rows"
         if self.first is None:
             self.first = now, rows
         elif rows > self.first[1]:
             text += f", {time_left((now - self.first[0]) / (rows - self.first[1]) * max(total - rows, 0))} left"
-        if sys.stderr is not None and sys.stderr.isatty():
-            with suppress(OSError):
-                sys.stderr.write(f"\r{text:<60}" + ("\n" if rows >= total else ""))
-                sys.stderr.flush()
-        elif now - self.shown > EVERY:
+        if not overwrite(text, last=rows >= total) and now - self.shown > EVERY:
             self.shown = now
             say(text)
 

@@ -26,7 +26,7 @@ def compare(
     json: Json = None,
     report: Report = None,
 ) -> None:
-    """Put every method on the same LOGs: inertia, friction, time, what each rests on, and whether they agree."""
+    """Put every method on the same LOGs: inertia, friction, time, what each depends on, and their consistency."""
     check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), json=json, report=report)
     check_once(logs)
     from swingid.model.rig import Rig

@@ -98,7 +98,7 @@ def _even_spikes(time: Array, values: Array, turn: float) -> Bools:
 
 
 def _follow(time: Array, values: Array, turn: float) -> tuple[Bools, Array, int]:
-    """The sequential search of `unwrap`: spikes, continuous values, number of doubtful rows.
+    """The sequential search of `unwrap`: spikes, continuous values, number of ambiguous rows.
 
     A row is stepped over when it misses the prediction and the row after it, predicted without it, does not.
     """
@@ -109,7 +109,7 @@ def _follow(time: Array, values: Array, turn: float) -> tuple[Bools, Array, int]
     ambiguous = 0
     known: list[tuple[float, float]] = [(t[0], q[0])]  # the last three good rows: time, continuous value
     for k in range(1, rows):
-        predicted, doubt = _predict(known, t[k])
+        predicted, curved = _predict(known, t[k])
         turns[k] = round((predicted - q[k]) / turn)
         miss = abs(q[k] + turn * turns[k] - predicted)
         if miss > turn / 8 and len(known) == 3 and k + 1 < rows:
@@ -118,7 +118,7 @@ def _follow(time: Array, values: Array, turn: float) -> tuple[Bools, Array, int]
             if abs(apart - turn * round(apart / turn)) < 0.5 * miss and known[-1][0] == t[k - 1]:
                 spikes[k] = True
                 continue
-        ambiguous += max(miss, doubt) > turn / 4
+        ambiguous += max(miss, curved) > turn / 4
         known = [*known[-2:], (t[k], q[k] + turn * turns[k])]
     return spikes, values + turn * np.array(turns), ambiguous
 
@@ -139,7 +139,7 @@ def _settle_start(time: Array, values: Array, turn: float) -> tuple[Array, int]:
 
 
 def _predict(known: list[tuple[float, float]], time: float) -> tuple[float, float]:
-    """The value at `time` on the parabola (line, constant) through the known rows, and its bend's share."""
+    """The value at `time` on the parabola (line, constant) through the known rows, and the share of its curvature."""
     if len(known) == 1:
         return known[0][1], 0.0
     (tb, qb), (ta, qa) = known[-2:]

@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.model.rig.tables import LogConventions
 from swingid.numerics.spline import spline_slopes
 from swingid.recording.findings import Finding
 from swingid.recording.formats.table import canonical
+from swingid.units import Quantity
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,22 +46,13 @@ DEFAULT_COLUMNS = {
     "adaptive_gain": "k",
 }
 
-#: Keys of [log] that change numbers, with their defaults.
+_CHANGING = ("_unit", "_zero", "_sign", "_is", "_scale", "_gain")
 DEFAULT_KEYS: dict[str, object] = {
-    "time_unit": "s",
-    "angle_unit": "rad",
-    "angle_zero": "down",
-    "angle_sign": 1,
-    "wheel_angle_unit": "rad",
-    "wheel_angle_sign": 1,
-    "wheel_angle_is": "relative",
-    "wheel_scale": 1.0,
-    "wheel_speed_unit": "rad/s",
-    "wheel_speed_is": "instant",
-    "voltage_sign": 1,
-    "torque_gain": 1.0,
-    "torque_sign": 1,
+    key: field.default.value if isinstance(field.default, Quantity) else field.default
+    for key, field in LogConventions.model_fields.items()
+    if key.endswith(_CHANGING)
 }
+"""Keys of [log] that change numbers, with their defaults."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +79,7 @@ class Scale:
 
 @dataclass(frozen=True)
 class Conventions:
-    """What a rig's [log] says, resolved: a column and a Scale for each channel, and how the wheel is read.
+    """What a rig's [log] states, resolved: a column and a Scale for each channel, and how the wheel is read.
 
     `columns`, `scales`: by channel, as the fields of a Recording. `drive_kind` is None for a file written without a
     rig. `wheel` is the channel that measures the wheel's motion, its angle or its speed, and `speed_is_mean` whether a
@@ -145,6 +138,10 @@ class Conventions:
         mean = log.wheel_speed_is == "mean"
         return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated, keys, wheel, mean)
 
+    def scale(self, channel: str) -> Scale:
+        """The convention of a channel; as it is where none is stated."""
+        return self.scales.get(channel, Scale())
+
     @property
     def channels(self) -> tuple[str, ...]:
         """The channels that a log of this rig may have, time apart."""
@@ -161,10 +158,7 @@ class Conventions:
 
         `logged` holds "time" in s and, in logged units, any of the channels; angles must be continuous.
         """
-        model = {
-            name: values if name == "time" else self.scales.get(name, Scale()).to_model(values)
-            for name, values in logged.items()
-        }
+        model = {name: v if name == "time" else self.scale(name).to_model(v) for name, v in logged.items()}
         if self.scales["angle"].offset:
             turns = TURN * np.round(np.median(model["angle"]) / TURN)
             for name in ("angle", "reference"):
@@ -183,7 +177,7 @@ class Conventions:
             channels.pop("wheel_angle", None)
         if self.wheel_is_absolute and "wheel_angle" in channels:
             channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
-        return {self.columns[n]: self.scales.get(n, Scale()).to_log(v) for n, v in channels.items()}
+        return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
 
     def _angle_of(self, time: Array, speed: Array) -> Array:
         """The wheel's angle (rad), 0 at the first row, from its speed (rad/s): its cubic spline, integrated.
@@ -191,7 +185,7 @@ class Conventions:
         Of a mean speed since the row before, times and steps give the angle exactly.
         """
         steps = np.diff(time)
-        if time.size < 2 or not (steps > 0).all():  # one that no Recording can be made of; it says so
+        if time.size < 2 or not (steps > 0).all():  # no Recording can be made of it, which raises
             return np.zeros_like(speed)
         if self.speed_is_mean:
             turns = speed[1:] * steps
@@ -243,7 +237,7 @@ def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels,
     if conventions.rate is not None:
         logged = {"time": np.arange(rows) / conventions.rate, **logged}
     else:
-        logged["time"] = conventions.scales.get("time", Scale()).to_model(logged["time"])
+        logged["time"] = conventions.scale("time").to_model(logged["time"])
     return logged, texts
 
 
@@ -281,7 +275,7 @@ def _missing(table: Table, channel: str, conventions: Conventions, name: str) ->
     return InputError(f"{message}.", code="missing-column")
 
 
-TIMES = frozenset({"s", "ms", "us", "ns"})
+TIMES = frozenset(SECONDS)
 ANGLES = frozenset({"rad", "deg", "turns", "counts", "m", "mm"})
 SPEEDS = frozenset({"rad/s", "deg/s", "turns/s", "rpm", "counts/s"})
 FACTORS = {"voltage": {"V": 1.0, "mV": 1e-3}, "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0}}
@@ -320,7 +314,7 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
         column, unit = _stated_unit(table, conventions, channel)
         factor = factors.get(canonical(unit), 1.0)
         if factor != 1.0 and channel in conventions.channels:
-            old = conventions.scales.get(channel, Scale())
+            old = conventions.scale(channel)
             scaled = replace(old, factor=old.factor * factor)
             conventions = replace(conventions, scales=conventions.scales | {channel: scaled})
             findings.append(_unit_note(column, unit, None))
@@ -355,7 +349,7 @@ def from_first_row(table: Table, conventions: Conventions) -> tuple[Conventions,
     if column is None:
         return conventions, []
     stamps, _ = table.numbers(column)
-    scale = conventions.scales.get("time", Scale())
+    scale = conventions.scale("time")
     stamps = stamps[np.isfinite(stamps)][:1]
     begin = float(stamps[0]) * scale.factor if stamps.size else 0.0
     if not EPOCH < abs(begin) < LAST:

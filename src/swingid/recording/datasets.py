@@ -130,7 +130,7 @@ def _put(origin: Path, target: Path) -> None:
 def _download(file: DataFile, address: str, scratch: Path) -> Path:
     """The file, downloaded into `scratch` and verified; InputError in one sentence where that fails."""
     pooch = require("pooch", "pooch", file.name, "to be downloaded", extra="datasets")
-    pooch.get_logger().setLevel("ERROR")  # what it would say, the command says
+    pooch.get_logger().setLevel("ERROR")  # the command reports it
     try:
         fetched = pooch.retrieve(
             address,

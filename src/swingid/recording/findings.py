@@ -30,7 +30,7 @@ class Kind(Enum):
 class Finding:
     """Something that was noticed in a log: a `code` for scripts, a sentence for people.
 
-    A ``"warning"`` makes a result doubtful; a ``"note"`` states what was done or assumed. `repair` names the repair
+    A ``"warning"`` may affect the result; a ``"note"`` states what was done or assumed. `repair` names the repair
     (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off.
     """
 
@@ -58,9 +58,9 @@ REPAIRS: dict[str, str] = {
     "spikes": "single samples that fit neither neighbour are left out",
     "limit": "commanded voltages beyond the rig's voltage_limit are taken as the limit",
     "encoders": "the encoders' nonlinearity that the rig file states is corrected in the angles that a method uses",
-    "calibrate": "bent encoders and late channels that the rig file does not declare are found from the log (momentum)",
+    "calibrate": "undeclared encoder nonlinearity and latency are estimated from the log (momentum)",
     "latency": "the latency that the rig file states is corrected in the angles that a method uses",
-    "push": "rows of a driven log during an external torque are left out of what a method uses",
+    "push": "rows of a driven log during an external torque are excluded from what a method uses",
 }
 """Every repair that a log may see. Each that was made is named in the result's provenance."""
 

@@ -34,7 +34,7 @@ def read_log(
     path: str | Path, rig: Rig, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
 ) -> dict[str, Any]:
     """The fields of the Recording in a file, by name; see `Recording.load`."""
-    switched_off(repairs)  # a name that is none is said before anything is read
+    switched_off(repairs)  # raises for a name that is none before anything is read
     content = read_bytes(path)
     name = str(path)
     table = read_table(content, name)
@@ -69,18 +69,18 @@ def contents_of(
 
 
 def read_header(table: Table, rig: Rig, name: str, off: frozenset[str]) -> tuple[Conventions, list[Finding]]:
-    """How a table is to be read, and what is said of that; its names, units and metadata are looked at, no rows.
+    """How a table is to be read, and the findings on that; its names, units and metadata are looked at, no rows.
 
     Raises InputError where the table was written in other conventions than the rig's.
     """
     conventions, units = with_header_units(table, rig, name)
     _check_origin(table, conventions, name)
-    said = [*_saved_findings(table), *notes_of(off), *units]
-    return conventions, [*said, *_no_reference(table, conventions), *_integrated(conventions)]
+    found = [*_saved_findings(table), *notes_of(off), *units]
+    return conventions, [*found, *_no_reference(table, conventions), *_integrated(conventions)]
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """The file's bytes; InputError that says which of the ways in which a path can be wrong it is, or that it is large.
+    """The file's bytes; InputError where the path is wrong, or the file too large.
 
     A file of more than `LARGEST_FILE` bytes, or Parquet of more than `MOST_ROWS` rows, is not read whole.
     """
@@ -101,7 +101,7 @@ def _refuse_large(path: str | Path) -> None:
         with Path(path).open("rb") as stream:
             is_parquet = size > MOST_ROWS / 100 and stream.read(4) == parquet.MAGIC
     except (OSError, ValueError):
-        return  # reading will say why
+        return  # reading raises with the reason
     if size > LARGEST_FILE:
         what = f"has {size / 1e9:.2g} GB"
     elif is_parquet and (rows := parquet.File.open(str(path)).rows) > MOST_ROWS:
@@ -260,7 +260,7 @@ def _refuse_absurd_numbers(channels: Channels, rig: Rig, name: str) -> None:
         longest = int(np.argmax(steps))
         message = f"{name}: column {rig.log.time!r} jumps by {steps[longest]:.3g} s after row {longest + 1}, and the"
         message += f" rows cover less than a {SPARSEST:.0f}th of the time"
-        raise InputError(f"{message}; give one run per file, or mend the clock.", code="absurd-time")
+        raise InputError(f"{message}; give one run per file, or correct the clock.", code="absurd-time")
     if steps.size and not float(np.median(steps)) >= SHORTEST_STEP:
         message = (
             f"{name}: column {rig.log.time!r} rises by {np.median(steps):.3g} from row to row, which is no time in s"

@@ -34,14 +34,14 @@ class Recording:
 
     time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging,
     positive counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous.
-    wheel_speed: rad/s, as logged (absolute where the rig says so), only where the rig logs it in place of the wheel's
+    wheel_speed: rad/s, as logged (absolute where the rig states so), only where the rig logs it in place of the wheel's
     angle, which then is its integral. voltage: V. torque: N m (N), what the direct drive applied. reference: as
     angle; adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held:
     True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows
     of the log that each row is the mean of (`recording.large`). left_out (k, 2): from when to when (s) rows
-    are left out during which something acted that nobody logged; nothing may be continued across.
+    are excluded, during which an external torque acted; nothing may be continued across.
 
-    Velocities that were not measured are not stored: who needs one says how it got it.
+    Velocities that were not measured are not stored: a method that needs one documents how it is found.
     Raises InputError when the channels do not fit together.
     """
 
@@ -111,7 +111,7 @@ class Recording:
     ) -> Recording:
         """Read a log of any format (see docs/formats.md) by the conventions of `rig.log`, and repair plain faults.
 
-        What was repaired stands in `findings`. still_axis: the axis may be held while the wheel turns, as in a test of
+        Repairs are listed in `findings`. still_axis: the axis may be held while the wheel turns, as in a test of
         the motor. repairs: switches by name, such as ``{"spikes": False}``, see `findings.REPAIRS`; all are on.
         Raises InputError for a file that cannot be used, UnanswerableError for one without motion or with too few rows,
         UsageError for an unknown repair.

@@ -71,7 +71,7 @@ def made_continuous(
     findings: list[Finding] = []
     spikes = np.zeros(len(channels["time"]), dtype=bool)
     for channel in ANGLES:
-        turn = conventions.scales[channel].turn if channel in conventions.scales else None
+        turn = conventions.scale(channel).turn
         if channel not in channels or turn is None or not is_wrapped(channels[channel], turn):
             continue
         column = f"column {conventions.columns[channel]!r}"
@@ -88,7 +88,7 @@ def made_continuous(
         message = f"{column} was logged within one turn and was made continuous."
         findings.append(Finding("unwrapped", message, "note", "unwrap"))
         if result.ambiguous:
-            message = f"{column} moves too far between rows to count its turns with certainty"
+            message = f"{column} moves too far between rows to count its turns without ambiguity"
             message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
             findings.append(Finding("ambiguous-turns", message, "warning"))
     return channels, spikes, findings
@@ -169,8 +169,7 @@ def limited(
     motor = rig.drive.motor
     if "voltage" not in channels or motor is None or motor.voltage_limit is None or not held:
         return channels, []
-    scale = conventions.scales.get("voltage")
-    limit = motor.voltage_limit / abs(scale.factor if scale is not None else 1.0)
+    limit = motor.voltage_limit / abs(conventions.scale("voltage").factor)
     voltage = channels["voltage"]
     beyond = int(np.count_nonzero(np.abs(voltage) > (1 + LIMIT_ROUNDING) * limit))
     if beyond == 0:
@@ -182,7 +181,7 @@ def limited(
         message = f"{where}, and was left so; if it is a command, the motor got less."
         return channels, [Finding("voltage-beyond-limit", message, "warning")]
     message = (
-        f"{where}; the limit was taken there, as what the motor got (drive_held = false says that it was measured)."
+        f"{where}; the limit was taken there, as what the motor got (drive_held = false states that it was measured)."
     )
     limited_voltage = np.clip(voltage, -limit, limit)
     return {**channels, "voltage": limited_voltage}, [Finding("voltage-limited", message, "note", "limit")]

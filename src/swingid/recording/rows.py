@@ -13,7 +13,6 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.continuity import misfits
-from swingid.recording.conventions import Scale
 from swingid.recording.findings import Finding
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ class Clock:
 
 
 def even_clock(time: Array, angles: Sequence[Array]) -> Clock | None:
-    """The constant rate behind rising stamps, where the angles (n,) say that the rows were taken at it; else None.
+    """The constant rate behind rising stamps, where the angles (n,) show that the rows were taken at it; else None.
 
     Rows may be missing; their number follows from the stamps. None also where the stamps are even as they are.
     """
@@ -165,7 +164,7 @@ def _drop_absurd_rows(channels: Channels, conventions: Conventions, findings: li
     worst = None
     for channel, largest in LARGEST.items():
         values = channels.get(channel)
-        limit = largest if channel == "time" else largest / abs(conventions.scales.get(channel, Scale()).factor)
+        limit = largest if channel == "time" else largest / abs(conventions.scale(channel).factor)
         if values is None or not values.size or max(-values.min(), values.max()) <= limit:
             continue
         absurd = np.isfinite(values) & (np.abs(values) > limit)
@@ -227,7 +226,7 @@ def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: l
             f"{name}: the time in column {columns['time']!r} runs backwards, from {time[0]:.6g} to {time[-1]:.6g} s"
         )
         raise InputError(
-            f"{message}; if the rows are stored newest first, turn their order around, else mend the clock.",
+            f"{message}; if the rows are stored newest first, turn their order around, else correct the clock.",
             code="backwards",
         )
     where = f"{name}: column {columns['time']!r} runs backwards after {steps_back.size} of {rows} rows"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, Literal
 
 import numpy as np
@@ -14,6 +14,8 @@ from swingid.recording.findings import Kind
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
+WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "per_log")
+"""Fields that a file has only where they hold something."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Convergence:
     """How an online estimate of the inertia came to its value.
 
     times (s), values: the estimate over the log, thinned for drawing. settled: begin and end (s) of the part whose mean
-    is the answer. within: seconds from the first row until it stays within a distance of its final value ("5 %",
+    is the estimate. within: seconds from the first row until it stays within a distance of its final value ("5 %",
     "1 %"), None where it does not by the end.
     """
 
@@ -70,11 +72,11 @@ class Details:
     """What the report draws and the curious read: the way from the log to the number.
 
     start, stop: the part of the log used (s); left_out (k, 2): from when to when (s) not, within. turning_times,
-    turning_angles: the turning points found. window: half-length of the test functions (s), None where a method has
-    none. estimates: inertia and standard uncertainty by kind of projection, for comparison. residual_times, residuals:
-    what the balance leaves (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each
-    sample). extra: shares by the names of `report.words.EXTRA`, such as row (II)'s relative residual when motor
-    constants are known.
+    turning_angles: the turning points found. window: half-length of the modulating functions (s), None where a method
+    has none. estimates: inertia and standard uncertainty by kind of window, for comparison. residual_times, residuals:
+    residuals of the balance (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each
+    sample). extra: shares by the names of `report.words.EXTRA`, such as the relative residual of equation (II) when
+    motor constants are known.
     """
 
     start: float
@@ -100,14 +102,14 @@ class Details:
 
 @dataclass(frozen=True)
 class ResultData:
-    """The answer of one method to one log, as plain data; `Result` adds the text and the picture of it.
+    """The result of one method from one log, as plain data; `Result` adds the text and the picture of it.
 
-    status: "ok", "warning" (doubt the number for the reasons in `warnings`) or "refused" (no parameters, `error`
-    says why). `notes` hold assumptions and what was done; they do not change the status. sensitivities:
+    status: "ok", "warning" (to be checked for the reasons in `warnings`) or "refused" (no parameters, `error` has
+    the reason). `notes` hold assumptions and what was done; they do not change the status. sensitivities:
     change of the inertia per unit of each constant of the rig file, by its key, exact ones too. covariance: of type A,
     between parameters fitted together where that matters (inertia and an unknown gravity torque). correlation: of all
     parameters whose uncertainty is known, of type A and B together. per_log: the ordinary results of several logs, of
-    which this one is the common answer.
+    which this one is the common result.
     """
 
     method: str
@@ -131,24 +133,10 @@ class ResultData:
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, schema "swingid.result/1"; NaN and infinities become null."""
-        data: dict[str, object] = {
-            "schema": SCHEMA,
-            "method": self.method,
-            "status": self.status,
-            "parameters": self.parameters,
-            "warnings": self.warnings,
-            "notes": self.notes,
-            "budget": self.budget,
-            "provenance": self.provenance,
-            "error": self.error,
-            "details": self.details,
-        }
-        for name in ("sensitivities", "covariance", "correlation"):
-            if getattr(self, name):
-                data[name] = getattr(self, name)
-        if self.per_log:
-            data["per_log"] = [result.to_dict() for result in self.per_log]
-        found: dict[str, object] = plain(data)
+        values = {own.name: getattr(self, own.name) for own in fields(self)}
+        values["per_log"] = [result.to_dict() for result in self.per_log]
+        kept = {name: value for name, value in values.items() if name not in WHERE_GIVEN or value}
+        found: dict[str, object] = plain({"schema": SCHEMA, **kept})
         return found
 
     def to_json(self) -> str:
@@ -161,8 +149,8 @@ def plain(value: Any) -> Any:
     if isinstance(value, BudgetEntry | Parameter):
         value = value.to_dict()
     if hasattr(value, "__dataclass_fields__"):
-        fields = value.__dataclass_fields__.items()
-        return {name: plain(getattr(value, name)) for name, own in fields if own.metadata.get("plain", True)}
+        own = [one.name for one in fields(value) if one.metadata.get("plain", True)]
+        return {name: plain(getattr(value, name)) for name in own}
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):

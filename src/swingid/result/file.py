@@ -5,6 +5,9 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from typing import Annotated, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from swingid.errors import InputError
 from swingid.result.result import SCHEMA, Message, Result
@@ -21,7 +24,7 @@ def load_result(path: str | Path) -> Result:
     Raises InputError, naming the file, for one that is missing or unreadable, is no JSON, no result, or lacks a key.
     """
     name = str(path)
-    data = _document(name)
+    text, data = _document(name)
     schema = data.get("schema")
     if schema != SCHEMA:
         kind = str(schema)
@@ -33,24 +36,19 @@ def load_result(path: str | Path) -> Result:
             hint = "write one with swingid identify LOG --json FILE"
         raise InputError(f"{name} is no result file of swingid: {hint}.", code="not-a-result")
     if str(data.get("method")).startswith("calibrate"):
-        raise InputError(
-            f"{name} is a result of swingid calibrate, which has no inertia of a body; write one with swingid identify "
-            "LOG --json FILE.",
-            code="not-a-result",
-        )
+        message = f"{name} is a result of swingid calibrate, which has no inertia of a body; write one with"
+        raise InputError(f"{message} swingid identify LOG --json FILE.", code="not-a-result")
     try:
-        return _result(data)
-    except _MalformedError as problem:
-        raise InputError(
-            f"{name} is a damaged result file: {problem}; identify the log again.", code="damaged-result"
-        ) from None
+        return _result(_File.model_validate_json(text))
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, first["loc"])) or "the file"
+        problem = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
+        message = f"{name} is a damaged result file: {place} {problem}; identify the log again."
+        raise InputError(message, code="damaged-result") from None
 
 
-class _MalformedError(Exception):
-    """What is wrong with a result's data, as a clause."""
-
-
-def _document(name: str) -> dict[str, object]:
+def _document(name: str) -> tuple[str, dict[str, object]]:
     if is_file(name) and Path(name).stat().st_size > LARGEST:
         raise InputError(f"{name} is too large for a result file.", code="not-a-result")
     writes, folder = f"swingid identify LOG --json {name} writes it", ("not-a-file", "give the result file in it")
@@ -65,130 +63,89 @@ def _document(name: str) -> dict[str, object]:
         message = f"{name} is not JSON; give what swingid identify LOG --json FILE wrote."
         raise InputError(message, code="not-json") from None
     if not isinstance(data, dict):
-        raise InputError(
-            f"{name} is no result file of swingid: write one with swingid identify LOG --json FILE.",
-            code="not-a-result",
-        )
-    return data
+        message = f"{name} is no result file of swingid: write one with swingid identify LOG --json FILE."
+        raise InputError(message, code="not-a-result")
+    return text, data
 
 
-def _result(data: dict[str, object]) -> Result:
-    status = data.get("status")
-    if status not in ("ok", "warning", "refused"):
-        raise _MalformedError("status is not ok, warning or refused")
-    parameters = _table(data, "parameters")
-    if status != "refused" and "inertia" not in parameters:
-        raise _MalformedError("parameters.inertia is missing")
-    error = data.get("error")
+class _Table(BaseModel):
+    """A table of the file; keys that are not read here are passed over."""
+
+    model_config = ConfigDict(strict=True, allow_inf_nan=False)
+
+
+Uncertainty = Annotated[float, Field(ge=0)]
+Freedom = Annotated[float, Field(gt=0)]
+
+
+class _Parameter(_Table):
+    value: float
+    unit: str
+    standard_uncertainty: Uncertainty | None = None
+    interval95: tuple[float, float] | None = None
+    degrees_of_freedom: Freedom | None = None  # none in files of earlier versions
+
+
+class _Entry(_Table):
+    source: str
+    parameter: str
+    type: Literal["A", "B"]
+    standard_uncertainty: Uncertainty
+    sensitivity: float | None = None
+    shared_id: str | None = None
+    averages_over_logs: bool = False
+    degrees_of_freedom: Freedom | None = None
+    distribution: object = "normal"
+
+
+class _Message(_Table):
+    code: str
+    message: str
+
+
+class _File(_Table):
+    method: str
+    status: Literal["ok", "warning", "refused"]
+    parameters: dict[str, _Parameter] = {}
+    warnings: tuple[_Message, ...] = ()
+    notes: tuple[_Message, ...] = ()
+    budget: tuple[_Entry, ...] = ()
+    provenance: dict[str, object] = {}
+    error: _Message | None = None
+    sensitivities: dict[str, float] = {}
+    correlation: dict[str, dict[str, float]] = {}
+
+    @model_validator(mode="after")
+    def _has_an_inertia(self) -> Self:
+        if self.status != "refused" and "inertia" not in self.parameters:
+            raise ValueError("has no parameters.inertia")
+        return self
+
+
+def _result(file: _File) -> Result:
     return Result(
-        method=_text(data, "method"),
-        status=status,
-        parameters={name: _parameter(name, value) for name, value in parameters.items()},
-        warnings=_messages(data, "warnings"),
-        notes=_messages(data, "notes"),
-        budget=tuple(_entry(k, value) for k, value in enumerate(_list(data, "budget"))),
-        provenance=_table(data, "provenance"),
-        error=None if error is None else _message("error", error),
-        sensitivities=_numbers(data, "sensitivities"),
-        correlation={name: _numbers(_table(data, "correlation"), name) for name in _table(data, "correlation")},
+        method=file.method,
+        status=file.status,
+        parameters={
+            name: Parameter(p.value, p.standard_uncertainty, p.interval95, p.unit, p.degrees_of_freedom or math.inf)
+            for name, p in file.parameters.items()
+        },
+        warnings=tuple(map(_message, file.warnings)),
+        notes=tuple(map(_message, file.notes)),
+        budget=tuple(map(_entry, file.budget)),
+        provenance=file.provenance,
+        error=None if file.error is None else _message(file.error),
+        sensitivities=file.sensitivities,
+        correlation=file.correlation,
     )
 
 
-def _parameter(name: str, value: object) -> Parameter:
-    place = f"parameters.{name}"
-    table = _as_table(place, value)
-    u = table.get("standard_uncertainty")
-    if u is not None and _number(f"{place}.standard_uncertainty", u) < 0:
-        raise _MalformedError(f"{place}.standard_uncertainty is negative")
-    bounds = table.get("interval95")
-    interval = None
-    if bounds is not None:
-        if not isinstance(bounds, list) or len(bounds) != 2:
-            raise _MalformedError(f"{place}.interval95 is not a pair")
-        low, high = (_number(f"{place}.interval95", bound) for bound in bounds)
-        interval = low, high
-    spread = None if u is None else _number(place, u)
-    value, freedom = _number(f"{place}.value", table.get("value")), _freedom(place, table)
-    return Parameter(value, spread, interval, _text(table, "unit", place), freedom)
+def _entry(e: _Entry) -> BudgetEntry:
+    shape: Distribution = "rectangular" if e.distribution == "rectangular" else "normal"
+    freedom = e.degrees_of_freedom or math.inf
+    origin = Source(e.source, e.type, e.shared_id, e.averages_over_logs, freedom, shape)
+    return BudgetEntry(origin, e.parameter, e.standard_uncertainty, e.sensitivity)
 
 
-def _entry(k: int, value: object) -> BudgetEntry:
-    place = f"budget[{k}]"
-    table = _as_table(place, value)
-    kind = table.get("type")
-    if kind not in ("A", "B"):
-        raise _MalformedError(f"{place}.type is not A or B")
-    sensitivity, shared = table.get("sensitivity"), table.get("shared_id")
-    if shared is not None and not isinstance(shared, str):
-        raise _MalformedError(f"{place}.shared_id is not text")
-    u = _number(f"{place}.standard_uncertainty", table.get("standard_uncertainty"))
-    if u < 0:
-        raise _MalformedError(f"{place}.standard_uncertainty is negative")
-    slope = None if sensitivity is None else _number(f"{place}.sensitivity", sensitivity)
-    source, parameter = (_text(table, key, place) for key in ("source", "parameter"))
-    averages, shape = table.get("averages_over_logs", False), table.get("distribution", "normal")
-    if not isinstance(averages, bool):
-        raise _MalformedError(f"{place}.averages_over_logs is not true or false")
-    distribution: Distribution = "rectangular" if shape == "rectangular" else "normal"
-    origin = Source(source, kind, shared, averages, _freedom(place, table), distribution)
-    return BudgetEntry(origin, parameter, u, slope)
-
-
-def _freedom(place: str, table: dict[str, object]) -> float:
-    """Degrees of freedom; infinite where none are stated, as in files of earlier versions."""
-    freedom = table.get("degrees_of_freedom")
-    if freedom is None:
-        return math.inf
-    found = _number(f"{place}.degrees_of_freedom", freedom)
-    if found <= 0:
-        raise _MalformedError(f"{place}.degrees_of_freedom is not positive")
-    return found
-
-
-def _messages(data: dict[str, object], key: str) -> tuple[Message, ...]:
-    return tuple(_message(f"{key}[{k}]", value) for k, value in enumerate(_list(data, key)))
-
-
-def _message(place: str, value: object) -> Message:
-    table = _as_table(place, value)
-    return Message(_text(table, "code", place), _text(table, "message", place))
-
-
-def _as_table(place: str, value: object) -> dict[str, object]:
-    if not isinstance(value, dict):
-        raise _MalformedError(f"{place} is not a table")
-    return value
-
-
-def _table(data: dict[str, object], key: str) -> dict[str, object]:
-    return _as_table(key, data.get(key, {}))
-
-
-def _list(data: dict[str, object], key: str) -> list[object]:
-    value = data.get(key, [])
-    if not isinstance(value, list):
-        raise _MalformedError(f"{key} is not a list")
-    return value
-
-
-def _numbers(data: dict[str, object], key: str) -> dict[str, float]:
-    return {name: _number(f"{key}.{name}", value) for name, value in _table(data, key).items()}
-
-
-def _text(data: dict[str, object], key: str, place: str = "") -> str:
-    value = data.get(key)
-    if not isinstance(value, str):
-        raise _MalformedError(f"{place}{'.' if place else ''}{key} is not text")
-    return value
-
-
-def _number(place: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _MalformedError(f"{place} is not a number")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    if not math.isfinite(number):
-        raise _MalformedError(f"{place} is not finite")
-    return number
+def _message(message: _Message) -> Message:
+    return Message(message.code, message.message)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypedDict, Unpack
 
 from pydantic import BaseModel, ConfigDict, PlainValidator, StringConstraints, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
@@ -57,29 +57,22 @@ def read_quantity(raw: object, info: ValidationInfo, rotary: str, linear: str | 
         refuse(error.code, error.message)
 
 
-def quantity(
-    rotary: str,
-    linear: str | None = None,
-    *,
-    least: float | None = None,
-    above: float | None = None,
-    most: float | None = None,
-) -> PlainValidator:
-    """A validator that reads a Quantity in `rotary` units (`linear` on a linear axis) within limits.
+class Limits(TypedDict, total=False):
+    """Limits of a value (SI): at least `least`, above `above`, at most `most`, below `below`."""
 
-    The value must be at least `least`, above `above`, at most `most` (SI); None is no limit.
-    """
+    least: float
+    above: float
+    most: float
+    below: float
 
-    def read(raw: object, info: ValidationInfo) -> Quantity:
-        found = read_quantity(raw, info, rotary, linear)
-        _check_limits(found.value, least, above, most)
-        return found
 
-    return PlainValidator(read)
+def quantity(rotary: str, linear: str | None = None, **limits: Unpack[Limits]) -> PlainValidator:
+    """A validator that reads a Quantity in `rotary` units (`linear` on a linear axis) within limits."""
+    return PlainValidator(lambda raw, info: _within(read_quantity(raw, info, rotary, linear), limits))
 
 
 def quantity_or_unknown(
-    rotary: str, linear: str | None = None, *, least: float | None = None
+    rotary: str, linear: str | None = None, **limits: Unpack[Limits]
 ) -> Callable[[object, ValidationInfo], Quantity | str]:
     """A reader as of `quantity` that also takes the text "unknown": to be identified."""
 
@@ -88,11 +81,37 @@ def quantity_or_unknown(
             return "unknown"
         if isinstance(raw, str) and raw.strip().isalpha():
             refuse("not-a-quantity", f'is {shown(raw)}; write a number, text like "78 ± 0.4 mN*m", or "unknown"')
-        found = read_quantity(raw, info, rotary, linear)
-        _check_limits(found.value, least, None, None)
-        return found
+        return _within(read_quantity(raw, info, rotary, linear), limits)
 
     return read
+
+
+def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits]) -> PlainValidator:
+    """As `quantity`, for numbers that describe a spread or a limit themselves: an uncertainty is refused."""
+
+    def read(raw: object, info: ValidationInfo) -> float:
+        found = read_quantity(raw, info, rotary, linear)
+        if found.std is not None:
+            refuse("uncertainty-unused", "takes no uncertainty; write the number alone")
+        return _within(found, limits).value
+
+    return PlainValidator(read)
+
+
+def _within(found: Quantity, limits: Limits) -> Quantity:
+    """The quantity, refused where its value is outside of the limits."""
+    value = found.value
+    if "above" in limits and value <= limits["above"]:
+        limit = "positive" if limits["above"] == 0 else f"above {limits['above']:g}"
+        refuse("out-of-range", f"is {value:g}, but must be {limit}")
+    if "least" in limits and value < limits["least"]:
+        limit = "must not be negative" if limits["least"] == 0 else f"must be at least {limits['least']:g}"
+        refuse("out-of-range", f"is {value:g}, but {limit}")
+    if "most" in limits and value > limits["most"]:
+        refuse("out-of-range", f"is {value:g}, but must be at most {limits['most']:g}")
+    if "below" in limits and value >= limits["below"]:
+        refuse("out-of-range", f"is {value:g}, but must be below {limits['below']:g}")
+    return found
 
 
 class TermTable(Table):
@@ -127,10 +146,10 @@ class TermTable(Table):
             coefficient = term.key.rpartition(".")[2]
             if coefficient not in raw:
                 refuse("missing-key", f"is missing beside {key}", coefficient)
-            least = None if term.signed else 0.0
+            limits: Limits = {} if term.signed else {"least": 0.0}
             try:
                 if key == coefficient:
-                    read[key] = quantity_or_unknown(term.unit, term.linear, least=least)(raw[key], info)
+                    read[key] = quantity_or_unknown(term.unit, term.linear, **limits)(raw[key], info)
                 else:
                     read[key] = shift = read_quantity(raw[key], info, "rad", "m")
                     if shift.std is not None and raw[coefficient] == "unknown":
@@ -139,39 +158,6 @@ class TermTable(Table):
                 context = error.context or {}
                 refuse(context["slug"], context["problem"], key)
         return read
-
-
-def plain_number(
-    rotary: str,
-    linear: str | None = None,
-    *,
-    least: float | None = None,
-    above: float | None = None,
-    below: float | None = None,
-) -> PlainValidator:
-    """As `quantity`, for numbers that describe a spread or a limit themselves: an uncertainty is refused."""
-
-    def read(raw: object, info: ValidationInfo) -> float:
-        found = read_quantity(raw, info, rotary, linear)
-        if found.std is not None:
-            refuse("uncertainty-unused", "takes no uncertainty; write the number alone")
-        _check_limits(found.value, least, above, None)
-        if below is not None and found.value >= below:
-            refuse("out-of-range", f"is {found.value:g}, but must be below {below:g}")
-        return found.value
-
-    return PlainValidator(read)
-
-
-def _check_limits(value: float, least: float | None, above: float | None, most: float | None) -> None:
-    if above is not None and value <= above:
-        limit = "positive" if above == 0 else f"above {above:g}"
-        refuse("out-of-range", f"is {value:g}, but must be {limit}")
-    if least is not None and value < least:
-        limit = "must not be negative" if least == 0 else f"must be at least {least:g}"
-        refuse("out-of-range", f"is {value:g}, but {limit}")
-    if most is not None and value > most:
-        refuse("out-of-range", f"is {value:g}, but must be at most {most:g}")
 
 
 def stated(table: BaseModel, key: str) -> bool:

@@ -16,9 +16,8 @@ from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_
 from swingid.errors import InputError, UsageError
 from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, refuse, stated
-from swingid.model.rig.log import LogConventions
 from swingid.model.rig.sensors import Sensors
-from swingid.model.rig.tables import Axis, Drive
+from swingid.model.rig.tables import Axis, Drive, LogConventions
 from swingid.model.terms import MOTOR_KEYS, rig_terms
 from swingid.system import read_input
 from swingid.units import Quantity, shown
@@ -124,7 +123,7 @@ class Rig(Table):
         `rig.changed({"axis.friction.coulomb": "2 mN*m", "sensors.noise": 1e-3})`. A Quantity is a value too. The
         `text` of the new rig says what was changed. Raises InputError as `from_text`.
         """
-        from swingid.model.rig.text import to_toml, with_values
+        from swingid.model.rig.edit import to_toml, with_values
 
         document = with_values(tomllib.loads(self.text.removeprefix("\ufeff")), values)
         return self.from_text(to_toml(document), self.source, default_name=self.name)

@@ -1,15 +1,17 @@
-"""The tables [axis] and [drive] of rig.toml.
+"""The tables [axis], [drive] and [log] of rig.toml.
 
 Units in comments are those of a rotary axis; a linear axis takes kg, N, m in place of kg m², N m, rad.
 """
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import Field, PlainValidator, ValidationInfo, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, ValidationInfo, model_validator
 
+from swingid.errors import InputError
 from swingid.model.rig.fields import (
+    Column,
     Table,
     TermTable,
     given,
@@ -18,8 +20,9 @@ from swingid.model.rig.fields import (
     quantity_or_unknown,
     read_quantity,
     refuse,
+    stated,
 )
-from swingid.units import Quantity
+from swingid.units import Quantity, shown
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
 Force = Annotated[Quantity, quantity("N*m", "N", least=0)]
@@ -36,7 +39,7 @@ class Lugre(Table):
 
 
 class Friction(TermTable):
-    """The friction of the suspension, F(q1'), as a sum of the laws given; the twin's truth, never knowledge.
+    """The friction of the suspension, F(q1'), as a sum of the laws given: true values, which no method uses.
 
     Units as the key's name implies: torques N m, viscous N m s, quadratic N m s², cubic N m s³, speeds rad/s.
     Direction-dependent coefficients are given for both directions, in the place of the two-sided one.
@@ -78,7 +81,7 @@ class Friction(TermTable):
             refuse("missing-key", "is needed (and positive) beside lugre; add the friction level", "coulomb")
         dry = [key for key, term in self.term_keys().items() if term.is_dry and hasattr(self, key)]
         if self.lugre is not None and dry:
-            refuse("contradiction", f"stands beside {dry[0]}, but its bristles know one friction level only", "lugre")
+            refuse("contradiction", f"stands beside {dry[0]}, but its bristles have one friction level only", "lugre")
         return self
 
 
@@ -116,7 +119,7 @@ def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
 
 
 class Axis(TermTable):
-    """What swings: its kind, gravity's amplitude b (N m; 0: balanced), and what only the twin knows.
+    """What swings: its kind, gravity's amplitude b (N m; 0: balanced), and what only the twin uses.
 
     `inertia` is the paper's J1 with a wheel, the whole axis without.
     """
@@ -212,9 +215,70 @@ class Drive(Table):
         return wheel + gear**2 * rotor
 
     def _inertias(self) -> tuple[float, float, float]:
-        from swingid.errors import InputError
-
         if self.wheel is None or self.motor is None:
             message = f"a12 and a22 belong to a reaction wheel, but drive.kind is {self.kind!r}"
             raise InputError(message, code="no-wheel")
         return self.wheel.inertia.value, self.motor.rotor_inertia.value, self.motor.gear_ratio.value
+
+
+def _no_bool(raw: Any) -> Any:
+    if isinstance(raw, bool):
+        refuse("wrong-value", f"must be 1 or -1, not {str(raw).lower()}")
+    return raw
+
+
+Sign = Annotated[Literal[1, -1], BeforeValidator(_no_bool)]
+AngleUnit = Literal["rad", "deg", "turns", "counts"]
+
+
+class LogConventions(Table):
+    """How the rig writes its logs; a channel that the drive kind does not have is not read.
+
+    `model_fields_set` holds what the file stated: a default column may be absent from a log, a stated one may
+    not. With `rate` (rows per second) rows are evenly spaced and `time` is not read. Row k's voltage or torque
+    acts from t_k to t_(k+1) if `drive_held`, else it is a measurement at t_k; angles are those at t_k.
+    `wheel_scale` is wheel turns per logged turn. `wheel_speed` replaces the wheel's angle where only the speed was
+    logged: the speed at the row, or ("mean") the turn since the row before, divided by the time.
+    Torque (force) = torque_sign * torque_gain * column.
+    """
+
+    time: Column = "t"
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    rate: Annotated[float, plain_number("Hz", above=0)] | None = None
+    angle: Column = "q1"
+    angle_unit: Literal["rad", "deg", "turns", "counts", "m", "mm"] = "rad"
+    angle_zero: Literal["down", "up"] = "down"
+    angle_sign: Sign = 1
+    wheel_angle: Column = "q2"
+    wheel_angle_unit: AngleUnit = "rad"
+    wheel_angle_sign: Sign = 1
+    wheel_angle_is: Literal["relative", "absolute"] = "relative"
+    wheel_scale: Annotated[float, plain_number("", above=0)] = 1.0
+    wheel_speed: Column | None = None
+    wheel_speed_unit: Literal["rad/s", "deg/s", "turns/s", "rpm", "counts/s"] = "rad/s"
+    wheel_speed_is: Literal["instant", "mean"] = "instant"
+    voltage: Column = "u"
+    voltage_sign: Sign = 1
+    torque: Column = "tau"
+    torque_gain: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
+    torque_sign: Sign = 1
+    reference: Column = "ym"
+    drive_held: bool = True
+
+    @model_validator(mode="before")
+    @classmethod
+    def _held_is_true_or_false(cls, raw: Any) -> Any:
+        # pydantic would also take "yes" and 1
+        if isinstance(raw, dict) and not isinstance(raw.get("drive_held", True), bool):
+            refuse("wrong-value", f"must be true or false, not {shown(raw['drive_held'])}", "drive_held")
+        return raw
+
+    @model_validator(mode="after")
+    def _one_source_each(self) -> Self:
+        if stated(self, "rate") and stated(self, "time"):
+            refuse("contradiction", "is given beside time; keep the column, or the rate of evenly spaced rows", "rate")
+        if stated(self, "rate") and stated(self, "time_unit"):
+            refuse("contradiction", "is given beside rate, which reads no column of the time; keep one", "time_unit")
+        if stated(self, "wheel_speed") and stated(self, "wheel_angle"):
+            refuse("contradiction", "is given beside wheel_angle; keep the angle", "wheel_speed")
+        return self

@@ -1,4 +1,4 @@
-"""Columns as candidates for channels: what their names and units say, and how they move with each other."""
+"""Columns as candidates for channels: their names, their units, and how they move with each other."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.recording.conventions import ANGLES, FACTORS, SPEEDS, TIMES
 from swingid.recording.formats.table import UNITS, canonical
 
 if TYPE_CHECKING:
@@ -18,18 +19,7 @@ if TYPE_CHECKING:
 
 WORDS: dict[str, tuple[str, ...]] = {
     "time": (
-        "t",
-        "time",
-        "tout",
-        "times",
-        "timestamp",
-        "stamp",
-        "zeit",
-        "clock",
-        "elapsed",
-        "sec",
-        "secs",
-        "seconds",
+        *("t", "time", "tout", "times", "timestamp", "stamp", "zeit", "clock", "elapsed", "sec", "secs", "seconds"),
         "tid",
     ),
     "angle": (
@@ -60,16 +50,16 @@ OTHER = {
 }
 
 ROLE_UNITS: dict[str, frozenset[str]] = {
-    "time": frozenset({"s", "ms", "us", "ns"}),
-    "angle": frozenset({"rad", "deg", "turns", "counts", "m", "mm"}),
-    "wheel": frozenset({"rad", "deg", "turns", "counts"}),
-    "voltage": frozenset({"V", "mV"}),
-    "torque": frozenset({"N m", "mN m", "N"}),
+    "time": TIMES,
+    "angle": ANGLES,
+    "wheel": ANGLES - {"m", "mm"},
+    "voltage": frozenset(FACTORS["voltage"]),
+    "torque": frozenset(FACTORS["torque"]),
     "current": frozenset({"A", "mA"}),
 }
-SPEED_UNITS = frozenset({"rad/s", "deg/s", "rpm", "turns/s", "counts/s", "m/s"})
+SPEED_UNITS = SPEEDS | {"m/s"}
 CONTAINERS = re.compile(r"\b(joint_?states?|field|header|msg|topic)\b(?=[/._])", re.IGNORECASE)
-"""Parts of a name that say where a message came from, such as /joint_states/pendulum/position."""
+"""Parts of a name that state where a message came from, such as /joint_states/pendulum/position."""
 
 GREEK = {"θ": "theta", "φ": "phi", "α": "alpha", "ω": "omega", "τ": "tau"}
 
@@ -192,7 +182,7 @@ ALIKE = 0.98
 class Role:
     """A column in a role: "time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque" or "reference".
 
-    unit: stated or guessed, "" where unknown; why: what the guess rests on; sure: whether the name says so too.
+    unit: stated or guessed, "" where unknown; why: the reason of the guess; sure: whether the name supports it.
     """
 
     role: str
@@ -219,6 +209,10 @@ class Candidate:
     def values(self) -> Array:
         """The column's numbers."""
         return self.column.values
+
+    def unit_in(self, role: str) -> str:
+        """The stated unit where it is one of this role, else ""."""
+        return self.unit if self.unit in ROLE_UNITS[role] else ""
 
 
 def among(one: Candidate, many: Iterable[Candidate]) -> bool:

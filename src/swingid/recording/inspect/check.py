@@ -41,7 +41,7 @@ class Check:
 
 
 GAP = 1.5
-COUNTED = 1e12  # rows that a gap is said to miss, at most
+COUNTED = 1e12  # rows that a gap is reported to miss, at most
 """Median steps beyond which a step is a gap."""
 
 NEARLY_ALL = 0.9
@@ -116,7 +116,7 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
     values: dict[str, object] = {"rows": rows, "rate": clock.rate, "duration": clock.duration, "jitter": clock.jitter}
     if clock.backwards > NEARLY_ALL * (rows - 1):
         text = f"the time in {name} runs backwards, from {clock.stamps[0]:.6g} to {clock.stamps[-1]:.6g} s"
-        remedy = "if the rows are stored newest first, turn their order around, else mend the clock"
+        remedy = "if the rows are stored newest first, turn their order around, else correct the clock"
         return [Check("backwards", "order of rows", "fault", text, remedy, {"backwards": clock.backwards})]
     if clock.step <= 0:
         text = f"{name} does not rise, so the instants of the rows are unknown"

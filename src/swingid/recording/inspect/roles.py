@@ -1,6 +1,6 @@
 """Which column is likely which channel: by its name, its unit, and by how the columns move with each other.
 
-A guess, to be confirmed by the person who knows the rig; each guess states its reason.
+A guess, to be confirmed by the owner of the rig; each guess states its reason.
 """
 
 from __future__ import annotations
@@ -12,24 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.recording.conventions import SECONDS
-from swingid.recording.inspect.candidates import (
-    ROLE_UNITS,
-    SPEED_UNITS,
-    Candidate,
-    Role,
-    alike,
-    among,
-    correlation,
-    fits,
-    has_size,
-    name_scores,
-    passes,
-    roughness,
-    slope,
-    smooth,
-    thin,
-    unit_of,
-)
+from swingid.recording.inspect import candidates as traits
+from swingid.recording.inspect.candidates import Candidate, Role
 from swingid.recording.inspect.columns import TURN, unit_of_steps
 
 if TYPE_CHECKING:
@@ -56,7 +40,7 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
         if not steps.size or candidate.column.constant or (counts_rows(candidate) and candidate.scores["time"] < 2):
             continue
         rising = float(np.mean(steps >= 0))
-        score = candidate.scores["time"] + 2.0 * (candidate.unit in ROLE_UNITS["time"])
+        score = candidate.scores["time"] + 2.0 * bool(candidate.unit_in("time"))
         if rising < RISING and score < 3:
             continue
         even = float(np.median(np.abs(steps - np.median(steps)))) < 0.2 * abs(float(np.median(steps)))
@@ -66,7 +50,7 @@ def guess_time(candidates: list[Candidate], found: dict[str, Role]) -> Candidate
     if best is None:
         return None
     _, candidate, rising = best
-    unit = candidate.unit if candidate.unit in ROLE_UNITS["time"] else ""
+    unit = candidate.unit_in("time")
     steps = np.diff(candidate.values)
     usual = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
     why = (
@@ -105,20 +89,20 @@ def clocks_beside(candidates: list[Candidate]) -> dict[str, str]:
 
 def guess_speeds(moving: list[Candidate], stamps: Array) -> list[tuple[Candidate, str]]:
     """Columns that are the speed of another one: they go with its slope, and are called so or have its size."""
-    clock = thin(stamps)
+    clock = traits.thin(stamps)
     if len(clock) < 50:
         return []
-    slopes = {c.name: slope(thin(c.values), clock) for c in moving}
-    level = {c.name: smooth(thin(c.values)) for c in moving}
+    slopes = {c.name: traits.slope(traits.thin(c.values), clock) for c in moving}
+    level = {c.name: traits.smooth(traits.thin(c.values)) for c in moving}
     result = []
     for speed in moving:
-        named = speed.scores["speed"] >= 2 or speed.unit in SPEED_UNITS
+        named = speed.scores["speed"] >= 2 or speed.unit in traits.SPEED_UNITS
         if not named and max(_main(speed)) >= 2:
             continue
-        match = [(correlation(level[speed.name], slopes[c.name]), c) for c in moving if c is not speed]
-        match = [(r, c) for r, c in match if c.scores["speed"] < 3 and c.unit not in SPEED_UNITS]
+        match = [(traits.correlation(level[speed.name], slopes[c.name]), c) for c in moving if c is not speed]
+        match = [(r, c) for r, c in match if c.scores["speed"] < 3 and c.unit not in traits.SPEED_UNITS]
         r, of = max(match, key=lambda m: (round(m[0], 2), -m[1].scores["reference"]), default=(0.0, speed))
-        if named or (r > DERIVATIVE and has_size(level[speed.name], slopes[of.name])):
+        if named or (r > DERIVATIVE and traits.has_size(level[speed.name], slopes[of.name])):
             result.append((speed, of.name if r > DERIVATIVE else "what is not logged"))
     return result
 
@@ -140,18 +124,18 @@ NO_NAME = re.compile(
     r"(\w+(\(\d+\))?\.)*(column|col|ch|channel|data|signals?|values?|var|x|y|xout|yout|ans|out)?[ _.:(,)\d]*",
     re.IGNORECASE,
 )
-"""Names that say nothing."""
+"""Names without a meaning."""
 
 
 def guess_angle(moving: list[Candidate], found: dict[str, Role]) -> Candidate | None:
     """The pendulum's angle: by name and unit, else the smoothest column."""
-    scored = [(fits(c, "angle") - 1.5 * c.scores["reference"] - 0.8 * c.scores["wheel"], c) for c in moving]
+    scored = [(traits.fits(c, "angle") - 1.5 * c.scores["reference"] - 0.8 * c.scores["wheel"], c) for c in moving]
     best, angle = max(scored, key=lambda s: s[0], default=(0.0, None))
     if angle is not None:  # of position_0 and position_1 the wheel's goes farther
         angle = min((c for score, c in scored if score == best and _same_but_number(c, angle)), key=_span)
     why = "by its name"
     if angle is None or best < 1:
-        ranked = [(roughness(c.values), c) for c in moving if fits(c, "angle") > -2]
+        ranked = [(traits.roughness(c.values), c) for c in moving if traits.fits(c, "angle") > -2]
         if not ranked:
             return None
         rough, angle = min(ranked, key=lambda s: s[0])
@@ -161,7 +145,7 @@ def guess_angle(moving: list[Candidate], found: dict[str, Role]) -> Candidate | 
         if rough > 0.2 or len(angle.values) < FEWEST:
             return None
         why = "a smooth column, as positions are"
-    unit = angle.unit if angle.unit in ROLE_UNITS["angle"] else ""
+    unit = angle.unit_in("angle")
     if unit:
         why += f", its unit is stated ({unit})"
     else:
@@ -180,7 +164,7 @@ def _angle_unit(column: Column) -> tuple[str, str]:
     if column.kind == "whole numbers" and span > 50:
         return "counts", f"for its values are whole numbers over a range of {span:g}"
     low, high = np.nanquantile(column.values, (0.1, 0.9))
-    if span > 12 and (span > 400 or passes(column.values, float(low), float(high)) >= 3):
+    if span > 12 and (span > 400 or traits.passes(column.values, float(low), float(high)) >= 3):
         return "deg", f"for it goes to and fro over {span:.3g}, too much for a swing in rad"
     return "rad", f"for it covers {span:.3g}"
 
@@ -189,27 +173,29 @@ def guess_wheel(
     left: list[Candidate], angle: Candidate, speeds: list[tuple[Candidate, str]], found: dict[str, Role]
 ) -> list[Candidate]:
     """The wheel's angle: by its name, else a second smooth position that goes farther than the pendulum's."""
-    named = [(fits(c, "wheel") - c.scores["reference"], c) for c in left if c.scores["wheel"] >= 2]
-    named = [(score, c) for score, c in named if score >= 2 and roughness(c.values) < 0.5]
+    named = [(traits.fits(c, "wheel") - c.scores["reference"], c) for c in left if c.scores["wheel"] >= 2]
+    named = [(score, c) for score, c in named if score >= 2 and traits.roughness(c.values) < 0.5]
     wheel, why = None, "by its name"
     if named:
         wheel = max(named, key=lambda s: s[0])[1]
     else:
         unnamed = [c for c in left if NO_NAME.fullmatch(c.name) or _same_but_number(c, angle)]
-        unnamed = [c for c in unnamed if not c.unit and roughness(c.values) < POSITION]
-        unnamed = [c for c in unnamed if not alike(c, angle)]
+        unnamed = [c for c in unnamed if not c.unit and traits.roughness(c.values) < POSITION]
+        unnamed = [c for c in unnamed if not traits.alike(c, angle)]
         wheel = max((c for c in unnamed if c.column.span > 3 * angle.column.span), key=_span, default=None)
         why = f"a smooth position over {0.0 if wheel is None else wheel.column.span:.3g}"
     if wheel is None:
         return left
-    unit = wheel.unit if wheel.unit in ROLE_UNITS["wheel"] else ""
+    unit = wheel.unit_in("wheel")
     by_steps, counts = unit_of_steps(wheel.column)
     if not unit and by_steps:
         unit = by_steps
         why += f"; {unit}, for its steps are then {counts} in a turn"
     elif not unit:
         whole = wheel.column.kind == "whole numbers" and wheel.column.span > 50
-        unit = "counts" if whole else found["angle"].unit if found["angle"].unit in ROLE_UNITS["wheel"] else "rad"
+        unit = (
+            "counts" if whole else found["angle"].unit if found["angle"].unit in traits.ROLE_UNITS["wheel"] else "rad"
+        )
         why += f"; {unit} as the angle" if not whole else "; whole numbers, so counts"
     found["wheel_angle"] = Role("wheel_angle", wheel.name, unit, why, bool(named))
     return [c for c in left if c is not wheel]
@@ -226,7 +212,9 @@ def _span(candidate: Candidate) -> float:
 
 def guess_reference(left: list[Candidate], angle: Candidate, found: dict[str, Role]) -> list[Candidate]:
     """The reference of the angle: called so, or moving with it as one."""
-    beside = [(correlation(thin(c.values), thin(angle.values)), c, alike(c, angle)) for c in left]
+    beside = [
+        (traits.correlation(traits.thin(c.values), traits.thin(angle.values)), c, traits.alike(c, angle)) for c in left
+    ]
     scored = [(c.scores["reference"] + 3.0 * same, r, c) for r, c, same in beside if same or _names_reference(c)]
     scored = [s for s in scored if s[2].scores["torque"] < 2 and s[2].scores["voltage"] < 2]
     if not scored:
@@ -248,7 +236,7 @@ def guess_drive(left: list[Candidate], found: dict[str, Role]) -> list[Candidate
     for role in ("torque", "voltage"):
         if role == "voltage" and "wheel_angle" not in found and not any(c.scores["wheel"] >= 2 for c in left):
             continue
-        scored = [(fits(c, role), c) for c in left if not among(c, taken)]
+        scored = [(traits.fits(c, role), c) for c in left if not traits.among(c, taken)]
         score, best = max(scored, key=lambda s: s[0], default=(0.0, None))
         if best is None or score < 2:
             continue
@@ -257,7 +245,7 @@ def guess_drive(left: list[Candidate], found: dict[str, Role]) -> list[Candidate
         why = "by its unit" if best.scores[role] < 2 else "by its name"
         found[role] = Role(role, best.name, best.unit, why, best.scores[role] >= 2)
         taken.append(best)
-    return [c for c in left if not among(c, taken)]
+    return [c for c in left if not traits.among(c, taken)]
 
 
 def guess_wheel_speed(speeds: list[tuple[Candidate, str]], angle: Candidate, found: dict[str, Role]) -> None:
@@ -265,7 +253,7 @@ def guess_wheel_speed(speeds: list[tuple[Candidate, str]], angle: Candidate, fou
     named = [c for c, of in speeds if of != angle.name and (c.scores["wheel"] >= 2 or c.unit == "rpm")]
     if named:
         best = max(named, key=lambda c: c.scores["wheel"])
-        unit = best.unit if best.unit in SPEED_UNITS else "rad/s"
+        unit = best.unit if best.unit in traits.SPEED_UNITS else "rad/s"
         found["wheel_speed"] = Role("wheel_speed", best.name, unit, "by its name", True)
 
 
@@ -320,7 +308,7 @@ def _guess(columns: list[Column]) -> Roles:
     lengths = [len(c.values) for c in columns if c.kind in ("numbers", "whole numbers")]
     usual = max(set(lengths), key=lengths.count) if lengths else 0
     usable = [c for c in columns if c.kind in ("numbers", "whole numbers") and len(c.values) == usual]
-    candidates = [Candidate(c, name_scores(c.name), unit_of(c.name, c.unit)) for c in usable]
+    candidates = [Candidate(c, traits.name_scores(c.name), traits.unit_of(c.name, c.unit)) for c in usable]
     found: dict[str, Role] = {}
     others: dict[str, str] = {}
     time = guess_time(candidates, found)
@@ -334,10 +322,10 @@ def _guess(columns: list[Column]) -> Roles:
     stamps = time.values if time is not None else np.arange(float(usual))
     speeds = guess_speeds(moving, stamps)
     others |= {c.name: f"speed of {of}" for c, of in speeds}
-    angle = guess_angle([c for c in moving if not among(c, (s for s, _ in speeds))], found)
+    angle = guess_angle([c for c in moving if not traits.among(c, (s for s, _ in speeds))], found)
     if angle is None:
         return Roles(found, others)
-    left = [c for c in moving if c is not angle and not among(c, (s for s, _ in speeds))]
+    left = [c for c in moving if c is not angle and not traits.among(c, (s for s, _ in speeds))]
     left = guess_wheel(left, angle, speeds, found)
     left = guess_reference(left, angle, found)
     left = guess_drive(left, found)

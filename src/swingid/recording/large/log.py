@@ -117,7 +117,7 @@ class LargeLog:
     def parts(self) -> Iterator[tuple[int, Recording | SwingidError]]:
         """The parts of the log in their order, or why one cannot be used; with the rows of the file read so far.
 
-        Rows are averaged as far as the motion allows, see `parts`; each recording says how many (`averaged`). Raises
+        Rows are averaged as far as the motion allows, see `parts`; each recording states how many (`averaged`). Raises
         InputError where the file cannot be read.
         """
         header, conventions, findings = self._read_header()

@@ -2,9 +2,9 @@
 
 Means are over blocks of rows, as many as the motion allows: what a slower logger with a better encoder would write. The
 mean over a block is a convolution, so in the terms that are linear in the angles (φ'' q1, φ'' q2) it is the same as
-test functions smoothed by the block: exact. In the others, sin q1 and friction, the mean of the term is not the term of
-the mean, but for a relative (q1' w)²/24, w the width of a block: 4e-6 with 300 blocks in a swing. White noise falls by
-the root of the number of rows. A block has an odd number of rows, so that its middle is a row.
+modulating functions smoothed by the block: exact. In the others, sin q1 and friction, the mean of the term is not the
+term of the mean, but for a relative (q1' w)²/24, w the width of a block: 4e-6 with 300 blocks in a swing. White noise
+falls by the root of the number of rows. A block has an odd number of rows, so that its middle is a row.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from swingid.errors import InputError, SwingidError
 from swingid.numerics.reversals import reversals
-from swingid.recording.conventions import Scale, gather
+from swingid.recording.conventions import gather
 from swingid.recording.findings import Finding, Source
 from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
@@ -139,7 +139,7 @@ def within(table: Table, conventions: Conventions, before: int, span: tuple[floa
     else:
         column = table.find(conventions.columns["time"])
         time, _ = table.numbers(column or conventions.columns["time"])
-    time = conventions.scales.get("time", Scale()).to_model(time)
+    time = conventions.scale("time").to_model(time)
     inside: Bools = (time >= span[0]) & (time <= span[1])
     return inside
 
@@ -164,7 +164,7 @@ def _after(channels: Channels, last: Channels, reader: Reader, row: int, finding
 def _continued(channels: Channels, last: Channels, conventions: Conventions, wrapped: set[str]) -> Channels:
     """Angles that are logged within one turn, on the turn on which the piece before ends."""
     for name in ANGLES:
-        turn = None if name not in conventions.scales else conventions.scales[name].turn
+        turn = conventions.scale(name).turn
         if name in channels and name in last and turn is not None and name in wrapped:
             turns = np.round((last[name][0] - channels[name][0]) / turn)
             channels = {**channels, name: channels[name] + turn * turns}

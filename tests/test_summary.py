@@ -29,16 +29,16 @@ def test_a_clean_result_tells_how_what_and_how_sure() -> None:
         "Parameters",
         "Uncertainty of the inertia",
         "Friction",
-        "Estimates by kind of projection",
+        "Estimates by kind of window",
         "Notes",
     ]
     assert found["Identification"][2] == "log     = runs/a.csv (5001 rows)"
-    assert found["Identification"][4].endswith("1.20 s to 10.00 s, 24 turning points, test functions of ±0.18 s")
+    assert found["Identification"][4].endswith("1.20 s to 10.00 s, 24 turning points, modulating functions of ±0.18 s")
     assert "".join(found["Parameters"][0].split()) == "inertia:(3.0228±0.0064)e-3kgm²(0.21%)95%:[3.0103,3.0353]e-3"
     assert "law: viscous" in found["Friction"][0]
     assert found["Friction"][1].split() == ["coulomb", "+", "viscous", "+6.4"]
-    assert found["Estimates by kind of projection"][0].endswith("(the answer)")
-    assert "+0.013 %" in found["Estimates by kind of projection"][1]
+    assert found["Estimates by kind of window"][0].endswith("(the estimate)")
+    assert "+0.013 %" in found["Estimates by kind of window"][1]
     assert found["Notes"] == ["segment: used the part from 1.2 to 10 s: after the transient."]
 
 

@@ -34,7 +34,7 @@ class InputError(SwingidError):
 
 
 class UnanswerableError(SwingidError):
-    """The data are readable but cannot answer the question (exit code 4)."""
+    """The data are readable but do not determine the result (exit code 4)."""
 
     exit_code = 4
 

@@ -1,4 +1,4 @@
-"""The door of identification: a log, a rig, the name of a method; a result."""
+"""Identification: from a log, a rig and the name of a method to a result."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ def identify(
         one result with `per_log`; by name, an error may stand in the place of one that could not be read. A LargeLog
         is read and identified in parts.
     rig : Rig
-        The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never knowledge.
+        The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never used.
     method : one of `METHODS`
-        "momentum": test functions on the angles, no motor constant (default). "energy": the paper's (6) and (7).
+        "momentum": modulating functions on the angles, no motor constant (default). "energy": the paper's (6) and (7).
         "backstepping": the paper's alternative (section 4.2). The others are those of the field.
     options
         Keyword arguments of the method's function, such as ``variant="printed"`` for "energy". Of several logs also
@@ -44,7 +44,7 @@ def identify(
     UsageError
         Unknown method or option; a LargeLog for a method that does not read in parts; no log or no rig.
     UnanswerableError
-        The log cannot answer: no motion, too short, not identifiable, no scale.
+        The log does not determine the result: no motion, too short, not identifiable, no scale.
     """
     chosen = method_of(method)
     if not isinstance(rig, Rig):

@@ -33,7 +33,7 @@ def cores() -> int:
 
 
 def user() -> str:
-    """Something that tells the users of a machine apart, fit for the name of a folder."""
+    """Something that distinguishes the users of a machine, fit for the name of a folder."""
     if hasattr(os, "getuid"):
         return str(os.getuid())
     try:

@@ -7,18 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
+from swingid.cli import output
 from swingid.cli.options import Angle, Json, Methods, Motion, Rate, RigFile
-from swingid.cli.output import (
-    announce_compilation,
-    cannot_write,
-    check_files,
-    check_target,
-    hand_over,
-    overwrite,
-    say,
-    tell,
-    write_json,
-)
 from swingid.cli.simulate import Gains, compensator_of, motion_of, parse_angle
 from swingid.errors import SwingidError, UsageError
 from swingid.system import write_whole
@@ -50,7 +40,7 @@ def design(
 
     Voltage stays within the limit of RIG. Friction is expected as in axis.friction.
     """
-    check_files({rig: "the rig file"}, json=json)
+    output.check_files({rig: "the rig file"}, json=json)
     from swingid.model.rig import Rig
     from swingid.study.design import design as run
     from swingid.study.design import refused, required
@@ -68,13 +58,13 @@ def design(
     }
     try:
         required(plant, uncertainty, **options)
-        announce_compilation("simulate")
+        output.announce_compilation("simulate")
         found = run(plant, uncertainty, **options)
     except SwingidError as error:
         if json is not None and not isinstance(error, UsageError):
-            write_json(refused(plant, error), json)
+            output.write_json(refused(plant, error), json)
         raise
-    hand_over(found, json)
+    output.hand_over(found, json)
 
 
 def rehearse(
@@ -94,7 +84,7 @@ def rehearse(
     Each run draws what rig.toml states with an uncertainty: constants, encoders, noise. RIG has to state
     axis.inertia (what you expect) and should state axis.friction.
     """
-    check_files({rig: "the rig file"}, json=json)
+    output.check_files({rig: "the rig file"}, json=json)
     from swingid.model.rig import Rig
     from swingid.study.rehearse import rehearse as run
 
@@ -105,7 +95,7 @@ def rehearse(
         raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
     if motion is None and gains is not None:
         raise UsageError("--gains needs a motion to follow; give --reference, or leave it out", code="no-reference")
-    announce_compilation("simulate")
+    output.announce_compilation("simulate")
     rehearsal = run(
         plant,
         motion,
@@ -116,9 +106,13 @@ def rehearse(
         seed=seed,
         initial_angle=angle,
         methods=method,
-        progress=lambda done, runs: overwrite(f"run {done} of {runs}", last=done == runs),
+        progress=_progress,
     )
-    hand_over(rehearsal, json)
+    output.hand_over(rehearsal, json)
+
+
+def _progress(done: int, runs: int) -> None:
+    output.overwrite(f"run {done} of {runs}", last=done == runs)
 
 
 def reproduce(
@@ -137,19 +131,19 @@ def reproduce(
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise cannot_write(out, error.strerror or str(error)) from None
+        raise output.cannot_write(out, error.strerror or str(error)) from None
     names = [f"fig{k}.{ending}" for k in range(2, 9) for ending in ("svg", "png")]
     for name in (*names, "results.json", "index.html"):
-        check_target(out / name)
-    announce_compilation("simulate")
-    reproduction = run(seed=seed, quick=quick, progress=say)
+        output.check_target(out / name)
+    output.announce_compilation("simulate")
+    reproduction = run(seed=seed, quick=quick, progress=output.say)
     from swingid.report.paper import drawn_figures, write_paper
 
-    say("drawing figures 2 to 8")
+    output.say("drawing figures 2 to 8")
     figures = drawn_figures(reproduction)
     for figure in figures:
         for name, content in figure.files().items():
             write_whole(out / name, content)
     write_whole(out / "results.json", reproduction.to_json().encode("utf-8"))
     page = write_paper(reproduction.results, figures, out / "index.html")
-    tell(f"wrote {page}, figures 2 to 8 and results.json to {out}")
+    output.tell(f"wrote {page}, figures 2 to 8 and results.json to {out}")

@@ -7,18 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli import output
 from swingid.cli.options import Json, Report
-from swingid.cli.output import (
-    announce_compilation,
-    cannot_write,
-    check_files,
-    check_target,
-    check_targets,
-    hand_over,
-    say,
-    tell,
-    write_json,
-)
 from swingid.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -43,16 +33,16 @@ def init(
             file.write(text)
     except FileExistsError:
         if not path.parent.is_dir():
-            raise cannot_write(path, f"{folder} is not a folder") from None
+            raise output.cannot_write(path, f"{folder} is not a folder") from None
         raise InputError(
             f"{path} exists already; give another folder, or remove the file", code="file-exists"
         ) from None
     except OSError as error:
-        raise cannot_write(path, error.strerror or str(error)) from None
+        raise output.cannot_write(path, error.strerror or str(error)) from None
     if log is None:
-        tell(f"wrote {path}\nfill it in, then: swingid identify LOG --rig {path}")
+        output.tell(f"wrote {path}\nfill it in, then: swingid identify LOG --rig {path}")
     else:
-        tell(f"wrote {path}\nfill it in and confirm its [log], then: swingid inspect {log} --rig {path}")
+        output.tell(f"wrote {path}\nfill it in and confirm its [log], then: swingid inspect {log} --rig {path}")
 
 
 def _text_for(log: str) -> str:
@@ -87,18 +77,18 @@ def inspect(
     The verdict is whether it is ready for identify. Exit code 0 whenever the file could be read, whatever the verdict.
     """
     inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
-    check_files(inputs, json=json, report=report)
+    output.check_files(inputs, json=json, report=report)
     from swingid.model.rig import Rig
     from swingid.study.inspect import inspect_log
 
     plant = None if rig is None else Rig.load(rig)
-    announce_compilation("identify")
+    output.announce_compilation("identify")
     found = inspect_log(log, plant)
     if report is not None:
         from swingid.report.html import write_inspection
 
         write_inspection(found, report)
-    hand_over(found, json, report)
+    output.hand_over(found, json, report)
 
 
 def convert(
@@ -110,11 +100,11 @@ def convert(
     """Write the table in IN to OUT in the format of its ending; numbers bit for bit, nothing resampled or repaired."""
     from swingid.recording.convert import convert as run
 
-    check_targets({"OUT": target}, {source: "IN"})
-    check_target(Path(target))
+    output.check_targets({"OUT": target}, {source: "IN"})
+    output.check_target(Path(target))
     rows, columns, dropped = run(source, target)
     line = f"wrote {target}: {rows} rows of {', '.join(columns)}"
-    tell(line + (f"; left out, no numbers: {', '.join(dropped)}" if dropped else ""))
+    output.tell(line + (f"; left out, no numbers: {', '.join(dropped)}" if dropped else ""))
 
 
 def datasets(
@@ -146,10 +136,10 @@ def datasets(
     folder = Path(to) / dataset.name
     for path, origin in get(dataset, folder, None if source is None else Path(source)):
         if origin == "copy-only":
-            say(f"{path.name} has no address of its own, it exists as a copy only; left out")
+            output.say(f"{path.name} has no address of its own, it exists as a copy only; left out")
         else:
-            tell(f"{path} ({'already there' if origin == 'there' else origin})", to_error=json == "-")
-    say(f"{dataset.licence}; cite {dataset.citation}; read it with examples/rigs/{dataset.rig}")
+            output.tell(f"{path} ({'already there' if origin == 'there' else origin})", to_error=json == "-")
+    output.say(f"{dataset.licence}; cite {dataset.citation}; read it with examples/rigs/{dataset.rig}")
 
 
 def _show(sets: tuple[DataSet, ...], json: str | None) -> None:
@@ -158,9 +148,9 @@ def _show(sets: tuple[DataSet, ...], json: str | None) -> None:
         from json import dumps
 
         content = {"schema": "swingid.datasets/1", "datasets": [asdict(one) for one in sets]}
-        write_json(dumps(content, indent=2, ensure_ascii=False) + "\n", json)
+        output.write_json(dumps(content, indent=2, ensure_ascii=False) + "\n", json)
     else:
-        tell("\n\n".join(_entry(one) for one in sets))
+        output.tell("\n\n".join(_entry(one) for one in sets))
 
 
 def _entry(dataset: DataSet) -> str:

@@ -7,16 +7,8 @@ from typing import Annotated
 
 import typer
 
+from swingid.cli import output
 from swingid.cli.options import Json, JsonOrRefusal, Logs, Methods, Report, RigFile
-from swingid.cli.output import (
-    announce_compilation,
-    check_files,
-    check_once,
-    check_targets,
-    check_writable,
-    hand_over,
-    refusals_to,
-)
 
 
 def compare(
@@ -27,21 +19,21 @@ def compare(
     report: Report = None,
 ) -> None:
     """Put every method on the same LOGs: inertia, friction, time, what each depends on, and their consistency."""
-    check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), json=json, report=report)
-    check_once(logs)
+    output.check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), json=json, report=report)
+    output.check_once(logs)
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
     from swingid.study.compare import compare as run
 
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant) for log in logs]
-    announce_compilation("identify")
+    output.announce_compilation("identify")
     comparison = run(recordings, plant, method)
     if report is not None:
         from swingid.report.html import write_comparison
 
         write_comparison(comparison, plant, report)
-    hand_over(comparison, json, report)
+    output.hand_over(comparison, json, report)
 
 
 class Input(StrEnum):
@@ -64,8 +56,8 @@ def validate(
 ) -> None:
     """Predict LOGs by the model in RESULT: in a free run and one swing ahead, with the normalised fit in per cent."""
     inputs = {rig: "the rig file", result: "the result"} | dict.fromkeys(logs, "a log")
-    check_files(inputs, json=json, report=report)
-    check_once(logs)
+    output.check_files(inputs, json=json, report=report)
+    output.check_once(logs)
     from swingid.model.rig import Rig
     from swingid.recording.recording import Recording
     from swingid.result.file import load_result
@@ -73,13 +65,13 @@ def validate(
 
     plant, found = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
-    announce_compilation("identify")
+    output.announce_compilation("identify")
     validation = run(found, recordings, plant, input=None if input is None else input.value)
     if report is not None:
         from swingid.report.html import write_validation
 
         write_validation(validation, plant, report)
-    hand_over(validation, json, report)
+    output.hand_over(validation, json, report)
 
 
 def difference(
@@ -99,10 +91,10 @@ def difference(
     json: JsonOrRefusal = None,
 ) -> None:
     """Determine the inertia of a body from two results, with and without it."""
-    check_targets({"--json": json}, {tare: "the tare result", loaded: "the loaded result"})
-    with refusals_to(json, "difference", {"tare": tare, "loaded": loaded}):
-        check_writable(json)
+    output.check_targets({"--json": json}, {tare: "the tare result", loaded: "the loaded result"})
+    with output.refusals_to(json, "difference", {"tare": tare, "loaded": loaded}):
+        output.check_writable(json)
         from swingid.pooling import difference as subtract
 
         result = subtract(tare, loaded, mass=mass, distance=distance, known=known)
-    hand_over(result, json)
+    output.hand_over(result, json)

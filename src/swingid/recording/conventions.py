@@ -203,12 +203,37 @@ class Conventions:
         return np.concatenate((means[:1], means))
 
 
-def gather(table: Table, conventions: Conventions, name: str) -> tuple[Channels, dict[str, str]]:
+@dataclass
+class Reading:
+    """A log as it is read: rig, conventions, the file's name for messages, repairs that are switched `off`; findings.
+
+    held: whether the drive was held. span: the part of the log (s) to use, None for all of it.
+    """
+
+    rig: Rig
+    conventions: Conventions
+    name: str
+    off: frozenset[str]
+    held: bool
+    findings: list[Finding]
+    span: tuple[float, float] | None = None
+
+    def column(self, channel: str) -> str:
+        """The column of a channel, in words."""
+        return f"column {self.conventions.columns[channel]!r}"
+
+    def found(self, code: str, message: str, level: Literal["note", "warning"], repair: str | None = None) -> None:
+        """Add a finding."""
+        self.findings.append(Finding(code, message, level, repair))
+
+
+def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
     """The rig's channels out of a file's table, in logged units (the time in s), and the first text among the numbers.
 
     Cells without a number are NaN. Raises InputError for a missing column (naming the nearest that exist and
     the key of [log] that sets it), for columns of unequal length, and for a column without numbers.
     """
+    conventions, name = reading.conventions, reading.name
     logged: Channels = {}
     texts: dict[str, str] = {}
     voltage_is_due = "voltage" in conventions.stated and not table.metadata  # what swingid wrote, it wrote whole
@@ -328,11 +353,11 @@ def _stated_unit(table: Table, conventions: Conventions, channel: str) -> tuple[
 
 def _unit_note(column: str, unit: str, key: str | None) -> Finding:
     stated = f"; [log] {key} may state it" if key else ""
-    return Finding("unit-of-header", f"column {column!r} is read in {unit}, as its header says{stated}.", "note")
+    return Finding("unit-of-header", f"column {column!r} is read in {unit}, as its header states{stated}.", "note")
 
 
 def _unit_conflict(name: str, column: str, unit: str, key: str, used: str) -> InputError:
-    message = f'{name}: the header of column {column!r} says {unit}, but [log] {key} = "{used}"; make them agree'
+    message = f'{name}: the header of column {column!r} states {unit}, but [log] {key} = "{used}"; make them agree'
     return InputError(f"{message}, or rename the column.", code="unit-conflict")
 
 

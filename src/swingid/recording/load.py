@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.recording.conventions import Conventions, from_first_row, gather, with_header_units
+from swingid.recording.conventions import Conventions, Reading, from_first_row, gather, with_header_units
 from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
 from swingid.recording.formats.csv import TABLE_NEEDS
-from swingid.recording.repair import limited, repair
+from swingid.recording.repair import repair
 from swingid.recording.rows import LARGEST, MANY
 from swingid.system import LARGEST_FILE, is_file, read_input
 
@@ -46,37 +46,37 @@ def contents_of(
     table: Table, rig: Rig, source: Source, *, still_axis: bool = False, repairs: Mapping[str, bool] | None = None
 ) -> dict[str, Any]:
     """The fields of the Recording in a table of named columns, by name; raises as `Recording.load`."""
-    name = source.path or "the table"
-    off = switched_off(repairs)
-    conventions, known = read_header(table, rig, name, off)
-    conventions, epoch = from_first_row(table, conventions)
-    unreadable = unreadable_rows(table, name, off)
-    logged, texts = gather(table, conventions, name)
+    reading = reading_of(table, table, rig, source.path or "the table", repairs)
+    reading.findings += unreadable_rows(table, reading)
+    logged, texts = gather(table, reading)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
-        logged, findings = repair(logged, conventions, texts, name, off)
-        logged, more = limited(logged, conventions, rig, held=drive_held(table, conventions), off=off)
-        findings += more
-        channels = conventions.to_model(logged)
-        findings += check_motion(channels, rig, name, still_axis=still_axis)
+        channels = reading.conventions.to_model(repair(logged, texts, reading))
+        check_motion(channels, reading, still_axis=still_axis)
     metadata = table.metadata.get("metadata")
     return {
         **channels,
-        "drive_held": drive_held(table, conventions),
+        "drive_held": reading.held,
         "metadata": metadata if isinstance(metadata, dict) else {},
-        "findings": (*known, *epoch, *unreadable, *findings),
+        "findings": tuple(reading.findings),
         "source": source,
     }
 
 
-def read_header(table: Table, rig: Rig, name: str, off: frozenset[str]) -> tuple[Conventions, list[Finding]]:
-    """How a table is to be read, and the findings on that; its names, units and metadata are looked at, no rows.
+def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs: Mapping[str, bool] | None) -> Reading:
+    """How a table is to be read, and the findings on that; its names, units and metadata are looked at.
 
-    Raises InputError where the table was written in other conventions than the rig's.
+    first: its first rows with the time, from which an epoch is found. Raises InputError where the table was written in
+    other conventions than the rig's, UsageError for an unknown repair.
     """
-    conventions, units = with_header_units(table, rig, name)
-    _check_origin(table, conventions, name)
-    found = [*_saved_findings(table), *notes_of(off), *units]
-    return conventions, [*found, *_no_reference(table, conventions), *_integrated(conventions)]
+    off = switched_off(repairs)
+    conventions, units = with_header_units(header, rig, name)
+    _check_origin(header, conventions, name)
+    found = [*_saved_findings(header), *notes_of(off), *units]
+    found += [*_no_reference(header, conventions), *_integrated(conventions)]
+    if first is not None:
+        conventions, epoch = from_first_row(first, conventions)
+        found += epoch
+    return Reading(rig, conventions, name, off, _drive_held(header, conventions), found)
 
 
 def read_bytes(path: str | Path) -> bytes:
@@ -129,13 +129,13 @@ def _check_origin(table: Table, conventions: Conventions, name: str) -> None:
             raise InputError(f"{message}; use the rig that it was written with.", code="other-conventions")
 
 
-def unreadable_rows(table: Table, name: str, off: frozenset[str]) -> tuple[Finding, ...]:
+def unreadable_rows(table: Table, reading: Reading) -> tuple[Finding, ...]:
     """The finding on rows that do not split into the table's columns; InputError when most do not."""
-    lost = table.unreadable_rows
+    lost, name = table.unreadable_rows, reading.name
     if lost == 0:
         return ()
     rows = lost + max(map(len, table.columns.values()), default=0)
-    if "blanks" in off:
+    if "blanks" in reading.off:
         message = f"{name}: {lost} of {rows} rows do not have the cells that the header names"
         raise InputError(f"{message}; switch the repair 'blanks' on to leave them out.", code="unreadable-rows")
     if lost > rows / 2:
@@ -164,7 +164,7 @@ def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]
     return (Finding("no-reference", f"the log has no column {column!r} (the reference); nothing needs it.", "note"),)
 
 
-def drive_held(table: Table, conventions: Conventions) -> bool:
+def _drive_held(table: Table, conventions: Conventions) -> bool:
     """Whether the drive was held: as a file written by swingid states, else as the rig file does."""
     written = table.metadata.get("log")
     held = written.get("drive_held") if isinstance(written, dict) else None
@@ -197,12 +197,13 @@ SHORTEST_STEP = 1e-7  # s
 WIDEST_SWING = {"none": 1.5, "reaction-wheel": 2.0, "direct": 10.0}
 
 
-def check_motion(channels: Channels, rig: Rig, name: str, *, still_axis: bool = False) -> list[Finding]:
-    """What is implausible about the channels (model units and signs), as findings; `name` is the file's, for messages.
+def check_motion(channels: Channels, reading: Reading, *, still_axis: bool = False) -> None:
+    """Add findings on what is implausible about the channels (model units and signs).
 
     still_axis: the angle may stand still. Raises UnanswerableError for too few rows and for an angle that does not
     move, InputError for a motion that the axis cannot make (degrees taken for radians).
     """
+    rig, name = reading.rig, reading.name
     _refuse_absurd_numbers(channels, rig, name)
     time, angle = channels["time"], channels["angle"]
     if time.size < FEWEST_ROWS:
@@ -214,7 +215,6 @@ def check_motion(channels: Channels, rig: Rig, name: str, *, still_axis: bool = 
         message = f"{name}: {column} does not change; log a motion, or set [log] angle to the right column."
         raise UnanswerableError(message, code="no-motion")
     _refuse_impossible_swings(angle, rig, f"{name}: {column}")
-    findings = []
     wheel = channels.get("wheel_angle")
     still = None if wheel is None else _longest_rest(time, wheel)
     if still is not None and time[-1] - time[0] > 0:
@@ -224,15 +224,14 @@ def check_motion(channels: Channels, rig: Rig, name: str, *, still_axis: bool = 
             part = "" if last - first == time.size - 1 else f" from {time[first]:.4g} to {time[last]:.4g} s"
             message = f"column {rig.log.wheel_angle!r} (wheel angle) does not change{part} while the axis swings"
             text = f"{message}; is the wheel's encoder connected?"
-            findings.append(Finding("wheel-still", text, "warning", kind=Kind.WHEEL_STILL))
+            reading.findings.append(Finding("wheel-still", text, "warning", kind=Kind.WHEEL_STILL))
     step = float(np.median(np.diff(time)))
     if step > NO_STEP:
         message = f"{name}: one row in {step:g} s is too slow for a swing; if column {rig.log.time!r} is in us or ns"
         raise InputError(f"{message}, set [log] time_unit.", code="absurd-time")
     if step > SLOWEST_STEP:
         message = f"one row in {step:g} s is too slow for a swing; if the time is in ms, set [log] time_unit."
-        findings.append(Finding("slow-rows", message, "warning"))
-    return findings
+        reading.found("slow-rows", message, "warning")
 
 
 def _longest_rest(time: Array, values: Array) -> tuple[int, int]:

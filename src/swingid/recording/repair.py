@@ -12,15 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.recording.continuity import find_jumps, find_spikes, is_wrapped, unwrap
-from swingid.recording.findings import Finding
 from swingid.recording.rows import even_clock, rows_in_order, take
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array, Bools
-    from swingid.recording.conventions import Channels, Conventions
+    from swingid.recording.conventions import Channels, Reading
 
 
 ANGLES = ("angle", "wheel_angle")
@@ -28,56 +26,43 @@ SMOOTH = (*ANGLES, "wheel_speed")  # channels in which a single odd sample is a 
 PASSES = 3  # a spike beside another shows when the first one is gone
 
 
-def repair(
-    logged: Channels,
-    conventions: Conventions,
-    texts: Mapping[str, str],
-    name: str,
-    off: frozenset[str] = frozenset(),
-) -> tuple[Channels, list[Finding]]:
-    """The channels (logged units, with "time") without faulty rows, angles continuous, and what was found.
+def repair(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
+    """The channels (logged units, with "time") without faulty rows, angles continuous; `reading` gets the findings.
 
-    `texts` holds, by channel, the first text that stood in the place of a number; `name` is the file's, for
-    messages; `off` holds the repairs that are switched off. Raises InputError where a log is not one run of rows in
-    time with a few slips, but something else, and where it cannot be used without a repair that is off.
+    `texts` holds, by channel, the first text that stood in the place of a number. Raises InputError where a log is not
+    one run of rows in time with a few slips, but something else, and where it cannot be used without a repair that is
+    off.
     """
-    channels, findings = rows_in_order(logged, conventions, texts, name, off)
-    channels, clock = on_even_clock(channels, conventions, off)
-    channels, spikes, unwrapped = made_continuous(channels, conventions, off)
-    channels, rest = without_spikes(channels, conventions, spikes, off)
-    return channels, [*findings, *clock, *unwrapped, *rest]
+    channels = on_even_clock(rows_in_order(logged, texts, reading), reading)
+    channels, spikes = made_continuous(channels, reading)
+    return limited(without_spikes(channels, spikes, reading), reading)
 
 
-def on_even_clock(
-    channels: Channels, conventions: Conventions, off: frozenset[str] = frozenset()
-) -> tuple[Channels, list[Finding]]:
+def on_even_clock(channels: Channels, reading: Reading) -> Channels:
     """The second part of `repair`: stamps that scatter about a constant rate as that rate, where the motion is smoother
     so.
     """
-    if conventions.rate is not None or "clock" in off:
-        return channels, []
+    if reading.conventions.rate is not None or "clock" in reading.off:
+        return channels
     clock = even_clock(channels["time"], [channels[name] for name in ANGLES if name in channels])
     if clock is None:
-        return channels, []
-    message = f"the stamps in column {conventions.columns['time']!r} scatter by {clock.scatter:.3g} about"
+        return channels
+    message = f"the stamps in {reading.column('time')} scatter by {clock.scatter:.3g} about"
     message += f" {1 / clock.step:.6g} rows a second, and the motion is smoother at that rate; it was used instead."
-    return {**channels, "time": clock.time}, [Finding("clock-fitted", message, "note", "clock")]
+    reading.found("clock-fitted", message, "note", "clock")
+    return {**channels, "time": clock.time}
 
 
-def made_continuous(
-    channels: Channels, conventions: Conventions, off: frozenset[str] = frozenset()
-) -> tuple[Channels, Bools, list[Finding]]:
+def made_continuous(channels: Channels, reading: Reading) -> tuple[Channels, Bools]:
     """The third part of `repair`: angles that go on over turns; the rows (n,) that were spikes on the way."""
-    findings: list[Finding] = []
     spikes = np.zeros(len(channels["time"]), dtype=bool)
     for channel in ANGLES:
-        turn = conventions.scale(channel).turn
+        turn = reading.conventions.scale(channel).turn
         if channel not in channels or turn is None or not is_wrapped(channels[channel], turn):
             continue
-        column = f"column {conventions.columns[channel]!r}"
-        if "unwrap" in off:
-            message = f"{column} seems to be logged within one turn, and was left so."
-            findings.append(Finding("wrapped", message, "warning"))
+        column = reading.column(channel)
+        if "unwrap" in reading.off:
+            reading.found("wrapped", f"{column} seems to be logged within one turn, and was left so.", "warning")
             continue
         result = unwrap(channels["time"], channels[channel], turn)
         channels = {**channels, channel: result.values}
@@ -86,26 +71,19 @@ def made_continuous(
             apart = channels["reference"] - result.values
             channels["reference"] = result.values + apart - turn * np.round(apart / turn)
         message = f"{column} was logged within one turn and was made continuous."
-        findings.append(Finding("unwrapped", message, "note", "unwrap"))
+        reading.found("unwrapped", message, "note", "unwrap")
         if result.ambiguous:
             message = f"{column} moves too far between rows to count its turns without ambiguity"
             message += f" (at {result.ambiguous} rows); log it faster, or continuous over turns."
-            findings.append(Finding("ambiguous-turns", message, "warning"))
-    return channels, spikes, findings
+            reading.found("ambiguous-turns", message, "warning")
+    return channels, spikes
 
 
-def without_spikes(
-    channels: Channels,
-    conventions: Conventions,
-    spikes: Bools,
-    off: frozenset[str] = frozenset(),
-    rows: int = 1,
-) -> tuple[Channels, list[Finding]]:
+def without_spikes(channels: Channels, spikes: Bools, reading: Reading, rows: int = 1) -> Channels:
     """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are reported.
 
     spikes: those that are known already. rows: of the log that each row is the mean of.
     """
-    findings: list[Finding] = []
     times, everything, count = [], channels, len(spikes)
     for again in range(PASSES + 1):
         if spikes.any():
@@ -120,68 +98,65 @@ def without_spikes(
     if times:
         found = np.sort(np.concatenate(times))
         shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
-        if "spikes" in off:
+        if "spikes" in reading.off:
             message = f"{found.size} of {count} rows hold isolated spikes of an angle, not removed, at {shown} s."
-            findings.append(Finding("spikes-left", message, "warning"))
+            reading.found("spikes-left", message, "warning")
             channels = everything
         else:
             message = f"{found.size} of {count} rows left out: isolated spikes of an angle at {shown} s."
-            findings.append(Finding("spikes", message, "warning", "spikes"))
-    _warn_of_jumps(channels, conventions.columns, findings, rows)
-    _note_gaps(channels["time"], conventions.columns["time"], findings)
-    return channels, findings
+            reading.found("spikes", message, "warning", "spikes")
+    _warn_of_jumps(channels, reading, rows)
+    _note_gaps(channels["time"], reading)
+    return channels
 
 
-def _warn_of_jumps(channels: Channels, columns: Mapping[str, str], findings: list[Finding], rows: int) -> None:
+def _warn_of_jumps(channels: Channels, reading: Reading, rows: int) -> None:
     for channel in ANGLES:
         jumps = find_jumps(channels["time"], channels[channel], rows) if channel in channels else []
         if not jumps:
             continue
         shown = ", ".join(f"{size:.3g} at {channels['time'][row]:g} s" for row, size in jumps[:3])
-        message = f"column {columns[channel]!r} jumps by {shown}{', ...' if len(jumps) > 3 else ''}"
+        message = f"{reading.column(channel)} jumps by {shown}{', ...' if len(jumps) > 3 else ''}"
         message += "; if the encoder slipped or lost counts there, use a log of one side of it."
-        findings.append(Finding("jumps", message, "warning"))
+        reading.found("jumps", message, "warning")
 
 
-def _note_gaps(time: Array, column: str, findings: list[Finding]) -> None:
+def _note_gaps(time: Array, reading: Reading) -> None:
     steps = np.diff(time)
     if steps.size == 0:
         return
     usual = float(np.median(steps))
     gaps = int(np.count_nonzero(steps > 1.5 * usual))
     if gaps:
-        message = f"{gaps} of {steps.size} steps of column {column!r} are longer than 1.5 times the usual {usual:.6g} s"
-        message += f" (the longest {steps.max():.6g} s); the stamps were used as they are."
-        findings.append(Finding("gaps", message, "note"))
+        message = f"{gaps} of {steps.size} steps of {reading.column('time')} are longer than 1.5 times the usual"
+        message += f" {usual:.6g} s (the longest {steps.max():.6g} s); the stamps were used as they are."
+        reading.found("gaps", message, "note")
 
 
 LIMIT_ROUNDING = 1e-3
 """Of the limit: what a logger may round a command up to."""
 
 
-def limited(
-    channels: Channels, conventions: Conventions, rig: Rig, *, held: bool, off: frozenset[str]
-) -> tuple[Channels, list[Finding]]:
-    """The channels (logged units) with commanded voltages within ± `drive.motor.voltage_limit`, and what was done.
+def limited(channels: Channels, reading: Reading) -> Channels:
+    """The channels (logged units) with commanded voltages within ± `drive.motor.voltage_limit`.
 
-    held: the voltage is a command; one that was measured is what the motor got, and is left as it is.
+    A voltage that was measured, not held, is what the motor got, and is left as it is.
     """
-    motor = rig.drive.motor
-    if "voltage" not in channels or motor is None or motor.voltage_limit is None or not held:
-        return channels, []
-    limit = motor.voltage_limit / abs(conventions.scale("voltage").factor)
+    motor = reading.rig.drive.motor
+    if "voltage" not in channels or motor is None or motor.voltage_limit is None or not reading.held:
+        return channels
+    limit = motor.voltage_limit / abs(reading.conventions.scale("voltage").factor)
     voltage = channels["voltage"]
     beyond = int(np.count_nonzero(np.abs(voltage) > (1 + LIMIT_ROUNDING) * limit))
     if beyond == 0:
-        return channels, []
-    column = conventions.columns["voltage"]
-    where = f"column {column!r} goes beyond drive.motor.voltage_limit = {motor.voltage_limit:g} V in {beyond} of "
-    where += f"{voltage.size} rows"
-    if "limit" in off:
+        return channels
+    where = f"{reading.column('voltage')} goes beyond drive.motor.voltage_limit = {motor.voltage_limit:g} V"
+    where += f" in {beyond} of {voltage.size} rows"
+    if "limit" in reading.off:
         message = f"{where}, and was left so; if it is a command, the motor got less."
-        return channels, [Finding("voltage-beyond-limit", message, "warning")]
-    message = (
-        f"{where}; the limit was taken there, as what the motor got (drive_held = false states that it was measured)."
-    )
-    limited_voltage = np.clip(voltage, -limit, limit)
-    return {**channels, "voltage": limited_voltage}, [Finding("voltage-limited", message, "note", "limit")]
+        reading.found("voltage-beyond-limit", message, "warning")
+        return channels
+    message = f"{where}; the limit was taken there, as what the motor got"
+    message += " (drive_held = false states that it was measured)."
+    reading.found("voltage-limited", message, "note", "limit")
+    return {**channels, "voltage": np.clip(voltage, -limit, limit)}

@@ -7,13 +7,12 @@ rightly. The motion decides between them: it is smooth in the right time only (`
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.continuity import misfits
-from swingid.recording.findings import Finding
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -21,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from swingid.numerics.arrays import Array, Bools
-    from swingid.recording.conventions import Channels, Conventions
+    from swingid.recording.conventions import Channels, Reading
 
 
 FEWEST = 64  # rows
@@ -140,31 +139,27 @@ NEARLY_ALL = 0.9  # of the steps: a clock that runs backwards
 OPTIONAL = ("reference", "adaptive_gain")  # for pictures only: a gap in them costs no row
 
 
-def rows_in_order(
-    logged: Channels, conventions: Conventions, texts: Mapping[str, str], name: str, off: frozenset[str] = frozenset()
-) -> tuple[Channels, list[Finding]]:
+def rows_in_order(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
     """Rows with numbers, one for each time, in order of time; arguments and errors as those of `repair.repair`."""
-    columns = conventions.columns
-    findings: list[Finding] = []
-    channels = _drop_absurd_rows(logged, conventions, findings)
-    channels = _drop_rows_without_numbers(channels, columns, texts, name, findings)
-    _refuse(findings, "blanks", off, name)
-    channels = _sort(channels, columns, name, findings)
-    _refuse(findings, "sort", off, name)
-    if conventions.rate is None and "clock" not in off:
-        channels = _round_off(channels, columns, findings)
-    channels = _drop_repeated(channels, columns, name, findings)
-    _refuse(findings, "repeats", off, name)
-    return channels, findings
+    known = len(reading.findings)
+    channels = _drop_rows_without_numbers(_drop_absurd_rows(logged, reading), texts, reading)
+    _refuse("blanks", reading, known)
+    channels = _sort(channels, reading)
+    _refuse("sort", reading, known)
+    if reading.conventions.rate is None and "clock" not in reading.off:
+        channels = _round_off(channels, reading)
+    channels = _drop_repeated(channels, reading)
+    _refuse("repeats", reading, known)
+    return channels
 
 
-def _drop_absurd_rows(channels: Channels, conventions: Conventions, findings: list[Finding]) -> Channels:
+def _drop_absurd_rows(channels: Channels, reading: Reading) -> Channels:
     """The rows without few numbers that no rig gives (1e300), as a logger's fault leaves them; many are refused."""
     good = np.ones(len(channels["time"]), dtype=bool)
     worst = None
     for channel, largest in LARGEST.items():
         values = channels.get(channel)
-        limit = largest if channel == "time" else largest / abs(conventions.scale(channel).factor)
+        limit = largest if channel == "time" else largest / abs(reading.conventions.scale(channel).factor)
         if values is None or not values.size or max(-values.min(), values.max()) <= limit:
             continue
         absurd = np.isfinite(values) & (np.abs(values) > limit)
@@ -175,19 +170,13 @@ def _drop_absurd_rows(channels: Channels, conventions: Conventions, findings: li
     if worst is None or dropped > max(3, MANY * rows):
         return channels
     channel, first = worst
-    message = f"{dropped} of {rows} rows left out: column {conventions.columns[channel]!r} holds"
+    message = f"{dropped} of {rows} rows left out: {reading.column(channel)} holds"
     message += f" {channels[channel][first]:.3g} in row {first + 1}, which no rig does."
-    findings.append(Finding("absurd-numbers", message, "warning", "blanks"))
+    reading.found("absurd-numbers", message, "warning", "blanks")
     return take(channels, good)
 
 
-def _drop_rows_without_numbers(
-    channels: Channels,
-    columns: Mapping[str, str],
-    texts: Mapping[str, str],
-    name: str,
-    findings: list[Finding],
-) -> Channels:
+def _drop_rows_without_numbers(channels: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
     needed = [channel for channel in channels if channel not in OPTIONAL]
     good = np.isfinite(channels[needed[0]])
     for channel in needed[1:]:
@@ -199,18 +188,17 @@ def _drop_rows_without_numbers(
     worst = max(faults, key=lambda channel: faults[channel])
     first = int(np.argmin(np.isfinite(channels[worst])))
     sample = f", such as {texts[worst]!r}" if worst in texts else ""
-    where = f"column {columns[worst]!r} in {faults[worst]} of {rows} rows (the first is row {first + 1}{sample})"
+    where = f"{reading.column(worst)} in {faults[worst]} of {rows} rows (the first is row {first + 1}{sample})"
     if faults[worst] > rows / 2:
-        raise InputError(f"{name} has no number in {where}; give [log] {worst} a column of numbers.", code="no-numbers")
+        message = f"{reading.name} has no number in {where}; give [log] {worst} a column of numbers."
+        raise InputError(message, code="no-numbers")
     dropped = rows - int(good.sum())
-    level = _level(dropped, rows)
-    findings.append(
-        Finding("rows-without-numbers", f"{dropped} of {rows} rows left out: no number in {where}.", level, "blanks")
-    )
+    message = f"{dropped} of {rows} rows left out: no number in {where}."
+    reading.found("rows-without-numbers", message, "warning" if dropped > MANY * rows else "note", "blanks")
     return take(channels, good)
 
 
-def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
+def _sort(channels: Channels, reading: Reading) -> Channels:
     """Rows in order of time. A few rows may stand in the wrong place; then sorting makes the motion smoother.
 
     Where many do, or the sorted motion is rougher (two runs in one file, a clock that was reset), the order
@@ -220,16 +208,12 @@ def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: l
     steps_back = np.flatnonzero(np.diff(time) < 0)
     if steps_back.size == 0:
         return channels
-    rows = len(time)
+    rows, name, column = len(time), reading.name, reading.column("time")
     if steps_back.size > NEARLY_ALL * (rows - 1):
-        message = (
-            f"{name}: the time in column {columns['time']!r} runs backwards, from {time[0]:.6g} to {time[-1]:.6g} s"
-        )
-        raise InputError(
-            f"{message}; if the rows are stored newest first, turn their order around, else correct the clock.",
-            code="backwards",
-        )
-    where = f"{name}: column {columns['time']!r} runs backwards after {steps_back.size} of {rows} rows"
+        message = f"{name}: the time in {column} runs backwards, from {time[0]:.6g} to {time[-1]:.6g} s"
+        advice = "if the rows are stored newest first, turn their order around, else correct the clock"
+        raise InputError(f"{message}; {advice}.", code="backwards")
+    where = f"{name}: {column} runs backwards after {steps_back.size} of {rows} rows"
     where += f" (the first is row {steps_back[0] + 1})"
     order = np.argsort(time, kind="stable")
     angle = channels["angle"]
@@ -237,14 +221,14 @@ def _sort(channels: Channels, columns: Mapping[str, str], name: str, findings: l
     wrong = _wrong_stamps(time, steps_back)
     few = steps_back.size <= max(3, MANY * rows)
     if few and not smoother and (np.diff(time[~wrong]) > 0).all():
-        message = f"{int(wrong.sum())} of {rows} rows left out: their time in column {columns['time']!r} fits neither"
+        message = f"{int(wrong.sum())} of {rows} rows left out: their time in {column} fits neither"
         message += f" neighbour (the first is row {int(np.argmax(wrong)) + 1}, {time[np.argmax(wrong)]:.6g} s)."
-        findings.append(Finding("wrong-stamps", message, "warning", "sort"))
+        reading.found("wrong-stamps", message, "warning", "sort")
         return take(channels, ~wrong)
     if not few or not smoother:
         message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time."
         raise InputError(message, code="unsorted")
-    findings.append(Finding("unsorted", f"{where}; the rows were sorted by time.", "warning", "sort"))
+    reading.found("unsorted", f"{where}; the rows were sorted by time.", "warning", "sort")
     return take(channels, order)
 
 
@@ -257,7 +241,7 @@ def _wrong_stamps(time: Array, steps_back: NDArray[np.intp]) -> Bools:
     return wrong
 
 
-def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, findings: list[Finding]) -> Channels:
+def _drop_repeated(channels: Channels, reading: Reading) -> Channels:
     """One row per stamp: exact copies of a row go, and of few that contradict each other the first stays."""
     time = channels["time"]
     repeated = np.concatenate(([False], np.diff(time) == 0))
@@ -268,45 +252,40 @@ def _drop_repeated(channels: Channels, columns: Mapping[str, str], name: str, fi
         copy[1:] &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     conflicting = repeated & ~copy
     rows, conflicts = len(time), int(conflicting.sum())
-    column = columns["time"]
     if conflicts > max(3, MANY * rows):
-        message = f"{name}: {conflicts} of {rows} rows have the time of the row before in column {column!r}"
-        message += " but other values; log the time with more digits, or set [log] rate."
+        message = f"{reading.name}: {conflicts} of {rows} rows have the time of the row before"
+        message += f" in {reading.column('time')} but other values; log the time with more digits, or set [log] rate."
         raise InputError(message, code="repeated-times")
     if copy.any():
         message = f"{int(copy.sum())} of {rows} rows left out: exact copies of the row before."
-        findings.append(Finding("repeated-rows", message, "note", "repeats"))
+        reading.found("repeated-rows", message, "note", "repeats")
     if conflicts:
         first = int(np.argmax(conflicting)) + 1
         message = f"{conflicts} of {rows} rows left out: their time is that of the row before, their values differ"
-        findings.append(Finding("repeated-times", f"{message} (the first is row {first}).", "warning", "repeats"))
+        reading.found("repeated-times", f"{message} (the first is row {first}).", "warning", "repeats")
     return take(channels, ~repeated)
 
 
-def _refuse(findings: list[Finding], repair: str, off: frozenset[str], name: str) -> None:
-    """Raise InputError where a log cannot be used without a repair that is switched off."""
-    if repair in off and (made := [finding for finding in findings if finding.repair == repair]):
-        message = f"{name} cannot be used without the repair {repair!r}, which is switched off, for with it"
-        raise InputError(f"{message} {made[0].message.removeprefix(name + ': ')}", code=made[0].code)
+def _refuse(repair: str, reading: Reading, known: int) -> None:
+    """Raise InputError where a repair that is switched off was made, by the findings after those `known` before."""
+    made = [finding for finding in reading.findings[known:] if finding.repair == repair]
+    if repair in reading.off and made:
+        message = f"{reading.name} cannot be used without the repair {repair!r}, which is switched off, for with it"
+        raise InputError(f"{message} {made[0].message.removeprefix(reading.name + ': ')}", code=made[0].code)
 
 
-def _round_off(channels: Channels, columns: Mapping[str, str], findings: list[Finding]) -> Channels:
+def _round_off(channels: Channels, reading: Reading) -> Channels:
     """Stamps of too few digits, of which several rows share one, as the constant rate behind them."""
     time = channels["time"]
     repeated = np.count_nonzero(np.diff(time) == 0)
     clock = rounded_clock(time) if repeated > max(3, MANY * len(time)) else None
     if clock is None:
         return channels
-    message = (
-        f"{repeated} of {len(time)} rows share the stamp of the row before in column {columns['time']!r}, which has too"
-    )
+    where = f"the stamp of the row before in {reading.column('time')}"
+    message = f"{repeated} of {len(time)} rows share {where}, which has too"
     message += f" few digits; the rows were taken as {1 / clock.step:.6g} a second, as which no row is missing."
-    findings.append(Finding("clock-fitted", message, "note", "clock"))
+    reading.found("clock-fitted", message, "note", "clock")
     return {**channels, "time": clock.time}
-
-
-def _level(count: int, rows: int) -> Literal["note", "warning"]:
-    return "warning" if count > MANY * rows else "note"
 
 
 def take(channels: Channels, rows: Bools | NDArray[np.intp]) -> Channels:

@@ -145,7 +145,7 @@ class ResultData:
 
 
 def plain(value: Any) -> Any:
-    """Data that JSON knows: fields for a dataclass, lists for arrays, None for what is not finite; recursive."""
+    """Data as JSON has them: fields for a dataclass, lists for arrays, None for what is not finite; recursive."""
     if isinstance(value, BudgetEntry | Parameter):
         value = value.to_dict()
     if hasattr(value, "__dataclass_fields__"):

@@ -1,4 +1,4 @@
-"""The picture of a result: one inertia per swing, the answer, its interval."""
+"""The picture of a result: one inertia per swing, the estimate, its interval."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
 
 BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#CC79A7", "#56B4E9"
 INK, GREY, PALE = "#222222", "#767676", "#E4E7EA"
-"""Okabe and Ito's colours, which colour-blind readers tell apart, and the neutral tones beside them."""
+"""Okabe and Ito's colours, which colour-blind readers distinguish, and the neutral tones beside them."""
 
 SIDES = ((1.0, "^", BLUE, "upper turning points"), (-1.0, "v", ORANGE, "lower turning points"))
 
 
 def plot_result(result: ResultData, ax: Axes | None = None) -> Axes:
-    """Draw the inertia of every swing with its 95 % interval, and the answer with its own, into `ax`.
+    """Draw the inertia of every swing with its 95 % interval, and the estimate with its own, into `ax`.
 
     Of several logs each one's inertia is drawn in the place of the swings'.
     Without `ax` a new figure is made by pyplot. Upper and lower turning points have their own marker and colour: a
@@ -41,7 +41,7 @@ def plot_result(result: ResultData, ax: Axes | None = None) -> Axes:
     inertia = result.inertia
     exponent = common_exponent([inertia.value])
     scale = 10.0**-exponent
-    _draw_answer(ax, inertia, scale)
+    _draw_estimate(ax, inertia, scale)
     swings = result.details.swings if result.details else None
     if result.per_log:
         _draw_logs(ax, result, scale)
@@ -61,16 +61,16 @@ def plot_result(result: ResultData, ax: Axes | None = None) -> Axes:
     return ax
 
 
-def _draw_answer(ax: Axes, inertia: Parameter, scale: float) -> None:
-    answer = plus_minus(inertia.value, inertia.standard_uncertainty, inertia.unit, fine=True)
+def _draw_estimate(ax: Axes, inertia: Parameter, scale: float) -> None:
+    estimate = plus_minus(inertia.value, inertia.standard_uncertainty, inertia.unit, fine=True)
     if inertia.interval95 is not None:
         low, high = inertia.interval95
         ax.axhspan(low * scale, high * scale, color=GREEN, alpha=0.22, lw=0, zorder=0.5, label="95 % interval")
-    ax.axhline(inertia.value * scale, color=GREEN, lw=1.6, zorder=3, label=f"answer {answer}")
+    ax.axhline(inertia.value * scale, color=GREEN, lw=1.6, zorder=3, label=f"estimate {estimate}")
 
 
 def _draw_logs(ax: Axes, result: ResultData, scale: float) -> None:
-    """One point per log: thin bars hold everything (95 %), thick ones what the data alone say (type A)."""
+    """One point per log: thin bars hold everything (95 %), thick ones type A alone."""
     names = [file_label(str(one.provenance.get("log") or f"log {k + 1}")) for k, one in enumerate(result.per_log)]
     first = next(k for k, one in enumerate(result.per_log) if "inertia" in one.parameters)
     for k, one in enumerate(result.per_log):
@@ -110,18 +110,18 @@ def draw_swing_points(ax: Axes, swings: SwingSeries, scale: float, offset: float
         )
 
 
-def _add_deviation(ax: Axes, answer: float) -> None:
-    """A second scale on the right: deviation from the answer in percent."""
+def _add_deviation(ax: Axes, estimate: float) -> None:
+    """A second scale on the right: deviation from the estimate in percent."""
 
     def to_percent(values: Any) -> Any:
-        return 100 * (np.asarray(values) / answer - 1)
+        return 100 * (np.asarray(values) / estimate - 1)
 
     def from_percent(values: Any) -> Any:
-        return answer * (1 + np.asarray(values) / 100)
+        return estimate * (1 + np.asarray(values) / 100)
 
-    if answer:
+    if estimate:
         right = ax.secondary_yaxis("right", functions=(to_percent, from_percent))
-        right.set_ylabel("from the answer, %")
+        right.set_ylabel("from the estimate, %")
 
 
 def file_label(path: str) -> str:

@@ -67,11 +67,11 @@ def add_findings(
 
 
 ROW_ONE = ("axis.gravity_torque", "drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
-"""Constants of row (I), which a method needs that does without the motor."""
+"""Constants of equation (I), which a method needs that does without the motor."""
 
 
 def exact_in_row_one(rig: Rig) -> list[Message]:
-    """The note that names the constants of row (I) without a stated uncertainty."""
+    """The note that names the constants of equation (I) without a stated uncertainty."""
     keys = {*ROW_ONE, *(term.key for term in further_terms())}
     return exact_constants([key for key in rig.constants_without_uncertainty() if key in keys])
 

@@ -31,7 +31,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Result(ResultData):
-    """The answer of one method to one log, see `ResultData`; per_log holds those of several logs."""
+    """The result of one method from one log, see `ResultData`; per_log holds those of several logs."""
 
     per_log: tuple[Result, ...] = ()
 
@@ -42,14 +42,14 @@ class Result(ResultData):
         return summarise(self)
 
     def plot(self, ax: Axes | None = None) -> Axes:
-        """Draw the inertia of every swing with the answer and its interval; returns the axes."""
+        """Draw the inertia of every swing with the estimate and its interval; returns the axes."""
         from swingid.result.plot import plot_result
 
         return plot_result(self, ax)
 
 
 def refusal(method: str, error: SwingidError, provenance: dict[str, object] | None = None) -> Result:
-    """The result that says why there is no number."""
+    """The result without a number, with the reason."""
     return Result(
         method=method,
         status="refused",

@@ -15,7 +15,7 @@ MOST_ENTRIES, MOST_LAWS = 10, 6
 """Budget entries and friction laws beyond this many are counted, not listed."""
 
 NEGLIGIBLE = 0.01
-"""Share of the whole uncertainty below which an entry of the budget is not worth a line."""
+"""Share of the combined uncertainty below which an entry of the budget is not worth a line."""
 
 UNCORRELATED = 0.1
 """Correlation coefficient below which a pair is not worth a line; ten of them together hardly change a sum's
@@ -24,8 +24,8 @@ uncertainty."""
 KNOWN_REASONS = {"stribeck_speed": "it is found by a search over trial speeds, not by the linear fit"}
 
 TITLES = {
-    "ok": "a number without known doubts",
-    "warning": "a number to doubt, see the warnings",
+    "ok": "a number without warnings",
+    "warning": "a number to be checked for the reasons in the warnings",
     "refused": "no number",
 }
 
@@ -45,7 +45,7 @@ def summarise(result: ResultData) -> str:
         ("Logs", _logs(result)),
         ("Uncertainty of the inertia", _budget(result)),
         ("Friction", _friction(result.details)),
-        ("Estimates by kind of projection", _kinds(result)),
+        ("Estimates by kind of window", _kinds(result)),
         ("Warnings", _messages(result.warnings)),
         ("Notes", _messages(result.notes)),
     ]
@@ -63,11 +63,11 @@ def why_unknown(result: ResultData, name: str) -> str:
 
 
 def segment_text(details: Details, *, fine: bool = False) -> str:
-    """'3.20 s to 25.00 s, 52 turning points, test functions of ±0.18 s'."""
+    """'3.20 s to 25.00 s, 52 turning points, modulating functions of ±0.18 s'."""
     inside = (details.turning_times >= details.start) & (details.turning_times <= details.stop)
     parts = [f"{details.start:.2f} s to {details.stop:.2f} s", _count(int(inside.sum()), "turning point")]
     if details.window is not None:
-        parts.append(f"test functions of ±{number(details.window, 's', 3, fine=fine)}")
+        parts.append(f"modulating functions of ±{number(details.window, 's', 3, fine=fine)}")
     return ", ".join(parts)
 
 
@@ -145,9 +145,7 @@ def value_text(parameter: Parameter, *, fine: bool = False) -> str:
 
 def relative(parameter: Parameter, *, fine: bool = False) -> str:
     """Standard uncertainty as a share of the value; "" where it is unknown."""
-    if parameter.standard_uncertainty is None:
-        return ""
-    if parameter.standard_uncertainty == 0:
+    if not parameter.standard_uncertainty:
         return ""
     if parameter.standard_uncertainty > abs(parameter.value):
         return ">\u00a0100\u00a0%" if fine else "> 100 %"
@@ -155,19 +153,19 @@ def relative(parameter: Parameter, *, fine: bool = False) -> str:
 
 
 def _logs(result: ResultData) -> list[str]:
-    """One line per log: its inertia, how far it is from the common one, its doubts or why it was refused."""
+    """One line per log: its inertia, how far it is from the common one, its warnings or why it was refused."""
     rows = [log_row(one, result) for one in result.per_log]
     if not rows:
         return []
     wide = [max(len(row[k]) for row in rows) for k in range(3)]
     return [
-        f"    {name:<{wide[0]}}  {value:<{wide[1]}}  {off:<{wide[2]}}  {said}".rstrip()
-        for name, value, off, said in rows
+        f"    {name:<{wide[0]}}  {value:<{wide[1]}}  {off:<{wide[2]}}  {warnings}".rstrip()
+        for name, value, off, warnings in rows
     ]
 
 
 def log_row(one: ResultData, common: ResultData, *, fine: bool = False) -> tuple[str, str, str, str]:
-    """Of one of several logs: its name, its inertia, its deviation from the common one, what is to be said of it."""
+    """Of one of several logs: its name, its inertia, its deviation from the common one, its warnings."""
     name = str(one.provenance.get("log") or "made in memory")
     if "inertia" not in one.parameters:
         return name, "no number", "", " ".join(one.error.message.split()) if one.error else ""
@@ -241,9 +239,9 @@ def _kinds(result: ResultData) -> list[str]:
     for name, (value, uncertainty) in details.estimates.items():
         text = f"    {name:<{width}}  {plus_minus(value, uncertainty, inertia.unit)}"
         if value == inertia.value:
-            text += "  (the answer)"
+            text += "  (the estimate)"
         elif inertia.value:
-            text += f"  ({percent(value / inertia.value - 1, sign=True)} from the answer)"
+            text += f"  ({percent(value / inertia.value - 1, sign=True)} from the estimate)"
         lines.append(text)
     return lines
 

@@ -156,7 +156,7 @@ def truth(draws: Draws) -> dict[str, object]:
 
 
 def metadata(rig: Rig, made: Draws, controller: object, reference: object, **arguments: object) -> dict[str, object]:
-    """Metadata of a twin's recording: how it was made, rig, versions, and the truth for comparisons.
+    """Metadata of a twin's recording: how it was made, rig, versions, and the true values for comparisons.
 
     controller: None where the loop was open; arguments: the others of `simulate`, by name.
     """

@@ -223,7 +223,7 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
 
 
 def _instants(reads: Array, wanted: Array) -> tuple[Array, Ints]:
-    """Sorted instants of all readings (2, rows) and of the wanted truth, and each one's place among them."""
+    """Sorted instants of all readings (2, rows) and of the wanted true states, and each one's place among them."""
     if np.array_equal(reads[0], wanted) and np.array_equal(reads[1], wanted):
         return wanted, np.tile(np.arange(len(wanted)), 3)  # on time, as most rigs are: nothing to sort
     instants, places = np.unique(np.concatenate([reads[0], reads[1], wanted]), return_inverse=True)

@@ -1,4 +1,4 @@
-"""From pydantic's findings to one sentence that names the key and says what to do."""
+"""From pydantic's findings to one sentence with the key, what is wrong and what to do."""
 
 from __future__ import annotations
 

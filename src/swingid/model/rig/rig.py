@@ -1,7 +1,7 @@
-"""The Rig: what rig.toml says about an axis, its drive, its sensors and its logs, checked and in SI.
+"""The Rig: what rig.toml states of an axis, its drive, its sensors and its logs, checked and in SI.
 
-A constant without uncertainty counts as exact. `axis.inertia` and `axis.friction` are the twin's truth and the
-start of searches, never knowledge of a method that identifies them.
+A constant without uncertainty counts as exact. `axis.inertia` and `axis.friction` are the twin's true values and the
+start of searches, never an input of a method that identifies them.
 """
 
 from __future__ import annotations
@@ -121,7 +121,7 @@ class Rig(Table):
         """The same rig with other values at dotted keys, checked like a file; None takes a key away.
 
         `rig.changed({"axis.friction.coulomb": "2 mN*m", "sensors.noise": 1e-3})`. A Quantity is a value too. The
-        `text` of the new rig says what was changed. Raises InputError as `from_text`.
+        `text` of the new rig holds the changes. Raises InputError as `from_text`.
         """
         from swingid.model.rig.edit import to_toml, with_values
 
@@ -129,7 +129,7 @@ class Rig(Table):
         return self.from_text(to_toml(document), self.source, default_name=self.name)
 
     def constants_without_uncertainty(self) -> tuple[str, ...]:
-        """Dotted keys of constants that identification may lean on and that count as exact, in file order.
+        """Dotted keys of constants that identification may depend on and that count as exact, in file order.
 
         The motor's and the sensors' count where the file states them (what is not stated is not known either).
         """

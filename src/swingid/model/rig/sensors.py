@@ -49,7 +49,7 @@ class Sensor:
 
 
 LARGEST = 0.5
-"""A nonlinearity (rad) beyond which a reading would no longer tell the angle well; a larger one is a wrong unit."""
+"""A nonlinearity (rad) beyond which a reading would no longer determine the angle; a larger one is a wrong unit."""
 
 
 class Encoder(Table):

@@ -81,7 +81,7 @@ class Friction(TermTable):
             refuse("missing-key", "is needed (and positive) beside lugre; add the friction level", "coulomb")
         dry = [key for key, term in self.term_keys().items() if term.is_dry and hasattr(self, key)]
         if self.lugre is not None and dry:
-            refuse("contradiction", f"stands beside {dry[0]}, but its bristles have one friction level only", "lugre")
+            refuse("contradiction", f"is given beside {dry[0]}, but its bristles have one friction level only", "lugre")
         return self
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError, SwingidError, UnanswerableError
-from swingid.recording.conventions import Conventions, from_first_row, gather
-from swingid.recording.findings import Finding, Source, switched_off
+from swingid.recording.conventions import Conventions, Reading, gather
+from swingid.recording.findings import Source
 from swingid.recording.formats import csv, parquet
 from swingid.recording.formats.table import Table
-from swingid.recording.large.parts import Reader, parts, within
-from swingid.recording.load import drive_held, read_header
+from swingid.recording.large.parts import parts, within
+from swingid.recording.load import reading_of
 from swingid.recording.recording import Recording
 from swingid.system import sha256_of
 
@@ -120,10 +120,8 @@ class LargeLog:
         Rows are averaged as far as the motion allows, see `parts`; each recording states how many (`averaged`). Raises
         InputError where the file cannot be read.
         """
-        header, conventions, findings = self._read_header()
-        held, off = drive_held(header, conventions), switched_off(self.repairs)
-        reader = Reader(conventions, self.rig, self.path, held, off, tuple(findings), self.span)
-        yield from parts(self._open.pieces(PIECE, _columns(header, conventions)), reader)
+        header, reading = self._read_header()
+        yield from parts(self._open.pieces(PIECE, _columns(header, reading.conventions)), reading)
 
     def small(self) -> Recording | None:
         """The part `span` as an ordinary recording, of which nothing is averaged; None where it is large, too.
@@ -132,10 +130,10 @@ class LargeLog:
         """
         if self.span is None:
             return None
-        header, conventions, _ = self._read_header()
+        header, reading = self._read_header()
         before, rows, found = 0, 0, []
         for table in self._open.pieces(PIECE, list(header.columns)):
-            inside = within(table, conventions, before, self.span)
+            inside = within(table, reading, before)
             before += inside.size
             rows += int(inside.sum())
             if rows > LARGE:
@@ -149,19 +147,18 @@ class LargeLog:
         table = Table(columns, header.metadata, 0, header.units)
         source = Source(self.path, self.sha256())
         log = Recording.from_table(table, self.rig, source, repairs=self.repairs)
-        return log if conventions.scales["time"].offset else log.segment(*self.span)  # else from the part's first row
+        return (
+            log if reading.conventions.scales["time"].offset else log.segment(*self.span)
+        )  # else from the part's first row
 
-    def _read_header(self) -> tuple[Table, Conventions, list[Finding]]:
-        """The header, how the log is to be read (times from the first row of the file), and what was found in that."""
+    def _read_header(self) -> tuple[Table, Reading]:
+        """The header, and how the log is to be read, with times from the first row of the file."""
         header = self._open.header()
-        conventions, findings = read_header(header, self.rig, self.path, switched_off(self.repairs))
-        gather(header, conventions, self.path)  # raises for a column that is missing
-        stamps = header.find(conventions.columns["time"]) if conventions.rate is None else None
+        stamps = header.find(self.rig.log.time) if self.rig.log.rate is None else None
         first = None if stamps is None else next(self._open.pieces(FIRST, [stamps]), None)
-        if first is None:
-            return header, conventions, findings
-        conventions, epoch = from_first_row(first, conventions)
-        return header, conventions, [*findings, *epoch]
+        reading = replace(reading_of(header, first, self.rig, self.path, self.repairs), span=self.span)
+        gather(header, reading)  # raises for a column that is missing
+        return header, reading
 
     def sha256(self) -> str:
         """SHA-256 of the file; InputError where it cannot be read."""

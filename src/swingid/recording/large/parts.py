@@ -10,14 +10,14 @@ falls by the root of the number of rows. A block has an odd number of rows, so t
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import InputError, SwingidError
 from swingid.numerics.reversals import reversals
-from swingid.recording.conventions import gather
+from swingid.recording.conventions import Reading, gather
 from swingid.recording.findings import Finding, Source
 from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
@@ -25,7 +25,6 @@ from swingid.recording.repair import limited, made_continuous, on_even_clock, wi
 from swingid.recording.rows import MANY, rows_in_order, take
 
 if TYPE_CHECKING:
-    from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array, Bools
     from swingid.recording.conventions import Channels, Conventions
     from swingid.recording.formats.table import Table
@@ -36,19 +35,6 @@ ENOUGH = 60_000
 
 ANGLES = ("angle", "wheel_angle")
 HELD = ("voltage", "torque")
-
-
-@dataclass(frozen=True)
-class Reader:
-    """How pieces of a table become channels: conventions of the rig, switches of the repairs, the file's name."""
-
-    conventions: Conventions
-    rig: Rig
-    name: str
-    held: bool
-    off: frozenset[str]
-    findings: tuple[Finding, ...] = ()
-    span: tuple[float, float] | None = None
 
 
 @dataclass
@@ -76,75 +62,73 @@ class _Part:
         return sum(channels["time"].size for channels in self.kept)
 
 
-def parts(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[int, Recording | SwingidError]]:
+def parts(pieces: Iterable[Table], reading: Reading) -> Iterator[tuple[int, Recording | SwingidError]]:
     """The parts of a log, or why one cannot be used, each with the number of rows read so far.
 
     Raises InputError as `Recording.load`, where the rows of a piece cannot be used.
     """
-    held = HELD if reader.held else ()
+    held = HELD if reading.held else ()
     part: _Part | None = None
     done = 0
-    for channels, findings in _pieces(pieces, reader):
+    for channels, findings in _pieces(pieces, reading):
         averages = "wheel_speed" not in channels
         block = block_length(channels["angle"]) if averages and channels["time"].size else 1
         if part is not None and (part.size >= ENOUGH or not part.block <= block <= 3 * part.block):
             done += part.rows
-            yield done, _recording(part, reader)
+            yield done, _recording(part, reading)
             part = None
         part = part or _Part(block)
         part.findings += findings
         part.add(channels, held)
     if part is not None:
-        yield done + part.rows, _recording(part, reader)
+        yield done + part.rows, _recording(part, reading)
 
 
-def _pieces(pieces: Iterable[Table], reader: Reader) -> Iterator[tuple[Channels, list[Finding]]]:
+def _pieces(pieces: Iterable[Table], reading: Reading) -> Iterator[tuple[Channels, list[Finding]]]:
     """Channels of each piece in logged units, in order of time and continuous also from piece to piece."""
     last: Channels = {}
     wrapped: set[str] = set()
     before = 0
     for table in pieces:
-        unreadable = unreadable_rows(table, reader.name, reader.off)
-        channels, texts = gather(table, reader.conventions, reader.name)
-        if reader.conventions.rate is not None:
-            channels["time"] = channels["time"] + before / reader.conventions.rate
+        piece = replace(reading, findings=[])
+        unreadable = unreadable_rows(table, piece)
+        channels, texts = gather(table, piece)
+        if reading.conventions.rate is not None:
+            channels["time"] = channels["time"] + before / reading.conventions.rate
         row = before
         before += channels["time"].size
-        if reader.span is not None:
-            inside = within(table, reader.conventions, row, reader.span)
-            channels = take(channels, inside)
+        if reading.span is not None:
+            channels = take(channels, within(table, reading, row))
         if channels["time"].size < 2:
             continue
-        channels, findings = rows_in_order(channels, reader.conventions, texts, reader.name, reader.off)
-        channels = _after(channels, last, reader, row, findings)
-        channels, spikes, more = made_continuous(channels, reader.conventions, reader.off)
-        findings += [*unreadable, *more]
+        channels = _after(rows_in_order(channels, texts, piece), last, piece, row)
+        piece.findings += unreadable
+        channels, spikes = made_continuous(channels, piece)
+        if any(finding.code == "unwrapped" for finding in piece.findings):
+            wrapped |= {name for name in ANGLES if reading.conventions.scales.get(name) is not None}
         if spikes.any():
             message = f"{int(spikes.sum())} of {spikes.size} rows left out: isolated spikes of an angle."
-            findings.append(Finding("spikes", message, "warning", "spikes"))
+            piece.found("spikes", message, "warning", "spikes")
             channels = take(channels, ~spikes)
-        if any(finding.code == "unwrapped" for finding in more):
-            wrapped |= {name for name in ANGLES if reader.conventions.scales.get(name) is not None}
-        channels = _continued(channels, last, reader.conventions, wrapped)
-        channels, more = limited(channels, reader.conventions, reader.rig, held=reader.held, off=reader.off)
-        findings += more
+        channels = limited(_continued(channels, last, reading.conventions, wrapped), piece)
         last = {name: values[-1:] for name, values in channels.items()}
-        yield channels, findings
+        yield channels, piece.findings
 
 
-def within(table: Table, conventions: Conventions, before: int, span: tuple[float, float]) -> Bools:
-    """Which rows (n,) of a piece lie in a span of time (s); before: rows of the pieces before."""
+def within(table: Table, reading: Reading, before: int) -> Bools:
+    """Which rows (n,) of a piece lie in the span of time; before: rows of the pieces before."""
+    conventions, (start, stop) = reading.conventions, reading.span or (-np.inf, np.inf)
     if conventions.rate is not None:
         time = (before + np.arange(max(map(len, table.columns.values())))) / conventions.rate
     else:
         column = table.find(conventions.columns["time"])
         time, _ = table.numbers(column or conventions.columns["time"])
     time = conventions.scale("time").to_model(time)
-    inside: Bools = (time >= span[0]) & (time <= span[1])
+    inside: Bools = (time >= start) & (time <= stop)
     return inside
 
 
-def _after(channels: Channels, last: Channels, reader: Reader, row: int, findings: list[Finding]) -> Channels:
+def _after(channels: Channels, last: Channels, reading: Reading, row: int) -> Channels:
     """The rows after the piece before; InputError where more than a few go back."""
     if not last:
         return channels
@@ -152,12 +136,11 @@ def _after(channels: Channels, last: Channels, reader: Reader, row: int, finding
     count = int(late.sum())
     if count == 0:
         return channels
-    column = reader.conventions.columns["time"]
-    where = f"{reader.name}: column {column!r} runs backwards after row {row}"
+    where = f"{reading.name}: {reading.column('time')} runs backwards after row {row}"
     if count > max(3, MANY * late.size):
         message = f"{where}; a log of this size is not sorted, so give one run per file, or choose a part of it."
         raise InputError(message, code="unsorted")
-    findings.append(Finding("unsorted", f"{where}; {count} rows were left out.", "warning", "sort"))
+    reading.found("unsorted", f"{where}; {count} rows were left out.", "warning", "sort")
     return take(channels, ~late)
 
 
@@ -178,22 +161,20 @@ def _joined(pieces: list[Channels]) -> Channels:
     return {name: np.concatenate([piece[name] for piece in full]) for name in full[-1]}
 
 
-def _recording(part: _Part, reader: Reader) -> Recording | SwingidError:
+def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
     """A part as a Recording: the rest of the repairs, the model's units, checked; the error where it cannot be one."""
     channels = _joined(part.kept)
-    findings = [*reader.findings, *part.findings]
+    reading = replace(reading, findings=[*reading.findings, *part.findings])
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused
-            channels, clock = on_even_clock(channels, reader.conventions, reader.off)
-            spikes = np.zeros(channels["time"].size, dtype=bool)
-            channels, more = without_spikes(channels, reader.conventions, spikes, reader.off, part.block)
-            model = reader.conventions.to_model(channels)
-            findings += [*clock, *more, *check_motion(model, reader.rig, reader.name)]
-        source = Source(reader.name, None)
-        held = reader.held and part.block == 1
-        return Recording(
-            **model, drive_held=held, metadata={}, findings=tuple(findings), source=source, averaged=part.block
-        )
+            channels = on_even_clock(channels, reading)
+            channels = without_spikes(channels, np.zeros(channels["time"].size, dtype=bool), reading, part.block)
+            model = reading.conventions.to_model(channels)
+            check_motion(model, reading)
+        source = Source(reading.name, None)
+        held = reading.held and part.block == 1
+        found = tuple(reading.findings)
+        return Recording(**model, drive_held=held, metadata={}, findings=found, source=source, averaged=part.block)
     except SwingidError as error:
         return error
 

@@ -62,7 +62,7 @@ PARTS, NEAR = 2.0, 2.5
 """Stribeck's peak is passed in so many steps per Stribeck speed, where the speed is below so many changes of a step."""
 
 FIFTH, PEAKED_FIFTH, FOURTH = 1e-13, 1e-14, 1e-11
-"""rad per step: terms below which what follows is left out for sure."""
+"""rad per step: terms below which what follows is negligible."""
 
 
 @series.njit_lane

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from swingid.cli import output
 from swingid.cli.options import Angle, Motion, Rate, RigFile
-from swingid.cli.output import announce_compilation, check_target, tell
 from swingid.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -90,16 +90,10 @@ def simulate(
     _check_controller(controller, law, gains, given)
     if voltage is not None and reference is not None:
         raise UsageError("--voltage is without control, --reference with it; give one of them", code="two-drives")
-    if duration * rate > MOST_ROWS:
-        raise UsageError(
-            f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run",
-            code="too-long",
-        )
+    _check_length(duration, rate)
     writer_for(Path(out))
-    check_target(Path(out))
+    output.check_target(Path(out))
     from swingid.model.rig import Rig
-    from swingid.simulation import simulate as run
-    from swingid.units import Quantity
 
     plant = Rig.load(rig)
     angle = parse_angle(initial_angle, plant)
@@ -109,32 +103,46 @@ def simulate(
         chosen = compensator_of(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
     elif given or gains or law or controller is not Kind.COMPENSATOR:
         raise UsageError("controllers and gains need a motion to follow; give --reference", code="no-reference")
-    elif angle == 0.0 and voltage is None:
-        raise UsageError("nothing would move; give --reference, --voltage or --initial-angle", code="no-motion")
-    elif voltage is None and plant.axis.gravity_torque == Quantity(0.0) and plant.axis.friction.offset is None:
-        message = f"nothing would move: rig {plant.name!r} has no gravity torque; give --reference or --voltage"
-        raise UsageError(message, code="no-motion")
+    elif voltage is None:
+        _require_decay(plant, angle)
     drive = None if voltage is None else _commands(voltage, plant, duration, rate)
     _check_size(motion, drive, duration)
-    announce_compilation("simulate")
+    output.announce_compilation("simulate")
+    options = {"duration": duration, "rate": rate, "seed": seed, "initial_angle": angle, "drive": drive, "draw": draw}
+    output.tell(_line(_stable_run(plant, motion, chosen, options), Path(out), plant, chosen))
+
+
+def _check_length(duration: float, rate: float) -> None:
+    """Raise UsageError for more than `MOST_ROWS` rows."""
+    if duration * rate > MOST_ROWS:
+        text = f"--duration {duration:g} s at --rate {rate:g} is more than {MOST_ROWS} rows; simulate a shorter run"
+        raise UsageError(text, code="too-long")
+
+
+def _require_decay(rig: Rig, angle: float) -> None:
+    """Raise UsageError where a rig that nothing drives would not move from this angle."""
+    from swingid.units import Quantity
+
+    if angle == 0.0:
+        raise UsageError("nothing would move; give --reference, --voltage or --initial-angle", code="no-motion")
+    if rig.axis.gravity_torque == Quantity(0.0) and rig.axis.friction.offset is None:
+        message = f"nothing would move: rig {rig.name!r} has no gravity torque; give --reference or --voltage"
+        raise UsageError(message, code="no-motion")
+
+
+def _stable_run(
+    rig: Rig, motion: Reference | None, controller: Compensator | Backstepping | None, options: dict[str, Any]
+) -> Recording:
+    """The twin's log; UsageError for a loop that is unstable."""
+    from swingid.simulation import simulate as run
+
     try:
-        log = run(
-            plant,
-            motion,
-            chosen,
-            duration=duration,
-            rate=rate,
-            seed=seed,
-            initial_angle=angle,
-            drive=drive,
-            draw=draw,
-        )
+        return run(rig, motion, controller, **options)
     except InputError as error:
         if error.code != "not-finite":
             raise
         message = "the motion runs away to infinity; choose smaller gains, a smaller --reference or --voltage"
         raise UsageError(message, code="runs-away") from None
-    tell(_line(log.save(out, plant), log, plant, chosen))
 
 
 def _check_size(motion: Reference | None, drive: Array | None, duration: float) -> None:
@@ -233,8 +241,9 @@ def _backstepping(rig: Rig, law: Law | None) -> Backstepping:
     return Backstepping.paper(rig, law="consistent" if law is Law.CONSISTENT else "printed")
 
 
-def _line(path: Path, log: Recording, rig: Rig, controller: Compensator | Backstepping | None) -> str:
-    """What was written, in one line, and where the controller's adaptation ended."""
+def _line(log: Recording, out: Path, rig: Rig, controller: Compensator | Backstepping | None) -> str:
+    """Write the log; what was written, in one line, and where the controller's adaptation ended."""
+    path = log.save(out, rig)
     line = f"wrote {path}: {len(log)} rows, {log.duration:g} s at {log.rate:g} per second, rig {rig.name}"
     if log.adaptive_gain is None:
         return line

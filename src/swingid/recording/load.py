@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.recording.conventions import Conventions, Reading, from_first_row, gather, with_header_units
+from swingid.recording.conventions import TURN, Conventions, Reading, from_first_row, gather, with_header_units
 from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
 from swingid.recording.formats.csv import TABLE_NEEDS
@@ -188,7 +188,6 @@ SLOWEST_STEP = 0.5  # s: with less than two rows a second a swing of a pendulum 
 NO_STEP = 60.0  # s: no swing at all
 LONG_REST = 0.1  # of the log: a wheel that rests so long while the axis swings is an encoder that died
 TO_AND_FRO = 3  # passes between the outer quarters of the range: a body that swings, not one that spins down
-TURN = 2.0 * np.pi
 SPARSEST = 30.0  # times what the rows take one after the other: two runs in one file, or a clock that was set
 SHORTEST_STEP = 1e-7  # s
 

@@ -8,18 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from swingid.recording.formats.cells import are_whole_thousands, has_decimal_comma, is_grouped, is_stamp
-from swingid.recording.formats.table import UNITS as SPELLED
+from swingid.recording.formats.table import UNITS
 
 DELIMITERS = (b"\t", b";", b",", b"|")
 
-UNITS = frozenset(
-    (
-        *("s", "sec", "ms", "us", "µs", "ns", "rad", "deg", "°", "turn", "turns", "rev", "counts", "count"),
-        *("v", "mv", "a", "ma", "nm", "n*m", "n·m", "n.m", "mnm", "n", "m", "mm", "cm"),
-        *("rad/s", "deg/s", "°/s", "rpm", "hz", "1", "-"),
-    )
-)
-"""What may stand in a line of units, in lower case and without brackets."""
+OTHER_UNITS = frozenset(("n.m", "cm", "1", "-"))
+"""What a line of units may hold beside the `UNITS` of swingid, in lower case and without brackets."""
 
 _SAMPLE = 60
 """Lines looked at."""
@@ -181,7 +175,7 @@ def is_number(cell: str, decimal: str) -> bool:
 
 def _is_units(cells: Sequence[str]) -> bool:
     bare = [_bare(cell).lower() for cell in cells]
-    return any(bare) and all(cell in UNITS or cell in SPELLED or not cell for cell in bare)
+    return any(bare) and all(cell in UNITS or cell in OTHER_UNITS or not cell for cell in bare)
 
 
 def _bare(cell: str) -> str:

@@ -30,12 +30,12 @@ def log_table(roles: Roles) -> str:
     if time is None:
         lines.append(_line("# rate = 1000", "rows per second: no column rises as a clock does, so state it"))
     else:
-        lines.append(_line(f"time = {json.dumps(time.column, ensure_ascii=False)}", time.why))
+        lines.append(_column("time", time))
         if time.unit != "s":
             lines.append(_line(f'time_unit = "{time.unit}"', "of the clock"))
     angle = roles.found.get("angle")
     if angle is not None:
-        lines.append(_line(f"angle = {json.dumps(angle.column, ensure_ascii=False)}", angle.why))
+        lines.append(_column("angle", angle))
         lines.append(_line(f'angle_unit = "{angle.unit}"', "of the body"))
         if not roles.linear:
             up = bool(roles.zero_up)
@@ -45,8 +45,7 @@ def log_table(roles: Roles) -> str:
     lines += _drive_lines(roles)
     reference = roles.found.get("reference")
     if reference is not None:
-        column = json.dumps(reference.column, ensure_ascii=False)
-        lines.append(_line(f"reference = {column}", f"{reference.why}; for plots only"))
+        lines.append(_column("reference", reference) + "; for plots only")
     return "\n".join(lines) + "\n"
 
 
@@ -56,7 +55,7 @@ def _drive_lines(roles: Roles) -> list[str]:
         role = roles.found.get(key)
         if role is None:
             continue
-        lines.append(_line(f"{key} = {json.dumps(role.column, ensure_ascii=False)}", role.why))
+        lines.append(_column(key, role))
         if key.startswith("wheel"):
             lines.append(_line(f'{key}_unit = "{role.unit}"', "of the wheel"))
         if key == "wheel_angle":
@@ -73,6 +72,10 @@ def _drive_lines(roles: Roles) -> list[str]:
 
 def _line(text: str, comment: str) -> str:
     return f"{text:<{WIDTH - 1}} # {comment}"
+
+
+def _column(key: str, role: Role) -> str:
+    return _line(f"{key} = {json.dumps(role.column, ensure_ascii=False)}", role.why)
 
 
 def trial_rig(roles: Roles, columns: Mapping[str, Column], table: str) -> Rig | None:

@@ -10,6 +10,7 @@ proportion to |cos q|; Coulomb and quadratic. Prints J/b in s^2 of each and, wit
 
 import json
 import sys
+from pathlib import Path
 
 import numpy as np
 from scipy.integrate import odeint
@@ -19,7 +20,7 @@ G = "coulomb+viscous", "coulomb+viscous+load", "coulomb+quadratic"
 
 
 def free_part(path):
-    rows = json.load(open(path))["entries"]
+    rows = json.loads(Path(path).read_text())["entries"]
     t = np.array([r["timestamp"] for r in rows])
     q = np.array([r["position"] for r in rows])
     on = np.array([r["torque_enable"] for r in rows])

@@ -7,6 +7,7 @@ LOG.csv has no header: time, command, position, speed. While the force is consta
 whatever the Coulomb friction. Each half of each stroke gets a parabola; printed are the median of M and its quartiles.
 """
 
+import itertools
 import sys
 
 import numpy as np
@@ -16,7 +17,7 @@ scale = float(sys.argv[2])
 t, u, x = table[:, 0], table[:, 1], table[:, 2]
 edges = np.flatnonzero(np.diff(u)) + 1
 masses = []
-for begin, end in zip(edges[:-1], edges[1:], strict=False):
+for begin, end in itertools.pairwise(edges):
     if end - begin < 30 or u[begin] == 0:
         continue
     rows = np.arange(begin + 3, end)  # the current needs some rows to follow

@@ -1,4 +1,4 @@
-"""Several results into one: the pooled answer of several logs, and the inertia of an added body."""
+"""Several results into one: the pooled estimate of several logs, and the inertia of an added body."""
 
 from __future__ import annotations
 

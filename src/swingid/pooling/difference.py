@@ -191,14 +191,12 @@ def _moved(inertia: Estimate, sign: float, mass: Quantity, distance: Quantity) -
 
 
 def _parameters(estimates: dict[str, Estimate], runs: Runs) -> dict[str, Parameter]:
-    """Unknown where one of the runs has no uncertainty."""
+    """Unknown uncertainty where one of the runs has none."""
     found = {}
     for name, estimate in estimates.items():
-        source = "inertia" if name.startswith("inertia") else name
-        pair = [result.parameters[source] for result in (runs.tare, runs.loaded)]
+        pair = [run.parameters["inertia" if name.startswith("inertia") else name] for run in (runs.tare, runs.loaded)]
         known = all(parameter.standard_uncertainty is not None for parameter in pair)
-        unit = pair[0].unit
-        found[name] = estimate.parameter(unit) if known else Parameter.of(estimate.value, None, unit)
+        found[name] = Parameter.of(estimate.value, estimate.u if known else None, pair[0].unit, estimate.freedom)
     return found
 
 

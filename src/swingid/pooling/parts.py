@@ -15,6 +15,7 @@ from swingid.format import percent
 from swingid.methods.table import METHODS, Method
 from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair
 from swingid.pooling.pooling import BETWEEN, Pooled, outliers, pool
+from swingid.pooling.runs import GRAVITY, constant
 from swingid.pooling.several import SINGLE, common_result, conditioning, estimates_of, pool_all
 from swingid.pooling.shares import Estimate, sum_of
 from swingid.recording.large import LARGE, LargeLog
@@ -104,19 +105,11 @@ def _smear(log: Recording, result: Result) -> float:
     peak = float(np.quantile(np.abs(np.diff(log.angle) / steps), 0.99))
     frequency = 2 * peak / max(float(np.ptp(log.angle)), 1e-300)
     width = float(np.median(steps))
-    b = _gravity_torque(result)
+    found, known = result.parameters.get("gravity_torque"), constant(result, GRAVITY)
+    b = found.value if found is not None else known[0] if known is not None else 0.0
     size = peak if b else frequency  # without gravity the motion's size is none in angles
     share = abs(b) / max(abs(result.inertia.value) * frequency**2, 1e-300)
     return (size * width) ** 2 / 24 * max(1.0, share)
-
-
-def _gravity_torque(result: Result) -> float:
-    """As estimated, else as stated; 0 where there is none."""
-    if "gravity_torque" in result.parameters:
-        return result.parameters["gravity_torque"].value
-    constants = result.provenance.get("constants")
-    found = constants.get("axis.gravity_torque") if isinstance(constants, dict) else None
-    return float(found["value"] or 0.0) if isinstance(found, dict) else 0.0
 
 
 @dataclass(frozen=True)

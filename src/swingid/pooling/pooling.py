@@ -3,7 +3,7 @@
 The logs' values are x_i = θ + (what all logs share) + b_i + e_i: e_i has the standard uncertainty that log i states on
 its own, b_i the variance τ² of whatever differs from run to run and is in no budget. τ² is Paule and Mandel's (1982, J.
 Res. NBS 87, 377), the choice of consensus building among laboratories (Koepke, Lafarge, Possolo and Toman 2017,
-Metrologia 54, S34; Veroniki et al. 2016, Res. Synth. Methods 7, 55), with the shared sources taken off the observed
+Metrologia 54, S34; Veroniki et al. 2016, Res. Synth. Methods 7, 55), with the shared sources removed from the observed
 scatter as in the general method of moments (DerSimonian and Kacker 2007, Contemp. Clin. Trials 28, 105). A Birge ratio
 would widen every log in proportion to its uncertainty: right for wrong uncertainties, not for differing runs. Where
 τ > 0 the interval is Student's with n − 1 degrees of freedom (Hartung and Knapp 2001, Stat. Med. 20, 3875). Two or
@@ -128,7 +128,7 @@ class Deviation:
 def deviations(estimates: Sequence[Estimate]) -> list[Deviation]:
     """Each log against the pooled value of the others (leave one out), common sources cancelled.
 
-    The scatter between logs is left out of the uncertainties: it is what is tested here.
+    The uncertainties are without the scatter between logs, which is tested here.
     """
     if len(estimates) < 2:
         return []

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import percent
-from swingid.pooling.shares import Estimate, estimate_of, sum_of
+from swingid.pooling.shares import Estimate, by_source, estimate_of, sum_of
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
 from swingid.uncertainty.budget import BudgetEntry
@@ -45,21 +45,21 @@ class Runs:
     @classmethod
     def of(cls, tare: Result | str | Path, loaded: Result | str | Path) -> Runs:
         """Read and check both. Raises InputError where they cannot be subtracted."""
-        names = (_name(tare, "the tare result"), _name(loaded, "the loaded result"))
+        words = {"the tare result": tare, "the loaded result": loaded}
+        one, other = (name if isinstance(given, Result) else str(given) for name, given in words.items())
+        names = one, other
         first, second = (r if isinstance(r, Result) else load_result(r) for r in (tare, loaded))
-        for result, name in ((first, names[0]), (second, names[1])):
-            _require_answer(result, name)
         _require_same(first, second, names)
         apart, notes = _constants_apart(first, second, names)
         return cls(first, second, names, frozenset(apart), tuple(notes))
 
     def estimates(self, parameter: str) -> tuple[Estimate, Estimate]:
         """Of a parameter of both runs; shared constants have one identity, everything else two."""
-        return self._estimate(self.tare, "tare", parameter), self._estimate(self.loaded, "loaded", parameter)
-
-    def _estimate(self, result: Result, run: str, parameter: str) -> Estimate:
-        own = replace(result, budget=tuple(self._labelled(entry, run) for entry in result.budget))
-        return estimate_of(own, parameter, lambda entry: entry.shared_id or entry.source)
+        tare, loaded = (
+            replace(result, budget=tuple(self._labelled(entry, run) for entry in result.budget))
+            for result, run in ((self.tare, "tare"), (self.loaded, "loaded"))
+        )
+        return estimate_of(tare, parameter, by_source), estimate_of(loaded, parameter, by_source)
 
     def _labelled(self, entry: BudgetEntry, run: str) -> BudgetEntry:
         """With the run in the name of a source that is its own; without the sign of its effect a shared one is, too."""
@@ -73,23 +73,13 @@ class Runs:
         """Of the inertia."""
         return self.tare.inertia.unit
 
-    def constant(self, key: str) -> tuple[float, float] | None:
-        """Value and standard uncertainty (0: exact) of a constant of the rig, None where the results have none."""
-        return _constant(self.tare, key)
-
-
-def _name(given: Result | str | Path, otherwise: str) -> str:
-    return otherwise if isinstance(given, Result) else str(given)
-
-
-def _require_answer(result: Result, name: str) -> None:
-    if result.status == "refused" or "inertia" not in result.parameters:
-        reason = f": {result.error.message.rstrip('.')}" if result.error else ""
-        raise InputError(f"{name} holds no inertia{reason}; identify a log that gives one.", code="refused-result")
-
 
 def _require_same(tare: Result, loaded: Result, names: tuple[str, str]) -> None:
-    """Raise InputError where the two results are not of one kind."""
+    """Raise InputError where one has no inertia, or the two are not of one kind."""
+    for result, name in zip((tare, loaded), names, strict=True):
+        if result.status == "refused" or "inertia" not in result.parameters:
+            reason = f": {result.error.message.rstrip('.')}" if result.error else ""
+            raise InputError(f"{name} has no inertia{reason}; identify a log that gives one.", code="refused-result")
     if tare.method != loaded.method:
         raise InputError(
             f"{names[0]} is by {tare.method} and {names[1]} by {loaded.method}, whose errors do not cancel; "
@@ -115,7 +105,8 @@ def _logs(result: Result) -> set[str]:
     return {text for text in hashes if isinstance(text, str)}
 
 
-def _constant(result: Result, key: str) -> tuple[float, float] | None:
+def constant(result: Result, key: str) -> tuple[float, float] | None:
+    """Value and standard uncertainty (0: exact) of a constant of the rig, None where the result has none."""
     constants = result.provenance.get("constants")
     entry = constants.get(key) if isinstance(constants, dict) else None
     if not isinstance(entry, dict) or not isinstance(entry.get("value"), int | float):
@@ -133,7 +124,7 @@ def _constants_apart(tare: Result, loaded: Result, names: tuple[str, str]) -> tu
     apart: set[str] = set()
     notes: list[Message] = []
     for key in keys:
-        one, other = _constant(tare, key), _constant(loaded, key)
+        one, other = constant(tare, key), constant(loaded, key)
         if one is not None and other is not None and key != GRAVITY and not _alike(one[0], other[0]):
             raise InputError(
                 f"{names[0]} and {names[1]} were identified with different rigs: {key} is {one[0]:.6g} and "
@@ -147,7 +138,7 @@ def _constants_apart(tare: Result, loaded: Result, names: tuple[str, str]) -> tu
     if GRAVITY in apart:
         text = f"{GRAVITY} is another one with the body, and its two uncertainties count as independent."
         notes.append(Message("gravity-of-each-run", text))
-    elif (b := _constant(tare, GRAVITY)) is not None and b == _constant(loaded, GRAVITY) and b[0] != 0:
+    elif (b := constant(tare, GRAVITY)) is not None and b == constant(loaded, GRAVITY) and b[0] != 0:
         text = f"both runs have the same {GRAVITY}, as if the body's centre were on the axis; if not, correct the rig."
         notes.append(Message("gravity-unchanged", text))
     others = sorted(apart - {GRAVITY})
@@ -253,16 +244,16 @@ def _size_of(lever: Lever, delta: Estimate) -> tuple[list[Message], list[Message
 def find_lever(runs: Runs) -> Lever:
     """The scale reference of both runs."""
     for key, words in LEVERS.items():
-        pair, known = _slopes(runs, key), runs.constant(key)
+        pair, known = _slopes(runs, key), constant(runs.tare, key)
         if pair is None or known is None or not known[0] or (key == GRAVITY and key in runs.apart):
             continue
         value, std = known
         size, stated = value, std / value
         if key == TORQUE:
-            eta = runs.constant(EFFICIENCY) or (1.0, 0.0)
+            eta = constant(runs.tare, EFFICIENCY) or (1.0, 0.0)
             stated = math.hypot(stated, eta[1] / eta[0])
         elif key == WHEEL:
-            rotor, gear = runs.constant(ROTOR) or (0.0, 0.0), runs.constant(GEAR) or (1.0, 0.0)
+            rotor, gear = constant(runs.tare, ROTOR) or (0.0, 0.0), constant(runs.tare, GEAR) or (1.0, 0.0)
             size = value + gear[0] * rotor[0]
             stated = math.hypot(std, gear[0] * rotor[1], rotor[0] * gear[1]) / size
         return Lever(key, *words, value, size, (size * pair[0], size * pair[1]), stated)

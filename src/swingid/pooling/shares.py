@@ -75,6 +75,11 @@ Identity = Callable[[BudgetEntry], str]
 """From an entry of a result's budget to the identity of its source among all results that are combined."""
 
 
+def by_source(entry: BudgetEntry) -> str:
+    """Identity of what a result states: the physical quantity, else the source's name."""
+    return entry.shared_id or entry.source
+
+
 def estimate_of(result: Result, parameter: str, identity: Identity) -> Estimate:
     """Value and shares of a parameter from a result's budget."""
     shares: dict[str, Share] = {}
@@ -116,6 +121,6 @@ def scatter_covariance(result: Result, names: Sequence[str]) -> Array | None:
         return None
     u = np.array([result.parameters[name].standard_uncertainty for name in names], dtype=np.float64)
     whole = np.array([[result.correlation[one][other] for other in names] for one in names]) * np.outer(u, u)
-    stated = [estimate_of(result, name, lambda entry: entry.shared_id or entry.source).of_type_b for name in names]
+    stated = [estimate_of(result, name, by_source).of_type_b for name in names]
     found: Array = whole - covariance(stated)
     return found

@@ -183,7 +183,7 @@ def fit_jointly(logs: Sequence[LogRows], parts: Sequence[Part], current: Mapping
     for k, log in enumerate(logs):
         influence = of_parts[:, edges[k] : edges[k + 1]] / errors[k]
         covariance = covariance + _scatter(log, influence, residuals[k] * errors[k])
-        white += [log.grid_noise(row) for row in influence]
+        white += [log.sensor_noise(row, grid=True)[0] for row in influence]
         phases = phases + (log.grid @ influence.T if len(log.grid) else 0.0)
     scale = np.array([part.prior for part in parts])
     # errors that repeat with the motion add variance; those that cancel in a quick motion take some away

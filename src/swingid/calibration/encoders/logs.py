@@ -48,14 +48,13 @@ class LogRows:
     a11: float
     b: float
 
-    def sensor_noise(self, influence: Array) -> tuple[float, float]:
-        """Variance of an unknown by white noise of the sensors, and what Newey and West's sum makes of that noise."""
-        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, self.noise)
+    def sensor_noise(self, influence: Array, *, grid: bool = False) -> tuple[float, float]:
+        """Variance of an unknown by white noise of the sensors, and what Newey and West's sum makes of that noise.
 
-    def grid_noise(self, influence: Array) -> float:
-        """Variance of an unknown by the step of the angle's encoder, if its rounding errors were white."""
-        noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0)
-        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, noise)[0]
+        grid: of the rounding errors of the angle's encoder instead, if they were white.
+        """
+        noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0) if grid else self.noise
+        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, noise)
 
 
 @dataclass(frozen=True)

@@ -38,8 +38,6 @@ UNITS = {
 """Everything that a calibration can give: first the products that equation (II) contains, then the constants of
 rig.toml."""
 
-SCATTER = "scatter of the shots and sensor noise"
-
 MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb")
 
 
@@ -94,7 +92,8 @@ def evaluated(
         (source, name, dark_uncertainty(float(gap), float(variance), float(u)))
         for name, gap, variance, u in zip(UNITS, gaps, variances, spread, strict=True)
     ]
-    result = evaluate(values, Scatter(SCATTER, own, np.full(len(values), np.inf)), dark, declared)
+    scattered = Scatter("scatter of the shots and sensor noise", own, np.full(len(values), np.inf))
+    result = evaluate(values, scattered, dark, declared)
     differs = np.abs(gaps) > INDICATED * np.sqrt(np.maximum(variances, 0.0))
     return result, dict(zip(UNITS, differs.tolist(), strict=True))
 
@@ -102,7 +101,7 @@ def evaluated(
 def declared_changes(fit: OutputFit, logs: list[WheelLog], split: Separation, to: Conversion) -> list[Declared]:
     """Every declared uncertainty of the rig, and its effect on the constants."""
     base = to.constants(fit.values)
-    shifts = [*_inertias(fit, to), *_held(fit, split, to)]
+    shifts = list(_stated(fit, split, to))
     for source, shared, std, changes in _sensors(fit, logs):
         shifts.append((source, shared, std, to.constants(fit.values + fit.shift(changes))))
     return [Declared(stated(source, shared), std, (found - base) / std) for source, shared, std, found in shifts]
@@ -112,36 +111,28 @@ Shift = tuple[str, str, float, Array]
 """Source, shared id and standard uncertainty of a declared quantity, and the constants with it off by that much."""
 
 
-def _inertias(fit: OutputFit, to: Conversion) -> Iterator[Shift]:
-    """Wheel, rotor and gear: they turn accelerations into torques, and give a12/a22 where it is not fitted."""
+def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[Shift]:
+    """Constants of the rig: wheel, rotor and gear, which turn accelerations into torques; products that were held."""
     motor, wheel = to.rig.drive.motor, to.rig.drive.wheel
     assert motor is not None
     assert wheel is not None
-    keys = {"drive.wheel.inertia": wheel.inertia, "drive.motor.gear_ratio": motor.gear_ratio}
-    if not to.coupled:
-        keys["drive.motor.rotor_inertia"] = motor.rotor_inertia
-    for key, known in keys.items():
+    ratio = None if to.coupled else at.COUPLING
+    constants = {
+        "drive.wheel.inertia": (wheel.inertia, ratio),
+        "drive.motor.gear_ratio": (motor.gear_ratio, ratio),
+        "drive.motor.rotor_inertia": (Quantity(0.0) if to.coupled else motor.rotor_inertia, ratio),
+        "drive.motor.back_emf": (Quantity(0.0) if split.emf else motor.back_emf, at.EMF),
+        "drive.motor.coulomb": (Quantity(0.0) if split.coulomb else motor.coulomb, at.COULOMB),
+    }
+    for key, (known, place) in constants.items():
         if not known.std:
             continue
         other = to.rig.changed({key: Quantity(known.value + known.std)})
         values = fit.values
-        if not to.coupled:
-            change = at.products_of(other)[at.COUPLING] - values[at.COUPLING]
-            values = values + _shift_by(fit, at.COUPLING, change)
+        if place is not None:
+            change = float(at.products_of(other)[place] - at.products_of(to.rig)[place])
+            values = values + _shift_by(fit, place, change)
         yield key, key, known.std, to.constants(values, other)
-
-
-def _held(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[Shift]:
-    """Constants that were held at the stated value, with its uncertainty."""
-    motor = to.rig.drive.motor
-    assert motor is not None
-    for identifiable, name, place in ((split.emf, "back_emf", at.EMF), (split.coulomb, "coulomb", at.COULOMB)):
-        key, known = f"drive.motor.{name}", getattr(motor, name)
-        if identifiable or not known.std:
-            continue
-        other = to.rig.changed({key: Quantity(known.value + known.std)})
-        change = float(at.products_of(other)[place] - at.products_of(to.rig)[place])
-        yield key, key, known.std, to.constants(fit.values + _shift_by(fit, place, change))
 
 
 def _shift_by(fit: OutputFit, place: int, change: float) -> Array:

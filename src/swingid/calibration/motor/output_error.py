@@ -132,7 +132,7 @@ def _cuts(time: Array, speed: Array) -> Ints:
 
 
 def fit_output(logs: Sequence[WheelLog], start: Array, free: Bools) -> OutputFit:
-    """Refine the free products from `start` by Gauss–Newton with halved steps; needs `start` near the answer."""
+    """Refine the free products from `start` by Gauss–Newton with halved steps; requires a `start` near the estimate."""
     shots = [shot for place, log in enumerate(logs) for shot in _shots(place, log)]
     weights = np.array([1 / max(log.noise.wheel, 1e-12) for log in logs])
     values, starts = _descend(shots, start.copy(), [shot.start for shot in shots], free, weights)

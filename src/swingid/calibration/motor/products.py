@@ -43,13 +43,6 @@ def products_of(rig: Rig) -> Array:
     return result
 
 
-def dead_zone_edges(values: Array) -> tuple[float, float]:
-    """(d1, d2) of products, per a22: never of the wrong sign."""
-    high = max(values[POSITIVE] - values[COULOMB], 0.0)
-    low = min(values[COULOMB] - values[NEGATIVE], 0.0)
-    return float(high), float(low)
-
-
 def allowed(values: Array, free: Bools) -> Array:
     """Products moved to the nearest that are physical: no negative torque, no edge of the dead zone on a wrong side."""
     result = values.copy()
@@ -65,7 +58,8 @@ def allowed(values: Array, free: Bools) -> Array:
 
 def branches(values: Array, voltage: Array, speed: Array) -> Array:
     """Branch of (8), +1, 0 or −1, at each voltage (V) and wheel speed (rad/s)."""
-    high, low = dead_zone_edges(values)
+    high = max(values[POSITIVE] - values[COULOMB], 0.0)
+    low = min(values[COULOMB] - values[NEGATIVE], 0.0)
     ideal = values[GAIN] * voltage - values[EMF] * speed
     if high == low == 0.0:
         return np.where(ideal >= 0, 1.0, -1.0)

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-
-from swingid.balance.fits import LAG, Effect, WindowFit, columns_of, covariance_of, known_side
+from swingid.balance.fits import Effect, WindowFit, covariance_of, fit_with_prior
 from swingid.balance.imperfections import Imperfection, imperfections
 from swingid.balance.rows import Signals
 from swingid.model.rig import Rig
-from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.regression import LinearFit
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 
@@ -43,21 +41,11 @@ def _calibrated(
     fit: WindowFit, items: list[Imperfection], scale: Scale, noise: Noise
 ) -> tuple[WindowFit, list[Effect]]:
     """Fit with one more unknown per imperfection, in units of its standard deviation, with a standard normal prior."""
-    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
-    _, columns = columns_of(fit.rows, scale, friction)
-    target = known_side(fit.rows, scale)
-    rows, unknowns = columns.shape
-    amplitudes = -np.column_stack([item.rows * item.std for item in items])
-    residuals = fit.fit.residuals
-    for _ in range(2):
-        # rows share data, so each of them tells less than its residual says
-        error = np.sqrt(LAG / 2 * np.mean(residuals**2))
-        prior = np.hstack([np.zeros((len(items), unknowns)), error * np.eye(len(items))])
-        solved = fit_linear(
-            np.vstack([np.hstack([columns, amplitudes]), prior]), np.append(target, np.zeros(len(items)))
-        )
-        residuals = solved.residuals[:rows]
-    data = LinearFit(solved.values[:unknowns], residuals, solved.influence[:unknowns, :rows], fit.fit.condition)
+    solved, error = fit_with_prior(fit, scale, [-item.rows * item.std for item in items])
+    rows, unknowns = len(items[0].rows), len(fit.unknowns)
+    data = LinearFit(
+        solved.values[:unknowns], solved.residuals[:rows], solved.influence[:unknowns, :rows], fit.fit.condition
+    )
     covariance, computed = covariance_of(data, fit.rows, fit.unknowns, scale, noise)
     effects = [
         Effect(item.source, item.std, solved.influence[:unknowns, rows + k] * error, item.direct, item.shared_id)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -190,3 +191,23 @@ def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
     column_variance *= float(windows.loudness @ windows.loudness)
     result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
     return result
+
+
+def fit_with_prior(fit: WindowFit, scale: Scale, extra: Sequence[Array], rounds: int = 2) -> tuple[LinearFit, float]:
+    """The fit with more unknowns, in units of their standard deviations, under a standard normal prior.
+
+    extra: one regressor (rows,) for each. Returns the fit, whose last rows are the prior, and the standard deviation of
+    a row by which these are weighted: rows share data, so each holds less information than its residual alone implies.
+    """
+    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
+    _, columns = columns_of(fit.rows, scale, friction)
+    rows, unknowns = columns.shape
+    matrix = np.column_stack([columns, *extra])
+    target = np.append(known_side(fit.rows, scale), np.zeros(len(extra)))
+    residuals = fit.fit.residuals[:rows]
+    for _ in range(rounds):
+        error = float(np.sqrt(LAG / 2 * np.mean(residuals**2)))
+        prior = np.hstack([np.zeros((len(extra), unknowns)), error * np.eye(len(extra))])
+        solved = fit_linear(np.vstack([matrix, prior]), target)
+        residuals = solved.residuals[:rows]
+    return solved, error

@@ -29,11 +29,7 @@ if TYPE_CHECKING:
     from swingid.study.inspect import Inspection
     from swingid.study.validate import Validation
 
-STATUS = {
-    "ok": "no warnings",
-    "warning": "with warnings",
-    "refused": "no estimate",
-}
+STATUS = {"ok": "no warnings", "warning": "with warnings", "refused": "no estimate"}
 
 MOST_NAMES = 3
 """Logs that a title names; of more it gives the number."""
@@ -49,7 +45,6 @@ TITLES = {
     "logs": "Inertia of every log",
     "convergence": "Online estimate over time",
 }
-
 
 MAPS = (
     "Median over everything else that is varied. Crossed out: the loop does not follow in half of the runs (its "
@@ -93,7 +88,7 @@ VERDICTS = {
 def write_report(result: Result, log: Recording | None, rig: Rig | None, path: str | Path) -> Path:
     """Write the report of `result` to `path` and return it; the same result gives the same bytes.
 
-    What there are no data for is left out; a refused result says why, `log` and `rig` may then be None.
+    What there are no data for is left out; a refused result states why, `log` and `rig` may then be None.
     Raises InputError when the file cannot be written; it appears whole or not at all.
     """
     return write_page(render(result, log, rig), path)
@@ -160,9 +155,9 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
         "correlations": tables.correlation_rows(result),
         "extra": tables.extra_rows(result),
         "swings_off": tables.swings_off(result),
-        "figures": _figures(result, log, linear=linear) if answered else {},
+        "figures": _drawn(result, log, linear=linear) if answered else {},
         "provenance": tables.provenance_rows(result),
-        "making": tables.making_rows(log) if answered else [],
+        "making": tables.flat_rows(log.metadata) if log is not None and answered else [],
         "wheel": log is not None and log.wheel_angle is not None,
         "friction_stated": bool(rig and (rig.axis.inertia is not None or rig.axis.friction.model_fields_set)),
     }
@@ -194,14 +189,9 @@ def _answer(result: Result, *, linear: bool) -> dict[str, str]:
     }
 
 
-def _figures(result: Result, log: Recording | None, *, linear: bool) -> dict[str, str]:
+@house_style()
+def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, str]:
     """Inline SVG by name, only of what there is."""
-    with house_style():
-        drawn = _drawn(result, log, linear=linear)
-        return {name: picture(figure, name, TITLES[name]) for name, figure in drawn.items() if figure is not None}
-
-
-def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, Figure | None]:
     details = result.details
     drawn: dict[str, Figure | None] = {
         "budget": draw_budget(result),
@@ -219,7 +209,7 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
             drawn["turning_points"] = draw_turning_points(log, details, linear=linear)
         if details.friction is not None:
             drawn["friction"] = draw_friction(details.friction, linear=linear)
-    return drawn
+    return {name: picture(figure, name, TITLES[name]) for name, figure in drawn.items() if figure is not None}
 
 
 def write_campaign(summary: Summary, path: str | Path) -> Path:
@@ -254,17 +244,9 @@ def write_campaign(summary: Summary, path: str | Path) -> Path:
     return write_page(page, path)
 
 
+@house_style()
 def _campaign_pictures(summary: Summary) -> list[tuple[str, str, str]]:
     """(title, inline SVG, caption) of every picture that there are data for."""
-    with house_style():
-        return [
-            (title, picture(figure, f"campaign{k}", title), caption)
-            for k, (title, figure, caption) in enumerate(_campaign_drawn(summary))
-            if figure is not None
-        ]
-
-
-def _campaign_drawn(summary: Summary) -> list[tuple[str, Figure | None, str]]:
     from swingid.report.figures import campaign as draw
 
     plan = summary.plan.tables
@@ -283,7 +265,11 @@ def _campaign_drawn(summary: Summary) -> list[tuple[str, Figure | None, str]]:
             drawn.append((f"Error by {name}", draw.draw_levels(summary, name), LEVELS))
             if len(plan.factors) <= 2:
                 drawn.append((f"Coverage by {name}", draw.draw_coverage_by(summary, name), ""))
-    return drawn
+    return [
+        (title, picture(figure, f"campaign{k}", title), caption)
+        for k, (title, figure, caption) in enumerate(drawn)
+        if figure is not None
+    ]
 
 
 def write_comparison(comparison: Comparison, rig: Rig, path: str | Path) -> Path:

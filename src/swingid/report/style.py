@@ -185,7 +185,7 @@ def envelope(time: Array, values: Array, bins: int = 900) -> tuple[Array, Array]
 def to_svg(figure: Figure, name: str, title: str) -> str:
     """The figure as an inline <svg> element: ids prefixed by `name`, nothing outside referred to.
 
-    `title` is what screen readers say. Two calls give the same text.
+    `title` is for screen readers. Two calls give the same text.
     """
     buffer = io.StringIO()
     figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})

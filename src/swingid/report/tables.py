@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,14 +12,7 @@ import numpy as np
 from swingid.format import interval, number, percent, plus_minus, span
 from swingid.report.words import EXTRA, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.result.result import Result
-from swingid.result.summary import (
-    correlated_pairs,
-    freedom_text,
-    relative,
-    sorted_budget,
-    value_text,
-    why_unknown,
-)
+from swingid.result.summary import correlated_pairs, freedom_text, relative, sorted_budget, value_text, why_unknown
 from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
@@ -104,19 +97,16 @@ def rig_rows(rig: Rig) -> list[Row]:
         if key.startswith(NOT_USED) or (linear and key == "axis.gravity_torque"):
             continue
         if isinstance(value, Quantity):
-            rows.append(Row(words, key, plus_minus(value.value, value.std, unit, fine=True), _certainty(value)))
+            known = "exact"
+            if value.std:
+                known = percent(value.std / abs(value.value), fine=True) if value.value else ""
+            rows.append(Row(words, key, plus_minus(value.value, value.std, unit, fine=True), known))
         elif value == "unknown":
             rows.append(Row(words, key, "unknown, identified with the inertia"))
         else:
             exact = "" if key.endswith("_limit") else "exact"
             rows.append(Row(words, key, _plain_constant(value, unit), exact))
     return rows
-
-
-def _certainty(quantity: Quantity) -> str:
-    if not quantity.std:
-        return "exact"
-    return percent(quantity.std / abs(quantity.value), fine=True) if quantity.value else ""
 
 
 def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
@@ -149,7 +139,7 @@ def _plain_constant(value: object, unit: str) -> str:
 
 
 def sensor_rows(rig: Rig) -> list[Row]:
-    """What the rig says of its sensors, angle and wheel; what is zero is left out."""
+    """What the rig states of its sensors, angle and wheel; what is zero is left out."""
     linear = rig.axis.kind == "linear"
     channels = {"position" if linear else "angle": rig.sensors.of("angle")}
     if rig.drive.kind == "reaction-wheel":
@@ -212,9 +202,9 @@ def budget_rows(result: Result) -> list[Row]:
     rows = []
     for name, parameter in result.parameters.items():
         for entry in sorted_budget(result.budget, name):
-            share = entry.standard_uncertainty / abs(parameter.value) if parameter.value else float("nan")
-            text = number(entry.standard_uncertainty, parameter.unit, 2, fine=True)
-            rows.append(Row(name, entry.type, entry.source, text, percent(share, fine=True)))
+            u = entry.standard_uncertainty
+            share = percent(u / abs(parameter.value), fine=True) if parameter.value else "unknown"
+            rows.append(Row(name, entry.type, entry.source, number(u, parameter.unit, 2, fine=True), share))
     return rows
 
 
@@ -239,15 +229,15 @@ def provenance_rows(result: Result) -> list[Row]:
     data = dict(result.provenance)
     versions = data.pop("versions", None)
     data.pop("constants", None)  # they have a table of their own
-    rows = [Row(key.replace("_", " "), "", value) for key, value in _flat(data)]
+    rows = [replace(row, words=row.words.replace("_", " ")) for row in flat_rows(data)]
     if isinstance(versions, dict):
         rows.append(Row("versions", "", ", ".join(f"{name} {value}" for name, value in versions.items())))
     return rows
 
 
-def making_rows(log: Recording | None) -> list[Row]:
-    """What the log itself says of its making: its metadata."""
-    return [Row(key, "", value) for key, value in _flat(log.metadata)] if log is not None else []
+def flat_rows(data: object) -> list[Row]:
+    """Nested data, as a log's metadata, line by line."""
+    return [Row(key, "", value) for key, value in _flat(data)]
 
 
 def _flat(data: object, path: str = "") -> Iterator[tuple[str, str]]:

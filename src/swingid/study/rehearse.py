@@ -243,16 +243,11 @@ def _notes(rig: Rig) -> Iterator[str]:
 
 
 def _cells(e: Expectation, runs: int) -> tuple[str, ...]:
+    answers = f"{e.answered} of {runs}"
     if not e.answered:
-        return (e.method, "", "", "", "", "", f"0 of {runs}")
-    known = math.isfinite(e.half_width)
-    share, error = e.coverage
-    return (
-        e.method,
-        percent(e.rmse),
-        percent(e.bias, sign=True),
-        f"within {percent(e.p95)}",
-        f"± {percent(e.half_width)}" if known else "unknown",
-        f"{100 * share:.0f} ± {100 * error:.0f} %" if known else "",
-        f"{e.answered} of {runs}",
-    )
+        return (e.method, "", "", "", "", "", answers)
+    half_width, coverage = "unknown", ""
+    if math.isfinite(e.half_width):
+        half_width, coverage = f"± {percent(e.half_width)}", "{:.0f} ± {:.0f} %".format(*(100 * x for x in e.coverage))
+    errors = (percent(e.rmse), percent(e.bias, sign=True), f"within {percent(e.p95)}")
+    return (e.method, *errors, half_width, coverage, answers)

@@ -39,11 +39,10 @@ SCHEMA = "swingid.validate/1"
 NO_ENTRIES: tuple[Ints, Ints, Array] = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
 
 POOR = 95.0
-"""Fit one swing ahead, in per cent, below which a log is said not to move as the model."""
+"""Fit one swing ahead, in per cent, below which a log contradicts the model."""
 
 STEPS = 8
 """Gauss–Newton steps towards the initial values of the free run; three do."""
-
 
 HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
 
@@ -163,7 +162,7 @@ def _notes(result: Result, logs: Sequence[Recording], rig: Rig) -> Iterator[str]
 
 
 def _misfits(predictions: Sequence[Prediction]) -> Iterator[str]:
-    """That a log does not move as the model, in words that say where to look."""
+    """That a log contradicts the model, and which statement of the rig file to check."""
     for p in predictions:
         if p.swing_fit >= POOR:
             continue

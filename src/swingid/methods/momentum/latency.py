@@ -13,13 +13,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swingid.balance.choice import Choice, choose
-from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, residuals_beside, sensor_variance
+from swingid.balance.fits import LAG, WindowFit, fit_with_prior, residuals_beside, sensor_variance
 from swingid.balance.imperfections import Imperfection, imperfections, late_channel
 from swingid.balance.rows import Signals
 from swingid.format import percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
-from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.regression import LinearFit
 from swingid.preparation.encoders import Channel, Correction, Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
@@ -172,20 +172,13 @@ def latency_of(law: WindowFit, signals: Signals, rig: Rig, scale: Scale, noise: 
     """
     b = law.value("gravity_torque") if scale.b is None else scale.b
     items = [item for item in imperfections(rig, signals, law.rows, law.a11, b) if item.calibrates]
-    _, columns = columns_of(law.rows, scale, _friction(law))
-    rows, unknowns = columns.shape
-    wide = np.hstack([columns, *(item.rows[:, None] * item.std for item in items)])
-    residuals = law.fit.residuals
-    for _ in range(2):
-        error = float(np.sqrt(LAG / 2 * np.mean(residuals**2)))
-        prior = np.hstack([np.zeros((len(items), unknowns)), error * np.eye(len(items))])
-        solved = fit_linear(np.vstack([wide, prior]), np.append(known_side(law.rows, scale), np.zeros(len(items))))
-        residuals = solved.residuals[:rows]
+    solved, error = fit_with_prior(law, scale, [item.rows * item.std for item in items])
+    rows, unknowns = len(law.rows.windows), len(law.unknowns)
     weights = np.zeros((1, unknowns + len(items)))
     for k, item in enumerate(items, start=unknowns):
         weights[0, k] = _counts(item, rig) * item.std
     influence = weights @ solved.influence
-    data = LinearFit(solved.values, residuals, influence[:, :rows], 1.0).covariance(LAG)
+    data = LinearFit(solved.values, solved.residuals[:rows], influence[:, :rows], 1.0).covariance(LAG)
     sensor, _ = sensor_variance(law.rows, influence[0, :rows], law.a11, b, scale, noise)
     from_prior = float(np.sum((influence[:, rows:] * error) ** 2))
     return Latency(float(weights[0] @ solved.values), float(np.sqrt(max(data[0, 0], sensor) + from_prior)))

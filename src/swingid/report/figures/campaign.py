@@ -34,7 +34,6 @@ ROW, METHOD = 0.28, 0.1
 MANY_LOOKS = (*LOOKS, (GREEN, "P"), (INK, "X"), (GREY, "h"))
 """Colour and marker of a method, in turn."""
 
-
 WANTED = 95.0
 
 LEAST = 90.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 HIDDEN = 5.0
 """How many times wider than the swings the answer's band must be for them to get a panel of their own."""
-
 
 REACH = 0.3
 """The curve is shown within this share of the answer; it may come from ten times as far."""
@@ -46,9 +45,10 @@ def draw_swings(result: Result) -> Figure | None:
     reach = COVERAGE_FACTOR * np.nan_to_num(swings.uncertainties)
     size = float(np.max(swings.values + reach) - np.min(swings.values - reach))
     hidden = inertia.interval95 is not None and inertia.interval95[1] - inertia.interval95[0] > HIDDEN * size
-    figure, axes = new_figure(5.0 if hidden and inertia.value else 3.3, 2 if hidden and inertia.value else 1)
+    apart = hidden and inertia.value != 0
+    figure, axes = new_figure(5.0 if apart else 3.3, 2 if apart else 1)
     plot_result(result, axes[0])
-    if len(axes) > 1:
+    if apart:
         draw_swing_points(axes[1], swings, scale=100 / inertia.value, offset=-100.0)
         axes[1].axhline(0.0, color=GREEN, lw=1.6, zorder=0.6)
         axes[1].set_title("the swings alone, with what scatter and sensors explain (95 %)", pad=4)
@@ -112,19 +112,18 @@ def draw_kinds(result: Result) -> Figure | None:
         ax.axvspan(-own, own, color=GREEN, alpha=0.22, lw=0, label="estimate, 95 % from the data alone")
     ax.axvline(0.0, color=GREEN, lw=1.6)
     spreads = {name: 100 * COVERAGE_FACTOR * abs(u / inertia.value) for name, (_, u) in estimates.items()}
+    offs = {name: 100 * (value / inertia.value - 1) for name, (value, _) in estimates.items()}
     finest = min((spread for spread in spreads.values() if np.isfinite(spread)), default=0.0)
     reach = own
-    for row, (name, (value, uncertainty)) in enumerate(estimates.items()):
-        off = 100 * (value / inertia.value - 1)
+    for row, (name, off) in enumerate(offs.items()):
         bar = spreads[name] if np.isfinite(spreads[name]) else 0.0
         ax.errorbar(off, row, xerr=bar, **points(BLUE, elinewidth=1.1))
         if bar <= COARSE * max(finest, own):
             reach = max(reach, abs(off) + bar)
-        beside(ax, row, _in_percent(off, 100 * uncertainty / abs(inertia.value)))
+        beside(ax, row, _in_percent(off, 100 * estimates[name][1] / abs(inertia.value)))
     if reach > 0:
         ax.set_xlim(-1.12 * reach, 1.12 * reach)
-        offs = [100 * (value / inertia.value - 1) for value, _ in estimates.values()]
-        _mark_cut_bars(ax, offs, list(spreads.values()))
+        _mark_cut_bars(ax, list(offs.values()), list(spreads.values()))
     name_rows(ax, list(estimates))
     ax.set_xlabel("deviation from the estimate, % (right: ± standard uncertainty)")
     legend_above(ax)
@@ -169,25 +168,10 @@ def draw_budget(result: Result) -> Figure | None:
         colour, hatch, label = KINDS.get(kind, (GREY if kind == "both" else INK, "", ""))
         first = bool(label) and kind not in seen
         seen.add(kind)
-        ax.barh(
-            row,
-            100 * share,
-            color=colour,
-            hatch=hatch,
-            edgecolor="white",
-            lw=0,
-            height=0.66,
-            label=label if first else None,
-        )
-        ax.annotate(
-            percent(share),
-            (100 * share, row),
-            xytext=(4, 0),
-            textcoords="offset points",
-            va="center",
-            size=8.5,
-            bbox=WHITE,
-        )
+        look: dict[str, Any] = {"color": colour, "hatch": hatch, "edgecolor": "white", "lw": 0, "height": 0.66}
+        ax.barh(row, 100 * share, label=label if first else None, **look)
+        place = (100 * share, row)
+        ax.annotate(percent(share), place, (4, 0), textcoords="offset points", va="center", size=8.5, bbox=WHITE)
     ax.set_yticks(range(len(bars)), ["\n".join(textwrap.wrap(source, 38)) for source, _, _ in bars])
     ax.invert_yaxis()
     ax.set_xlim(0, 115 * max(share for _, share, _ in bars) or 1.0)

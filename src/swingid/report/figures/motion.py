@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -23,7 +23,7 @@ CLOSE = 5
 """Turning points in the close look."""
 
 LARGEST = 25
-"""Half of its length in half-lengths of a test function."""
+"""Half of its length in half-lengths of a modulating function."""
 
 MOST_DOTS = 800
 
@@ -78,17 +78,14 @@ def drives_of(log: Recording, *, linear: bool) -> list[Panel]:
     """The channels of a log that drive the axis: wheel, voltage, torque or force."""
     panels = []
     if log.wheel_angle is not None:
-        panels.append(Panel("wheel speed", "rad/s", speed_of(log.time, log.wheel_angle, wheel_span(log)), PURPLE))
+        # 10 ms, or one step of a slower log on either side
+        span = max(0.01, 2 / log.rate) if len(log) > 1 else 0.01
+        panels.append(Panel("wheel speed", "rad/s", speed_of(log.time, log.wheel_angle, span), PURPLE))
     if log.voltage is not None:
         panels.append(Panel("voltage", "V", log.voltage, ORANGE))
     if log.torque is not None:
         panels.append(Panel("force" if linear else "torque", "N" if linear else "N m", log.torque, ORANGE))
     return panels
-
-
-def wheel_span(log: Recording) -> float:
-    """Time in s over which the wheel's angle is differenced: 10 ms, or one step of a slower log on either side."""
-    return max(0.01, 2 / log.rate) if len(log) > 1 else 0.01
 
 
 def speed_of(time: Array, angle: Array, span: float) -> Array:
@@ -112,7 +109,7 @@ def draw_panel(ax: Axes, time: Array, panel: Panel) -> None:
 
 
 def draw_turning_points(log: Recording, details: Details, *, linear: bool) -> Figure | None:
-    """The angle with its turning points; below, five of them with the reach of one test function each."""
+    """The angle with its turning points; below, five of them with the support of one modulating function each."""
     times = details.turning_times
     if len(times) == 0:
         return None
@@ -174,18 +171,11 @@ def sides_of(angles: Array) -> Array:
 def _draw_windows(ax: Axes, centres: Array, half: float) -> None:
     """A bump (1 − s²)³ at the foot of the panel for each shown turning point."""
     s = np.linspace(-1, 1, 61)
+    height = 0.28 * (1 - s**2) ** 3
+    look: dict[str, Any] = {"color": SKY, "alpha": 0.35, "lw": 0, "zorder": 1, "transform": ax.get_xaxis_transform()}
     for k, centre in enumerate(centres):
-        ax.fill_between(
-            centre + half * s,
-            0.0,
-            0.28 * (1 - s**2) ** 3,
-            transform=ax.get_xaxis_transform(),
-            color=SKY,
-            alpha=0.35,
-            lw=0,
-            zorder=1,
-            label="a test function" if k == 0 else None,
-        )
+        label = "a modulating function" if k == 0 else None
+        ax.fill_between(centre + half * s, 0.0, height, label=label, **look)
 
 
 def draw_residuals(details: Details, *, linear: bool) -> Figure | None:

@@ -29,7 +29,6 @@ LOOKS = ((BLUE, "o"), (ORANGE, "s"), (PURPLE, "D"), (SKY, "^"), (VERMILION, "v")
 WIDEST = 40.0
 """A bar so many times longer than the shortest does not set the scale; an arrow shows that it leaves the panel."""
 
-
 CLOSE = 5.0
 """The upper panel shows the last so many swings, where a free run has had most time to go astray."""
 
@@ -125,7 +124,7 @@ def _mark_refused(ax: Axes, methods: list[str], answered: set[str]) -> None:
 def draw_validation(prediction: Prediction, *, linear: bool = False) -> Figure:
     """Above: the end of the log, measured and in the free run. Below: the error of both predictions over the log.
 
-    The legend says the normalised fit of each in per cent.
+    The legend states the normalised fit of each in per cent.
     """
     from swingid.study.validate import fit_text
 

@@ -110,7 +110,7 @@ class Times:
 
 @dataclass(frozen=True)
 class Point:
-    """One point: `labels`, what each factor's column says, and `settings`, what is set at which dotted key."""
+    """One point: `labels`, the entry of each factor's column, and `settings`, what is set at which dotted key."""
 
     labels: dict[str, float | str] = field(default_factory=dict)
     settings: dict[str, Any] = field(default_factory=dict)

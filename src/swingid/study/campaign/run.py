@@ -27,7 +27,6 @@ from swingid.system import cores, locked
 
 Progress = Callable[[int, int, int], None]
 
-
 Done = tuple[int, list[Row]]
 
 IDLE = 20

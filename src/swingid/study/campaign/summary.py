@@ -35,7 +35,7 @@ LOOP = ("wanted", "tracking", "k_tilde", "settling", "chatter", "saturated")
 
 @dataclass(frozen=True)
 class Answers:
-    """What one method said of one quantity in n runs: arrays (n,), NaN where it did not.
+    """The estimates of one quantity by one method in n runs: arrays (n,), NaN where it did not.
 
     point: of the plan. truth, value: SI. half_width: of the 95 % interval (SI). bound: least standard deviation (SI).
     codes: of refusals and failures, "" else; warnings: codes with blanks between.
@@ -357,7 +357,7 @@ def share(value: tuple[float, float]) -> str:
 
 
 def used_headings(cells: Sequence[Cell]) -> tuple[str, ...]:
-    """The headings of which at least one cell has something to say."""
+    """The headings under which at least one cell has an entry."""
     rows = [figures(cell.statistics) for cell in cells]
     return tuple(h for k, h in enumerate(HEADINGS) if any(row[k] for row in rows))
 

@@ -41,7 +41,6 @@ STILL = 0.01
 AT_LIMIT = 0.999
 """Share of the voltage limit from which on a command counts as saturated."""
 
-
 Row = dict[str, Any]
 
 FOR_CHOICES = 3

@@ -1,10 +1,10 @@
-"""All methods on the same logs: each result, its time, its assumptions, and whether the methods agree."""
+"""All methods on the same logs: each result, its time, its assumptions, and whether they are consistent."""
 
 from __future__ import annotations
 
 import textwrap
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,7 +21,6 @@ from swingid.uncertainty.significance import DIFFERS
 
 SCHEMA = "swingid.compare/1"
 
-
 LONG = 2.0
 """A first run longer than this (s) is repeated for the sake of its time only where it compiled kernels."""
 
@@ -34,7 +33,7 @@ Methods that depend alike on the same constants differ by far less than the unce
 
 @dataclass(frozen=True)
 class Assumptions:
-    """What a number depends on besides the angles.
+    """What a number depends on beside the angles.
 
     scale: what sets it, "wheel inertia", "torque" or "" (gravity alone). motor: the motor's constants and the
     voltage. gravity: the stated gravity torque b. friction: what is assumed of the friction of the axis. speed: where
@@ -153,7 +152,12 @@ def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[s
     UnanswerableError where every method refuses every log.
     """
     several = [logs] if isinstance(logs, Recording) else list(logs)
-    trials = tuple(trial for k, log in enumerate(several) for trial in _trials(log, rig, methods, k))
+    trials: list[Trial] = []
+    for k, log in enumerate(several):
+        for method in dict.fromkeys(methods or METHODS):
+            result, seconds = _timed(log, rig, method)
+            depends = assumptions(method, rig, result)
+            trials.append(Trial(log.source.path or f"log {k + 1}", method, result, seconds, depends, _truth(log)))
     if all(trial.result.status == "refused" for trial in trials):
         reason = trials[0].result.error
         raise UnanswerableError(
@@ -161,14 +165,7 @@ def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[s
             code="all-refused" if reason is None else reason.code,
         )
     verdicts = [verdict(log, [t for t in trials if t.log == log]) for log in dict.fromkeys(t.log for t in trials)]
-    return Comparison(trials, tuple(verdicts))
-
-
-def _trials(log: Recording, rig: Rig, methods: Sequence[str] | None, index: int) -> Iterator[Trial]:
-    name = log.source.path or f"log {index + 1}"
-    for method in dict.fromkeys(methods or METHODS):
-        result, seconds = _timed(log, rig, method)
-        yield Trial(name, method, result, seconds, assumptions(method, rig, result), _truth(log))
+    return Comparison(tuple(trials), tuple(verdicts))
 
 
 def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:

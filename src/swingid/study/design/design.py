@@ -43,7 +43,6 @@ SHOWN = 8
 ENOUGH = 5
 """Candidates that reach what is wanted, after which no more are worked out."""
 
-
 ANGLE = 0.8
 """Largest angle of a rotary axis where none is given, rad; the paper's."""
 
@@ -65,16 +64,19 @@ def design(
 
     uncertainty: a share (5e-4 or "0.05 %") or an absolute value with its unit ("1.5e-6 kg*m^2"). duration: longest run
     (s). max_angle: rad (m); default 0.8 rad. max_speed: of the wheel against the body (without a wheel: of the axis),
-    rad/s (m/s). The voltage limit is the rig's. inertia, gravity_torque: what is expected, where the rig does not say;
-    the rig's axis.friction is what friction is expected to be. rate: rows per second. settling (s): the controller's
-    time to reach its motion. check: run the proposal once on the twin (with the paper's gains).
+    rad/s (m/s). The voltage limit is the rig's. inertia, gravity_torque: the expected values where the rig states none;
+    the rig's axis.friction is the expected friction. rate: rows per second. settling (s): the controller's time to
+    reach its motion. check: run the proposal once on the twin (with the paper's gains).
 
     Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
     motion within the limits reaches the uncertainty.
     """
     task = required(rig, uncertainty, duration, max_angle, max_speed, inertia, gravity_torque, rate, settling)
+    assert task.expected.axis.inertia is not None
+    gravity = task.expected.axis.gravity_torque
+    natural = math.sqrt((gravity.value if isinstance(gravity, Quantity) else 0.0) / task.expected.axis.inertia.value)
     slowest = 2 * math.pi * SWINGS / (duration - settling)
-    looked = _look(candidates(task.expected, task.limits, _natural(task.expected), slowest), task)
+    looked = _look(candidates(task.expected, task.limits, natural, slowest), task)
     if not looked:
         raise UnanswerableError(
             "no motion within the limits makes the inertia identifiable; allow a larger angle, speed, voltage or "
@@ -92,14 +94,6 @@ def design(
             return Design(rig.name, str(rig.source), task.share, proposal, others, trial, tuple(_notes(rig, trial)))
         failed = failed or trial.why
     raise UnanswerableError(_why_not(reached, missed, task.share, duration, failed), code="not-reachable")
-
-
-def _natural(expected: Rig) -> float:
-    """Frequency of the free swing, rad/s."""
-    assert expected.axis.inertia is not None
-    gravity = expected.axis.gravity_torque
-    b = gravity.value if isinstance(gravity, Quantity) else 0.0
-    return math.sqrt(b / expected.axis.inertia.value)
 
 
 def _proposal(motion: Sine | Multisine, task: Task, used: float) -> Proposal:

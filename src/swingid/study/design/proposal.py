@@ -29,7 +29,6 @@ HEADINGS = ("motion", "time", "inertia", "sensors", "constants", "voltage", "whe
 
 MOST = 6
 
-
 OVER = 1.15
 """How far beyond the planned angle and speed the controlled motion may swing."""
 
@@ -147,7 +146,7 @@ class Design(Study):
 
 
 def refused(rig: Rig, error: SwingidError) -> str:
-    """The JSON text that says why there is no design."""
+    """The JSON text of a refused design, with the reason."""
     reason = {"code": error.code, "message": error.message}
     data = {"schema": SCHEMA, "status": "refused", "rig": rig.name, "rig_source": str(rig.source), "error": reason}
     return json_text(data)

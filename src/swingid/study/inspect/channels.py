@@ -14,14 +14,6 @@ from swingid.recording.inspect import Check, Column, Level
 from swingid.recording.inspect.columns import is_decimal
 from swingid.recording.recording import Recording
 
-WORDS = {
-    "angle": "angle",
-    "wheel_angle": "wheel angle",
-    "wheel_speed": "wheel speed",
-    "voltage": "voltage",
-    "torque": "torque",
-    "reference": "reference",
-}
 COARSE = 0.2
 """Steps of an encoder per typical change between rows above which it is called coarse."""
 
@@ -45,7 +37,7 @@ OWN = {
     "unwrap": "angles within one turn",
     "spikes": "spikes",
     "limit": "commands beyond the voltage limit",
-    "push": "pushes by hand",
+    "push": "external disturbance torques (pushes)",
 }
 """What swingid itself repairs on reading, by the name of the repair."""
 
@@ -57,17 +49,27 @@ ONE_TURN = 2 * np.pi
 
 @dataclass(frozen=True)
 class Channel:
-    """A column in its role, and the factor from its units to SI (None: not known)."""
+    """A column in its role, and the factor from its units to SI."""
 
     role: str
     column: Column
-    factor: float | None
+    factor: float
     unit: str
+
+    @property
+    def word(self) -> str:
+        """The role in words."""
+        return self.role.replace("_", " ")
 
     @property
     def rotary(self) -> bool:
         """Whether it is an angle."""
         return self.unit == "rad"
+
+    @property
+    def step(self) -> float:
+        """The column's step in SI units."""
+        return abs(self.factor) * self.column.step
 
 
 def check_channels(channels: list[Channel], log: Recording | None, declared: Mapping[str, float]) -> list[Check]:
@@ -82,8 +84,7 @@ def check_channels(channels: list[Channel], log: Recording | None, declared: Map
 
 
 def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, declared: float) -> Iterator[Check]:
-    column, word = channel.column, WORDS[channel.role]
-    code = channel.role
+    column, code, word = channel.column, channel.role, channel.word
     if column.constant:
         dead: Level = "note" if channel.role in ("reference", "voltage") else "fault"
         text = (
@@ -91,9 +92,7 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
         )
         yield Check(f"{code}-dead", word, dead, text, f"log the {word}" if dead == "fault" else "")
         return
-    factor = channel.factor or 1.0
-    unit = channel.unit if channel.factor is not None else column.unit
-    step = abs(factor) * column.step
+    unit, step = channel.unit, channel.step
     values_of: dict[str, object] = {"low": column.low, "high": column.high, "step": step}
     text = f"column {column.name!r} from {column.low:.4g} to {column.high:.4g} {column.unit or ''}".rstrip()
     if column.missing:
@@ -103,7 +102,7 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
     level: Level = "ok"
     remedy = ""
     if channel.role in ("angle", "wheel_angle", "wheel_speed"):
-        text += f"; {_steps(channel, step, values_of)}"
+        text += f"; {_steps(channel, values_of)}"
         if declared > 0 and column.step > 0 and not 0.95 < step / declared < 1.05 and not is_decimal(column.step):
             key = "sensors" if channel.role == "angle" else "sensors.wheel"
             text += f"; the rig file states {number(declared, unit, 3)}"
@@ -122,13 +121,13 @@ def _one(channel: Channel, log: Recording | None, values: np.ndarray | None, dec
         yield from _saturation(channel)
 
 
-def _steps(channel: Channel, step: float, values: dict[str, object]) -> str:
-    column = channel.column
+def _steps(channel: Channel, values: dict[str, object]) -> str:
+    column, step = channel.column, channel.step
     if column.step == 0:
         return "no steps to be seen"
     if is_decimal(column.step) and column.kind != "whole numbers":
         return f"written in steps of {column.step:.3g}, which may be its digits and no encoder's"
-    if channel.rotary and channel.factor is not None and channel.role != "wheel_speed":
+    if channel.rotary:
         counts = ONE_TURN / step
         values["counts_per_turn"] = counts
         bits = np.log2(counts)
@@ -145,7 +144,7 @@ def white_noise(log: Recording, values: np.ndarray) -> float:
 
 
 def _saturation(channel: Channel) -> Iterator[Check]:
-    column, word = channel.column, WORDS[channel.role]
+    column, word = channel.column, channel.word
     share = column.at_low + column.at_high
     if share < CLIPPED or column.low >= column.high:
         return

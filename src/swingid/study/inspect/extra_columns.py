@@ -27,7 +27,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import LAG, WindowFit, columns_of, known_side
+from swingid.balance.fits import LAG, WindowFit, columns_of, fit_with_prior, known_side
 from swingid.balance.motor import SLOW, motor_torque
 from swingid.balance.rows import Rows, Signals, Windows
 from swingid.model.rig import Rig
@@ -50,7 +50,6 @@ ROUNDS = 3
 
 SHARP = 3.0
 """Fits on windows of other lengths count where they are at most so many times less certain than the best."""
-
 
 STEPS = 3
 
@@ -112,25 +111,15 @@ def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
 
 def _fitted(fit: WindowFit, signals: Signals, scale: Scale, turn: float) -> Iterator[Extra]:
     """One joint fit of friction, inertia and all extra columns on the windows of `fit`."""
-    rows = fit.rows
-    friction = tuple(name for name in fit.unknowns if name in rows.friction)
-    names, columns = columns_of(rows, scale, friction)
-    target = known_side(rows, scale)
-    more = list(
-        _columns(rows, signals, scale, fit.a11, fit.value("gravity_torque") if scale.b is None else scale.b, turn)
-    )
-    count = len(target)
-    wide = np.column_stack([columns, *(column.values * column.prior for column in more)])
-    residuals = fit.fit.residuals[:count]
-    for _ in range(ROUNDS):
-        error = np.sqrt(LAG / 2 * np.mean(residuals**2))
-        prior = np.hstack([np.zeros((len(more), len(names))), error * np.eye(len(more))])
-        solved = fit_linear(np.vstack([wide, prior]), np.append(target, np.zeros(len(more))))
-        residuals = solved.residuals[:count]
+    b = fit.value("gravity_torque") if scale.b is None else scale.b
+    more = list(_columns(fit.rows, signals, scale, fit.a11, b, turn))
+    solved, error = fit_with_prior(fit, scale, [each.values * each.prior for each in more], ROUNDS)
+    count = len(fit.rows.windows)
+    residuals = solved.residuals[:count]
     data = LinearFit(solved.values, residuals, solved.influence[:, :count], solved.condition)
     from_prior = solved.influence[:, count:] * error
     variances = np.diag(data.covariance(LAG) + from_prior @ from_prior.T)
-    for k, column in enumerate(more, start=len(names)):
+    for k, column in enumerate(more, start=len(fit.unknowns)):
         spread = float(np.sqrt(max(variances[k], 0.0))) * column.prior
         yield Extra(column.name, float(solved.values[k]) * column.prior, spread, column.prior)
 

@@ -34,11 +34,8 @@ from swingid.system import sha256_of
 
 SCHEMA = "swingid.inspect/1"
 
-UNSAID = 1.0
-
 WITH_CLOCK = ("backwards", "unsorted", "repeated-times", "absurd-time")
 """Refusals of the reader that a fault of the clock contains already."""
-
 
 MOST = 4
 
@@ -260,14 +257,14 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
         conventions = Conventions.of(rig)
     found = []
     linear = rig.axis.kind == "linear"
-    for role in (*conventions.channels,):
+    for role in conventions.channels:
         name = table.find(conventions.columns.get(role, ""))
         if role == "adaptive_gain" or name is None or columns[name].kind not in ("numbers", "whole numbers"):
             continue
         units = {"angle": "m" if linear else "rad", "wheel_angle": "rad", "wheel_speed": "rad/s", "voltage": "V"}
         units |= {"torque": "N" if linear else "N m", "reference": "m" if linear else "rad"}
         scale = conventions.scales.get(role)
-        factor = scale.factor if scale is not None else UNSAID
+        factor = scale.factor if scale is not None else 1.0
         if role == "wheel_angle":
             factor /= float(rig.log.wheel_scale)  # of the encoder, whose steps are looked at
         found.append(Channel(role, columns[name], factor, units[role]))

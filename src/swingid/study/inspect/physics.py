@@ -47,7 +47,6 @@ BENDS_GRAVITY = ("zero", "latency", "angle-encoder", "wheel-encoder")
 MODEL = 0.05
 """Share of the typical row that the balance may leave; more, and log and rig do not belong together."""
 
-
 TITLES = {Fault.VOLTAGE_SIGN: "voltage sign", Fault.READING: "reading of the wheel"} | dict.fromkeys(
     (Fault.CONSTANTS, None), "motor"
 )

@@ -148,9 +148,12 @@ def any_dissipation(seed: int) -> Claim:
     """Friction laws of order 0 to 3 and more."""
     measured: Measured = []
     orders = {name: law for name, law in LAWS.items() if name.startswith("order")}
-    strong = {f"{name}, {STRONGER:g} times": _stronger(law) for name, law in orders.items()}
+    strong: dict[str, dict[str, object]] = {
+        f"{name}, {STRONGER:g} times": {key: STRONGER * value for key, value in law.items() if isinstance(value, float)}
+        for name, law in orders.items()
+    }
     for name, law in (LAWS | strong).items():
-        log = _log({"viscous": None} | law, runs.motion("plain"), seed)
+        log = _log({"viscous": None, **law}, runs.motion("plain"), seed)
         nodes = runs.reference_nodes(runs.motion("plain"), log)
         errors = [
             runs.error_by("printed", log),
@@ -172,11 +175,6 @@ def any_dissipation(seed: int) -> Claim:
         "ones",
         verdict(all(about[0]) and all(about[1]), all(about[0])),
     )
-
-
-def _stronger(law: dict[str, object]) -> dict[str, object]:
-    """A law with its coefficients `STRONGER` times as large."""
-    return {key: STRONGER * value for key, value in law.items() if isinstance(value, float)}
 
 
 def any_symmetric_motion(seed: int) -> Claim:

@@ -52,7 +52,7 @@ def accuracy_by_tracking(seed: int) -> Claim:
     gains = Compensator.paper(runs.rig_of("plain"))
     measured: Measured = []
     follows: dict[str, list[bool]] = {"reference": [], "measured": []}
-    for friction, said in (({}, "the paper's friction"), (STRONG, "8 times the friction")):
+    for friction, twin in (({}, "the paper's friction"), (STRONG, "8 times the friction")):
         tracking: list[float] = []
         errors: dict[str, list[float]] = {mirror: [] for mirror in follows}
         for delta0 in DELTAS:
@@ -61,7 +61,7 @@ def accuracy_by_tracking(seed: int) -> Claim:
             nodes = runs.reference_nodes(runs.motion("plain"), log)
             errors["reference"].append(abs(runs.error_by("printed", log, nodes=nodes)))
             errors["measured"].append(abs(runs.error_by("printed", log)))
-            name = f"{said}, δ0 = {delta0:g}"
+            name = f"{twin}, δ0 = {delta0:g}"
             measured.append((f"{name}: tracking error, RMS", tracking[-1], "mrad"))
             measured.append((f"{name}: (6) about the reference's turning points", errors["reference"][-1], "±%"))
             measured.append((f"{name}: about the measured ones", errors["measured"][-1], "±%"))
@@ -206,14 +206,14 @@ def more_accurate(seed: int) -> Claim:
     settings = [ideal]
     twins = {case: runs.with_friction(runs.rig_of(case), runs.HIDDEN) for case in ("plain", "body")}
     logs = {case: runs.experiment_log(case, twin, seed) for case, twin in twins.items()}
-    for factor, said in ((1.0, "constants exact"), (1.01, "c1 stated + 1 %")):
+    for factor, constants in ((1.0, "constants exact"), (1.01, "c1 stated + 1 %")):
         stated = {"drive.motor.torque_per_volt": factor * 52.04e-4}
         given = {case: replace(log, rig=log.rig.changed(stated)) for case, log in logs.items()}
         errors: dict[str, float] = {}
         for way in (*words, "momentum"):
             values = [runs.inertia_by(way, given[case]) for case in ("plain", "body")]
             errors[way] = 100 * ((values[1] - values[0]) / published.J_E - 1)
-            measured.append((f"J_e, {said}: {words.get(way, way)}", errors[way], "%"))
+            measured.append((f"J_e, {constants}: {words.get(way, way)}", errors[way], "%"))
         settings.append({way: errors[way] for way in words})
     best = [min(found, key=lambda way: abs(found[way])) == "printed" for found in settings]
     return Claim(

@@ -17,6 +17,7 @@ from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools
 from swingid.pooling.difference import difference
+from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
 from swingid.simulation.twin import Run
@@ -88,24 +89,15 @@ def converged(way: str, log: Log) -> float | None:
 
 
 def _cell(result: Result | str, log: Log) -> Answer:
-    """J1^ (with the body J1 + J_e), a11, f1 as the paper counts it, and how long an online estimate took."""
+    """J1^ (with the body J1 + J_e), its error, f1, u, a11 and warnings, or the code of the refusal."""
     if isinstance(result, str):
         return {"refused": result}
-    motor, wheel = log.rig.drive.motor, log.rig.drive.wheel
-    assert motor is not None
-    assert wheel is not None
     inertia = result.inertia
-    cell: Answer = {
-        "inertia": inertia.value,
+    return runs.answer_of(inertia.value, viscous(result), log) | {
         "u": inertia.standard_uncertainty,
-        "a11": inertia.value + wheel.inertia.value + motor.rotor_inertia.value,
-        "error": log.error(inertia.value),
+        "a11": inertia.value + Scale.of(log.rig).carried,
         "warnings": [warning.code for warning in result.warnings],
     }
-    f1 = viscous(result)
-    if f1 is not None:
-        cell["f1"] = f1 / motor.gear_ratio.value
-    return cell
 
 
 def viscous(result: Result) -> float | None:
@@ -203,7 +195,7 @@ def _simulation_row(words: str, way: str, log: Log, **options: object) -> Answer
     result = runs.result_by(way, log, **options)
     if isinstance(result, str):
         return {"words": words, "refused": result}
-    return {"words": words} | runs.answer_of(result.inertia.value, result.parameters["viscous"].value, log)
+    return {"words": words} | runs.answer_of(result.inertia.value, viscous(result), log)
 
 
 def _at_the_times(log: Log, work: str, letter: bool) -> Answer:

@@ -47,7 +47,6 @@ LENGTHS = {"plain": 25.0, "body": 25.0, "balanced": 40.0}
 SPANS = {"plain": published.SERIES, "body": published.SERIES, "balanced": (15.0, 40.0)}
 """Parts that are identified, s. In 7 s at 2 rad/s there are only four swings, so the balanced pendulum has 25 s."""
 
-
 Answer = dict[str, object]
 
 T = TypeVar("T", float, Array)
@@ -189,15 +188,14 @@ def error_by(way: str, log: Log, **options: object) -> float:
     return log.error(inertia_by(way, log, **options))
 
 
-def answer_of(inertia: float, viscous: float, log: Log) -> Answer:
-    """J1^, its error in per cent, and f1 as the paper counts it. viscous: coefficient of the bearing (N m s)."""
-    motor = log.rig.drive.motor
-    assert motor is not None
-    return {
-        "inertia": inertia,
-        "error": log.error(inertia),
-        "f1": viscous / motor.gear_ratio.value,
-    }
+def answer_of(inertia: float, viscous: float | None, log: Log) -> Answer:
+    """J1^, its error in per cent, and f1 as the paper counts it. viscous: of the bearing (N m s), if any."""
+    answer: Answer = {"inertia": inertia, "error": log.error(inertia)}
+    if viscous is not None:
+        motor = log.rig.drive.motor
+        assert motor is not None
+        answer["f1"] = viscous / motor.gear_ratio.value
+    return answer
 
 
 def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> tuple[float, float]:

@@ -170,8 +170,9 @@ def test_units_of_the_header_are_taken_and_told(tmp_path):
 def test_a_header_against_the_rig_is_an_error(tmp_path):
     path = tmp_path / "log.csv"
     path.write_text(in_degrees("t [ms],q1 [deg]\n"))
-    with pytest.raises(InputError, match=r'says deg, but \[log\] angle_unit = "rad"'):
+    with pytest.raises(InputError, match=r'deg, but \[log\] angle_unit = "rad"') as caught:
         Recording.load(path, free_rig(angle_unit="rad"))
+    assert caught.value.code == "unit-conflict"
     assert len(Recording.load(path, free_rig(angle_unit="deg"))) == 2000
 
 

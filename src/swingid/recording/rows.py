@@ -139,6 +139,11 @@ NEARLY_ALL = 0.9  # of the steps: a clock that runs backwards
 OPTIONAL = ("reference", "adaptive_gain")  # for pictures only: a gap in them costs no row
 
 
+def few(count: int, rows: int) -> bool:
+    """Whether faults in so many of the rows are slips of a logger."""
+    return count <= max(3, MANY * rows)
+
+
 def rows_in_order(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
     """Rows with numbers, one for each time, in order of time; arguments and errors as those of `repair.repair`."""
     known = len(reading.findings)
@@ -167,7 +172,7 @@ def _drop_absurd_rows(channels: Channels, reading: Reading) -> Channels:
             worst = worst or (channel, int(np.argmax(absurd)))
             good &= ~absurd
     rows, dropped = len(good), int(np.count_nonzero(~good))
-    if worst is None or dropped > max(3, MANY * rows):
+    if worst is None or not few(dropped, rows):
         return channels
     channel, first = worst
     message = f"{dropped} of {rows} rows left out: {reading.column(channel)} holds"
@@ -219,13 +224,13 @@ def _sort(channels: Channels, reading: Reading) -> Channels:
     angle = channels["angle"]
     smoother = np.abs(np.diff(angle[order])).sum() <= np.abs(np.diff(angle)).sum()
     wrong = _wrong_stamps(time, steps_back)
-    few = steps_back.size <= max(3, MANY * rows)
-    if few and not smoother and (np.diff(time[~wrong]) > 0).all():
+    slips = few(steps_back.size, rows)
+    if slips and not smoother and (np.diff(time[~wrong]) > 0).all():
         message = f"{int(wrong.sum())} of {rows} rows left out: their time in {column} fits neither"
         message += f" neighbour (the first is row {int(np.argmax(wrong)) + 1}, {time[np.argmax(wrong)]:.6g} s)."
         reading.found("wrong-stamps", message, "warning", "sort")
         return take(channels, ~wrong)
-    if not few or not smoother:
+    if not slips or not smoother:
         message = f"{where} and sorting does not make one run of it; give one run per file, or another [log] time."
         raise InputError(message, code="unsorted")
     reading.found("unsorted", f"{where}; the rows were sorted by time.", "warning", "sort")
@@ -252,7 +257,7 @@ def _drop_repeated(channels: Channels, reading: Reading) -> Channels:
         copy[1:] &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
     conflicting = repeated & ~copy
     rows, conflicts = len(time), int(conflicting.sum())
-    if conflicts > max(3, MANY * rows):
+    if not few(conflicts, rows):
         message = f"{reading.name}: {conflicts} of {rows} rows have the time of the row before"
         message += f" in {reading.column('time')} but other values; log the time with more digits, or set [log] rate."
         raise InputError(message, code="repeated-times")
@@ -277,8 +282,8 @@ def _refuse(repair: str, reading: Reading, known: int) -> None:
 def _round_off(channels: Channels, reading: Reading) -> Channels:
     """Stamps of too few digits, of which several rows share one, as the constant rate behind them."""
     time = channels["time"]
-    repeated = np.count_nonzero(np.diff(time) == 0)
-    clock = rounded_clock(time) if repeated > max(3, MANY * len(time)) else None
+    repeated = int(np.count_nonzero(np.diff(time) == 0))
+    clock = rounded_clock(time) if not few(repeated, len(time)) else None
     if clock is None:
         return channels
     where = f"the stamp of the row before in {reading.column('time')}"

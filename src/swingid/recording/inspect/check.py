@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from swingid.recording.rows import NEARLY_ALL, few
+
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
     from swingid.recording.inspect.columns import Column
@@ -43,9 +45,6 @@ class Check:
 GAP = 1.5
 COUNTED = 1e12  # rows that a gap is reported to miss, at most
 """Median steps beyond which a step is a gap."""
-
-NEARLY_ALL = 0.9
-"""Share of the steps back from which on the clock runs backwards."""
 
 EVEN = 0.01
 UNEVEN = 0.2
@@ -142,15 +141,15 @@ def check_clock(clock: Clock, name: str) -> list[Check]:
     if clock.repeated:
         text = f"{clock.repeated} rows have the time of the row before, {clock.copies} of them are copies of it"
         other = clock.repeated - clock.copies
-        few = other <= max(3, rows // 100)
-        remedy = "" if few else "log the time with more digits"
-        text += "; these are left out." if few else "; the others contradict it."
+        slips = few(other, rows)
+        remedy = "" if slips else "log the time with more digits"
+        text += "; these are left out." if slips else "; the others contradict it."
         values = {"repeated": clock.repeated, "copies": clock.copies}
-        found.append(Check("repeated-rows", "repeated rows", "note" if few else "advice", text, remedy, values))
+        found.append(Check("repeated-rows", "repeated rows", "note" if slips else "advice", text, remedy, values))
     if clock.backwards:
         text = f"the time runs backwards after {clock.backwards} of {rows} rows."
-        few = clock.backwards <= max(3, rows // 100)
-        remedy = "" if few else "give one run per file"
-        level: Level = "note" if few else "fault"
+        slips = few(clock.backwards, rows)
+        remedy = "" if slips else "give one run per file"
+        level: Level = "note" if slips else "fault"
         found.append(Check("backwards", "order of rows", level, text, remedy, {"backwards": clock.backwards}))
     return found

@@ -22,7 +22,7 @@ from swingid.recording.findings import Finding, Source
 from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
 from swingid.recording.repair import limited, made_continuous, on_even_clock, without_spikes
-from swingid.recording.rows import MANY, rows_in_order, take
+from swingid.recording.rows import few, rows_in_order, take
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array, Bools
@@ -137,7 +137,7 @@ def _after(channels: Channels, last: Channels, reading: Reading, row: int) -> Ch
     if count == 0:
         return channels
     where = f"{reading.name}: {reading.column('time')} runs backwards after row {row}"
-    if count > max(3, MANY * late.size):
+    if not few(count, late.size):
         message = f"{where}; a log of this size is not sorted, so give one run per file, or choose a part of it."
         raise InputError(message, code="unsorted")
     reading.found("unsorted", f"{where}; {count} rows were left out.", "warning", "sort")

@@ -248,7 +248,7 @@ def test_the_twin_refuses_what_is_unknown():
         ({"axis.friction.loud": 1.0}, "axis.friction.load"),
         ({"axis.cogging": {"order": 3}}, "axis.cogging.amplitude is missing"),
         ({"axis.cogging": {"order": 3, "amplitude": 0.1, "phase": "unknown"}}, "make both unknown"),
-        ({"axis.friction.load": 1.0, "axis.friction.lugre": {"bristle_stiffness": 1.0}}, "stands beside load"),
+        ({"axis.friction.load": 1.0, "axis.friction.lugre": {"bristle_stiffness": 1.0}}, "beside load"),
     ],
 )
 def test_rig_files_name_the_key_that_is_wrong(changes, named):

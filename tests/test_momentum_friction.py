@@ -9,8 +9,7 @@ import pytest
 
 from closed_form_logs import INERTIA, ONE_TONE, TWO_TONES, Sines, encoded, exact_rig, wheel_log
 from swingid.balance.delays import late_reversals, lateness, share_seen
-from swingid.balance.friction_laws import law_columns, stribeck_slope
-from swingid.balance.friction_rows import FrictionRows
+from swingid.balance.friction_laws import FrictionRows, law_columns, stribeck_slope
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.identification import identify

@@ -212,8 +212,8 @@ def test_a_zero_that_is_off_is_told_with_what_it_costs(offset):
     off = identify(replace(log, angle=log.angle + offset), free_rig())
     (warning,) = off.warnings
     assert warning.code == "zero-off"
-    assert f"take {offset:g} rad off the angle" in warning.message
-    told = float(re.search(r"moves the inertia by ([+-][\d.]+) %", warning.message)[1])
+    assert f"subtract {offset:g} rad from the angle" in warning.message
+    told = float(re.search(r"changes the inertia by ([+-][\d.]+) %", warning.message)[1])
     assert told == pytest.approx(100 * (INERTIA - off.inertia.value) / off.inertia.value, abs=0.06)
     assert codes(identify(replace(log, angle=log.angle + offset), free_rig(), method="energy").warnings) == ["zero-off"]
 
@@ -261,7 +261,7 @@ def test_the_warning_of_resonance_states_the_right_leverage():
     message = identify(log, PAPER).warnings[0].message
     more = identify(log, PAPER.changed({"axis.gravity_torque": 78e-3 * 1.001}))
     moved = 1000 * (more.inertia.value - identify(log, PAPER).inertia.value) / (INERTIA + 11.55e-5)
-    assert f"(1 % of axis.gravity_torque moves it by {moved:.2g} %)" in message
+    assert f"(1 % of axis.gravity_torque changes it by {moved:.2g} %)" in message
 
 
 # what the motor's balance says of the wheel
@@ -299,7 +299,7 @@ def test_a_relative_wheel_angle_taken_for_absolute_is_doubted(twin_log):
 def test_without_a_motor_the_reading_is_an_assumption(twin_log):
     result = identify(replace(twin_log, voltage=None), PAPER)
     assert result.status == "ok"
-    assert "nothing checks that" in next(n.message for n in result.notes if n.code == "wheel-angle-reading")
+    assert "not checked" in next(n.message for n in result.notes if n.code == "wheel-angle-reading")
 
 
 def test_a_turned_voltage_is_named_and_not_used(twin_log):
@@ -325,7 +325,7 @@ def test_motor_constants_that_are_off_are_not_taken_for_another_reading(twin_log
     assert "wheel-angle-reading" not in codes(right.warnings)
     absolute = identify(replace(twin_log, wheel_angle=twin_log.wheel_angle + twin_log.angle), rig)
     message = next(m.message for m in absolute.warnings if m.code == "wheel-angle-reading")
-    assert message.startswith("wheel_angle looks absolute, not relative")
+    assert message.startswith("wheel_angle seems to be absolute, not relative")
     assert "drive.motor" in message
 
 

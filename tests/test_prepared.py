@@ -4,6 +4,7 @@ of it."""
 from __future__ import annotations
 
 import ast
+from dataclasses import replace
 from functools import cache, reduce
 from pathlib import Path
 
@@ -14,6 +15,7 @@ import swingid
 from swingid.batch import energy_batch, momentum_batch, plan_batch
 from swingid.control.compensator import Compensator
 from swingid.control.references import parse_reference
+from swingid.errors import InputError
 from swingid.identification import identify
 from swingid.methods.equation_error.grid import even_grid
 from swingid.model.rig import Rig
@@ -139,6 +141,16 @@ def test_no_method_reads_the_sensors_of_the_rig():
             assert not (isinstance(node, ast.Attribute) and node.attr == "sensors"), f"{path}:{node.lineno}"
 
 
+def test_a_stream_of_a_recording_corrects_a_latency_unless_that_is_switched_off():
+    rig, exact = given(DIRECT), given(DIRECT).changed({"sensors.latency": {"value": 0.0, "std": 1e-5}})
+    last = [
+        list(swingid.online(of, late_log(*off)))[-1].inertia
+        for of, off in ((rig, ()), (rig, ("latency",)), (exact, ()))
+    ]
+    assert last[1].value == last[2].value
+    assert abs(last[0].value / INERTIA - 1) < 1e-3 < abs(last[1].value / INERTIA - 1)
+
+
 # Many logs at once
 
 
@@ -154,6 +166,11 @@ def test_many_logs_at_once_take_a_stated_latency_off():
         as_read = estimator(*read, 1000.0, silent, plan)
         assert np.abs(found.inertia / INERTIA - 1).max() < 5e-4
         assert np.abs(as_read.inertia / INERTIA - 1).min() > 3e-3
+        off = plan_batch([without(runs.recording(k), "latency") for k in (0, 3)], given(rig))
+        assert np.array_equal(estimator(*read, 1000.0, given(rig), replace(plan, latency=off.latency)).u, as_read.u)
+    with pytest.raises(InputError) as caught:
+        plan_batch([runs.recording(0), without(runs.recording(3), "latency")], given(rig))
+    assert caught.value.code == "not-for-batches"
     one = identify(runs.recording(0), given(rig))
     batch = momentum_batch(*channels[:2], 1000.0, given(rig), plan)
     assert batch.inertia[0] == pytest.approx(one.inertia.value, rel=1e-4)

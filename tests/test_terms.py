@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from swingid.balance.friction_laws import EXACT, places_of
 from swingid.balance.friction_laws import TERMS as OF_SPEED
-from swingid.balance.friction_rows import EXACT, places_of
 from swingid.model.energy import potential_energy
 from swingid.model.friction import static_curve
 from swingid.model.parameters import PLACES, SIZE, WHEEL_STATIC, B, vector

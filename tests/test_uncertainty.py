@@ -40,7 +40,7 @@ from swingid.uncertainty.freedom import (
     lag_weights_power,
     scatter_freedom,
 )
-from swingid.uncertainty.significance import CERTAIN, DETECTED, INDICATED, family_level, two_sided
+from swingid.uncertainty.significance import CERTAIN, DETECTED, INDICATED, family_level
 
 INFINITE = math.inf
 
@@ -228,6 +228,11 @@ def test_an_excess_counts_by_how_sure_it_is() -> None:
     assert shrunk(1.0, 1.0) == 0.5
     assert shrunk(0.0, 0.0) == 0.0
     np.testing.assert_allclose(shrunk(np.array([0.1, -3.0]), 1.0), [0.001 / 1.01, -2.7])
+
+
+def two_sided(level: float) -> float:
+    """Probability that a normal quantity is farther than `level` standard deviations from its mean."""
+    return math.erfc(level / math.sqrt(2))
 
 
 def test_levels_have_the_probabilities_beside_them() -> None:

@@ -1,7 +1,7 @@
-"""The choice of the law windows: their length, and whether friction has a memory.
+"""The choice of the law windows: their length, and whether an impulse at each reversal is fitted (dynamic friction).
 
-The length minimises the standard uncertainty of the inertia: short windows amplify sensor noise, long ones let through
-what the friction basis does not describe, and both show in the scatter of the rows.
+The length minimises the standard uncertainty of the inertia: short windows amplify sensor noise, long ones the lack of
+fit of the friction terms, and both show in the scatter of the rows.
 """
 
 from __future__ import annotations
@@ -10,9 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from swingid.balance.declared import with_declared
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
-from swingid.balance.fits import BASIS, WindowFit, fit_rows
+from swingid.balance.fits import BASIS, WindowFit, fit_rows, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import TERMS
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
@@ -32,22 +31,23 @@ CALM = 1.5
 """The same for friction, whose longer windows are also the calmer ones."""
 
 PASSES = 4
-"""Times that friction and turning points are found in turns, at most, and the change of the delay that ends it."""
+"""Iterations between friction and turning points, at most."""
 
 SETTLED = 0.1
+"""Relative change of the delays that ends the iteration."""
 
 MOMENTS = 4000
-"""Instants of the motion that the mean over it is taken of."""
+"""Instants of the motion for means over it."""
 
 ONE_SWING = 0.55
-"""Half-length, in swings, up to which windows tell friction: longer ones see its alternation and little else."""
+"""Half-length, in swings, up to which windows determine friction: longer ones depend on little but its alternation."""
 
 
 class Choice(NamedTuple):
     """The "law" fit of least uncertainty, declared imperfections included, and all fits tried by half-length in s.
 
-    signals: with the turning points corrected for their delay. impulse: standard uncertainty (N m s or N s) of what
-    that leaves at each reversal. friction: what the balance leaves with them.
+    signals: with the turning points corrected for their delay. impulse: standard uncertainty (N m s or N s) of the
+    impulse at each reversal that the correction leaves. friction: law and curve fitted with these turning points.
     """
 
     law: WindowFit
@@ -58,10 +58,10 @@ class Choice(NamedTuple):
 
 
 def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
-    """Windows and terms for the inertia, and the turning points that the friction found with them corrects.
+    """Windows and terms for the inertia, and turning points corrected for the friction that is estimated with them.
 
-    A peak of friction at rest delays the turning points further, and they decide what is seen of it: both are found
-    in turns. Raises UnanswerableError for a log too short for any window.
+    A peak of friction at rest delays the turning points, and its estimate depends on them: both are found by iteration.
+    Raises UnanswerableError for a log too short for any window.
     """
     searched, signals = _search(signals, scale, noise, BASIS)
     seen = friction_windows(signals, searched)
@@ -72,7 +72,7 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
         tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels))
-        tried = {half: with_declared(fit, rig, corrected, scale, noise) for half, fit in tried.items()}
+        tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
         least = min(fit.total for fit in tried.values())
         law = max((fit for fit in tried.values() if fit.total <= FLAT * least), key=lambda fit: fit.half)
         calm = friction_windows(corrected, tried)
@@ -88,10 +88,10 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
 def _with_memory(
     signals: Signals, rows: dict[float, Rows], scale: Scale, noise: Noise, impulse: float
 ) -> tuple[dict[float, WindowFit], float]:
-    """Fits of the rows, and how uncertain the impulse at each reversal is that `impulse` (N m s or N s) bounds.
+    """Fits of the rows, and the standard uncertainty of the impulse at each reversal; impulse: its prior (N m s, N s).
 
-    If friction has a memory, an impulse at each reversal (the old direction lives on for a moment: LuGre's
-    bristles, backlash, a short stick) is fitted too, where it is seen beyond noise and encoder grid.
+    Dynamic friction (LuGre's bristles), backlash and short sticking let the old direction act a moment longer: an
+    impulse at each reversal, which is an unknown where it is significant beyond noise and grid phase.
     """
     tried = _fits(rows, scale, noise, BASIS)
     # over a whole swing and more, an impulse at each reversal looks like inertia
@@ -101,18 +101,18 @@ def _with_memory(
         return tried, impulse
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
-    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, scale, noise, "memory")))
+    spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
     return (remembered if found > DETECTED * spread else tried), impulse_left(impulse, found, spread)
 
 
 def impulse_left(prior: float, found: float, spread: float) -> float:
-    """How uncertain the impulse at each reversal is (N m s or N s) where the rows find `found` ± `spread`.
+    """Standard uncertainty of the impulse at each reversal (N m s or N s) where the rows give `found` ± `spread`.
 
-    The correction of the turning points is as uncertain as it is large (`prior`), for friction at rest is extrapolated
-    from faster motion, where a short peak doesn't show: a prior of the impulse, which the rows then tell more about.
+    The correction of the turning points has a standard uncertainty equal to its magnitude (`prior`), for friction at
+    rest is extrapolated from faster motion, where a short peak does not show. The rows reduce it to the posterior.
     """
-    told = prior**2 / max(prior**2 + spread**2, 1e-300)
-    return float(np.hypot(told * found, np.sqrt(told) * spread))
+    weight = prior**2 / max(prior**2 + spread**2, 1e-300)
+    return float(np.hypot(weight * found, np.sqrt(weight) * spread))
 
 
 def _fits(rows: dict[float, Rows], scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:
@@ -123,7 +123,7 @@ def _fits(rows: dict[float, Rows], scale: Scale, noise: Noise, friction: tuple[s
 def _search(
     signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, ...]
 ) -> tuple[dict[float, WindowFit], Signals]:
-    """Fits by half-length: octaves downwards while they get better, then the half octaves beside the best.
+    """Fits by half-length: octaves downwards while the uncertainty falls, then the half octaves beside the best.
 
     Also the signals on blocks short enough for the shortest of them.
     """
@@ -148,7 +148,7 @@ def _search(
         half /= 2
     if not tried:
         raise UnanswerableError(
-            f"the log holds {time[-1] - time[0]:.3g} s of usable motion, too little to fit inertia and friction; "
+            f"the log contains {time[-1] - time[0]:.3g} s of usable motion, too little to fit inertia and friction; "
             "record at least five swings.",
             code="too-short",
         )
@@ -160,10 +160,10 @@ def _search(
 
 
 def friction_windows(signals: Signals, tried: dict[float, WindowFit]) -> WindowFit:
-    """The fit whose windows know the friction best, on the mean over the motion; among equals the longest.
+    """The fit with the least variance of friction, averaged over the motion; among equals the longest.
 
-    The same principle as for the inertia. Long windows average what depends on the place, which no law of the speed
-    describes; short ones tell the speeds of one swing apart, which a decay tells by its many swings.
+    The same principle as for the inertia. Long windows average what depends on the angle, which no law of the speed
+    describes; short ones resolve the speeds within one swing, which a decay covers by its many swings.
     """
     moments = _moments(signals)
     within = [fit for half, fit in tried.items() if half <= ONE_SWING * signals.motion.half_period]
@@ -186,6 +186,6 @@ def _moments(signals: Signals) -> Array:
 
 
 def _torque_variance(fit: WindowFit, moments: Array) -> float:
-    """Variance of the friction torque, type A, on the mean over a motion with these moments of the terms of BASIS."""
+    """Variance of the friction torque, type A, averaged over a motion with these moments of the terms of BASIS."""
     at = [fit.unknowns.index(name) for name in BASIS]
     return float(np.sum(fit.covariance[np.ix_(at, at)] * moments))

@@ -1,7 +1,7 @@
-"""How late turning points are found, because friction makes the acceleration jump where the axis turns around.
+"""Delay of the turning points found, because the acceleration jumps where friction changes its sign.
 
-A cubic fitted over ±w takes the jump on one side for a slope in the middle. The friction found tells how much; the
-angle itself tells, with more noise, how much of the jump it holds.
+A cubic fitted over ±w has a bias of its slope in the middle by that jump. The estimated friction gives the bias; the
+angle itself gives, with more noise, the share of the jump that is in it.
 """
 
 from __future__ import annotations
@@ -23,21 +23,21 @@ Torque = Callable[[Array], Array]
 
 
 class Fit(Protocol):
-    """What `dry_levels` reads of a fit."""
+    """What `dry_levels` uses of a fit."""
 
     def value(self, name: str) -> float:
-        """Value of an unknown, 0 where it was not sought."""
+        """Value of an unknown, 0 where it was not fitted."""
 
 
 DRIVEN = 0.5
-"""Standard uncertainty, before the log is seen, of the share of friction's jump that the angle shows."""
+"""Prior standard deviation of the share of friction's jump that is in the angle."""
 
 FARTHEST = 0.25
-"""Delay, in half-widths of the cubic, beyond which this theory of it ends: the axis may rest as well."""
+"""Delay, in half-widths of the cubic, beyond which this theory is not valid: the axis may rest as well."""
 
 
 def dry_levels(signals: Signals, fit: Fit) -> Array:
-    """Dry friction of the further terms at each turning point (N m or N), half of its jump there, as a fit has it."""
+    """Dry friction of the further terms at each turning point (N m or N), half of its jump there, by a fit."""
     angles = signals.motion.turning_angles
     dry = [term for term in signals.further if term.term.is_dry]
     return sum((fit.value(term.name) * term.term.of_angle(angles, *term.at) for term in dry), np.zeros(len(angles)))
@@ -46,13 +46,13 @@ def dry_levels(signals: Signals, fit: Fit) -> Array:
 def late_reversals(
     signals: Signals, torque: Torque, inertia: float, noise: Noise, levels: Array | float = 0.0
 ) -> Array:
-    """How late each turning point is found (s) with this friction, as far as the angle does not deny it.
+    """Delay of each turning point (s) with this friction, times the share of it that is consistent with the angle.
 
-    A drive may take over some of the jump of friction or all of it, as a controller that compensates friction does:
-    then less of it is in the angle. So the share that counts is 1 ± 1/2 before the angle is asked.
+    A drive may take over the jump of friction in part or wholly, as a controller that compensates friction does: then
+    less of it is in the angle. So the prior of the share is 1 ± 1/2.
     """
     motion = signals.motion
-    with np.errstate(over="ignore", invalid="ignore"):  # an inertia of 0, as of a dead channel, delays without end
+    with np.errstate(over="ignore", invalid="ignore"):  # an inertia of 0, as of a dead channel, gives an infinite delay
         late = lateness(motion, torque, max(inertia, 1e-300), levels)
     late = np.where(np.abs(late) < FARTHEST * motion.reach, late, 0.0)
     share, spread = share_seen(motion, signals.nodes.stamps, signals.angle_values, late, noise.angle)
@@ -62,13 +62,13 @@ def late_reversals(
 
 
 def impulse_of(late: Array, torque: Torque, levels: Array | float = 0.0) -> float:
-    """Impulse (N m s or N s) that turning points late by `late` make of the jump of friction there."""
+    """Impulse (N m s or N s) by the jump of friction at turning points that are late by `late`."""
     above, below = torque(np.array([1e-9, -1e-9]))
     return float(np.sqrt(np.mean(late**2)) * abs(above - below + 2 * (np.mean(levels) if np.size(levels) else 0.0)))
 
 
 def lateness(motion: Motion, torque: Torque, inertia: float, levels: Array | float = 0.0) -> Array:
-    """How late (s) each turning point is found where all of the friction, torque(speeds), is left to the inertia.
+    """Delay (s) of each turning point where all of the friction, torque(speeds), accelerates the inertia.
 
     About a turning point the speed is A t, and friction adds x with x'' = −F(A t)/a11 to an even motion. The slope of a
     cubic over t = ±w u in the middle is 2 w ∫ x'' G(u) du from 0 to 1 (x is odd), and A times the delay cancels it.
@@ -85,10 +85,10 @@ def lateness(motion: Motion, torque: Torque, inertia: float, levels: Array | flo
 
 
 def share_seen(motion: Motion, time: Array, angle: Array, late: Array, noise: float) -> tuple[float, float]:
-    """Share of the delays `late` that the angle itself shows at the turning points, with its standard uncertainty.
+    """Share of the delays `late` by the angle at the turning points, with its standard uncertainty.
 
-    A cubic with a kink in the middle has no delay, but four times the noise, which the turning points average: by
-    their scatter, and not better than `noise` (standard deviation of one sample) would let them.
+    A cubic with a kink in the middle has no delay, but four times the noise, which is averaged over the turning points:
+    the uncertainty is that of their scatter, and at least that by `noise` (standard deviation of one sample).
     """
     acceleration = motion.speed.acceleration(motion.turning_times)
     rest = kinked_slopes(time, angle, motion.turning_times - late, motion.reach) / acceleration

@@ -1,15 +1,17 @@
-"""Least-squares fits of the balance on windows, with uncertainties that know of overlap and sensor noise."""
+"""Least-squares fits of the balance on windows; their covariance allows for overlapping windows and sensor noise."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from swingid.balance.rows import Rows, Windows
+from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.rows import Rows, Signals, Windows
+from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, overlaps
@@ -21,38 +23,34 @@ from swingid.uncertainty.freedom import bartlett, effective_freedom, scatter_fre
 BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 """Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|.
 
-The even terms live on even harmonics of the motion, where the inertia is not, so they cost nothing. A richer odd
-basis would be nearly collinear.
+The even terms lie on even harmonics of the motion, where the inertia does not, so they hardly inflate its variance. A
+richer odd basis would be nearly collinear.
 """
 
 LAG = 4
-"""Neighbouring rows that share data (windows of length 2L, one every L/2), and so are correlated."""
+"""Neighbouring rows that share data (windows of length 2L, one every L/2) and therefore are correlated."""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """What one standard deviation of a declared imperfection does to the unknowns of a fit.
+    """Change of the unknowns of a fit, `shifts` (unknowns,) in their units, for one standard deviation of `item`."""
 
-    shifts (unknowns,): in the units of the unknowns. source, std, shared_id, direct: as in `Imperfection`.
-    """
-
-    source: str
-    std: float
+    item: Imperfection
     shifts: Array
-    direct: float
-    shared_id: str | None
 
 
 @dataclass(frozen=True)
 class WindowFit:
     """A fit of the balance on windows of one kind.
 
-    unknowns names the columns ("inertia" first); a11 and its uncertainties are for the whole axis. covariance is of
-    type A; `declared` holds what each declared imperfection of the rig does to every unknown, in its units. computed:
-    variance of a11 that is not from the scatter of the rows: by the sensors' noise, and of attenuation.
+    unknowns: names of the columns ("inertia" first); a11 and its uncertainties are for the whole axis. covariance: of
+    type A; declared: effect of each declared imperfection of the rig on the unknowns. computed: variance of a11 that is
+    not estimated from the scatter of the rows: by the sensors' noise, and of attenuation.
     """
 
     rows: Rows
+    scale: Scale
+    noise: Noise
     unknowns: tuple[str, ...]
     fit: LinearFit
     covariance: Array
@@ -70,9 +68,34 @@ class WindowFit:
         return float(np.sqrt(self.covariance[k, k]))
 
     @property
+    def friction(self) -> tuple[str, ...]:
+        """The unknowns that are terms of friction."""
+        return tuple(name for name in self.unknowns if name in self.rows.friction)
+
+    @property
+    def columns(self) -> Array:
+        """Regressors (rows, unknowns)."""
+        return columns_of(self.rows, self.scale, self.friction)[1]
+
+    @property
+    def known(self) -> Array:
+        """Known side of each row, see `known_side`."""
+        return known_side(self.rows, self.scale)
+
+    @property
     def a11(self) -> float:
         """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
         return float(self.fit.values[0])
+
+    @property
+    def inertia(self) -> float:
+        """Inertia J1 of the body."""
+        return self.a11 - self.scale.carried
+
+    @property
+    def b(self) -> float:
+        """Gravity torque (N m), stated or fitted."""
+        return self.value("gravity_torque") if self.scale.b is None else self.scale.b
 
     @property
     def u(self) -> float:
@@ -81,7 +104,7 @@ class WindowFit:
 
     @property
     def freedom(self) -> float:
-        """Degrees of freedom of the covariance: those of the scatter, for what the sensors' noise does is computed."""
+        """Degrees of freedom of the covariance: those of the scatter; the part by the sensors' noise is computed."""
         of_scatter = scatter_freedom(self.fit.influence[0], bartlett(LAG), len(self.unknowns))
         scattered = max(float(self.covariance[0, 0]) - self.computed, 0.0)
         return effective_freedom(((scattered**0.5, of_scatter), (self.computed**0.5, math.inf)))
@@ -93,7 +116,7 @@ class WindowFit:
 
 
 def known_side(rows: Rows, scale: Scale) -> Array:
-    """What the balance knows of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1, and further terms that the rig states."""
+    """Known side of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1, less the further terms that the rig states."""
     known = -scale.a12 * rows.wheel + rows.torque - (scale.b or 0.0) * rows.gravity
     for name, coefficient in scale.known.items():
         known = known - coefficient * rows.further[name]
@@ -101,7 +124,7 @@ def known_side(rows: Rows, scale: Scale) -> Array:
 
 
 def columns_of(rows: Rows, scale: Scale, friction: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
-    """Names and columns of the unknowns."""
+    """Names of the unknowns and their columns (rows, unknowns)."""
     named = {"inertia": rows.inertia}
     if scale.b is None:
         named["gravity_torque"] = rows.gravity
@@ -117,15 +140,54 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
         return None
     fit = fit_linear(columns, known_side(rows, scale))
     covariance, computed = covariance_of(fit, rows, unknowns, scale, noise)
-    return WindowFit(rows, unknowns, fit, covariance, rows.windows.middle, computed=computed)
+    return WindowFit(rows, scale, noise, unknowns, fit, covariance, rows.windows.middle, computed=computed)
+
+
+def fit_with_prior(fit: WindowFit, extra: Sequence[Array], rounds: int = 2) -> tuple[LinearFit, float]:
+    """The fit with more unknowns, in units of their standard deviations, under a standard normal prior.
+
+    extra: one regressor (rows,) for each. Returns the fit, whose last rows are the prior, and the standard deviation of
+    a row by which these are weighted: rows share data, so each holds less information than its residual alone implies.
+    """
+    columns = fit.columns
+    rows, unknowns = columns.shape
+    matrix = np.column_stack([columns, *extra])
+    target, residuals = np.append(fit.known, np.zeros(len(extra))), fit.fit.residuals[:rows]
+    for _ in range(rounds):
+        error = float(np.sqrt(LAG / 2 * np.mean(residuals**2)))
+        prior = np.hstack([np.zeros((len(extra), unknowns)), error * np.eye(len(extra))])
+        solved = fit_linear(np.vstack([matrix, prior]), target)
+        residuals = solved.residuals[:rows]
+    return solved, error
+
+
+def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
+    """The fit with the effect of every declared imperfection; nonlinearities and latencies of encoders are fitted.
+
+    These enter the rows linearly and their standard deviations are declared, so their amplitudes are unknowns with that
+    prior, of which the log determines what it can (THEORY 4, self-calibration). Constants are no unknowns: their
+    declared uncertainty is propagated.
+    """
+    items = imperfections(rig, signals, fit.rows, fit.a11, fit.b)
+    own = [item for item in items if item.calibrates]
+    effects = []
+    if own:
+        solved, error = fit_with_prior(fit, [-item.rows * item.std for item in own])
+        rows, p = len(fit.rows.windows), len(fit.unknowns)
+        data = LinearFit(solved.values[:p], solved.residuals[:rows], solved.influence[:p, :rows], fit.fit.condition)
+        covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.scale, fit.noise)
+        fit = replace(fit, fit=data, covariance=covariance, computed=computed)
+        effects = [Effect(item, solved.influence[:p, rows + k] * error) for k, item in enumerate(own)]
+    effects += [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
+    return replace(fit, declared=tuple(effects))
 
 
 def covariance_of(
     fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise
 ) -> tuple[Array, float]:
-    """Type A covariance of the unknowns: sensor noise, what the rows scatter beyond it, and the bias of attenuation.
+    """Type A covariance of the unknowns: sensor noise, scatter of the rows beyond it, and the bias of attenuation.
 
-    Also the variance of a11 that is not from the scatter.
+    Also the variance of a11 that is not estimated from the scatter.
     """
     covariance = fit.covariance(LAG)
     a11 = float(fit.values[0])
@@ -141,24 +203,23 @@ def covariance_of(
 
 
 def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
-    """Variance of a11 by sensor noise and by what the rows scatter beyond it; of one fit or of many (arrays).
+    """Variance of a11 by sensor noise and by the lack of fit beyond it; of one fit or of many (arrays).
 
-    sensor: variance by sensor noise. seen: what Newey and West's sum makes of that noise alone, which is more, for its
-    weights let through some of the fast noise of φ''. scatter: that sum for the rows. spare: rows less unknowns.
+    sensor: variance by sensor noise. seen: Newey and West's sum for that noise alone, which is larger, for its weights
+    pass some of the fast noise of φ''. scatter: that sum for the rows. spare: rows less unknowns.
 
-    The sum of a few dozen rows is itself uncertain by tens of per cent: an excess counts by how sure it is (`shrunk`),
-    beside the standard deviation s of the sum for sensor noise alone (for Bartlett's weights s² is 4/3 (LAG + 1) / rows
-    of the square).
+    The sum of a few dozen rows is itself uncertain by tens of per cent: an excess is weighted (`shrunk`) by the
+    standard deviation s of the sum for sensor noise alone (for Bartlett's weights s² is 4/3 (LAG + 1) / rows of the
+    square).
     """
     # as shares of the scatter, whose squares neither overflow nor vanish
     noise = np.minimum(seen / np.maximum(scatter, 1e-300), 1.0)
     return sensor + scatter * shrunk(1.0 - noise, noise * ((4 / 3) * (LAG + 1) / spare) ** 0.5)
 
 
-def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:
-    """What a fit would leave with these columns (rows, m) more, free of any bound; quick, without their values."""
-    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
-    columns = columns_of(fit.rows, scale, friction)[1]
+def residuals_beside(fit: WindowFit, more: Array) -> Array:
+    """Residuals of a fit with these columns (rows, m) added, without a prior; quick, without their values."""
+    columns = fit.columns
     free = more - columns @ np.linalg.lstsq(columns, more, rcond=1e-10)[0]
     left: Array = fit.fit.residuals - free @ np.linalg.lstsq(free, fit.fit.residuals, rcond=1e-10)[0]
     return left
@@ -167,9 +228,9 @@ def residuals_beside(fit: WindowFit, scale: Scale, more: Array) -> Array:
 def sensor_variance(
     rows: Rows, influence: Array, a11: float, b: float, scale: Scale, noise: Noise, pull: float = 0.0
 ) -> tuple[float, float]:
-    """Variance of an unknown from white noise of both angles, and what Newey and West's sum sees of it.
+    """Variance of an unknown by white noise of both angles, and Newey and West's sum for that noise.
 
-    influence (windows,): of the rows on the unknown. The noise comes through φ'', and that of the axis through the
+    influence (windows,): of the rows on the unknown. The noise enters through φ'', and that of the axis through the
     gravity b as well, and through springs and cogging; pull: mean stiffness of those that were identified.
     """
     windows = rows.windows
@@ -183,31 +244,11 @@ def sensor_variance(
 
 
 def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
-    """Bias of all unknowns by noise in the column ∫φ'' q1 of a11 (errors in variables), to first order.
+    """Bias of all unknowns by noise in the regressor ∫φ'' q1 of a11 (errors in variables), to first order.
 
-    It moves what is nearly collinear with a11 along: at one frequency an unknown gravity torque.
+    Also of what is nearly collinear with a11: at one frequency an unknown gravity torque.
     """
     column_variance = noise.angle**2 * noise.step * CURVATURE_POWER
     column_variance *= float(windows.loudness @ windows.loudness)
     result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
     return result
-
-
-def fit_with_prior(fit: WindowFit, scale: Scale, extra: Sequence[Array], rounds: int = 2) -> tuple[LinearFit, float]:
-    """The fit with more unknowns, in units of their standard deviations, under a standard normal prior.
-
-    extra: one regressor (rows,) for each. Returns the fit, whose last rows are the prior, and the standard deviation of
-    a row by which these are weighted: rows share data, so each holds less information than its residual alone implies.
-    """
-    friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
-    _, columns = columns_of(fit.rows, scale, friction)
-    rows, unknowns = columns.shape
-    matrix = np.column_stack([columns, *extra])
-    target = np.append(known_side(fit.rows, scale), np.zeros(len(extra)))
-    residuals = fit.fit.residuals[:rows]
-    for _ in range(rounds):
-        error = float(np.sqrt(LAG / 2 * np.mean(residuals**2)))
-        prior = np.hstack([np.zeros((len(extra), unknowns)), error * np.eye(len(extra))])
-        solved = fit_linear(np.vstack([matrix, prior]), target)
-        residuals = solved.residuals[:rows]
-    return solved, error

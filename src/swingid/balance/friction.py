@@ -1,7 +1,7 @@
-"""The friction that the balance leaves once inertia and gravity are known: as a curve, and as the best simple law.
+"""Friction as the law with the lowest information criterion, and as a curve, beside inertia and gravity.
 
-On windows all over the motion the torque that remains is ∫φ F(v). With the columns of `FrictionRows` any law is a
-combination of them, and so is the curve, a sum of hat functions on a coarse grid of speeds.
+With the columns of `FrictionRows` any law is a linear combination of them, and so is the curve, a sum of hat functions
+on a coarse grid of speeds.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.fits import LAG, columns_of, known_side
-from swingid.balance.friction_laws import TERMS, law_columns, stribeck_peak, stribeck_slope
-from swingid.balance.friction_rows import FrictionRows, speed_knots
+from swingid.balance.friction_laws import TERMS, FrictionRows, law_columns, speed_knots, stribeck_peak, stribeck_slope
 from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.rows import Rows, Signals
 from swingid.numerics.arrays import Array
@@ -59,11 +58,11 @@ class FrictionLaw:
 
 
 def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: tuple[float, float], noise: float) -> FrictionLaw:
-    """Best law by the Bayesian information criterion, and the curve, beside an inertia of their own.
+    """Best law by the Bayesian information criterion, and the curve, with an inertia fitted beside each.
 
-    The inertia (and an unknown gravity torque) is fitted again with every law, so that what these windows get wrong
-    of it does not end in the friction. memory: impulse at each reversal, as found before, and its standard
-    uncertainty. noise: standard deviation of one sample of the angle.
+    The inertia (and an unknown gravity torque) is fitted again with every law, so that its bias on these windows does
+    not bias the friction. memory: impulse at each reversal, as found before, and its standard uncertainty. noise:
+    standard deviation of one sample of the angle.
     """
     friction = FrictionRows.of(signals, rows)
     target = known_side(rows, scale) - rows.friction["memory"] * memory[0]
@@ -74,7 +73,7 @@ def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: tuple[float
 
 
 def first_torque(signals: Signals, rows: Rows, scale: Scale) -> Callable[[Array], Array]:
-    """Torque of friction as a function of the speeds, on the mean over the laws without Stribeck's peak.
+    """Torque of friction as a function of the speeds, averaged over the laws without Stribeck's peak.
 
     Quick, for first corrections.
     """
@@ -96,7 +95,7 @@ def first_torque(signals: Signals, rows: Rows, scale: Scale) -> Callable[[Array]
 
 
 def _fitted(friction: FrictionRows, body: Array, target: Array, choice: LawChoice, impulse: float) -> FrictionLaw:
-    """The best law with its covariance; a Stribeck speed is an unknown like the others, by its derivative.
+    """The best law with its covariance; a Stribeck speed is an unknown like the others, linearised.
 
     impulse: standard uncertainty of the impulse at each reversal.
     """
@@ -110,7 +109,7 @@ def _fitted(friction: FrictionRows, body: Array, target: Array, choice: LawChoic
         unknowns, start = (*terms, "stribeck_speed"), np.array([trial.stribeck_speed])
     fit = fit_linear(np.column_stack([friction.columns @ weights, body]), target)
     own = slice(0, len(unknowns))
-    # the search has brought the step of the Stribeck speed down to next to nothing
+    # the search has converged, so the step of the Stribeck speed is negligible
     values = np.append(trial.values, start)
     timing = fit.influence[own] @ friction.rows.friction["memory"] * impulse
     return FrictionLaw(
@@ -127,14 +126,14 @@ def _fitted(friction: FrictionRows, body: Array, target: Array, choice: LawChoic
 
 
 def _curve(friction: FrictionRows, law: FrictionLaw, choice: LawChoice, rows: int) -> FrictionCurve:
-    """The law plus what the rows show beyond it, as a sum of hat functions on a coarse grid of speeds.
+    """The law plus its lack of fit, as a sum of hat functions on a coarse grid of speeds.
 
     Hats alone are ill-conditioned where the motion passes quickly. The deviations at the nodes have a normal prior
-    whose width is the likeliest one for these rows (empirical Bayes), so the curve is the law where the rows
-    say nothing, and leaves it where they do. Type A uncertainties, with those of the choice of the law.
+    whose width maximises the likelihood of these rows (empirical Bayes), so the curve is the law where the rows do not
+    determine a deviation. Type A uncertainties, with those of the choice of the law.
     """
     coarse = speed_knots(friction.knots[-1], CURVE_KNOTS)
-    # what the law and the inertia can take up is not the curve's to explain
+    # what the law and the inertia can describe is no part of the deviations
     left, products, shared = choice.beside(friction.law(law.terms, law.stribeck_speed), _deviations(friction, coarse))
     noise = LAG / 2 * left / rows
     eigen, vectors = np.linalg.eigh(products)
@@ -144,7 +143,7 @@ def _curve(friction: FrictionRows, law: FrictionLaw, choice: LawChoice, rows: in
     shrunk = width / (noise + width * eigen) if noise > 0 else np.zeros_like(eigen)
     moving = coarse != 0.0
     speeds = coarse[moving]
-    # the two values at rest only let the curve jump there
+    # the two values at rest only allow a jump there
     own = np.r_[: len(speeds) // 2, len(speeds) // 2 + 2 : len(speeds) + 2]
     deviation = (vectors @ (shrunk * projected))[own]
     spread = ((vectors**2) @ (shrunk * noise))[own]
@@ -168,7 +167,7 @@ def _deviations(friction: FrictionRows, coarse: Array) -> Array:
 
 
 def _between_laws(choice: LawChoice, law: FrictionLaw, speeds: Array) -> Array:
-    """Variance of the torque over the laws tried, each as likely as its criterion says (Bayesian model averaging)."""
+    """Variance of the torque over the laws tried, weighted by their criterion (Bayesian model averaging)."""
     own, at = law.torque(speeds), {name: term(speeds) for name, term in TERMS.items()}
     variance = np.zeros(len(speeds))
     for name, weight in choice.weights.items():
@@ -181,7 +180,7 @@ def _between_laws(choice: LawChoice, law: FrictionLaw, speeds: Array) -> Array:
 
 
 def _likeliest_width(eigen: Array, projected: Array, noise: float) -> float:
-    """Prior variance of the deviations that makes the rows likeliest, by search over a grid (0 among its values)."""
+    """Prior variance of the deviations of highest likelihood, by search over a grid (0 among its values)."""
     if noise <= 0:
         return 0.0
     trials = noise / max(float(eigen.max()), 1e-300) * np.geomspace(1e-2, 1e6, 33)

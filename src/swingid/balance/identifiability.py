@@ -1,6 +1,6 @@
-"""What the data cannot see: rank, condition, and what the wanted unknown cannot be told from, in words.
+"""Identifiability: rank, condition, and the unknowns with which the wanted one is correlated.
 
-Shared by every method whose answer is linear in its unknowns: from the columns of its equations, or from the
+Shared by every method whose estimate is linear in its unknowns: from the regressors of its equations, or from the
 information matrix (the inverse of the covariance). Columns are scaled to unit length, so that neither units nor sizes
 matter (Belsley, Kuh, Welsch: Regression diagnostics, 1980, ch. 3).
 """
@@ -19,32 +19,32 @@ from swingid.model.terms import TERMS, words_of
 from swingid.numerics.arrays import Array
 
 HOPELESS = 0.3
-"""Relative standard uncertainty of the inertia above which there is no answer."""
+"""Relative standard uncertainty of the inertia above which the estimate is refused."""
 
 SINGULAR = 1e-9
-"""Singular value of the scaled columns, in shares of the largest, below which a direction is not seen at all."""
+"""Singular value of the scaled columns, in shares of the largest, below which a direction is not identifiable."""
 
 HARDLY = 1.1
-"""Inflation below which it is not worth a number."""
+"""Inflation of the standard uncertainty below which it is called small, without a number."""
 
 GREATLY = 10.0
-"""Inflation from which on unknowns are looked for that are correlated with the wanted one only together."""
+"""Inflation from which on pairs of unknowns are searched that only together are correlated with the wanted one."""
 
 BLIND = 1e-3
-"""Share in an unseen direction above which an unknown takes part in it."""
+"""Component of an unidentifiable direction above which an unknown takes part in it."""
 
 TRADES = 0.5
-"""Squared correlation with the unknown that is wanted above which another unknown is said to move with it."""
+"""Squared correlation above which an unknown is called correlated with the wanted one."""
 
 
 @dataclass(frozen=True)
 class Identifiability:
-    """How well the unknowns are seen, and what the unknown `wanted` (the first of `names`) trades with.
+    """Identifiability of the unknowns, and the correlations of the unknown `wanted`, the first of `names`.
 
-    rank: number of directions seen. condition: of the columns scaled to unit length, infinite where one is not seen.
-    covariance (unknowns, unknowns): that of the seen directions. blind (unknowns,): how far each unknown takes part in
-    directions that are not seen at all (0 … 1). inflation: how many times more certain `wanted` would be if all
-    others were known, infinite where it is not seen.
+    rank: number of identifiable directions. condition: of the columns scaled to unit length, infinite below full rank.
+    covariance (unknowns, unknowns): that of the identifiable directions. blind (unknowns,): component of each unknown
+    in the other directions (0 … 1). inflation: standard uncertainty of `wanted` over that with all others known,
+    infinite where it is not identifiable.
     """
 
     names: tuple[str, ...]
@@ -57,17 +57,17 @@ class Identifiability:
 
     @property
     def wanted(self) -> str:
-        """The unknown that the question is about."""
+        """The unknown that is examined."""
         return self.names[0]
 
     @property
     def answerable(self) -> bool:
-        """Whether no unseen direction moves the unknown that is wanted."""
+        """Whether the wanted unknown is identifiable."""
         return bool(self.blind[0] < BLIND)
 
     @property
     def together(self) -> tuple[str, ...]:
-        """The wanted unknown and those that move with it, by what they cost it."""
+        """The wanted unknown and those correlated with it, in the order of their correlation."""
         if not self.answerable:
             order = np.argsort(-self.blind[1:], kind="stable") + 1
             return (self.wanted, *(self.names[k] for k in order if self.blind[k] >= BLIND))
@@ -91,13 +91,13 @@ class Identifiability:
 
     @property
     def price(self) -> str:
-        """What it costs in certainty that others are unknown too, in words."""
+        """Inflation of the wanted unknown's uncertainty by the other unknowns, in words."""
         if self.inflation < HARDLY:
-            return f"what is unknown beside the {self.wanted} makes it hardly less certain"
-        return f"what is unknown beside the {self.wanted} makes it {self.inflation:.2g} times less certain"
+            return f"the other unknowns add little to the uncertainty of the {self.wanted}"
+        return f"the other unknowns make the uncertainty of the {self.wanted} {self.inflation:.2g} times larger"
 
     def relative(self, value: float) -> float:
-        """Standard uncertainty of the wanted unknown as a share of its `value`, infinite where it is not seen."""
+        """Relative standard uncertainty of the wanted unknown at this `value`; infinite if it is not identifiable."""
         return float(np.sqrt(self.covariance[0, 0])) / max(abs(value), 1e-300) if self.answerable else float("inf")
 
     def scaled_to(self, uncertainty: float) -> Identifiability:
@@ -108,11 +108,14 @@ class Identifiability:
         return replace(self, covariance=self.covariance * (uncertainty**2 / variance))
 
     def combination(self, values: Mapping[str, float]) -> str:
-        """What the wanted unknown trades with, in words: a clause without a full stop. `values` of the unknowns."""
+        """Correlations of the wanted unknown, in words: a clause without a full stop. `values` of the unknowns."""
         together = [words_of(name) for name in self.together]
         if len(together) == 1:
-            return f"{together[0]} stands alone" if self.answerable else f"{together[0]} does not show"
-        text = f"{', '.join(together[:-1])} and {together[-1]} move together"
+            correlated = (
+                "is not correlated with the other parameters" if self.answerable else "has no effect on the rows"
+            )
+            return f"{together[0]} {correlated}"
+        text = f"{', '.join(together[:-1])} and {together[-1]} are correlated"
         if not self.answerable:
             return text
         moves = self.covariance[0] / np.sqrt(self.covariance[0, 0])
@@ -121,14 +124,14 @@ class Identifiability:
             k, value = self.names.index(name), values.get(name, 0.0)
             unit = self.units[k]
             sizes.append(percent(moves[k] / value, sign=True) if value else number(moves[k], unit, 2))
-        return f"{text} ({' with '.join(sizes)} is one standard uncertainty)"
+        return f"{text} (by one standard uncertainty, they change together by {' and '.join(sizes)})"
 
 
 def examine(names: Sequence[str], units: Sequence[str], columns: Array, noise: float = 1.0) -> Identifiability:
-    """Judge linear equations: columns (rows, unknowns), and the standard deviation of one row's error.
+    """Identifiability by linear equations: columns (rows, unknowns), and the standard deviation of one row's error.
 
-    The first unknown is the one that is wanted. The errors of rows are independent: give rows divided by their errors
-    where these differ, and the information matrix to `examine_information` where they are correlated.
+    The first unknown is the wanted one. The errors of rows are independent: give rows divided by their errors where
+    these differ, and the information matrix to `examine_information` where they are correlated.
     """
     sizes = np.linalg.norm(columns, axis=0)
     scale = np.where(sizes > 0, sizes, 1.0)
@@ -150,9 +153,9 @@ def examine(names: Sequence[str], units: Sequence[str], columns: Array, noise: f
 
 
 def examine_information(names: Sequence[str], units: Sequence[str], information: Array) -> Identifiability:
-    """Judge an information matrix (unknowns, unknowns): the inverse of the covariance of the unknowns.
+    """Identifiability by an information matrix (unknowns, unknowns): the inverse of the covariance of the unknowns.
 
-    It holds the square of the columns, so directions below 1e-8 of the largest drown in rounding and count as unseen.
+    It contains squares of the columns, so directions below 1e-8 of the largest are rounding and not identifiable.
     """
     diagonal = np.sqrt(np.maximum(np.diag(information), 0.0))
     scale = np.where(diagonal > 0, diagonal, 1.0)
@@ -169,7 +172,7 @@ def second_frequency(frequency: float, natural: float) -> float:
 
 
 def advice(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> str:
-    """What to do for the wanted unknown; frequency: the motion's main one (rad/s), natural: the free swing's."""
+    """How to make the wanted unknown identifiable; frequency: the motion's (rad/s), natural: the free swing's."""
     others = [name for name in seen.together if name in TERMS and TERMS[name].is_conservative]
     if others and "inertia" in seen.together:
         return advice_on_gravity(frequency, natural, [TERMS[name].key or name for name in others])
@@ -179,14 +182,14 @@ def advice(seen: Identifiability, frequency: float | None = None, natural: float
 def advice_on_gravity(
     frequency: float | None = None, natural: float = 0.0, keys: Sequence[str] = ("axis.gravity_torque",)
 ) -> str:
-    """How to separate the inertia from torques of the angle, stated under `keys`: gravity, springs, cogging."""
+    """How to distinguish the inertia from torques of the angle, stated under `keys`: gravity, springs, cogging."""
     such = "" if frequency is None else f", such as {second_frequency(frequency, natural):g} rad/s"
     more = " and a second amplitude" if len(keys) > 1 else ""
     return f"add a second frequency{such}{more}, or give {' or '.join(keys)}"
 
 
 def require_seen(seen: Identifiability, frequency: float | None = None, natural: float = 0.0) -> None:
-    """Raise NotIdentifiableError where a direction that moves the wanted unknown is not seen at all."""
+    """Raise NotIdentifiableError where the wanted unknown is not identifiable."""
     if seen.answerable:
         return
     raise NotIdentifiableError(

@@ -1,22 +1,23 @@
 """What rig.toml declares as uncertain, each as a perturbation of the rows of the balance.
 
-A constant that is off by δ changes every row by ρ δ; the linear fit passes that on as K ρ δ. This gives the
-sensitivity of every identified parameter to every declared imperfection, without a second fit (GUM, type B).
+An error δ of a constant changes every row by ρ δ and the estimate of a linear fit by K ρ δ. That gives the sensitivity
+coefficient of every parameter to every declared imperfection without a second fit (type B, GUM 5.1.3).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from swingid.balance.rows import Rows, Signals, shifted
 from swingid.model.rig import Rig
-from swingid.model.rig.sensors import Sensor
 from swingid.model.terms import rig_terms, stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
+from swingid.preparation.encoders import Channel, Encoders
+from swingid.uncertainty.budget import Declared, stated
 from swingid.units import Quantity
 
 
@@ -24,8 +25,8 @@ from swingid.units import Quantity
 class Imperfection:
     """A declared uncertainty: standard deviation, its effect ρ on the rows per unit, and on J1 directly per unit.
 
-    shared_id names the physical constant. calibrates: whether a fit may find the value in the data. constant: whether
-    it is a constant of the model, not an imperfection of a sensor.
+    shared_id: the physical quantity. calibrates: whether it is an unknown of the fit with its declared value as prior.
+    constant: whether it is a constant of the model, not an error of a sensor.
     """
 
     source: str
@@ -36,9 +37,34 @@ class Imperfection:
     calibrates: bool = False
     constant: bool = False
 
+    def on(self, slopes: Array) -> Declared:
+        """For the budget; slopes (n,): change per unit of the parameters, the inertia of the whole axis first."""
+        of_parameters = np.append(slopes[:1] + self.direct, slopes[1:])
+        return Declared(stated(self.source, self.shared_id), self.std, of_parameters, self.constant)
+
+
+def of_sensor(
+    encoders: Encoders, channel: Channel, kind: str, rows: Array, *, calibrates: bool = False
+) -> Imperfection:
+    """A declared imperfection of an encoder with its effect on the rows per unit; kind: "cosine", "sine", "latency"."""
+    sensor, prefix = (encoders.angle, "sensors") if channel == "angle" else (encoders.wheel, "sensors.wheel")
+    if kind == "latency":
+        return Imperfection(f"{channel} latency", sensor.latency.std or 0.0, rows, 0.0, f"{prefix}.latency", calibrates)
+    source, shared_id = f"{channel} encoder nonlinearity ({kind})", f"{prefix}.nonlinearity.{kind}"
+    return Imperfection(source, sensor.parts[kind].std or 0.0, rows, 0.0, shared_id, calibrates)
+
+
+def propagated(found: Iterable[Imperfection], influence: Array, weights: Array | None = None) -> list[Declared]:
+    """Effects of imperfections on parameters, of which the inertia is the first (GUM 5.1.3).
+
+    influence (n, rows): of the fit; weights (m, n): of the parameters on its unknowns, where these are not the same.
+    """
+    slopes = ((item, influence @ item.rows) for item in found)
+    return [item.on(own if weights is None else weights @ own) for item, own in slopes]
+
 
 def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> list[Imperfection]:
-    """All uncertainties that the rig declares and that these rows feel, always in the same order.
+    """All uncertainties that the rig declares and that these rows depend on, always in the same order.
 
     a11, b: inertia of the axis and gravity torque, as known or as identified.
     """
@@ -52,7 +78,7 @@ def sensitivities(rig: Rig, rows: Rows, influence: Array) -> dict[str, float]:
 
 
 def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
-    """The constants of row (I), exact ones (std 0) too."""
+    """The constants of equation (I), exact ones (std 0) too."""
 
     def known(key: str, quantity: Quantity, effect: Array, direct: float) -> Imperfection:
         return Imperfection(key, quantity.std or 0.0, effect, direct, key, constant=True)
@@ -81,24 +107,20 @@ def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
 def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
     """Once-per-turn nonlinearity, measured = q + α cos q + β sin q, on each encoder.
 
-    What the rig file states of it was found in data, maybe in these, and is passed on: to find it again would count
-    them twice. Fitted at the joint estimate and passed on, a11 has the variance of the joint fit.
+    Values stated in the rig file were estimated from data, maybe from these, so their uncertainty is propagated and
+    they are not fitted again: the data would count twice. So a11 has the variance of the joint fit.
     """
-    axis, wheel = signals.encoders.angle, signals.encoders.wheel
-    if axis.nonlinearity:
-        yield from _bent(axis, axis_bends(signals, rows, a11, b), "angle", "sensors.nonlinearity")
-    if wheel.nonlinearity and rig.drive.kind == "reaction-wheel":
-        yield from _bent(wheel, wheel_bends(signals, rows, rig.drive.a12), "wheel", "sensors.wheel.nonlinearity")
-
-
-def _bent(sensor: Sensor, bends: dict[str, Array], which: str, key: str) -> Iterator[Imperfection]:
-    for name, effect in bends.items():
-        std, free = sensor.parts[name].std or 0.0, name not in sensor.calibrated
-        yield Imperfection(f"{which} encoder nonlinearity ({name})", std, effect, 0.0, f"{key}.{name}", free)
+    encoders, driven = signals.encoders, rig.drive.kind == "reaction-wheel"
+    axis = axis_bends(signals, rows, a11, b) if encoders.angle.nonlinearity else {}
+    wheel = wheel_bends(signals, rows, rig.drive.a12) if encoders.wheel.nonlinearity and driven else {}
+    for name, effect in axis.items():
+        yield of_sensor(encoders, "angle", name, effect, calibrates=name not in encoders.angle.calibrated)
+    for name, effect in wheel.items():
+        yield of_sensor(encoders, "wheel", name, effect, calibrates=name not in encoders.wheel.calibrated)
 
 
 def axis_bends(signals: Signals, rows: Rows, a11: float, b: float) -> dict[str, Array]:
-    """Effect on the rows of α = 1 ("cosine") and of β = 1 ("sine") of the axis' encoder; none on a linear axis."""
+    """Effect on the rows of α = 1 ("cosine") and of β = 1 ("sine") of the axis' encoder; {} for a linear axis."""
     if signals.linear:
         return {}
     cosine, sine = signals.cosine, signals.sine
@@ -114,7 +136,7 @@ def axis_bends(signals: Signals, rows: Rows, a11: float, b: float) -> dict[str, 
 
 
 def wheel_bends(signals: Signals, rows: Rows, a12: float) -> dict[str, Array]:
-    """The same of the wheel's encoder; none without a wheel."""
+    """The same for the wheel's encoder; {} without a wheel."""
     if signals.wheel is None:
         return {}
     columns = [(np.cos(signals.wheel), 2), (np.sin(signals.wheel), 2)]
@@ -126,16 +148,15 @@ def _latencies(rig: Rig, signals: Signals, rows: Rows) -> Iterator[Imperfection]
     """A channel read δ later than its stamp shows q + q' δ.
 
     Inertia, gravity and friction all come from the angle, so an angle that is late is a drive that is early; a free
-    decay feels nothing of it.
+    decay does not depend on it.
     """
-    std = signals.encoders.angle.latency.std or 0.0
-    wheel = signals.encoders.wheel.latency.std or 0.0
-    if signals.wheel_values is not None and (std > 0 or wheel > 0):
+    encoders = signals.encoders
+    if signals.wheel_values is not None and (encoders.angle.latency.std or encoders.wheel.latency.std):
         effect = late_channel(signals, rows, rig.drive.a12)
-        yield Imperfection("angle latency", std, -effect, 0.0, "sensors.latency", True)
-        yield Imperfection("wheel latency", wheel, effect, 0.0, "sensors.wheel.latency", True)
-    elif signals.torque is not None and std > 0:
-        yield Imperfection("angle latency", std, late_channel(signals, rows, 0.0), 0.0, "sensors.latency", True)
+        yield of_sensor(encoders, "angle", "latency", -effect, calibrates=True)
+        yield of_sensor(encoders, "wheel", "latency", effect, calibrates=True)
+    elif signals.torque is not None and encoders.angle.latency.std:
+        yield of_sensor(encoders, "angle", "latency", late_channel(signals, rows, 0.0), calibrates=True)
 
 
 def late_channel(signals: Signals, rows: Rows, a12: float) -> Array:

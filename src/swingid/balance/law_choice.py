@@ -9,8 +9,17 @@ from functools import cache
 import numpy as np
 
 from swingid.balance.fits import LAG
-from swingid.balance.friction_laws import DIRECTIONS, LAWS, STRIBECK_SHARES, law_terms
-from swingid.balance.friction_rows import EXACT, FrictionRows, law_weights, places_of, slope_weights
+from swingid.balance.friction_laws import (
+    DIRECTIONS,
+    EXACT,
+    LAWS,
+    STRIBECK_SHARES,
+    FrictionRows,
+    law_terms,
+    law_weights,
+    places_of,
+    slope_weights,
+)
 from swingid.numerics.arrays import Array, Ints, median
 from swingid.numerics.compiled import njit
 from swingid.numerics.regression import gram, symmetric_inverse
@@ -33,9 +42,9 @@ class Trial:
 class LawChoice:
     """All laws on the Gram matrix of [body | friction columns | known side]; `trials` by name.
 
-    slowest: Stribeck speed below which the log shows no peak; by default no law with a peak is tried. odd_only: only
-    the odd part is wanted, so every law has all terms of the direction.
-    The dependence on the direction is settled by the laws without Stribeck's peak, which does not touch it.
+    slowest: Stribeck speed below which a peak is not identifiable; by default no law with a peak is tried. odd_only:
+    only the odd part is used, so every law has all terms of the direction.
+    The dependence on the direction is chosen among the laws without Stribeck's peak, which does not affect it.
     """
 
     def __init__(
@@ -70,16 +79,16 @@ class LawChoice:
 
     @property
     def weights(self) -> dict[str, float]:
-        """How likely each law is by its criterion; they sum to 1."""
+        """Posterior probability of each law by its criterion; they sum to 1."""
         likely = {name: float(np.exp(-score / 2)) for name, score in self.scores.items()}
         total = sum(likely.values())
         return {name: value / total for name, value in likely.items()}
 
     def beside(self, weights: Array, more: Array) -> tuple[float, Array, Array]:
-        """What a law with these weights on the friction columns leaves, and what columns of `more` weights could of it.
+        """Residuals of a law with these weights on the friction columns, and their products with further columns.
 
-        Returns the sum of squares that is left, and the products of the columns, free of law and body, with each other
-        and with what is left.
+        more: weights of the further columns. Returns the sum of squared residuals, and the products of the further
+        columns, with law and body projected out, with each other and with the residuals.
         """
         body = np.eye(self.body, self.body + len(weights))
         law = np.vstack([np.hstack([np.zeros((weights.shape[1], self.body)), weights.T]), body])
@@ -117,9 +126,9 @@ class LawChoice:
 
 
 def slowest_peak(motion: Motion, noise: float) -> float:
-    """Stribeck speed below which no peak is told; noise: standard deviation of one sample of the angle.
+    """Stribeck speed below which a peak is not identifiable; noise: standard deviation of one sample of the angle.
 
-    A peak that passes while the angle moves less than its noise cannot be told from an error of the angle.
+    A peak that passes while the angle moves less than its noise is not distinguishable from an error of the angle.
     """
     acceleration = median(np.abs(motion.speed.acceleration(motion.turning_times)))
     return float(np.sqrt(acceleration * noise))
@@ -182,7 +191,7 @@ def _lost(gram: Array, body: int, weights: Array) -> tuple[float, Array, Array]:
     """
     values, inverse, explained = _solved(gram, body, weights)
     power = gram[-1, -1]
-    # less than the rounding of the power cannot be told
+    # less than the rounding of the power is not resolved
     return max(power - explained, 1e-15 * power, 1e-300), values, inverse
 
 

@@ -1,8 +1,8 @@
-"""Row (II), the motor's balance, on test functions: a second opinion on what the wheel angle is.
+"""Equation (II), the motor's balance, on modulating functions: an independent check of the reading of the wheel angle.
 
 a12 ∫φ'' q1 + a22 ∫φ'' q2 = N ∫φ (M(u, q2') − f2 N q2' − f3 sgn q2')
 
-While the wheel rests, friction is any torque up to f3, and the balance is told only to within that.
+While the wheel rests, friction is any torque up to f3, and the balance is determined only to within that.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from swingid.format import left
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
 from swingid.numerics.arrays import Array, Bools
-from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import CURVATURE_POWER, project
@@ -31,35 +30,35 @@ if TYPE_CHECKING:
 
 
 SLOW = 4.0
-"""Standard deviations of the wheel's speed below which it cannot be told from rest."""
+"""Standard deviations of the wheel's speed below which it is not distinguishable from rest."""
 
 RESTLESS = 0.05
-"""Windows whose rest leaves more than this share of the typical row open tell nothing of the motor."""
+"""Share of the typical row that friction at rest may be in a window that determines the motor's constants."""
 
 FEWEST_ROWS = 12
 
 SWINGS = 16
-"""The first swings of a log, on which the balance is weighed: no check of a reading needs more."""
+"""Swings at the start of a log that are used: no check of a reading needs more."""
 
 GOOD = 0.05
-"""Relative residual below which nobody asks whether the voltage is turned."""
+"""Relative residual below which the sign of the voltage is not checked."""
 
 FINE = 0.005
-"""Relative residual below which nobody asks whether the voltage was held."""
+"""Relative residual below which it is not checked whether the voltage was held."""
 
 HELD = 0.4
-"""Share of the residual that the voltage read the other way between the rows may leave to be believed. One that is a
-row late leaves half when it is read as measured."""
+"""Share of the residual up to which the other reading of the voltage between the rows is accepted. For a voltage that
+is a row late, reading it as measured gives half."""
 
 
 @dataclass(frozen=True)
 class MotorBalance:
-    """Relative residuals of row (II): wheel angle as stated, wheel angle read the other way, voltage turned
-    (infinite where it was not asked), and voltage between the rows read the other way (likewise): held is as stated.
+    """Relative residuals of equation (II): wheel angle as stated, wheel angle read the other way, voltage reversed
+    (infinite where not evaluated), and voltage between the rows read the other way (likewise): held is as stated.
 
-    refitted, refitted_otherwise: the first two with the motor's strength c1 and friction f2, f3 left free, so that
-    constants that are off do not speak for either reading; None where too few windows tell. rests: share of the time in
-    which the wheel cannot be told from rest.
+    refitted, refitted_otherwise: the first two with the motor's strength c1 and friction f2, f3 fitted, so that errors
+    of these constants do not favour either reading; None with too few windows that determine them. rests: share of the
+    time in which the wheel is not distinguishable from rest.
     """
 
     as_stated: float
@@ -72,14 +71,14 @@ class MotorBalance:
     held: bool = True
     held_otherwise: float = np.inf
 
-    def hold_doubt(self, *, harm: str) -> list[Message]:
-        """One message where the voltage between the rows is not what drive_held says; harm: what that does."""
+    def hold_warning(self, *, harm: str) -> list[Message]:
+        """One message where the voltage between the rows is not as drive_held states; harm: the effect of that."""
         if self.held_otherwise > HELD * self.as_stated:
             return []
         held, measured = "held from each row to the next", "measured at each row"
         stated, other = (held, measured) if self.held else (measured, held)
         text = (
-            f"the voltage is not {stated}: the motor's balance leaves {left(self.as_stated)} so, and "
+            f"the voltage is not {stated}: the residual of the motor's balance is {left(self.as_stated)}, and "
             f"{left(self.held_otherwise)} with it {other}; set drive_held = {str(not self.held).lower()} under [log], "
             "unless the angles are read half a row late or early"
         )
@@ -88,10 +87,10 @@ class MotorBalance:
 
 @dataclass(frozen=True)
 class _Reading:
-    """Row (II) under one reading of the channels, one value per window.
+    """Equation (II) under one reading of the channels, one value per window.
 
-    inertial: left side; driven: right side, friction at rest taken as 0; open: what it may be at rest, ±. free:
-    derivatives of the right side for c1 (relative), f2 and f3 (windows, 3).
+    inertial: left side; driven: right side, with friction at rest 0; open: bound of friction at rest, ±. free:
+    derivatives of the right side by c1 (relative), f2 and f3 (windows, 3).
     """
 
     inertial: Array
@@ -100,17 +99,17 @@ class _Reading:
     free: Array
 
     def residual(self, expected: float) -> float:
-        """What is left, relative to the left side; `expected`: mean square that noise leaves by itself."""
+        """Residual relative to the left side; `expected`: mean square of it by noise alone."""
         left = np.maximum(np.abs(self.inertial - self.driven) - self.open, 0.0)
         unexplained = max(float(np.mean(left**2)) - 2 * expected, 0.0)
         return float(np.sqrt(unexplained / self._power))
 
-    def refitted(self, tells: Bools, expected: float) -> float:
-        """What is left with c1, f2 and f3 free, of the windows that tell; noise included.
+    def refitted(self, used: Bools, expected: float) -> float:
+        """Relative residual with c1, f2 and f3 fitted on the windows `used`; noise included.
 
-        At least what noise may leave (`expected` as above): few windows that noise alone moves tell no reading apart.
+        At least that by noise (`expected` as above): few windows with noise only do not distinguish the readings.
         """
-        missing, free = (self.inertial - self.driven)[tells], self.free[tells]
+        missing, free = (self.inertial - self.driven)[used], self.free[used]
         free = free / np.maximum(np.sqrt(np.mean(free**2, axis=0)), 1e-300)
         left = missing - free @ np.linalg.lstsq(free, missing, rcond=1e-10)[0]
         return float(np.sqrt(max(float(np.mean(left**2)), 2 * expected) / self._power))
@@ -123,37 +122,20 @@ class _Reading:
 def motor_torque(motor: Motor, voltage: Array, wheel_speed: Array) -> Array:
     """M of (8), corrected: the motor's torque on its shaft after the dead zone, N m."""
     low, high = motor.dead_zone
-    constants = (motor.efficiency.value, motor.torque_per_volt.value, motor.back_emf.value, low, high)
-    return _after_dead_zone(voltage.ravel(), wheel_speed.ravel(), *constants).reshape(wheel_speed.shape)
-
-
-@njit
-def _after_dead_zone(
-    voltage: Array, rate: Array, efficiency: float, per_volt: float, back_emf: float, low: float, high: float
-) -> Array:
-    result = np.empty(len(voltage))
-    for k in range(len(voltage)):
-        ideal = efficiency * (per_volt * voltage[k] - back_emf * rate[k])
-        result[k] = max(ideal - high, 0.0) + min(ideal - low, 0.0)
+    ideal = motor.efficiency.value * (motor.torque_per_volt.value * voltage - motor.back_emf.value * wheel_speed)
+    result: Array = np.maximum(ideal - high, 0.0) + np.minimum(ideal - low, 0.0)
     return result
 
 
 def motor_drag(motor: Motor, wheel_speed: Array) -> Array:
     """f2 N q2' + f3 sgn q2' on the rotor, N m."""
-    slope, coulomb = motor.viscous.value * motor.gear_ratio.value, motor.coulomb.value
-    return _drag(wheel_speed.ravel(), slope, coulomb).reshape(wheel_speed.shape)
-
-
-@njit
-def _drag(rate: Array, slope: float, coulomb: float) -> Array:
-    result = np.empty(len(rate))
-    for k in range(len(rate)):
-        result[k] = slope * rate[k] + coulomb * np.sign(rate[k])
+    slope = motor.viscous.value * motor.gear_ratio.value
+    result: Array = slope * wheel_speed + motor.coulomb.value * np.sign(wheel_speed)
     return result
 
 
 def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, noise: Noise) -> MotorBalance | None:
-    """Residuals of row (II) on `windows` over the first swings; None without voltage or motor constants."""
+    """Residuals of equation (II) on `windows` over the first swings; None without voltage or motor constants."""
     motor, wheel = rig.drive.motor, signals.wheel
     if motor is None or wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
         return None
@@ -163,7 +145,7 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     windows = windows.select(windows.centres + windows.half <= nodes.time[-1])
     assert signals.wheel_values is not None
     speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
-    # the dead zone bends, so the torque is taken row by row, held in between, and only then gathered into blocks
+    # the dead zone is not linear, so the torque is computed row by row, held in between, and then gathered into blocks
     middles, late = (stamps[1:] + stamps[:-1]) / 2, signals.encoders.angle.latency.value
     wheel_speed, voltage = speed.at(middles), _voltage(log, late, middles, held=log.drive_held)
     is_relative = rig.log.wheel_angle_is == "relative"
@@ -177,11 +159,11 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     angle, turn = part[:, 0], part[:, 1]
     stated = _Reading(a12 * angle + a22 * turn, part[:, 2], part[:, 3], part[:, 4:7])
     other = _Reading(a12 * angle + a22 * (turn + sign * angle), part[:, 7], part[:, 8], part[:, 9:12])
-    # what white noise of the angles leaves of row (II) by itself
+    # residual of equation (II) by white noise of the angles alone
     power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
     expected = power * CURVATURE_POWER * float(np.mean(windows.half**-3.0))
-    tells = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
-    enough = int(np.count_nonzero(tells)) >= FEWEST_ROWS
+    used = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
+    enough = int(np.count_nonzero(used)) >= FEWEST_ROWS
 
     def under(voltage: Array) -> float:
         driven = _terms(motor, voltage, wheel_speed, slow)[0]
@@ -189,18 +171,18 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
         return replace(stated, driven=against).residual(expected)
 
     as_stated = stated.residual(expected)
-    # half a row is what both readings differ by, and a latency of it looks alike
+    # the readings differ by half a row, from which a latency of it is not distinguishable
     unsure = max(signals.encoders.angle.latency.std or 0.0, signals.encoders.wheel.latency.std or 0.0)
-    asked = as_stated > FINE and INDICATED * unsure < noise.step / 2
+    checked = as_stated > FINE and INDICATED * unsure < noise.step / 2
     return MotorBalance(
         as_stated=as_stated,
         otherwise=other.residual(expected),
         turned=under(-voltage) if as_stated > GOOD else np.inf,
         held=log.drive_held,
-        held_otherwise=under(_voltage(log, late, middles, held=not log.drive_held)) if asked else np.inf,
+        held_otherwise=under(_voltage(log, late, middles, held=not log.drive_held)) if checked else np.inf,
         is_relative=is_relative,
-        refitted=stated.refitted(tells, expected) if enough else None,
-        refitted_otherwise=other.refitted(tells, expected) if enough else None,
+        refitted=stated.refitted(used, expected) if enough else None,
+        refitted_otherwise=other.refitted(used, expected) if enough else None,
         rests=float(np.mean(np.abs(wheel_speed) < slow)),
     )
 
@@ -217,12 +199,12 @@ def _voltage(log: Recording, late: float, middles: Array, *, held: bool) -> Arra
 
 
 def _slow(speed: Speed, more: float) -> float:
-    """Speed in rad/s that cannot be told from rest; `more`: standard deviation of a speed that is added."""
+    """Speed in rad/s not distinguishable from rest; `more`: standard deviation of a speed that is added."""
     return SLOW * float(np.hypot(speed.noise, more))
 
 
 def _terms(motor: Motor, voltage: Array, rate: Array, slow: float) -> tuple[Array, ...]:
-    """Between the rows: right side of (II), what friction at rest may add to it, and its derivatives for c1, f2, f3."""
+    """Between the rows: right side of (II), bound of friction at rest, and derivatives of the side by c1, f2, f3."""
     gear, coulomb = motor.gear_ratio.value, motor.coulomb.value
     rests = (np.abs(rate) < slow).astype(np.float64)
     direction: Array = np.sign(rate) * (1.0 - rests)

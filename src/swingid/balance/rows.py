@@ -1,6 +1,6 @@
-"""The balance of terms on test functions: row (I) of the model, or its form for direct drive and free decay.
+"""The balance of terms on modulating functions φ: equation (I), or its form for direct drive and free decay.
 
-    a11 ∫φ'' q1 + b ∫φ sin q1 + ∫φ F = −a12 ∫φ'' q2    (reaction wheel; THEORY: the momentum projection)
+    a11 ∫φ'' q1 + b ∫φ sin q1 + ∫φ F = −a12 ∫φ'' q2    (reaction wheel; THEORY: momentum on modulating functions)
     a11 ∫φ'' q1 + b ∫φ sin q1 + ∫φ F = ∫φ τ            (direct drive)
     a11 ∫φ'' q1 + ∫φ F = −b ∫φ sin q1                  (free decay)
 
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -30,18 +31,18 @@ BLOCK = 1 / 8
 """Length of the blocks of rows, of the time in which the quickest turn of the motion passes."""
 
 FEWEST_BLOCKS = 4
-"""Blocks that half a window holds, at least."""
+"""Blocks in half a window, at least."""
 
 COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness", "slopes")
 """Properties of `Signals` that depend neither on the turning points nor on what is declared of the encoders."""
 
 FINE = 1 / 6
-"""Length of the blocks on which the friction near rest is seen, of those of the signals."""
+"""Length of the blocks that resolve the friction near rest, of those of the signals."""
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Test functions: centres and half-lengths in s."""
+    """Supports of the modulating functions (test functions): centres and half-lengths in s."""
 
     centres: Array
     half: Array
@@ -60,14 +61,14 @@ class Windows:
 
     @cached_property
     def loudness(self) -> Array:
-        """By what white noise enters ∫φ'' of each window: half^(−3/2)."""
+        """Factor of white noise in ∫φ'' of each window: half^(−3/2)."""
         result: Array = 1.0 / (self.half * np.sqrt(self.half))
         return result
 
 
 @dataclass(frozen=True)
 class Signals:
-    """What the balance is made of, at the Gauss nodes of blocks of rows; computed once for all windows."""
+    """The signals of the balance at the Gauss nodes of blocks of rows; computed once for all windows."""
 
     nodes: BlockNodes
     angle: Array
@@ -112,16 +113,16 @@ class Signals:
         """The same signals with every turning point `late` seconds earlier (one value each)."""
         motion = self.motion.earlier(late)
         edges, directions = motion.directions(self.nodes.time[0], self.nodes.time[-1])
-        changed = replace(self, motion=motion, edges=edges, directions=directions)
-        # what does not depend on the turning points is computed once
-        for name in COMPUTED:
-            changed.__dict__[name] = getattr(self, name)
-        return changed
+        return self._changed(motion=motion, edges=edges, directions=directions)
 
     def declaring(self, encoders: Encoders) -> Signals:
         """The same signals, of encoders of which other uncertainties are declared."""
-        changed = replace(self, encoders=encoders)
-        changed.__dict__.update({name: value for name, value in self.__dict__.items() if name in COMPUTED})
+        return self._changed(encoders=encoders)
+
+    def _changed(self, **changes: Any) -> Signals:
+        """The same signals with other fields, on which COMPUTED does not depend: that is computed once."""
+        changed = replace(self, **changes)
+        changed.__dict__.update({name: getattr(self, name) for name in COMPUTED})
         return changed
 
     @cached_property
@@ -138,7 +139,7 @@ class Signals:
 
     @cached_property
     def wheel_rate(self) -> Array | None:
-        """Speed of the wheel as its angle shows it, at the nodes."""
+        """Speed of the wheel from its angle, at the nodes."""
         if self.wheel_values is None or self.wheel_slopes is None:
             return None
         return self.nodes.cubics(self.wheel_values, self.wheel_slopes, derivative=1)
@@ -172,16 +173,16 @@ class Signals:
 
     @cached_property
     def kept(self) -> dict[tuple[str, float], Array]:
-        """What was computed of the angle and the speed once and is needed again, by name and number."""
+        """Results that depend on angle and speed only and are needed again, by name and number."""
         return {}
 
     def grid_errors(self, resolution: float) -> Array:
         """Errors of the angle on grids of this step shifted by eighths of it, times the nodes' weights: (8, nodes)."""
         key = ("grid errors", resolution)
         if key not in self.kept:
-            # at the instants of the rows: where their rate is near a multiple of the motion's, errors come again;
-            # and smoothed over many steps, for an angle that keeps to the grid at every turn errs alike there; what
-            # that takes off the motion is smoothed and added (Tukey's twicing)
+            # at the instants of the rows: where their rate is near a multiple of the motion's, errors repeat; and
+            # smoothed over many steps, for the rounding of the measured angle is what repeats at every turn; the
+            # motion that smoothing removes is smoothed and added (Tukey's twicing)
             stamps, width = self.nodes.stamps, 0.75 * self.motion.speed.half_width
             once = speed_on_grid(stamps, self.angle_values, 0.0, width, 1.5).angle_at(stamps)
             rows = once + speed_on_grid(stamps, self.angle_values - once, 0.0, width, 1.5).angle_at(stamps)
@@ -260,21 +261,14 @@ class Rows:
 
     def select(self, keep: Bools) -> Rows:
         """The rows where `keep` is true."""
-        return Rows(
-            self.windows.select(keep),
-            self.inertia[keep],
-            self.gravity[keep],
-            self.wheel[keep],
-            self.torque[keep],
-            {name: column[keep] for name, column in self.friction.items()},
-            self.stiffness,
-            {name: column[keep] for name, column in self.further.items()},
-            self.slopes,
-        )
+        columns = {name: getattr(self, name)[keep] for name in ("inertia", "gravity", "wheel", "torque")}
+        friction = {name: column[keep] for name, column in self.friction.items()}
+        further = {name: column[keep] for name, column in self.further.items()}
+        return replace(self, windows=self.windows.select(keep), friction=friction, further=further, **columns)
 
 
 def rows_of(signals: Signals, windows: Windows) -> Rows:
-    """Project the balance on `windows`, which must lie inside the log."""
+    """Modulated integrals of the balance on `windows`, which must lie inside the log."""
     names, stacked, orders = signals.stacked
     integrals = project_stacked(signals.nodes, stacked, orders, windows.centres, windows.half)
     columns, zero = dict(zip(names, integrals.T, strict=True)), np.zeros(len(windows))
@@ -287,7 +281,7 @@ def rows_of(signals: Signals, windows: Windows) -> Rows:
 
 
 def shifted(name: str) -> str:
-    """Under which a term's column of the derivative by its shift stands."""
+    """Name of the column of a term's derivative by its shift."""
     return name + "'"
 
 
@@ -304,8 +298,8 @@ def smooth_columns(term: RigTerm, angle: Array, speed: Array) -> dict[str, Array
 def _dry(signals: Signals, windows: Windows) -> dict[str, Array]:
     """∫φ g(q1) sgn q1' of the further terms that jump at a reversal.
 
-    The jumps are taken out as steps, which are projected exactly; what is left is smooth to its first derivative, for
-    the speed is 0 there.
+    The jumps are separated as steps, which are integrated exactly; the rest is smooth to its first derivative, for the
+    speed is 0 there.
     """
     found = {}
     for term in signals.further:
@@ -323,7 +317,7 @@ def _dry(signals: Signals, windows: Windows) -> dict[str, Array]:
 
 
 def retimed(rows: Rows, signals: Signals) -> Rows:
-    """The rows with what happens at the turning points as `signals` have them now."""
+    """The rows with their terms at the turning points evaluated for the turning points of `signals`."""
     return replace(
         rows,
         friction=rows.friction | _at_reversals(signals, rows.windows),

@@ -1,8 +1,13 @@
-"""Errors that are alike at every swing, so that no scatter shows them: the encoder's grid, late turning points."""
+"""Uncertainty of the inertia that the scatter of the rows does not contain.
+
+Errors that are equal at every swing: grid phase of the encoder, late turning points. And lack of fit of the friction
+terms: it biases windows of different length and place differently, so estimates of one inertia on such windows are
+compared, and what their uncertainties do not explain is dark uncertainty.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -10,25 +15,31 @@ from swingid.balance.fits import WindowFit
 from swingid.balance.rows import Signals, Windows
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import superpose
-from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
+from swingid.uncertainty.dark import dark_uncertainty
 
 SHIFTS = (np.arange(8) / 8 + 0.5) % 1 - 0.5
 """Of the grid in `Signals.grid_errors`, in steps."""
 
+COMPARABLE = 2.0
+"""Windows of another length with an uncertainty larger by more than this factor are not compared: other errors of
+theirs dominate."""
+
+COMPARED = 0.1
+"""Share of the inertia above which the uncertainty of a kind of windows is too large for a consistency check."""
+
 
 def timing_spread(fit: WindowFit, impulse: float) -> float:
-    """What an impulse of unknown sign at every reversal does to a11, where none is fitted.
+    """Standard uncertainty of a11 by an impulse of unknown sign at every reversal, where none is fitted.
 
-    A turning point that is taken too late by δ is one, of δ times the jump of friction.
+    A turning point that is found δ too late is one, of δ times the jump of friction.
     """
     if "memory" in fit.unknowns:
         return 0.0
     return abs(float(fit.fit.influence[0] @ fit.rows.friction["memory"])) * impulse
 
 
-def angle_weights(signals: Signals, fit: WindowFit, scale: Scale, unknown: str) -> tuple[Array, Array]:
-    """What an error of the angle, and of the wheel's, does to an unknown: per radian and second, at the nodes.
+def angle_weights(signals: Signals, fit: WindowFit, unknown: str) -> tuple[Array, Array]:
+    """Change of an unknown per radian and second of error of the angle, and of the wheel's angle, at the nodes.
 
     Through φ'', and that of the axis through the gravity b sin q1 as well.
     """
@@ -36,37 +47,71 @@ def angle_weights(signals: Signals, fit: WindowFit, scale: Scale, unknown: str) 
     instants = signals.nodes.flat[0]
     curvature = superpose(instants, windows.centres, windows.half, row, 2)
     axis = curvature * fit.a11
-    b = fit.value("gravity_torque") if scale.b is None else scale.b
-    if b and not signals.linear:
-        axis += b * signals.cosine.ravel() * superpose(instants, windows.centres, windows.half, row, 0)
+    if fit.b and not signals.linear:
+        axis += fit.b * signals.cosine.ravel() * superpose(instants, windows.centres, windows.half, row, 0)
     for term in signals.further:
-        pull = scale.known.get(term.name, 0.0) + fit.value(term.name)
+        pull = fit.scale.known.get(term.name, 0.0) + fit.value(term.name)
         slope = term.stiffness(signals.angle).ravel()
         axis += pull * slope * superpose(instants, windows.centres, windows.half, row, 0)
-    return axis, curvature * scale.a12
+    return axis, curvature * fit.scale.a12
 
 
-def grid_spread(signals: Signals, fit: WindowFit, scale: Scale, noise: Noise, unknown: str) -> float:
-    """What the place of the encoder's grid does to an unknown beyond what counts as white noise: a standard deviation.
+def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
+    """Standard uncertainty of an unknown by the grid phase of the encoder beyond what counts as white noise.
 
-    An encoder errs alike wherever the same angle comes again, so its error does not average out over the swings as
-    white noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step, and with it the
-    zero of the angle, which an encoder cannot tell any better.
+    An encoder has the same error wherever the same angle comes again, so its error does not average out over the swings
+    as white noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step, and with it the
+    zero of the angle, which is known no better than the step.
     """
-    if noise.resolution == 0.0:
+    resolution = fit.noise.resolution
+    if resolution == 0.0:
         return 0.0
-    weights = angle_weights(signals, fit, scale, unknown)[0]
-    shifts = noise.resolution * SHIFTS * float(signals.nodes.flat[1] @ weights)
-    effects = signals.grid_errors(noise.resolution) @ weights + shifts
-    white = noise.resolution**2 / 12 * noise.step * float(signals.nodes.flat[1] @ weights**2)
+    weights = angle_weights(signals, fit, unknown)[0]
+    shifts = resolution * SHIFTS * float(signals.nodes.flat[1] @ weights)
+    effects = signals.grid_errors(resolution) @ weights + shifts
+    white = resolution**2 / 12 * fit.noise.step * float(signals.nodes.flat[1] @ weights**2)
     return float(np.sqrt(max(float(np.mean(effects**2)) - white, 0.0)))
 
 
-def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit, scale: Scale, noise: Noise) -> float:
+def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -> float:
     """Variance of the difference of two fits' a11 by white noise of the same samples."""
-    pairs = zip(*(angle_weights(signals, fit, scale, "inertia") for fit in (one, other)), strict=True)
+    pairs = zip(*(angle_weights(signals, fit, "inertia") for fit in (one, other)), strict=True)
     axis, wheel = [float(signals.nodes.flat[1] @ (mine - theirs) ** 2) for mine, theirs in pairs]
-    return noise.step * (noise.angle**2 * axis + noise.wheel**2 * wheel)
+    return one.noise.step * (one.noise.angle**2 * axis + one.noise.wheel**2 * wheel)
+
+
+def drift_with_length(law: WindowFit, tried: Mapping[float, WindowFit], signals: Signals) -> float:
+    """Standard uncertainty of a11 from its drift with the length of the windows: half to four times that of `law`.
+
+    All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978),
+    or what white noise of the samples gives it, whichever is larger.
+    """
+    worst = 0.0
+    for half, fit in tried.items():
+        if fit is law or not 0.49 < half / law.half < 4.2 or fit.total > COMPARABLE * law.total:
+            continue
+        variance = abs(fit.u**2 - law.u**2)
+        if _unexplained(law, fit, variance) > worst:  # more variance explains no less, and takes a while to compute
+            variance = max(variance, variance_of_difference(signals, law, fit))
+            worst = max(worst, _unexplained(law, fit, variance))
+    return worst
+
+
+def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:
+    """Standard uncertainty of a11 from the difference of another kind of windows beyond both uncertainties."""
+    if other is None or other.total > COMPARED * abs(chosen.a11):
+        return 0.0
+    return _unexplained(chosen, other, other.u**2 + chosen.u**2)
+
+
+def _unexplained(chosen: WindowFit, other: WindowFit, variance: float) -> float:
+    """Dark uncertainty of two estimates whose difference has this variance by their type A.
+
+    A declared imperfection is the same in both, so it explains the difference of its two effects.
+    """
+    pairs = zip(chosen.declared, other.declared, strict=True)
+    variance += sum(float(mine.shifts[0] - theirs.shifts[0]) ** 2 for mine, theirs in pairs)
+    return dark_uncertainty(other.a11 - chosen.a11, variance, chosen.u)
 
 
 def common_instants(windows: Sequence[Windows]) -> Array:
@@ -78,8 +123,8 @@ def common_instants(windows: Sequence[Windows]) -> Array:
 
 
 def noise_weights(windows: Windows, influence: Array, instants: Array) -> Array:
-    """What noise of an angle at each instant does to values whose rows have this `influence` (p, windows).
+    """Change of values whose rows have this `influence` (p, windows) per radian of error of an angle at each instant.
 
-    (p, instants), per radian, but for a factor that all values share: through φ'', beside which gravity hardly counts.
+    (p, instants), but for a factor that all values share: through φ'', beside which gravity is negligible.
     """
     return np.array([superpose(instants, windows.centres, windows.half, row, 2) for row in influence])

@@ -1,4 +1,4 @@
-"""Where test functions stand: three kinds of windows that answer the same question with different assumptions.
+"""Places of the modulating functions: three kinds of windows that give the inertia under different assumptions.
 
 law     windows all over the motion; friction is a small basis fitted beside the inertia
 swing   as law, but each window inside one swing, away from the turning points
@@ -44,7 +44,7 @@ def even_windows(signals: Signals, half: float) -> Windows:
 
 
 def _clear(signals: Signals, windows: Windows) -> Bools:
-    """Whether each window holds enough samples, no rest, no part left out and no gap longer than a quarter of it."""
+    """Whether each window contains enough samples, no rest, no excluded part and no gap longer than a quarter of it."""
     time = signals.nodes.stamps
     clear: Bools = np.ones(len(windows), dtype=bool)
     if 2 * windows.half.min(initial=np.inf) < (FEWEST_SAMPLES + 2) * signals.longest_step:

@@ -2,9 +2,8 @@
 
 Blocks of mirrored nodes, basis of friction, fit and covariance are those of `energy`. The balance holds at any instant,
 so the nodes may be the samples nearest to the mirrored angles: nothing is interpolated. But there the wheel's speed has
-its corners, as the voltage steps: between two samples the wheel turns by the trapezoid of its speeds f, so what is
-smooth through the angles has the slope f + h^2 f''/12, not f. What a single log gets beside it is left out, as in
-`batch.momentum`; `u` is the scatter of the blocks alone.
+its corners, as the voltage steps: between two samples the wheel turns by the trapezoid of its speeds f, so a smooth
+curve through the angles has the slope f + h^2 f''/12, not f. `u` contains the scatter of the blocks alone.
 """
 
 from __future__ import annotations
@@ -13,13 +12,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from swingid.batch.kernels import njit_sums_threads, slopes, smoothing
+from swingid.batch.kernels import least_squares, njit_sums_threads, slopes, smoothing
 from swingid.batch.plan import Batch, Plan, at_stamps, require_batch
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
-from swingid.preparation.encoders import Encoders
 from swingid.preparation.scale import Scale
 from swingid.system import cores
 
@@ -146,31 +144,6 @@ def fill_node(
     row[KNOWN] = sums[0, j] + constants[GRAVITY] * np.cos(q) - kinetic
 
 
-@njit_sums_threads
-def energy_runs(
-    angle: Array,
-    wheel: Array,
-    voltage: Array,
-    step: float,
-    span: tuple[int, int],
-    levels: Array,
-    weights: tuple[Array, Array],
-    constants: Array,
-    result: Array,
-) -> Ints:
-    """`energy_run` for all logs (n, rows), into result (n, blocks, nodes, COLUMNS); returns the blocks of each (n,)."""
-    work = np.empty((7, angle.shape[1]))
-    turns = np.empty(result.shape[1] + 2, np.int64)
-    counts = np.zeros(len(angle), np.int64)
-    for k in range(len(angle)):
-        own_wheel = wheel[k] if len(wheel) > 0 else work[0, :0]
-        own_voltage = voltage[k] if len(wheel) > 0 else work[0, :0]
-        counts[k] = energy_run(
-            angle[k], own_wheel, own_voltage, step, span, levels, weights, constants, work, turns, result[k]
-        )
-    return counts
-
-
 def energy_batch(
     angle: Array,
     wheel_angle: Array | None,
@@ -188,7 +161,7 @@ def energy_batch(
     """
     scale = Scale.of(rig)
     require_batch(rig, scale)
-    encoders = Encoders.of(rig)
+    encoders = plan.encoders(rig)
     if scale.drive == "reaction-wheel" and (wheel_angle is None or voltage is None):
         raise InputError(
             "the energy method needs the wheel angle and the voltage; record them.", code="missing-voltage"
@@ -197,7 +170,7 @@ def energy_batch(
     weights = (smoothing(plan.width, step), smoothing(plan.wheel_width, step))
     span = (round(plan.start * rate), min(angle.shape[1] - 1, round(plan.stop * rate)))
     constants = _constants(rig, scale)
-    nothing = np.empty((0, angle.shape[1]))
+    nothing = np.empty((len(angle), 0))
     wheel = nothing if wheel_angle is None or scale.drive == "none" else wheel_angle
     volts = nothing if voltage is None else voltage
     blocks = plan.turns + plan.turns // 4 + 2
@@ -207,8 +180,13 @@ def energy_batch(
         columns = np.empty((len(angle[own]), blocks, 2 * len(LEVELS) + 1, COLUMNS))
         q1 = at_stamps(angle[own], rate, encoders.angle.latency.value)
         q2 = at_stamps(wheel[own], rate, encoders.wheel.latency.value)
-        counts = energy_runs(q1, q2, volts[own], step, span, LEVELS, weights, constants, columns)
-        return _fitted(columns, counts)
+        work, turns = np.empty((7, angle.shape[1])), np.empty(blocks + 2, np.int64)
+        channels = zip(q1, q2, volts[own], columns, strict=True)
+        counts = [
+            energy_run(one, two, volt, step, span, LEVELS, weights, constants, work, turns, rows)
+            for one, two, volt, rows in channels
+        ]
+        return _fitted(columns, np.array(counts))
 
     with ThreadPoolExecutor(threads or cores()) as pool:
         fits = list(pool.map(part, range(0, len(angle), TOGETHER)))
@@ -237,15 +215,10 @@ def _fitted(columns: Array, counts: Ints) -> tuple[Array, Array]:
     n, blocks = columns.shape[:2]
     within = (columns - columns.mean(axis=2, keepdims=True)).reshape(n, -1, COLUMNS)
     matrix, known = within[:, :, :KNOWN], within[:, :, KNOWN]
-    size = np.linalg.norm(matrix, axis=1, keepdims=True)
-    size[size == 0.0] = 1.0
-    scaled = matrix / size
-    inverse = np.linalg.pinv(scaled.transpose(0, 2, 1) @ scaled, rcond=1e-12, hermitian=True)
-    values = inverse @ (scaled.transpose(0, 2, 1) @ known[:, :, None])
-    weights = (scaled @ inverse[:, :, :1])[:, :, 0] / size[:, :, 0]  # influence of the nodes on a11
-    scores = (weights * (known - (scaled @ values)[:, :, 0])).reshape(n, blocks, -1).sum(axis=2)
+    values, _, scores = least_squares(matrix, known, 1e-12)
+    scores = scores.reshape(n, blocks, -1).sum(axis=2)
     variance = (scores * scores).sum(axis=1) + (scores[:, 1:] * scores[:, :-1]).sum(axis=1)
     variance *= counts / np.maximum(counts - KNOWN, 1)
-    a11 = values[:, 0, 0] / size[:, 0, 0]
+    a11 = values[:, 0]
     a11[counts < FEWEST_BLOCKS], variance[counts < FEWEST_BLOCKS] = np.nan, np.nan
     return a11, variance

@@ -1,10 +1,10 @@
-"""Speeds and projections of logs with one even step: weights once, then sums of products.
+"""Speeds and modulated integrals of logs with one even step: weights once, then sums of products.
 
 With a window's ends on samples, every window has the same weights. The trapezoid rule with the first correction of
 Euler and Maclaurin at the ends, where phi'' has a corner, leaves an error of (step / half-length)^4. Speeds come from
-local cubics, with every reversal in its place: a cubic over both sides of a reversal sees it late where friction makes
-the acceleration jump. One with a kink does not, but is four times as noisy, so only its mean over the log is used (the
-theory is in `balance`'s delays).
+local cubics, with every reversal in its place: a cubic over both sides of a reversal finds it late where the
+acceleration jumps by friction. One with a kink does not, but is four times as noisy, so only its mean over the log is
+used (theory: `balance.delays`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ what is added to that of phi sgn v if all reversals are one standard uncertainty
 
 
 FEWEST = 4
-"""Samples on each side that a cubic with a kink needs."""
+"""Samples on each side that a cubic with a kink requires."""
 
 FARTHEST = 0.25
 """Delay of a reversal, in half-widths, beyond which the axis may rest as well: it is taken as it is found."""
@@ -47,37 +47,63 @@ def window_weights(reach: int, step: float) -> Array:
 
 
 @njit_sums_threads
-def project_run(
-    angle: Array, wheel: Array, first: int, spacing: int, weights: Array, work: Array, result: Array
+def project_runs(
+    angle: Array,
+    wheel: Array,
+    speeds: tuple[Array, Array],
+    first: int,
+    spacing: int,
+    weights: Array,
+    result: Array,
 ) -> None:
-    """Columns (windows, COLUMNS) of one log; windows every `spacing` samples, the first from sample `first` on.
+    """Modulated integrals of all logs (n, rows), rad, into result (n, windows, COLUMNS); wheel (0, rows): no wheel.
 
-    angle, wheel (rows,) (rad). work (4, rows): sin q1, the speed, its sign and what is added to that, as of `signs`.
+    speeds: weights of the speed and of `kinked`. Windows every `spacing` samples, the first from sample `first` on;
+    weights: `window_weights`.
     """
-    width = weights.shape[1]
-    reach = width // 2
-    for j in range(len(angle)):
-        work[0, j] = np.sin(angle[j])
-    total = weights[0].sum()
-    for i in range(len(result)):
-        begin = first + i * spacing
-        q0, w0 = angle[begin + reach], wheel[begin + reach]
-        a = g = w = v = c = q = e = late = 0.0
-        for j in range(width):
-            x = angle[begin + j] - q0
-            test = weights[0, j]
-            a += weights[2, j] * x
-            v -= weights[1, j] * x
-            w += weights[2, j] * (wheel[begin + j] - w0)
-            speed = work[1, begin + j]
-            g += test * work[0, begin + j]
-            c += test * work[2, begin + j]
-            q += test * speed * abs(speed)
-            e += test * abs(speed)
-            late += test * work[3, begin + j]
-        result[i, INERTIA], result[i, GRAVITY], result[i, WHEEL], result[i, VISCOUS] = a, g, w, v
-        result[i, COULOMB], result[i, QUADRATIC], result[i, OFFSET], result[i, EVEN] = c, q, total, e
-        result[i, LATE] = late
+    # sin q1, the speed, its sign and what is added to that, as of `signs`
+    work, still = np.empty((4, angle.shape[1])), np.zeros(angle.shape[1])
+    width, total = weights.shape[1], weights[0].sum()
+    for k in range(len(angle)):
+        q1, q2 = angle[k], wheel[k] if len(wheel) > 0 else still
+        slopes(q1, speeds[0], work[1])
+        signs(q1, work[1], speeds[1], work[2], work[3])
+        for j in range(len(q1)):
+            work[0, j] = np.sin(q1[j])
+        for i in range(result.shape[1]):
+            begin = first + i * spacing
+            q0, w0 = q1[begin + width // 2], q2[begin + width // 2]
+            a = g = w = v = c = q = e = late = 0.0
+            for j in range(width):
+                x = q1[begin + j] - q0
+                test = weights[0, j]
+                a += weights[2, j] * x
+                v -= weights[1, j] * x
+                w += weights[2, j] * (q2[begin + j] - w0)
+                speed = work[1, begin + j]
+                g += test * work[0, begin + j]
+                c += test * work[2, begin + j]
+                q += test * speed * abs(speed)
+                e += test * abs(speed)
+                late += test * work[3, begin + j]
+            row = result[k, i]
+            row[INERTIA], row[GRAVITY], row[WHEEL], row[VISCOUS] = a, g, w, v
+            row[COULOMB], row[QUADRATIC], row[OFFSET], row[EVEN], row[LATE] = c, q, total, e, late
+
+
+def least_squares(matrix: Array, known: Array, rcond: float) -> tuple[Array, Array, Array]:
+    """Values (n, p), influence (n, rows) on the first of them, and its scores (influence times residual), of n fits.
+
+    matrix (n, rows, p), known (n, rows); rcond: of the normal equations, with columns scaled to unit length.
+    """
+    size = np.linalg.norm(matrix, axis=1, keepdims=True)
+    size[size == 0.0] = 1.0
+    scaled = matrix / size
+    inverse = np.linalg.pinv(scaled.transpose(0, 2, 1) @ scaled, rcond=rcond, hermitian=True)
+    values = inverse @ (scaled.transpose(0, 2, 1) @ known[:, :, None])
+    influence = (scaled @ inverse[:, :, :1])[:, :, 0] / size[:, :, 0]
+    scores = influence * (known - (scaled @ values)[:, :, 0])
+    return values[:, :, 0] / size[:, 0], influence, scores
 
 
 def smoothing(half_width: float, step: float) -> Array:

@@ -1,4 +1,4 @@
-"""What is chosen once for many logs, from a few of them, and what an estimator gives back for all."""
+"""The plan for many logs, chosen once from a few of them, and the result of an estimator for all."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from swingid.errors import InputError
 from swingid.methods.momentum.method import momentum
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.encoders import Encoders, moved
+from swingid.preparation.encoders import LATENCY, Encoders, is_off, moved
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.prepared import prepare
 from swingid.preparation.scale import Scale, refuse_terms
@@ -25,8 +25,9 @@ class Plan:
     """What is chosen once for all logs.
 
     start, stop: the part used, s from the first row. half: half-length of the windows of momentum (s). width,
-    wheel_width: half-widths of the local cubics that give the energy method its speeds (s). turns: turning points to
-    expect. noise, wheel_noise: standard deviations of one sample (rad).
+    wheel_width: half-widths of the local cubics that give the energy method its speeds (s). turns: expected number of
+    turning points. noise, wheel_noise: standard deviations of one sample (rad). latency: whether known latencies are
+    corrected; not where that is switched off for the logs.
     """
 
     start: float
@@ -37,15 +38,20 @@ class Plan:
     turns: int
     noise: float
     wheel_noise: float
+    latency: bool = True
+
+    def encoders(self, rig: Rig) -> Encoders:
+        """Encoders with the latencies that are to be corrected."""
+        return Encoders.of(rig) if self.latency else Encoders.of(rig).on_time()
 
 
 @dataclass(frozen=True)
 class Batch:
     """Estimates of n logs: inertia J1 (n,) (kg m^2) with its standard uncertainty of type A `u` (n,).
 
-    Terms of friction are fitted with it to free it of them, and are not given: on a periodic motion they are nearly
-    one another's sums, and what an encoder's zero, its steps and a smoothed speed do to each is not in their scatter.
-    Who wants friction takes `identify`.
+    Terms of friction are fitted beside it, and are not given: on a periodic motion they are nearly collinear, and the
+    effects of an encoder's zero and resolution and of a smoothed speed on each are not in their scatter. For friction
+    use `identify`.
     """
 
     inertia: Array
@@ -56,8 +62,13 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
     """The plan for logs like these few, from what `momentum` and `energy` choose for each.
 
     The part common to all, the median length of windows and the narrowest smoothing, whose bias grows with the fourth
-    power of its width: give logs that differ as those to come will. Errors as `momentum`.
+    power of its width: give logs that differ as the others will. Errors as `momentum`; InputError where the correction
+    of latencies is switched off for some of the logs only.
     """
+    switched_off = [is_off(log, LATENCY) for log in logs]
+    if any(switched_off) and not all(switched_off):
+        text = 'the correction "latency" is switched off for some of the logs; switch it off for all or for none.'
+        raise InputError(text, code="not-for-batches")
     noises = [channel_noise(log, rig) for log in logs]
     details: list[Details] = []
     widths, wheel_widths = [], []
@@ -78,11 +89,12 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
         turns=max(len(found.turning_times) for found in details),
         noise=float(np.median([noise.angle for noise in noises])),
         wheel_noise=float(np.median([noise.wheel for noise in noises])),
+        latency=not any(switched_off),
     )
 
 
 def require_batch(rig: Rig, scale: Scale) -> None:
-    """Raise InputError for what the estimators of many logs cannot do; UnanswerableError for terms beyond them."""
+    """Raise InputError for rigs that the estimators of many logs exclude; UnanswerableError for terms beyond them."""
     refuse_terms(rig, "many logs at once")
     if scale.drive == "direct" or scale.b is None or scale.linear:
         raise InputError(
@@ -93,7 +105,7 @@ def require_batch(rig: Rig, scale: Scale) -> None:
     encoders = Encoders.of(rig)
     if any(part.value for sensor in (encoders.angle, encoders.wheel) for part in sensor.parts.values()):
         raise InputError(
-            f"rig {rig.name}: many logs at once are taken as read, but sensors states a nonlinearity; "
+            f"rig {rig.name}: many logs at once are not corrected, but sensors states a nonlinearity; "
             "identify these logs one by one.",
             code="not-for-batches",
         )
@@ -101,7 +113,7 @@ def require_batch(rig: Rig, scale: Scale) -> None:
 
 def at_stamps(values: Array, rate: float, late: float) -> Array:
     """A channel of many logs (n, rows) that was read `late` seconds after its stamps, at the stamps."""
-    if late == 0.0 or len(values) == 0:
+    if late == 0.0 or values.size == 0:
         return values
     time = np.arange(values.shape[1]) / rate
     return np.stack([moved(time, row, late) for row in values])

@@ -1,4 +1,6 @@
-"""Consistency of an answer with equations (I) and (II) on test functions, for methods that use speeds or the motor."""
+"""Consistency of an estimate with equations (I) and (II) on modulating functions, for methods that use speeds or the
+motor.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +12,9 @@ from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.motor import MotorBalance, motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.checks.answer import BAD_MOTOR, CLEARLY, Fault, check_answer, check_motor, check_sign
-from swingid.checks.gravity import check_gravity
-from swingid.checks.zero import check_zero
+from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, wrong_sign
+from swingid.checks.stated import check_gravity, check_zero
 from swingid.errors import InputError, UnanswerableError
-from swingid.format import left
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import median, quantile
 from swingid.preparation.encoders import Encoders
@@ -33,18 +33,18 @@ CLOSE = 0.003
 """Relative difference to the momentum balance that is not worth a warning."""
 
 SATURATED = 0.6
-"""Share of the rows with the voltage at its limits from which on what its jumps do to the energy is seen."""
+"""Share of rows with the voltage at its limits from which on the effect of its jumps on the energy is significant."""
 
 FEWEST_PER_SWING = 10
-"""Rows per swing below which smoothed speeds are per cents off, and the interval does not know of it."""
+"""Rows per swing below which the bias of smoothed speeds is some per cent, which the interval does not contain."""
 
 SWINGS = 12
-"""Swings enough to see a wrong sign or a bad motor."""
+"""Swings from which a wrong sign or wrong motor constants are detected."""
 
 
 @dataclass(frozen=True)
 class Consistency:
-    """Equations (I) and (II) on test functions, which show a wrong sign or a bad motor better than energies do.
+    """Equations (I) and (II) on modulating functions, more sensitive to signs and motor constants than energies are.
 
     gravity: warnings where the balance contradicts the stated gravity torque, see `check_gravity`.
     """
@@ -77,18 +77,13 @@ def consistency_check(
     where = log.source.path or "the log"
     if fit is None:
         return Consistency(signals, None, None)
-    check_sign(fit, scale, where)
+    check_sign(fit, where)
     balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
-    if balance is not None and balance.turned < CLEARLY * balance.as_stated and balance.turned < 2 * BAD_MOTOR:
-        raise InputError(
-            f"{where}: voltage has the wrong sign (the motor's balance leaves {left(balance.as_stated)}, with the "
-            f"sign turned {left(balance.turned)}); set voltage_sign = -1 under [log], or +1 if it is -1 already.",
-            code="wrong-sign",
-        )
+    if balance is not None and (reversed_sign := wrong_sign(balance)):
+        text = f"{where}: voltage has {reversed_sign}; set voltage_sign = -1 under [log], or +1 if it is -1 already."
+        raise InputError(text, code="wrong-sign")
     others = () if shorter is None else (shorter,)
-    return Consistency(
-        signals, fit, balance, tuple(check_gravity(fit, others, signals, rig, scale, noise, least=CLOSE))
-    )
+    return Consistency(signals, fit, balance, tuple(check_gravity(fit, others, signals, rig, least=CLOSE)))
 
 
 def check_energy(
@@ -107,8 +102,8 @@ def check_energy(
     per_swing = motion.half_period / median(np.diff(consistency.signals.nodes.stamps))
     if per_swing < FEWEST_PER_SWING:
         raise UnanswerableError(
-            f"the log has {per_swing:.1f} rows per swing, too few to tell speeds, on which energy stands; log at least "
-            f"{FEWEST_PER_SWING}, or use the momentum method.",
+            f"the log has {per_swing:.1f} rows per swing, too few for speeds, on which the energy depends; log at "
+            f"least {FEWEST_PER_SWING}, or use the momentum method.",
             code="slow-rows",
         )
     if inertia.value <= 0:
@@ -122,43 +117,45 @@ def check_energy(
     only_resonance = False
     if consistency.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        checked = check_answer(answer.parameters, answer.budget, consistency.windows, scale, amplitude)
-        apart = [] if compared is None else _against_momentum(inertia, compared, consistency.windows, scale)
-        warnings += checked.warnings + apart
+        checked = check_answer(answer.parameters, answer.budget, consistency.windows, amplitude)
+        differs = [] if compared is None else _against_momentum(inertia, compared, consistency.windows)
+        warnings += checked.warnings + differs
         notes += [checked.identifiability, *checked.notes]
-        warnings += check_zero(consistency.windows, consistency.signals, scale, inertia.standard_uncertainty)
-        only_resonance = checked.near_resonance and not apart
+        warnings += check_zero(consistency.windows, consistency.signals, inertia.standard_uncertainty)
+        only_resonance = checked.near_resonance and not differs
     motor = check_motor(consistency.balance, consistency.signals, uses_motor=True)
     notes += motor.notes
     if scale.drive == "reaction-wheel":
-        notes.append(_leaning_on_motor(rig, sensitivities, inertia))
+        notes.append(motor_sensitivities(rig, sensitivities, inertia))
         warnings += motor.held
-        # near resonance what (II) leaves is due to that, or the wheel rests part of the time, where it shows nothing
+        # near resonance that is the cause of the residual of (II), or the wheel rests part of the time
         if not (motor.fault is Fault.CONSTANTS and only_resonance):
             warnings += motor.warnings
     return warnings, notes
 
 
-def differs_from_momentum(value: float, uncertainty: float, windows: WindowFit, scale: Scale) -> bool:
+def differs_from_momentum(value: float, uncertainty: float, windows: WindowFit) -> bool:
     """Whether an inertia differs from the momentum balance of a few swings by more than the uncertainties explain."""
-    gap = abs(value - (windows.a11 - scale.carried))
+    gap = abs(value - windows.inertia)
     return bool(gap >= max(INDICATED * np.hypot(uncertainty, windows.u), CLOSE * abs(value)))
 
 
-def _against_momentum(inertia: Parameter, compared: float, windows: WindowFit, scale: Scale) -> list[Message]:
+def _against_momentum(inertia: Parameter, compared: float, windows: WindowFit) -> list[Message]:
     """A warning where the momentum balance of a few swings gives another inertia than the uncertainties explain."""
-    if not differs_from_momentum(inertia.value, compared, windows, scale):
+    if not differs_from_momentum(inertia.value, compared, windows):
         return []
-    difference = inertia.value / (windows.a11 - scale.carried) - 1
-    cause = "motor constants that are off" if scale.drive == "reaction-wheel" else "friction that is not of speed alone"
+    difference = inertia.value / windows.inertia - 1
+    wheel = windows.scale.drive == "reaction-wheel"
+    cause = "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
     text = (
         f"this inertia is {abs(difference):.1%} {'more' if difference > 0 else 'less'} than the momentum balance of "
-        f"the same swings gives; the likely cause is {cause}, and the momentum method leans less on that."
+        f"the same swings gives; the likely cause is {cause}, on which the momentum method depends less."
     )
     return [Message("disagrees-with-momentum", text)]
 
 
-def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:
+def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:
+    """A note on the relative change of the inertia per 1 % of each constant of motor and wheel."""
     assert rig.drive.motor is not None
     assert rig.drive.wheel is not None
     motor = rig.drive.motor
@@ -169,12 +166,12 @@ def _leaning_on_motor(rig: Rig, sensitivities: dict[str, float], inertia: Parame
         "drive.motor.gear_ratio": motor.gear_ratio.value,
     }
     moves = [f"{key} by {sensitivities[key] * value / inertia.value:+.2g} %" for key, value in shares.items()]
-    text = f"1 % more of a constant moves this inertia: {', '.join(moves)}; momentum needs no motor constant."
+    text = f"1 % more of a constant changes this inertia: {', '.join(moves)}; momentum needs no motor constant."
     return Message("leans-on-the-motor", text)
 
 
 def check_saturation(used: Recording, rig: Rig) -> list[Message]:
-    """A warning where the voltage mostly stands at its limits: it is known there, but it jumps from one to the other.
+    """A warning where the voltage is mostly saturated: it is known there, but it jumps from one limit to the other.
 
     At a jump the wheel's acceleration jumps too, which a smoothed speed does not follow. `momentum` needs no speed.
     """

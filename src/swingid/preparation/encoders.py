@@ -1,12 +1,12 @@
-"""What is known of the encoders, and what of it is taken off: decided here once, for every method.
+"""Known errors of the encoders, and which of them are corrected: decided here once, for methods, streams and batches.
 
-A known nonlinearity is taken off the readings here. A known latency is not, for what is late depends on the clock that
-a method takes: `Encoders` holds the latency that is to be taken off, 0 where that is switched off.
+A known nonlinearity is corrected in the readings here. A known latency is not, for it depends on the clock that a
+method uses: `Encoders` contains the latency that is to be corrected, 0 where its correction is switched off.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -32,22 +32,22 @@ ROUNDS = 8
 EXACT = 1e-15
 
 FIRST_ORDER = float(np.radians(0.2))
-"""Nonlinearity (rad) up to which its effect on the balance is linear: with 0.5° intervals cover too little."""
+"""Nonlinearity (rad) up to which its effect on the balance is linear: with 0.5° the coverage is too low."""
 
 
 @dataclass(frozen=True)
 class Correction:
-    """A known error of a channel, or rows that are left out, and who says so.
+    """A known error of a channel, or excluded rows, and its origin.
 
     channel: "angle", "wheel" or "rows". kind: "latency" (s), "nonlinearity_cosine", "nonlinearity_sine" (rad), "push"
-    (its torque; None where it is not known any more) from `start` to `stop` (s). std: standard uncertainty, None: exact
-    or not known. origin: "stated" in the rig file, "found" in the log, or "switched off": known, but not taken off.
+    (its torque; None where it is not known any more) from `start` to `stop` (s). standard_uncertainty: None where exact
+    or not known. origin: "stated" in the rig file, "found" in the log, or "switched off": known, but not corrected.
     """
 
     channel: Literal["angle", "wheel", "rows"]
     kind: Literal["latency", "nonlinearity_cosine", "nonlinearity_sine", "push"]
     value: float | None
-    std: float | None
+    standard_uncertainty: float | None
     unit: str
     origin: Origin
     start: float | None = None
@@ -55,28 +55,22 @@ class Correction:
 
     def as_dict(self) -> dict[str, object]:
         """Plain data for the provenance of a result."""
-        found: dict[str, object] = {
-            "channel": self.channel,
-            "kind": self.kind,
-            "value": self.value,
-            "standard_uncertainty": self.std,
-            "unit": self.unit,
-            "origin": self.origin,
-        }
-        return found if self.start is None else found | {"start": self.start, "stop": self.stop}
+        spanned = self.start is not None
+        return {name: value for name, value in asdict(self).items() if spanned or name not in ("start", "stop")}
 
 
 @dataclass(frozen=True)
 class Encoders:
-    """The encoders of a prepared log: what is still to be taken off (latency) and what stays uncertain."""
+    """The encoders of a prepared log: latencies that are still to be corrected, and declared uncertainties."""
 
     angle: Sensor
     wheel: Sensor
 
     @classmethod
-    def of(cls, rig: Rig) -> Encoders:
-        """As the rig file declares them."""
-        return cls(rig.sensors.of("angle"), rig.sensors.of("wheel"))
+    def of(cls, rig: Rig, log: Recording | None = None) -> Encoders:
+        """As the rig file declares them; latencies 0 where their correction is switched off for `log`."""
+        declared = cls(rig.sensors.of("angle"), rig.sensors.of("wheel"))
+        return declared.on_time() if log is not None and is_off(log, LATENCY) else declared
 
     def with_latency(self, channel: Channel, value: float, std: float | None) -> Encoders:
         """The same with another latency (s) of one channel."""
@@ -84,18 +78,18 @@ class Encoders:
         return replace(self, **{channel: changed})
 
     def on_time(self) -> Encoders:
-        """The same without latencies, as after they were taken off; their uncertainty stays."""
+        """The same without latencies, as after their correction; their uncertainty stays."""
         angle = self.with_latency("angle", 0.0, self.angle.latency.std)
         return angle.with_latency("wheel", 0.0, self.wheel.latency.std)
 
 
 def corrected(log: Recording, rig: Rig) -> tuple[Recording, Encoders, tuple[Correction, ...]]:
-    """The log with known nonlinearities taken off, its encoders, and what was decided of each known error.
+    """The log with known nonlinearities corrected, its encoders, and the decision on each known error.
 
-    Notes in the findings of the log say so. What was done before is not done again.
+    With notes in the findings of the log. A correction that was made before is not repeated.
     """
-    encoders = Encoders.of(rig)
-    log, encoders, late = _latencies(log, rig, encoders)
+    encoders = Encoders.of(rig, log)
+    log, late = _latencies(log, rig)
     by_log = any(one.repair == "calibrate" and one.code != "repair-off" for one in log.findings)
     origin: Origin = "switched off" if is_off(log, REPAIR) else "found" if by_log else "stated"
     channels: list[tuple[Channel, Sensor]] = [("angle", encoders.angle)]
@@ -115,60 +109,57 @@ def is_off(log: Recording, repair: str) -> bool:
     return any(one.code == "repair-off" and one.repair == repair for one in log.findings)
 
 
-def _latencies(log: Recording, rig: Rig, encoders: Encoders) -> tuple[Recording, Encoders, list[Correction]]:
-    """A note of the known latencies; the encoders with those that are to be taken off.
-
-    Where the repair is switched off they are 0, and their uncertainty stays. In a free decay nothing feels a latency.
-    """
-    channels: dict[Channel, Sensor] = {"angle": encoders.angle}
+def _latencies(log: Recording, rig: Rig) -> tuple[Recording, list[Correction]]:
+    """The log with a note of the known latencies, and the decision on each. A free decay does not depend on them."""
+    channels: dict[Channel, Sensor] = {"angle": rig.sensors.of("angle")}
     if log.wheel_angle is not None and rig.drive.kind == "reaction-wheel":
-        channels["wheel"] = encoders.wheel
+        channels["wheel"] = rig.sensors.of("wheel")
     late = {name: sensor.latency for name, sensor in channels.items() if sensor.latency.value}
     if rig.drive.kind == "none" or not late:
-        return log, encoders, []
+        return log, []
     off = is_off(log, LATENCY)
     words = {"angle": "angle", "wheel": "wheel's angle"}
     shown = " and ".join(f"{1e3 * one.value:.4g} ms of the {words[name]}" for name, one in late.items())
-    text = f"the known latency, {shown}, was not taken off." if off else f"the known latency was taken off: {shown}."
+    text = f"the known latency, {shown}, was not corrected." if off else f"the known latency was corrected: {shown}."
     found = Finding(LATENCY_LEFT, text, "note") if off else Finding(LATENCY, text, "note", LATENCY)
     if found not in log.findings:
         log = replace(log, findings=(*log.findings, found))
     origin: Origin = "switched off" if off else "stated"
     corrections = [Correction(name, "latency", one.value, one.std, "s", origin) for name, one in late.items()]
-    return log, encoders.on_time() if off else encoders, corrections
+    return log, corrections
 
 
 def straightened(log: Recording, encoders: Encoders, *, rotary: bool) -> Recording:
-    """The log with the nonlinearity taken off that is known of its encoders, with a note of it.
+    """The log with the known nonlinearity of its encoders corrected, with a note of it.
 
     Unchanged where none is known, where it was done before, and where the repair "encoders" is switched off. A warning
     where a large one of a rotary axis' encoder is declared without values.
     """
     if any(finding.repair == REPAIR or finding.code == UNKNOWN for finding in log.findings):
         return log
-    angle, wheel, said = log.angle, log.wheel_angle, []
+    angle, wheel, sizes = log.angle, log.wheel_angle, []
     axis, other = encoders.angle, encoders.wheel
     if axis.cosine.value or axis.sine.value:
         angle = true_angles(angle, axis.cosine.value, axis.sine.value)
-        said.append(f"{_size(axis)} of the angle's")
+        sizes.append(f"{_size(axis)} of the angle's")
     if wheel is not None and (other.cosine.value or other.sine.value):
         wheel = true_angles(wheel, other.cosine.value, other.sine.value)
-        said.append(f"{_size(other)} of the wheel's")
+        sizes.append(f"{_size(other)} of the wheel's")
     unknown = _unknown(axis) if rotary else []
-    if not said:
+    if not sizes:
         return replace(log, findings=(*log.findings, *unknown)) if unknown else log
-    text = f"the encoders' known nonlinearity was taken off: {' and '.join(said)} once per turn."
+    text = f"the encoders' known nonlinearity was corrected: {' and '.join(sizes)} once per turn."
     found = (*log.findings, Finding("encoders", text, "note", REPAIR), *unknown)
     return replace(log, angle=angle, wheel_angle=wheel, findings=found)
 
 
 def _unknown(sensor: Sensor) -> list[Finding]:
-    """A warning for the axis' encoder of a large nonlinearity, of whose values none was found."""
+    """A warning for a large nonlinearity of the axis' encoder that is declared without values."""
     if sensor.calibrated or sensor.nonlinearity <= FIRST_ORDER * (1 + 1e-9):
         return []
     text = (
         f"the rig file declares {np.degrees(sensor.nonlinearity):.2g}° of nonlinearity of the angle's encoder without "
-        f"values; methods take that to first order, which serves up to {np.degrees(FIRST_ORDER):.2g}°, so find them "
+        f"values; methods use it to first order, which is valid up to {np.degrees(FIRST_ORDER):.2g}°, so estimate them "
         "with swingid calibrate --encoders."
     )
     return [Finding(UNKNOWN, text, "warning", kind=Kind.ENCODER_NONLINEARITY)]

@@ -1,7 +1,4 @@
-"""The motion as the angles show it: turning points, swings, and the part worth using.
-
-Nothing here knows the reference or the controller; everything is found in the measured angle.
-"""
+"""The motion by the measured angle alone: speed, turning points, swings, rests; without reference or controller."""
 
 from __future__ import annotations
 
@@ -19,7 +16,7 @@ from swingid.preparation.speed import NARROWEST, Speed, smooth_speed, typical_st
 FEWEST_ROWS = 20
 
 DIFFERENCES = 10_000
-"""Rows of seven samples, all over a signal, on which its noise is looked at: they tell it to 1 %."""
+"""Sixth differences, all over a signal, from which its noise is estimated, to 1 %."""
 
 SMALLEST_SWING = 0.02
 """A swing below this share of the largest one is noise or rest, not a swing."""
@@ -30,8 +27,8 @@ class Motion:
     """Speed, and the turning points between swings of some size: instants (s), angles, +1 upper / −1 lower.
 
     `rests` (k, 2): begin and end of the intervals in which the axis stands still longer than a reversal takes.
-    `reach`: half-width (s) of the local cubics that the turning points are read off. `ripples`: instants (s) of the
-    other reversals, around swings that are larger than the noise but too small to be called so.
+    `reach`: half-width (s) of the local cubics that give the turning points. `ripples`: instants (s) of the other
+    reversals, around swings that are larger than the noise but smaller than `SMALLEST_SWING`.
     """
 
     speed: Speed
@@ -56,14 +53,14 @@ class Motion:
     def quickest(self) -> float:
         """Time (s) in which the quickest turn of the motion passes: its speed through its acceleration; 1/ω of a sine.
 
-        The acceleration is that which a hundredth of the grid exceeds.
+        The acceleration is its quantile 0.99 over the grid.
         """
         grid, speed = self.speed.grid, self.speed.speed
         acceleration = quantile(np.abs(np.diff(speed) / np.diff(grid)), 0.99)
         return float(np.max(np.abs(speed))) / max(acceleration, 1e-300)
 
     def reread(self, time: Array, angle: Array, reach: float) -> Motion:
-        """The same motion with its turning points read off cubics over ±`reach` s, from samples of the whole log."""
+        """The same motion with its turning points from cubics over ±`reach` s, by samples of the whole log."""
         reach = max(reach, NARROWEST * typical_step(time))
         times, angles = _refined(time, angle, self.speed, self.turning_times, reach)
         return replace(self, turning_times=times, turning_angles=angles, reach=reach)
@@ -83,7 +80,7 @@ class Motion:
     def directions(self, start: float, stop: float) -> tuple[Array, Array]:
         """Edges (s) of swings and ripples from `start` to `stop`, and the signs of the speed, for `project_steps`.
 
-        Intervals of rest carry 0: what friction does there is not told by the speed.
+        Intervals of rest have 0: friction at rest is not determined by the speed.
         """
         edges = np.concatenate([[start], np.sort(np.concatenate([self.turning_times, self.ripples])), [stop]])
         if len(self.sides):
@@ -171,7 +168,7 @@ def _inner(extremes: Ints, count: int) -> Ints:
 def _refined(time: Array, angle: Array, speed: Speed, instants: Array, reach: float) -> tuple[Array, Array]:
     """Turning points by one Newton step on a cubic over ±`reach`, and the angles there.
 
-    A jump of the acceleration there delays them (`momentum/delays.py`).
+    A jump of the acceleration there delays them (`balance/delays.py`).
     """
     acceleration = speed.acceleration(instants)
     fitted = local_cubic(time, angle, instants, reach)

@@ -1,4 +1,4 @@
-"""What the channels of a log are worth: noise, step and grid, as declared or as seen."""
+"""Noise, sample step and resolution of the channels of a log, as declared or as estimated."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ class Noise:
 
 
 def channel_noise(log: Recording, rig: Rig) -> Noise:
-    """Noise and grid of the channels: what the rig declares or what the samples show, whichever is more.
+    """Noise and grid of the channels: declared by the rig or estimated from the samples, whichever is larger.
 
-    Where each row is the mean of n rows of the log, the white noise that the rig declares is less by √n, and a grid of
-    which a mean shows an n-th is n times as wide.
+    Where each row is the mean of n rows of the log, the declared white noise is smaller by √n, and a grid found in the
+    means is n times as wide in the rows.
     """
     levels, grids = [], []
     rows = log.averaged
@@ -52,7 +52,7 @@ def channel_noise(log: Recording, rig: Rig) -> Noise:
 def uneven_noise(time: Array, values: Array) -> float:
     """Standard deviation of white noise in a smooth signal at uneven stamps, from divided differences (robust).
 
-    Plain differences, as in `sample_noise`, would take the unevenness of the stamps for noise.
+    Plain differences, as in `sample_noise`, would include the unevenness of the stamps.
     """
     if len(values) < 20:
         return 0.0

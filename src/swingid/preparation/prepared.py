@@ -1,7 +1,7 @@
-"""The stage between a Recording and every method: what was decided of a log, applied once, and listed in the result.
+"""The stage between a Recording and every method: what is corrected and excluded, once, and listed in the result.
 
-Rows while a push acts are left out, known errors of the encoders are taken off, the rig's constants checked; then the
-part to use with its motion. What no method needs is not computed.
+Rows while a push acts are excluded, known errors of the encoders are corrected, the rig's constants checked; then the
+part to use with its motion.
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ from swingid.uncertainty.budget import Evaluated
 
 @dataclass(frozen=True)
 class Part:
-    """The rows that a method uses and their motion; noise of one sample.
+    """The rows that a method uses and their motion; noise of one sample; rig and scale as in `Prepared`.
 
     start, stop: as chosen (s), at most a row beyond the first and last row; note: how. encoders: latencies that are
-    still to be taken off `log`, and what stays uncertain.
+    still to be corrected in `log`, and declared uncertainties.
     """
 
+    rig: Rig
+    scale: Scale
     log: Recording
     motion: Motion
     start: float
@@ -47,7 +49,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A log as methods read it: encoders corrected as `corrections` say, rows of pushes left out, at its own stamps.
+    """A log as methods read it: encoders corrected as in `corrections`, rows of pushes excluded, at its own stamps.
 
     one_of_several: whether other logs of the same body may determine what this one does not.
     """
@@ -76,8 +78,8 @@ class Prepared:
         """The part to use: the steady motion of a driven axis, or the free decay.
 
         whole: all of the log instead, few: also with too few turning points to choose a part. reread: turning points
-        read off narrow cubics. at_stamps: latencies are taken off the angles here, for methods that read them beside
-        the drive. noise: another than that of the channels. Raises UnanswerableError without motion or with too few
+        read off narrow cubics. at_stamps: latencies are corrected in the angles, for methods that use them beside the
+        drive. noise: another than that of the channels. Raises UnanswerableError without motion or with too few
         turning points.
         """
         noise = noise or self.noise
@@ -92,7 +94,8 @@ class Prepared:
         motion = found.within(float(used.time[0]), float(used.time[-1]))
         if reread and len(motion.turning_times):
             motion = motion.reread(log.time, log.angle, found.speed.half_width)
-        return Part(used, motion, start, stop, note, noise, self.encoders.on_time() if at_stamps else self.encoders)
+        encoders = self.encoders.on_time() if at_stamps else self.encoders
+        return Part(self.rig, self.scale, used, motion, start, stop, note, noise, encoders)
 
     def result(
         self,
@@ -108,7 +111,7 @@ class Prepared:
         more: dict[str, object] | None = None,
         covariance: dict[str, dict[str, float]] | None = None,
     ) -> Result:
-        """The result of a method on this log; findings of its reading and decisions of its preparation are added.
+        """The result of a method on this log, with the findings of its reading and the corrections of its preparation.
 
         found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
         """
@@ -135,10 +138,10 @@ class Prepared:
 
 
 def prepare(log: Recording, rig: Rig, *, unbroken: bool = False, one_of_several: bool = False) -> Prepared:
-    """Decide what is taken off a log and left out of it, and do it.
+    """Decide what is corrected in a log and excluded from it, and do it.
 
-    unbroken: the longest run of rows without a part left out, for methods that go on from row to row. Raises InputError
-    where the log lacks what the rig's drive needs, UnanswerableError where nothing sets the scale.
+    unbroken: the longest run of rows without an excluded part, for methods that proceed from row to row. Raises
+    InputError where the log lacks what the rig's drive needs, UnanswerableError without a scale reference.
     """
     log, encoders, corrections = corrected(log, rig)
     log, pushes = push_decided(log, rig)

@@ -1,8 +1,8 @@
-"""A hand's push, or a bump: a torque on the axis from outside, found in the balance of a driven log and left out.
+"""External disturbance torques (pushes) on the axis, as of a hand: found in the balance of a driven log and excluded.
 
-Row (I) holds at any motion, so the transient that a push leaves behind is as good as the rest; only while the torque
-acts do the rows say something else. A push is what the balance leaves once: what friction, wrong constants, latency or
-encoders do comes again with every swing and is none. See `quick_balance` for what is fitted.
+Equation (I) holds for any motion, so the transient after a push is as good as the rest; only while the torque acts is
+it violated. A push is a residual of the balance that occurs once: those by friction, wrong constants, latency or
+encoders repeat with every swing. See `quick_balance` for the regressors.
 """
 
 from __future__ import annotations
@@ -29,41 +29,41 @@ SCATTERS = 8.0
 """Robust standard deviations of the windows that a push exceeds."""
 
 NOISES = 4.0
-"""Times the noise of the sensors that it exceeds, for windows so short hold few grains of a coarse encoder."""
+"""Times the noise of the sensors that it exceeds, for windows so short span few steps of a coarse encoder."""
 
 SHARE = 0.01
-"""Of the largest drive or gravity that it exceeds: constants and laws are no better."""
+"""Of the largest drive or gravity that it exceeds: the error of constants and laws."""
 
 SWINGS = 4.0
-"""Times the worst window of a swing, on two thirds of the swings, that it exceeds: that comes with every swing."""
+"""Times the worst window of a swing, on two thirds of the swings, that it exceeds: that repeats with every swing."""
 
 FRICTION, AT_REST = 0.4, 1.5
-"""Of the friction that it exceeds, in motion and near a reversal: friction of no known law may do as much once."""
+"""Of the friction that it exceeds, in motion and near a reversal: lack of fit of the friction may be as large once."""
 
 MOST = 6
-"""Pushes beyond which it is something else that the balance does not describe."""
+"""Number of pushes above which the residuals have another cause."""
 
 MOST_TIME = 0.25
 """Share of the log that pushes may take."""
 
 BLUNT = 0.05
-"""Share of the largest drive or gravity: where a push may be as large and not be seen, there may be more of them."""
+"""Share of the largest drive or gravity: a push of that size is not detected, and there may be more of them."""
 
 BLIND = 0.15
-"""The same: where so large a push would not be seen, those that are seen are the least of it and stay in."""
+"""The same, from which on the pushes found are a small part of all, and are not excluded."""
 
 LEAST = 0.25
-"""Of the time of a swing that is left out at least, so that the gap is none that methods bridge."""
+"""Of the time of a swing that is excluded at least, so that methods do not interpolate over the gap."""
 
 OTHER = ("jumps", "spikes-left", "push", LEFT_IN)
-"""Findings of a log that is not searched: readings that are wrong look alike, or it was done before."""
+"""Findings of a log that is not searched: wrong readings are not distinguishable from pushes, or it was done before."""
 
 
 @dataclass(frozen=True)
 class Push:
-    """From when to when (s) a torque from outside acts, and its largest mean over a window (N m or N, signed).
+    """Start and stop (s) of a disturbance torque, and its largest mean over a window (N m or N, signed).
 
-    unseen: a push so large, as a share of the largest drive or gravity, would not have been seen at that place.
+    unseen: the largest push, as a share of the largest drive or gravity, that is not detected at that place.
     """
 
     start: float
@@ -78,10 +78,10 @@ def without_pushes(log: Recording, rig: Rig) -> Recording:
 
 
 def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]]:
-    """The log without the rows while a push acts, with a note among its findings, and each push with what was decided.
+    """The log without the rows while a push acts, with a note among its findings, and the decision on each push.
 
-    Where the repair "push" is switched off, where most pushes would not be seen, and where there are too many to be
-    pushes, the rows stay, and a warning says what was seen. Unchanged where there is none and where it was done before.
+    Where the repair "push" is switched off, where most pushes are not detectable, and where there are too many to be
+    pushes, the rows stay, with a warning. Unchanged where there is none and where it was done before.
     """
     if any(finding.code in OTHER for finding in log.findings):
         return log, tuple(Correction("rows", "push", None, None, unit(rig), "found", *span) for span in log.left_out)
@@ -90,16 +90,18 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
         return log, ()
     left = _reason_to_leave(pushes, log)
     if left:
-        found = Finding(LEFT_IN, f"{_told(pushes, unit(rig))}{left}", "warning")
+        found = Finding(LEFT_IN, f"{_listed(pushes, unit(rig))}{left}", "warning")
         return replace(log, findings=(*log.findings, found)), _corrections(pushes, rig, "switched off")
     acts = np.zeros(len(log), dtype=bool)
     for one in pushes:
         acts |= (log.time >= one.start) & (log.time <= one.stop)
     unseen = max(one.unseen for one in pushes)
-    message = f"{_told(pushes, unit(rig))}; {np.count_nonzero(acts)} of {len(log)} rows were left out, those after it "
+    message = (
+        f"{_listed(pushes, unit(rig))}; {np.count_nonzero(acts)} of {len(log)} rows were excluded, those after it "
+    )
     message += "were used"
     if unseen > BLUNT:
-        message += f"; {_gentler(unseen)}, so rather take a part without pushes (--part FROM:TO)"
+        message += f"; {_smaller(unseen)}, so rather use a part without pushes (--part FROM:TO)"
     found = Finding(REPAIR, f"{message}.", "warning" if unseen > BLUNT else "note", REPAIR)
     kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
     spans = np.array([(one.start, one.stop) for one in pushes])
@@ -107,24 +109,24 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
 
 
 def _reason_to_leave(pushes: list[Push], log: Recording) -> str:
-    """Why the rows stay in, in words that follow the list of pushes; none where they are left out."""
+    """Why the rows stay, as a clause after the list of pushes; empty where they are excluded."""
     unseen = max(one.unseen for one in pushes)
     lost = sum(one.stop - one.start for one in pushes)
     if is_off(log, REPAIR):
-        return "; these rows were used all the same, as wanted, and spoil the balance."
+        return "; these rows were used, as this repair is switched off, and bias the balance."
     if len(pushes) > MOST or lost > MOST_TIME * log.duration:
         return (
-            f"; {len(pushes)} times, {percent(lost / log.duration)} of the log, is more than is left out (at most "
-            f"{MOST} times and {percent(MOST_TIME)}), so nothing was: take a part without "
+            f"; {len(pushes)} times, {percent(lost / log.duration)} of the log, is more than is excluded (at most "
+            f"{MOST} times and {percent(MOST_TIME)}), so nothing was: use a part without "
             "pushes (--part FROM:TO), and check the constants and channels of the rig."
         )
     if unseen > BLIND:
-        return f"; {_gentler(unseen)}, so nothing was left out: take a part without pushes (--part FROM:TO)."
+        return f"; {_smaller(unseen)}, so nothing was excluded: use a part without pushes (--part FROM:TO)."
     return ""
 
 
-def _gentler(unseen: float) -> str:
-    return f"pushes of less than {percent(unseen)} of the largest torque would not show"
+def _smaller(unseen: float) -> str:
+    return f"pushes of less than {percent(unseen)} of the largest torque are not detectable"
 
 
 def _corrections(pushes: list[Push], rig: Rig, origin: Origin) -> tuple[Correction, ...]:
@@ -137,13 +139,13 @@ def unit(rig: Rig) -> str:
     return "N" if rig.axis.kind == "linear" else "N m"
 
 
-def _told(pushes: list[Push], unit: str) -> str:
-    """When, and how strongly."""
-    said = [f"{one.start:.4g} to {one.stop:.4g} s ({number(one.torque, unit, digits=2)})" for one in pushes[:MOST]]
+def _listed(pushes: list[Push], unit: str) -> str:
+    """Times and torques of the pushes."""
+    parts = [f"{one.start:.4g} to {one.stop:.4g} s ({number(one.torque, unit, digits=2)})" for one in pushes[:MOST]]
     if len(pushes) > MOST:
-        said.append(f"{len(pushes) - MOST} times more")
-    listed = said[0] if len(said) == 1 else f"{', '.join(said[:-1])} and {said[-1]}"
-    return f"a torque from outside acts on the axis, as of a hand, from {listed}"
+        parts.append(f"{len(pushes) - MOST} times more")
+    listed = parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+    return f"an external torque (push) acts on the axis from {listed}"
 
 
 def find_pushes(log: Recording, rig: Rig) -> list[Push]:
@@ -163,7 +165,7 @@ def find_pushes(log: Recording, rig: Rig) -> list[Push]:
 
 
 def _quiet(balance: QuickBalance, least: float) -> Bools:
-    """Windows at which a push ends: with less than this (N m or N) left, or beside a change of sign."""
+    """Windows at which a push ends: with a residual below this (N m or N), or beside a change of sign."""
     quiet: Bools = np.abs(balance.torque) < least
     turns = np.signbit(balance.torque[1:]) != np.signbit(balance.torque[:-1])
     quiet[1:] |= turns
@@ -172,7 +174,7 @@ def _quiet(balance: QuickBalance, least: float) -> Bools:
 
 
 def _sizes(balance: QuickBalance) -> tuple[Array, float, Array]:
-    """What the balance leaves of each window in motion, what it leaves at worst in most swings, and what is no push."""
+    """Residual of each window in motion, its worst value in most swings, and the threshold of a push."""
     moving = balance.usable & ~balance.rests
     size = np.where(moving, np.abs(balance.torque), 0.0)
     usual = _worst_of_swings(balance, size, moving)
@@ -194,7 +196,7 @@ def _worst_of_swings(balance: QuickBalance, size: Array, moving: Bools) -> float
 
 
 def _peaks(found: Ints, size: Array, quiet: Bools) -> list[int]:
-    """The largest window of every run of `found` ones that no quiet one parts."""
+    """The largest window of every run of `found` ones without a quiet one between."""
     runs = np.cumsum(quiet)[found]
     return [int(own[np.argmax(size[own])]) for own in (found[runs == run] for run in np.unique(runs))]
 
@@ -211,7 +213,7 @@ def _around(k: int, balance: QuickBalance, quiet: Bools, unseen: float, log: Rec
 
 
 def _merged(pushes: list[Push], apart: float) -> list[Push]:
-    """Pushes in order; those less than `apart` (s) apart, which no window tells apart, as one."""
+    """Pushes in order; those less than `apart` (s) apart, which windows do not resolve, as one."""
     result: list[Push] = []
     for one in sorted(pushes, key=lambda push: push.start):
         if not result or one.start > result[-1].stop + apart:

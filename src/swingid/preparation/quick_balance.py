@@ -1,10 +1,10 @@
-"""Row (I) on short test functions all over a log, in a few tenths of a millisecond: what no law of the rig explains.
+"""Residuals of equation (I) on short modulating functions all over a log, in a few tenths of a millisecond.
 
     a11 q1'' + b sin q1 + F(q1') = −a12 q2'' (reaction wheel), = τ (direct drive)
 
-The rows are averaged in bins, the balance is taken with φ, φ' and φ'' as weights of bins, and fitted robustly. Beside
-inertia, gravity and friction the fit has columns for what is wrong in the same way all the time: the angle's zero,
-latency, and the encoders' nonlinearity. So it is made to find what happens once, not to find an inertia.
+The rows are averaged in bins, the balance is evaluated with φ, φ' and φ'' as weights of bins, and fitted robustly.
+Beside inertia, gravity and friction the fit has columns for errors that repeat with the motion: the angle's zero,
+latency, and the encoders' nonlinearity. So it finds what happens once, and is no estimator of the inertia.
 """
 
 from __future__ import annotations
@@ -35,39 +35,39 @@ QUIET = 0.003
 FEWEST_WINDOWS = 60
 
 TURNED = 0.2
-"""Second difference over the first, both over the same time, from which on a motion has turned enough to time it."""
+"""Second difference over the first, both over the same time, from which on a motion has turned enough for its pace."""
 
 STEADY = 0.7
-"""Of the frequency told by half the time: from which on it is the motion's, and not that of noise."""
+"""Of the frequency over half the time: from which on it is the motion's, and not that of noise."""
 
 PLACES = 1000
-"""Places all over the log at which its noise and its pace are looked at."""
+"""Places all over the log at which its noise and its pace are estimated."""
 
 PASSES = 5
-"""Times that the fit is weighted anew: first towards least absolute residuals, then without what is far off."""
+"""Reweightings of the fit: first towards least absolute residuals, then without outliers."""
 
 FAR = 6.0
-"""Robust standard deviations beyond which a window has no say in the fit."""
+"""Robust standard deviations beyond which a window is an outlier."""
 
 RESTS = 0.03
-"""Of the largest speed: an axis that is slower over three bins rests, and friction is then whatever holds it."""
+"""Of the largest speed: an axis that is slower over three bins rests, and friction is then any torque that holds it."""
 
 GRAINS = 10.0
-"""Steps of the encoder that the angle passes in half a window, at least: else rounding errs alike all the time."""
+"""Steps of the encoder that the angle passes in half a window, at least: else rounding errors repeat."""
 
 SLOW = 0.15
-"""Of the largest speed: near a reversal, friction is known worse than by its law."""
+"""Of the largest speed: below it, near a reversal, friction may deviate from its law."""
 
 Whole = slice(BINS, -BINS)
 
 
 @dataclass(frozen=True)
 class QuickBalance:
-    """What the balance leaves, one value per window; every bin has one.
+    """Residuals of the balance, one value per window; every bin has one.
 
-    times: middles (s). half: half-length (s). torque: from outside, averaged with φ (N m or N). scatter: its robust
-    standard deviation; noise: what the sensors' noise makes of it. largest: drive or gravity that a hundredth of the
-    windows exceeds. friction: torque that a tenth of them exceeds. usable: no gap in the window; rests, slow: the axis
+    times: middles (s). half: half-length (s). torque: external, averaged with φ (N m or N). scatter: its robust
+    standard deviation; noise: that by the sensors' noise. largest: quantile 0.99 of drive or gravity over the windows.
+    friction: quantile 0.9 of its torque. usable: no gap in the window; rests, slow: the axis
     comes to rest in it or hardly moves, or passes it slowly. turn: 1/ω of the motion (s).
     """
 
@@ -85,10 +85,10 @@ class QuickBalance:
 
 
 def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
-    """The balance of a driven log on short windows; None where it cannot tell: no drive, no motion, too short."""
+    """The balance of a driven log on short windows; None without a drive, without motion and where it is too short."""
     try:
         scale = Scale.of(rig)
-    except UnanswerableError:  # that nothing sets the scale, a method says
+    except UnanswerableError:  # without a scale reference; a method raises it
         return None
     drive = {"reaction-wheel": log.wheel_angle, "direct": log.torque, "none": None}[scale.drive]
     if drive is None or len(log) < FEWEST_WINDOWS:
@@ -142,14 +142,14 @@ def level(values: Array, share: float) -> float:
 
 
 def _noise(values: Array, resolution: float) -> float:
-    """Standard deviation of one sample, declared or seen at some thousand places."""
+    """Standard deviation of one sample, declared or estimated at some thousand places."""
     every = max(1, len(values) // PLACES)
     sixth = sixth_differences([values[k : len(values) - 6 + k : every] for k in range(7)])
     return max(level(np.abs(sixth), 0.5) / (0.6745 * float(np.sqrt(924))), resolution / float(np.sqrt(12)))
 
 
 def _of_window(noise: float, step: float, half: float) -> float:
-    """What white noise of an angle makes of its second derivative, averaged with φ."""
+    """Standard deviation, by white noise of an angle, of its second derivative averaged with φ."""
     return float(noise * np.sqrt(CURVATURE_POWER * step / half**3) / (32 / 35 * half))
 
 
@@ -157,7 +157,7 @@ def pace(time: Array, angle: Array, step: float, noise: float) -> tuple[float, f
     """Time in which the motion turns (s; 1/ω of a sine), and about its largest acceleration.
 
     From first and second differences over a time that is lengthened until the second ones are large enough; both are
-    those that a quarter of the moving part exceeds, so that a short wild part does not count.
+    quantiles 0.75 of the moving part, so that a short irregular part has no influence.
     """
     if np.ptp(np.diff(time[:: max(1, len(time) // 500)])) > 0.1 * step:
         even = np.arange(time[0], time[-1], step)
@@ -173,7 +173,7 @@ def pace(time: Array, angle: Array, step: float, noise: float) -> tuple[float, f
         if first == 0.0:
             return 0.0, 0.0
         before, frequency = frequency, 2 * np.arcsin(min(1.0, second / first / 2)) / (lag * step)
-        # what noise bends falls with the square of the time
+        # the second difference of noise falls with the square of the time
         if (seen and frequency > STEADY * before) or 12 * lag > rows:
             return 1 / max(frequency, 1e-300), first / (lag * step) * frequency
         seen = second > TURNED * first and second > 6 * noise
@@ -213,7 +213,7 @@ def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Arra
     with np.errstate(divide="ignore", invalid="ignore"):
         sign = np.nan_to_num(np.clip(2 * speed / np.abs(np.gradient(speed)), -1.0, 1.0))
     averaged = [sign, speed * size, speed * size * size, np.ones_like(q1), size]
-    # what depends on the angle only explains what is there all the time: it is fitted whatever the rig states of it
+    # terms of the angle only repeat with the motion: they are fitted whatever the rig states of them
     averaged += [term.regressor(q1, speed, sign) for term in scale.further]
     curved, gravity = [q1], len(averaged)
     if not scale.linear:
@@ -277,11 +277,11 @@ def _resting(q1: Array, threshold: float) -> Bools:
 
 
 def _robust(columns: Array, target: Array) -> tuple[Array, float] | None:
-    """Values of the unknowns that most of the windows agree on, and the robust standard deviation of what is left."""
+    """Robust estimate of the unknowns, and the robust standard deviation of the residuals."""
     if len(target) < 2 * len(columns) or not np.any(target):
         return None
     sizes = np.sqrt(np.mean(columns * columns, axis=1))
-    sizes[sizes == 0.0] = 1.0  # what does not move at all says nothing
+    sizes[sizes == 0.0] = 1.0  # a regressor of zeros
     columns = columns / sizes[:, None]
     weights = np.ones(len(target))
     tiny = 1e-10 * np.eye(len(columns))

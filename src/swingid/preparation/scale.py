@@ -1,6 +1,6 @@
-"""What sets the scale of the answer: the wheel's inertia, the measured torque, or gravity.
+"""The scale reference of the estimate: the wheel's inertia, the measured torque, or gravity.
 
-Row (I) is homogeneous, so the angles alone give ratios only.
+Equation (I) is homogeneous, so the angles alone give ratios only.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from swingid.recording.recording import Recording
 
 @dataclass(frozen=True)
 class Scale:
-    """Known constants of row (I).
+    """Known constants of equation (I).
 
-    a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, what a11 holds beside J1; b the gravity torque
+    a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, the part of a11 beside J1; b the gravity torque
     (N m), None where it is to be identified. further: the rig's further terms (`model.terms`).
     """
 
@@ -43,7 +43,7 @@ class Scale:
 
     @classmethod
     def of(cls, rig: Rig) -> Scale:
-        """Scale of a rig. Raises UnanswerableError where nothing sets it."""
+        """Scale of a rig. Raises UnanswerableError where there is no scale reference."""
         gravity = rig.axis.gravity_torque
         b = None if isinstance(gravity, str) else gravity.value
         linear = rig.axis.kind == "linear"
@@ -84,14 +84,14 @@ def refuse_terms(rig: Rig, method: str) -> None:
     keys = [term.term.key or f"axis.{term.name.partition('_')[0]}" for term in rig_terms(rig)]
     if keys:
         raise UnanswerableError(
-            f"rig {rig.name}: {', '.join(dict.fromkeys(keys))} is no part of the balance of {method}; take the method "
+            f"rig {rig.name}: {', '.join(dict.fromkeys(keys))} is no term of the balance of {method}; use the method "
             "momentum, equation-error or output-error.",
             code="unknown-term",
         )
 
 
 LATEST = 0.1
-"""A latency beyond this share of the log is a typing error: most of the log would have no angle to its torque."""
+"""A latency beyond this share of the log is an error of the rig file."""
 
 
 def require_channels(log: Recording, rig: Rig) -> None:
@@ -108,28 +108,27 @@ def require_channels(log: Recording, rig: Rig) -> None:
     acting = next((name for name, values in drives.items() if values is not None and np.any(values)), None)
     if rig.drive.kind == "none" and acting is not None:
         raise InputError(
-            f"{log.source.path or 'the log'} holds a {acting} that is not 0, but rig {rig.name} has no drive; use "
+            f"{log.source.path or 'the log'} contains a {acting} that is not 0, but rig {rig.name} has no drive; use "
             "the rig that belongs to the log.",
             code="other-drive",
         )
-    if rig.drive.kind == "reaction-wheel" and log.wheel_angle is None:
+    needed = {
+        "reaction-wheel": ("wheel_angle", log.wheel_angle, "a reaction wheel"),
+        "direct": ("torque", log.torque, "direct"),
+    }
+    name, values, kind = needed.get(rig.drive.kind, ("", log.angle, ""))
+    if values is None:
         raise InputError(
-            f"{log.source.path or 'the log'} has no wheel angle, but the rig's drive is a reaction wheel; "
-            "name its column as wheel_angle under [log], or use a rig of another drive kind.",
-            code="missing-wheel-angle",
-        )
-    if rig.drive.kind == "direct" and log.torque is None:
-        raise InputError(
-            f"{log.source.path or 'the log'} has no torque, but the rig's drive is direct; "
-            "name its column as torque under [log], or use a rig of another drive kind.",
-            code="missing-torque",
+            f"{log.source.path or 'the log'} has no {name.replace('_', ' ')}, but the rig's drive is {kind}; name its "
+            f"column as {name} under [log], or use a rig of another drive kind.",
+            code=f"missing-{name.replace('_', '-')}",
         )
 
 
 def require_motor(log: Recording, rig: Rig, scale: Scale, method: str) -> None:
     """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants.
 
-    UnanswerableError also for a rig with terms that these methods do not have.
+    UnanswerableError also for a rig with terms that are not in these methods.
     """
     refuse_terms(rig, f"the method {method}")
     if scale.drive != "reaction-wheel":

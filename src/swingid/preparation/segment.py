@@ -1,4 +1,4 @@
-"""The part of a log worth using: the steady motion of a driven axis, the free decay of a released one."""
+"""The part of a log to use: the steady motion of a driven axis, the free decay of a released one."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def usable_part(
 ) -> tuple[float, float, Message]:
     """Start and stop (s) of the part to use, and a note that names it.
 
-    left_out: parts (s) without rows, of a push; what settles behind them is no transient at the beginning.
+    left_out: excluded parts (s), of a push; the transient after them is not that at the beginning.
     Raises UnanswerableError where fewer than four turning points are found.
     """
     if len(motion.turning_times) < FEWEST_TURNS:
@@ -38,12 +38,12 @@ def usable_part(
 
 
 def part_of(log: Recording, motion: Motion, drive: str) -> tuple[float, float, Message]:
-    """`usable_part` of a log and what was left out of it."""
+    """`usable_part` of a log and its excluded parts."""
     return usable_part(motion, drive, float(log.time[0]), float(log.time[-1]), log.left_out)
 
 
 def longest_run(log: Recording) -> Recording:
-    """The longest run of rows between parts that are left out, for methods that go on from row to row."""
+    """The longest run of rows between excluded parts, for methods that proceed from row to row."""
     if len(log.left_out) == 0:
         return log
     edges = np.concatenate([log.time[:1], log.left_out.ravel(), log.time[-1:]]).reshape(-1, 2)
@@ -54,9 +54,9 @@ def longest_run(log: Recording) -> Recording:
 def _steady(motion: Motion, start: float, stop: float, left_out: Iterable[Iterable[float]]) -> tuple[float, float]:
     """From the first swing after which the sizes of swings keep within the range of the log's second half.
 
-    With parts left out, from where the first of the runs before, between and behind them settles, within the range of
-    the second half of the longest. The whole log where too few swings are left: a motion that only grows has no steady
-    part, and tells as much.
+    With excluded parts, from where the first of the runs before, between and after them is steady, within the range of
+    the second half of the longest. The whole log where too few swings remain: a motion that only grows has no steady
+    part and is as informative.
     """
     sizes, times = motion.swing_sizes, motion.turning_times
     runs = _runs(motion, left_out)
@@ -74,7 +74,7 @@ def _steady(motion: Motion, start: float, stop: float, left_out: Iterable[Iterab
 
 
 def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[tuple[int, int]]:
-    """First swing and swing after the last, before, between and behind the parts left out; none holds one."""
+    """First swing and swing after the last of each run before, between and after the excluded parts."""
     first, runs = 0, []
     for begin, end in left_out:
         runs.append((first, max(int(np.searchsorted(motion.turning_times, begin)) - 1, first)))
@@ -83,10 +83,10 @@ def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[tuple[int
 
 
 def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
-    """From the turning point after the release to where the swings end or something drives the axis again.
+    """From the turning point after the release to the end of the swings or to another excitation of the axis.
 
-    In a free decay each swing is smaller than the one before; the run of that kind with the most motion is it. At
-    its first turning point a hand may still hold the body, so the part starts when half of the first swing is done.
+    In a free decay each swing is smaller than the one before; the run of that kind with the most motion is taken. At
+    its first turning point the body may still be held, so the part starts in the middle of the first swing.
     """
     sizes, times = motion.swing_sizes, motion.turning_times
     shrinking = np.concatenate([[False], sizes[1:] < 1.002 * sizes[:-1], [False]])
@@ -99,7 +99,7 @@ def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
     end = min(end, len(sizes) - 1)
     if end - begin + 2 < FEWEST_TURNS:
         raise UnanswerableError(
-            "no free decay of three shrinking swings or more was found; release the body and leave it alone.",
+            "no free decay of three shrinking swings or more was found; release the body and do not touch it.",
             code="no-free-decay",
         )
     released = (times[begin] + times[begin + 1]) / 2

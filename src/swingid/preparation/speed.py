@@ -1,4 +1,4 @@
-"""A smoothed speed out of a measured angle: local cubics as wide as the motion lets them be."""
+"""A smoothed speed from a measured angle: local cubics, as wide as the motion allows."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ NARROWEST = 3.5
 
 NOISES = 14.0
 """Standard deviations of noise at the mean speed that the narrowest local cubic spans: of an encoder (step/√12) four
-steps, where its errors begin to look independent."""
+steps, from which on its errors are nearly independent."""
 
 EDGE = 0.1
-"""Of the half-width: how far into a gap a speed is read off."""
+"""Of the half-width: how far into a gap a speed is evaluated."""
 
 WIDER = 1.4
 """Factor from one half-width to the next."""
@@ -37,8 +37,8 @@ SPACING = 1.5
 class Speed:
     """Smoothed speed of the axis on a grid of instants (s), with the noise of its values (rad/s or m/s).
 
-    The half-width of the local cubic is the largest for which halving it changes nothing but noise
-    (Lepski's principle), so it follows the sensor and the motion by itself.
+    The half-width of the local cubic is the largest for which the speeds change by noise only (Lepski's principle), so
+    it adapts to sensor and motion.
     """
 
     grid: Array
@@ -82,7 +82,7 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
     The narrowest width also spans `NOISES` standard deviations of noise at the mean speed.
     """
     least = narrowest(time, angle, noise)
-    # the search looks at some hundred places of the log, the speed itself is computed everywhere
+    # the search uses some places of the log, the speed itself is computed everywhere
     places = np.linspace(time[0] + least, time[-1] - least, 80)
     width = _widest(time, angle, places, least, (time[-1] - time[0]) / 8, float(noise), typical_step(time))
     return speed_on_grid(time, angle, noise, max(width * share, least), spacing)
@@ -115,7 +115,7 @@ def typical_step(time: Array) -> float:
 
 
 def narrowest(time: Array, angle: Array, noise: float) -> float:
-    """Least half-width (s) of a local cubic that looks beyond sample steps and steps of the encoder."""
+    """Least half-width (s) of a local cubic: some sample steps, and some steps of the encoder."""
     step = typical_step(time)
     duration = float(time[-1] - time[0])
     mean_speed = float(np.abs(np.diff(angle[:: max(1, len(angle) // 2000)])).sum()) / duration
@@ -138,7 +138,7 @@ def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing
     grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
     fitted = local_cubic(time, angle, grid, width)
     reached = np.isfinite(fitted[:, 0])
-    # beyond the edge of a gap a cubic runs away
+    # inside a gap a cubic extrapolates
     for k in np.flatnonzero(np.diff(time) > width):
         reached &= (grid <= time[k] + EDGE * width) | (grid >= time[k + 1] - EDGE * width)
     angles, slopes = np.ascontiguousarray(fitted[reached, 0]), np.ascontiguousarray(fitted[reached, 1])

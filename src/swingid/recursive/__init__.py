@@ -1,4 +1,4 @@
-"""One estimate per swing while the log is still being written: constant memory, the same numbers as over all swings."""
+"""Recursive least squares: one estimate per swing while the log is being written, in constant memory."""
 
 from __future__ import annotations
 

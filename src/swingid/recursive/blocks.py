@@ -1,8 +1,8 @@
 """The information of one swing: rows of the balance around one turning point, from a piece of the log.
 
-Both methods give the same kind of rows, linear in inertia and friction, so one recursion serves them. momentum: windows
-of half a swing every quarter of a window, from the middle of the swing before to that after. energy: nodes mirrored
-about the turning point.
+Both methods give rows that are linear in inertia and friction, so one recursion serves them. momentum: windows of half
+a swing every quarter of a window, from the middle of the swing before to that after. energy: nodes mirrored about the
+turning point.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 
 PLACES = (-0.5, -0.25, 0.0, 0.25)
-"""Centres of the windows in swings from the turning point; the next block goes on where this one ends."""
+"""Centres of the windows in swings from the turning point; the next block begins where this one ends."""
 
 INSIDE = (0.44, 0.5, 0.56)
 """Centres of the windows where the axis rests at its turning points: inside the swing that follows."""
@@ -40,9 +40,9 @@ INSIDE = (0.44, 0.5, 0.56)
 class Block:
     """Rows of the balance around one turning point at `time` (s): columns (n, p), target (n,).
 
-    unknowns: "inertia" first; "memory", where it is among them, is only sought if it is seen. side: +1 upper, −1 lower.
-    windows: of momentum, for the noise that neighbours share. declared: from values of the unknowns to what rig.toml
-    declares as uncertain, as perturbations of the target.
+    unknowns: "inertia" first; "memory" is only estimated where it is significant. side: +1 upper, −1 lower. windows: of
+    momentum, for the noise that neighbours share. declared: from values of the unknowns to what rig.toml declares as
+    uncertain, as perturbations of the target.
     """
 
     time: float

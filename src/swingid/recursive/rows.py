@@ -1,8 +1,8 @@
 """Rows of a stream as plain numbers, and the pieces cut from them: from one turning point to the one after the next.
 
-Rows come from tuples or Recordings; what cannot be used is left out and counted. Turning points are found row by row
-with hysteresis: the angle must come back by a share of the last swing. That shows where to cut; the piece finds its
-turning points anew, by smoothing.
+Rows come from tuples or Recordings; unusable ones are excluded and counted. Turning points are found row by row with
+hysteresis: the angle must return by a share of the last swing. They are where the stream is cut; in each piece the
+turning points are found again, by smoothing.
 """
 
 from __future__ import annotations
@@ -15,39 +15,40 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.numerics.arrays import Array
-from swingid.recording.recording import Recording
+from swingid.recording.recording import Finding, Recording
 
 Row = tuple[float, float, float, float]
 """Time (s), angle, wheel angle, voltage or torque; 0 for a channel that the method does not use."""
 
 TOO_MANY_BAD = 1000
-"""Rows in succession without one that can be used, after which the stream is refused."""
+"""Successive unusable rows after which the stream is refused."""
 
 NAMES = ("time", "angle", "wheel_angle", "voltage or torque")
 
 
 BACK = 0.08
-"""Share of the last swing by which the angle must come back for its extreme to be a turning point."""
+"""Share of the last swing by which the angle must return for its extreme to be a turning point."""
 
 MARGIN = 0.15
-"""Share of a swing before the first and after the last turning point that a piece holds too."""
+"""Share of a swing before the first and after the last turning point that a piece contains too."""
 
 LONGEST = 200_000
-"""Rows that the buffer holds at most; a swing that is longer is no swing."""
+"""Rows in the buffer, at most; longer swings are given up."""
 
 
 @dataclass
 class Reader:
-    """Reads the rows of a stream and counts those left out.
+    """Reads the rows of a stream and counts those excluded.
 
-    needed: which of time, angle, wheel angle, drive must be there; the others are not looked at. Rows with NaN or
-    infinity in one of them, and rows whose time does not increase, are left out; anything that is no row, also one with
-    more numbers, raises InputError.
+    needed: which of time, angle, wheel angle, drive are required; the others are ignored. Rows with NaN or infinity in
+    one of them, and rows whose time does not increase, are excluded; anything that is no row, also one with more
+    numbers, raises InputError. held, findings: of the Recording that the last rows came from.
     """
 
     needed: tuple[bool, bool, bool, bool]
     skipped: int = 0
     held: bool = True
+    findings: tuple[Finding, ...] = ()
 
     def rows(self, samples: Iterable[object] | Recording) -> Iterator[Row]:
         """The usable rows of `samples`: tuples (t, angle, wheel_angle, voltage or torque), or Recordings, or one."""
@@ -64,7 +65,7 @@ class Reader:
             if bad > TOO_MANY_BAD:
                 why = "NaN or infinity" if row is None else f"a time that does not rise above {last:g} s"
                 raise InputError(
-                    f"row {number} of the stream: the {bad}th in succession with {why}; mend the source.",
+                    f"row {number} of the stream: the {bad}th in succession with {why}; repair the source.",
                     code="bad-stream",
                 )
 
@@ -78,7 +79,7 @@ class Reader:
             if not isinstance(sample, Recording):
                 yield sample
                 continue
-            self.held = sample.drive_held
+            self.held, self.findings = sample.drive_held, sample.findings
             drive = sample.torque if sample.voltage is None else sample.voltage
             channels = [sample.time, sample.angle, sample.wheel_angle, drive]
             yield from zip(*([None] * len(sample) if c is None else c.tolist() for c in channels), strict=True)

@@ -1,8 +1,8 @@
 """Least squares over the rows of all swings, once over everything or swing by swing in constant memory; the estimates.
 
-Both give the same values. The recursion keeps sums only: the information matrix X'X, X'y, and the second moments of the
-swings' own sums, from which the scatter of the swings follows for whatever values come out in the end. y is taken
-relative to a first solution, so that nothing of size cancels in those sums.
+Both give the same values. The recursion stores sums only: the information matrix X'X, X'y, and the second moments of
+the swings' own sums, from which the scatter of the swings follows for any values. y is relative to a first solution, so
+that no large numbers cancel in those sums.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swingid.balance.fits import Effect
+from swingid.balance.imperfections import Imperfection
 from swingid.balance.rows import Windows
 from swingid.format import number
 from swingid.model.terms import units_on
@@ -22,12 +23,12 @@ from swingid.numerics.test_functions import curvature_overlap
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.recursive.blocks import Block
-from swingid.uncertainty.budget import BudgetEntry, Declared, Parameter, Scatter, evaluate, stated
+from swingid.uncertainty.budget import BudgetEntry, Parameter, Scatter, evaluate
 from swingid.uncertainty.freedom import bartlett, effective_freedom, lag_weights_power
 from swingid.uncertainty.significance import DETECTED
 
 MEMORY = "memory"
-"""The unknown that is sought only where it is seen: an impulse of friction at each reversal."""
+"""The unknown that is estimated only where it is significant: an impulse of friction at each reversal."""
 
 SPARE = 3
 """Swings beyond the number of unknowns from which their scatter gives an uncertainty."""
@@ -53,7 +54,7 @@ class Solution:
 
 
 def first_solution(blocks: list[Block]) -> Array:
-    """Values from the first swings, from which the recursion starts; without a memory of friction."""
+    """Values from the first swings, from which the recursion starts; without an impulse at reversals."""
     columns, target = _stacked(blocks)
     return fit_linear(columns * _plain(blocks[0].unknowns), target).values
 
@@ -61,7 +62,7 @@ def first_solution(blocks: list[Block]) -> Array:
 def solve_all(blocks: list[Block], origin: Array, scale: Scale, noise: Noise) -> Solution:
     """The solution over all swings at once, by orthogonal decomposition of all their rows.
 
-    origin: of `first_solution`; what is declared and the sensors' noise are taken at these values.
+    origin: of `first_solution`; declared imperfections and the sensors' noise are evaluated at these values.
     """
     plain = _solve_stacked(blocks, _plain(blocks[0].unknowns), origin, scale, noise)
     full = _solve_stacked(blocks, np.ones(len(origin), bool), origin, scale, noise)
@@ -81,13 +82,7 @@ def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, scale: Sca
         sensor += _sensor(block, blocks[k - 1] if k else None, origin, scale, noise)
     declared = [block.declared(origin) for block in blocks]
     effects = tuple(
-        Effect(
-            one.source,
-            one.std,
-            fit.influence @ np.concatenate([items[k].rows for items in declared]) * one.std,
-            one.direct,
-            one.shared_id,
-        )
+        Effect(one, fit.influence @ np.concatenate([items[k].rows for items in declared]) * one.std)
         for k, one in enumerate(declared[0])
     )
     scatter = scores.T @ scores + (cross + cross.T) / 2
@@ -96,17 +91,17 @@ def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, scale: Sca
 
 
 def _plain(unknowns: tuple[str, ...]) -> Bools:
-    """Which unknowns are sought in any case."""
+    """Which unknowns are estimated in any case."""
     return np.array([name != MEMORY for name in unknowns])
 
 
 def _chosen(plain: Solution, full: Solution, unknowns: tuple[str, ...]) -> Solution:
-    """The solution with a memory of friction where that is seen, as `momentum` decides; else the one without."""
+    """The solution with an impulse at reversals where it is significant, as in `momentum`; else the one without."""
     if MEMORY not in unknowns or full.covariance is None:
         return plain
     k = unknowns.index(MEMORY)
     variance = float(full.covariance[k, k])
-    # rounding alone, as exact data leave it, sees nothing, and its variance may come out below 0
+    # of rounding errors alone, as with exact data, the variance may be below 0
     return full if variance > 0 and abs(full.values[k]) > DETECTED * np.sqrt(variance) else plain
 
 
@@ -115,7 +110,7 @@ def _stacked(blocks: list[Block]) -> tuple[Array, Array]:
 
 
 def _sensor(block: Block, before: Block | None, origin: Array, scale: Scale, noise: Noise) -> Array:
-    """X' Ω X of a block and with the one before, Ω the covariance that white noise of both angles gives the rows."""
+    """X' Ω X of a block and with the one before, Ω the covariance of the rows by white noise of both angles."""
     if block.windows is None:
         return np.zeros((len(origin), len(origin)))
     power = ((origin[0] * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2) * noise.step
@@ -134,7 +129,7 @@ def _overlap(first: Windows, second: Windows) -> Array:
 
 
 def _covariance(inverse: Array, scores: Array, sensor: Array, swings: int, unknowns: int) -> tuple[Array | None, float]:
-    """Covariance from the scatter of swings (neighbours may be correlated), or from sensor noise if that is more.
+    """Covariance from the scatter of swings (neighbours may be correlated), or from sensor noise if that is larger.
 
     Also its degrees of freedom: those of the scatter's part beyond the noise, which is computed.
     """
@@ -170,7 +165,7 @@ class Recursion:
     _sensor: Array = field(init=False)
     _before: Block | None = None
     _sums: Array | None = None
-    _declared: dict[str, tuple[float, float, str | None, Array]] = field(default_factory=dict)
+    _declared: dict[str, tuple[Imperfection, Array]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         p = len(self.origin)
@@ -189,9 +184,8 @@ class Recursion:
             self._crossed += np.outer(sums, self._sums)
         self._sensor += _sensor(block, self._before, self.origin, self.scale, self.noise)
         for item in block.declared(self.origin):
-            _, _, _, total = self._declared.get(item.source, (0.0, 0.0, None, np.zeros(len(right))))
-            total = total + block.columns.T @ item.rows
-            self._declared[item.source] = item.std, item.direct, item.shared_id, total
+            _, total = self._declared.get(item.source, (item, np.zeros(len(right))))
+            self._declared[item.source] = item, total + block.columns.T @ item.rows
         self._before, self._sums = block, sums
         self.swings += 1
 
@@ -207,29 +201,26 @@ class Recursion:
         sizes, both = np.outer(size, size), np.outer(sought, sought)
         inverse = np.linalg.pinv(self._gram / sizes * both, rcond=1e-15, hermitian=True) / sizes
         step = inverse @ self._right
-        # one refinement takes back what the inverse lost
+        # one step of iterative refinement for the error of the inverse
         step = step + inverse @ (self._right - self._gram @ step)
         p = len(step)
         # the score of a swing is X'y − X'X step: linear in its sums
         to_score = np.hstack([np.eye(p), -np.kron(np.eye(p), step)])
         cross = to_score @ self._crossed @ to_score.T
         scores = to_score @ self._moments @ to_score.T + (cross + cross.T) / 2
-        effects = tuple(
-            Effect(source, std, inverse @ total * std, direct, shared)
-            for source, (std, direct, shared, total) in self._declared.items()
-        )
+        effects = tuple(Effect(item, inverse @ total * item.std) for item, total in self._declared.values())
         covariance, freedom = _covariance(inverse, scores, self._sensor, self.swings, int(sought.sum()))
         return Solution(self.origin + step, covariance, effects, freedom)
 
 
 @dataclass(frozen=True)
 class SwingEstimate:
-    """What is known after swing number `swing` (from 1), whose turning point was at `time` (s).
+    """The estimate after swing number `swing` (from 1), whose turning point was at `time` (s).
 
-    side: +1 upper, −1 lower. swing_inertia: of this swing alone, with the friction known so far taken off.
-    parameters: of all swings so far: inertia, gravity_torque where it is sought, coulomb, viscous, quadratic; the
-    standard uncertainty is None (unknown) for the first swings. budget: what it consists of. rows_skipped: rows left
-    out so far; swings_lost: turning points without an estimate, for gaps, rests or a hand on the body.
+    side: +1 upper, −1 lower. swing_inertia: of this swing alone, less the friction estimated so far. parameters: of all
+    swings so far: inertia, gravity_torque where it is unknown, coulomb, viscous, quadratic; the standard uncertainty is
+    None (unknown) for the first swings. budget: its entries. rows_skipped: rows excluded so far; swings_lost: turning
+    points without an estimate, for gaps, rests or a hand on the body.
     """
 
     swing: int
@@ -257,7 +248,7 @@ class SwingEstimate:
 
 @dataclass
 class Reporter:
-    """From solutions to estimates; remembers how much single swings scatter."""
+    """From solutions to estimates, with the scatter of single swings."""
 
     scale: Scale
     swings: int = 0
@@ -270,11 +261,7 @@ class Reporter:
         at = [block.unknowns.index(name) for name in names]
         values = {name: (float(solution.values[k]), units[name]) for name, k in zip(names, at, strict=True)}
         values["inertia"] = values["inertia"][0] - self.scale.carried, units["inertia"]
-        declared = []
-        for effect in solution.effects:
-            slopes = effect.shifts[at] / effect.std
-            slopes[0] += effect.direct
-            declared.append(Declared(stated(effect.source, effect.shared_id), effect.std, slopes))
+        declared = [effect.item.on(effect.shifts[at] / effect.item.std) for effect in solution.effects]
         known, scattered = solution.covariance is not None, None
         if solution.covariance is not None:
             freedom = np.full(len(at), solution.freedom)
@@ -300,7 +287,7 @@ class Reporter:
         self.swings += 1
 
     def _alone(self, block: Block, solution: Solution) -> float:
-        """The inertia of one swing, with the friction of all swings taken off."""
+        """The inertia of one swing, less the friction of all swings."""
         own = block.columns[:, 0]
         left = block.target - block.columns[:, 1:] @ solution.values[1:]
         return float(own @ left / (own @ own)) - self.scale.carried

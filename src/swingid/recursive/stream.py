@@ -1,4 +1,4 @@
-"""The doors: `online` for a stream, `swing_estimates` for a log; both take the same swings and say the same."""
+"""Entry points: `online` for a stream, `swing_estimates` for a log; both give the same estimates of the same swings."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.encoders import Encoders, straightened
+from swingid.preparation.encoders import Encoders, corrected
 from swingid.preparation.motion import Motion, find_motion, grid_step, sample_noise
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.scale import Scale, require_motor
@@ -40,14 +40,14 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
 
     samples: rows (t, angle, wheel_angle, voltage or torque) in the units and conventions of a Recording (s, rad or m,
     V, N m or N; wheel relative to the pendulum; a held voltage or torque acts from its row to the next); or a
-    Recording, or several, one after the other. What the rig does not have is None, or left out at the end of a row;
-    anything in its place is not looked at. Rows with NaN and rows out of order are left out and counted. method:
-    "momentum" or "energy". Keeps two swings of rows and sums of fixed size at any length.
+    Recording, or several, one after the other. A channel that the rig does not have is None, or absent at the end of a
+    row; a value in its place is ignored. Rows with NaN and rows out of order are excluded and counted. method:
+    "momentum" or "energy". Stores two swings of rows and sums of fixed size at any length.
 
-    Unlike `identify` it takes every swing, also those before the controller has settled, and checks nothing but the
-    scatter of the swings and what rig.toml declares: for the record, identify the log.
+    Unlike `identify` it uses every swing, also those of the transient, and its uncertainty contains only the scatter of
+    the swings and what rig.toml declares: for the record, identify the log.
 
-    Raises UsageError for another method, InputError for a stream that is none or whose wheel turns the wrong way,
+    Raises UsageError for another method, InputError for samples that are no rows or a wheel of the wrong sign,
     UnanswerableError where the stream ends without enough swings.
     """
     swings = _Swings(rig, method)
@@ -75,7 +75,7 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
 def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[SwingEstimate]:
     """The estimates of `online` for a whole log, each by least squares over all rows of its swings at once.
 
-    The plain form, for comparison: it keeps every swing, and its cost grows with their square. Raises as `online`.
+    The batch form, for comparison: it stores every swing, and its cost grows with their square. Raises as `online`.
     """
     swings = _Swings(rig, method)
     reporter = Reporter(swings.scale)
@@ -101,7 +101,6 @@ class _Swings:
     rig: Rig
     method: str
     scale: Scale = field(init=False)
-    encoders: Encoders = field(init=False)
     reader: Reader = field(init=False)
     without: int = 0
     buffer: SwingBuffer | None = None
@@ -114,7 +113,6 @@ class _Swings:
                 f"online knows no method {self.method!r}; choose one of {', '.join(MAKERS)}.", code="unknown-method"
             )
         self.scale = Scale.of(self.rig)
-        self.encoders = Encoders.of(self.rig)
         drive = self.rig.drive.kind
         voltage = drive == "reaction-wheel" and self.method == "energy"
         self.reader = Reader((True, True, drive == "reaction-wheel", drive == "direct" or voltage))
@@ -144,23 +142,23 @@ class _Swings:
         return self.without + (self.buffer.lost if self.buffer is not None else 0)
 
     def _least(self, rows: Array) -> float:
-        """The least swing (rad or m): well above noise and steps of the angle, as declared or as seen."""
-        sensor = self.encoders.angle
+        """The least swing (rad or m): well above noise and steps of the angle, as declared or as estimated."""
+        sensor = Encoders.of(self.rig).angle
         angle = rows[:, 1]
         return NOISES * max(sensor.noise, sample_noise(angle), sensor.resolution / 4, grid_step(angle) / 4, 1e-9)
 
     def _block(self, piece: Array, middle: float) -> Block | None:
         """The block around the turning point near `middle` (s), None (and counted) where there is none."""
-        log = self._recording(piece)
+        log, encoders, _ = corrected(self._recording(piece), self.rig)
         if self._noise is None:
             if self.method == "energy":
                 require_motor(log, self.rig, self.scale, self.method)
             self._noise = channel_noise(log, self.rig)
-        block = self._balance(log, middle)
+        block = self._balance(log, encoders, middle)
         self.without += block is None
         return block
 
-    def _balance(self, log: Recording, middle: float) -> Block | None:
+    def _balance(self, log: Recording, encoders: Encoders, middle: float) -> Block | None:
         steps = np.diff(log.time)
         try:
             motion = find_motion(log.time, log.angle, self.noise.angle)
@@ -173,10 +171,10 @@ class _Swings:
         longest = max(4.5 * float(np.median(steps)), 0.05 * motion.half_period)
         if steps.max() > longest or not self._left_alone(motion, at):
             return None
-        return MAKERS[self.method](log, self.rig, self.scale, self.noise, motion, self.encoders, at)
+        return MAKERS[self.method](log, self.rig, self.scale, self.noise, motion, encoders, at)
 
     def _left_alone(self, motion: Motion, at: int) -> bool:
-        """Whether nothing but friction acts: in a free decay each swing is smaller than the one before."""
+        """Whether no torque but friction acts: in a free decay each swing is smaller than the one before."""
         if self.scale.drive != "none":
             return True
         before, after = motion.swing_sizes[at - 1 : at + 1]
@@ -186,24 +184,24 @@ class _Swings:
     def _recording(self, piece: Array) -> Recording:
         drive = piece[:, 3] if self.reader.needed[3] else None
         wheel = self.scale.drive == "reaction-wheel"
-        log = Recording(
+        return Recording(
             time=piece[:, 0],
             angle=piece[:, 1],
             wheel_angle=piece[:, 2] if wheel else None,
             voltage=drive if wheel else None,
             torque=None if wheel else drive,
             drive_held=self.reader.held,
+            findings=self.reader.findings,
         )
-        return straightened(log, self.encoders, rotary=not self.scale.linear)
 
 
 def _check_sign(estimate: SwingEstimate) -> None:
-    """Raise InputError where the inertia comes out negative beyond doubt."""
+    """Raise InputError where the inertia is negative beyond its uncertainty."""
     inertia = estimate.inertia
     if inertia.standard_uncertainty is not None and inertia.value < -3 * inertia.standard_uncertainty:
         raise InputError(
             f"the stream gives a negative inertia ({inertia.value:.3g} {inertia.unit}) after {estimate.swing} swings: "
-            "the wheel angle or torque has the wrong sign against the angle, or the angle's zero is the top; turn it.",
+            "wheel angle or torque has the wrong sign against the angle, or the angle's zero is the top; correct it.",
             code="wrong-sign",
         )
 

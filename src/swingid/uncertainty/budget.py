@@ -1,4 +1,4 @@
-"""The budget of a result: typed sources, what each does to each parameter, and their joint covariance.
+"""The uncertainty budget of a result: typed sources, their effects on the parameters, and the joint covariance.
 
 Linear propagation (JCGM 100:2008 5.2, JCGM 102:2011 6.2): the covariance of all parameters is V = V_A + S Sᵀ, with V_A
 of the fit, and S the signed change of each parameter for one standard uncertainty of each other source.
@@ -21,12 +21,12 @@ Distribution = Literal["normal", "rectangular"]
 
 @dataclass(frozen=True)
 class Source:
-    """What makes a value uncertain.
+    """A source of uncertainty.
 
     type: "A", evaluated from the data, or "B", otherwise (JCGM 100 4.2, 4.3): what rig.toml states. shared_id: the
-    physical quantity, equal in all results of one rig. averages_over_logs: whether it is drawn anew in every log, as
-    scatter is; drift, disagreement and grid come from motion, friction and sensors, which are alike in logs of one
-    rig. degrees_of_freedom: of its standard uncertainty; infinite for what is stated or bounded (G.4.2, G.4.3).
+    physical quantity, equal in all results of one rig. averages_over_logs: whether it is independent between logs, as
+    scatter is; drift, disagreement and grid come from motion, friction and sensors, which are equal in logs of one
+    rig. degrees_of_freedom: of its standard uncertainty; infinite for stated or bounded ones (G.4.2, G.4.3).
     """
 
     name: str
@@ -38,12 +38,12 @@ class Source:
 
 
 def scatter(name: str, degrees_of_freedom: float = math.inf) -> Source:
-    """Source of the scatter of the data, of type A, drawn anew in every log."""
+    """Source of the scatter of the data, of type A, independent between logs."""
     return Source(name, "A", averages_over_logs=True, degrees_of_freedom=degrees_of_freedom)
 
 
 def systematic(name: str, distribution: Distribution = "normal") -> Source:
-    """Source of an error that is seen in the data, of type A, but is alike in all logs of one rig."""
+    """Source of an error that is evaluated from the data, of type A, but is equal in all logs of one rig."""
     return Source(name, "A", distribution=distribution)
 
 
@@ -54,7 +54,7 @@ def stated(name: str, shared_id: str | None) -> Source:
 
 @dataclass(frozen=True)
 class BudgetEntry:
-    """What one source does to one parameter.
+    """Contribution of one source to the uncertainty of one parameter.
 
     sensitivity: change of the parameter per unit of the source (None for type A).
     """
@@ -161,9 +161,10 @@ class Scatter:
 
 @dataclass(frozen=True)
 class Declared:
-    """A quantity that the rig file states: its standard uncertainty `std` (0: exact), and what it does.
+    """A quantity that the rig file states, with its standard uncertainty `std` (0: exact).
 
-    slopes (n,): change of each parameter per unit. constant: whether it is a constant of the model, not of a sensor.
+    slopes (n,): sensitivity coefficients, change of each parameter per unit. constant: whether it is a constant of the
+    model, not of a sensor.
     """
 
     source: Source
@@ -194,9 +195,9 @@ def evaluate(
 ) -> Evaluated:
     """Budget, combined uncertainties, degrees of freedom and correlations of jointly estimated parameters.
 
-    values: value and unit by name, in the order of the arrays. common: errors that the scatter does not show, as
-    (source, parameter, standard uncertainty); they count as uncorrelated between parameters, and those of 0 are left
-    out. unknown: parameters whose uncertainty nothing determines.
+    values: value and unit by name, in the order of the arrays. common: errors that the scatter does not contain, as
+    (source, parameter, standard uncertainty); they count as uncorrelated between parameters, and those of 0 are
+    omitted. unknown: parameters whose uncertainty is not determined.
     """
     names, matrix = list(values), np.zeros((len(values), len(values)))
     budget: list[BudgetEntry] = []
@@ -243,7 +244,7 @@ def joined(first: Array, second: Array, cross: Array, first_model: Array, second
     """Covariance of two groups of values, each with its own covariance, correlated as a common model correlates them.
 
     first (p, p), second (q, q): the covariances. first_model, second_model, cross (p, q): those of the model, as white
-    noise that both groups see. The model's canonical correlations, none above 1, are kept (Hotelling 1936, Biometrika
+    noise in both groups. The model's canonical correlations, none above 1, are kept (Hotelling 1936, Biometrika
     28, 321), so that the result is positive semidefinite whatever the two covariances are.
     """
     if second.size == 0:

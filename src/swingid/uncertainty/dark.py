@@ -1,10 +1,10 @@
-"""Dark uncertainty: what two estimates of one quantity differ by beyond their uncertainties.
+"""Dark uncertainty: difference of two estimates of one quantity beyond their uncertainties.
 
-Thompson and Ellison (2011, Accred. Qual. Assur. 16, 483) call so what a difference shows and no budget explains. An
-estimate x of standard uncertainty u is compared with another one of the same quantity. Their difference d has the
-variance σ² where both are right, and σ² + τ² where one of them errs by something unknown of variance τ².
+The term is that of Thompson and Ellison (2011, Accred. Qual. Assur. 16, 483) for a difference that no budget explains.
+An estimate x of standard uncertainty u is compared with another one of the same quantity. Their difference d has the
+variance σ² where both budgets are complete, and σ² + τ² where one of them lacks an error of variance τ².
 
-Two cases are weighed by how well they explain d (Bayesian model averaging; Hoeting et al. 1999, Stat. Sci. 14, 382):
+Two cases are weighted by their likelihood of d (Bayesian model averaging; Hoeting et al. 1999, Stat. Sci. 14, 382):
 τ = 0, and a τ of unknown size with the prior density s²/(s² + τ²)² of τ², whose median is s: uniform in s²/(s² + τ²)
 (the uniform shrinkage prior; Strawderman 1971, Ann. Math. Stat. 42, 385; Daniels 1999, Can. J. Stat. 27, 567). Its
 tail is the one with which the posterior mean of τ² tends to d² where d ≫ σ; under a half-Cauchy prior of τ one
@@ -24,11 +24,11 @@ from typing import Any
 import numpy as np
 
 PRIOR = 0.01
-"""Probability, before any difference is seen, that an estimate errs by more than its budget holds.
+"""Prior probability that the budget of an estimate is not complete.
 
-With it τ² is half of d² at a difference of 4 σ, and a comparison of two estimates that are both right widens the
-standard uncertainty by 1.5 % in the mean, where σ = u. A log is compared in some five ways, so one in twenty counts as
-such a case beforehand. Coverage of simulated logs with it: docs/campaign.md.
+With it τ² is half of d² at a difference of 4 σ, and a comparison of two estimates with complete budgets widens the
+standard uncertainty by 1.5 % in the mean, where σ = u. A log is compared in some five ways, so one log in twenty has
+such a case a priori. Coverage of simulated logs with it: docs/campaign.md.
 """
 
 BELOW, BEYOND, STEP = 18.0, 36.0, 0.25
@@ -38,7 +38,7 @@ BELOW, BEYOND, STEP = 18.0, 36.0, 0.25
 def dark_uncertainty(difference: float, variance: float, uncertainty: float) -> float:
     """Standard uncertainty τ that the difference of two estimates adds to one of them, in the unit of the difference.
 
-    difference: d. variance: σ² ≥ 0, of d where both estimates are right. uncertainty: u of the estimate τ is added to.
+    difference: d. variance: σ² ≥ 0, of d where both budgets are complete. uncertainty: u of the estimate τ is added to.
     """
     gap, sigma = abs(difference), math.sqrt(max(variance, 0.0))
     if sigma == 0.0 or not math.isfinite(gap + sigma):
@@ -58,7 +58,7 @@ def dark_uncertainty(difference: float, variance: float, uncertainty: float) -> 
 
 
 def shrunk(excess: Any, deviation: Any) -> Any:
-    """An excess e of a variance that chance alone makes by `deviation` s, as e·e²/(e² + s²): of least squared error.
+    """An excess e of a variance whose standard deviation is `deviation` s, as e·e²/(e² + s²): of least squared error.
 
     The share of e that has the least mean squared error is ε²/(ε² + s²) for a true excess ε; with e in its place it is
     Thompson's estimator (1968, J. Am. Stat. Assoc. 63, 113). Of numbers or arrays.

@@ -37,7 +37,7 @@ def effective_freedom(parts: Iterable[tuple[float, float]]) -> float:
 
 
 def lag_weights_power(weights: Array) -> float:
-    """Σ w_k² over the lags −m to m of a kernel with weights w_0 … w_m: rows that one degree of freedom takes."""
+    """Σ w_k² over the lags −m to m of a kernel with weights w_0 … w_m: rows per degree of freedom."""
     return float(2 * weights @ weights - weights[0] ** 2)
 
 
@@ -53,7 +53,7 @@ def scatter_freedom(influence: Array, kernel: Array, unknowns: int) -> float:
 
     For rows of equal weight such a sum has ν = n / Σ_{|k|≤m} w_k² (Priestley 1981, Spectral Analysis and Time Series,
     6.2: an estimate of the spectrum over the kernel's bandwidth). Rows of unequal weight count as (Σk²)²/Σk⁴, by
-    Satterthwaite's rule for a sum of squares k_i² e_i²; the fit takes one row for each unknown (Bell and McCaffrey
+    Satterthwaite's rule for a sum of squares k_i² e_i²; the fit uses one row for each unknown (Bell and McCaffrey
     2002, Survey Methodology 28, 169; their exact number for white noise of the torque is within a factor of 2.3).
     """
     squares = np.square(influence)

@@ -1,49 +1,43 @@
-"""Levels of significance: from when on something counts as indicated, detected, certain. Checks take theirs from here.
+"""Significance levels: from which on a finding counts as indicated, detected, certain. Checks take theirs from here.
 
-A level is a number of standard deviations of a normal quantity. Beside each stand its two-sided probability for one
-test and how many tests of a log it decides; a false finding per log has the product for its probability. Constants of
-single checks that are no levels (a relative change worth a word, a share of a swing) stand in the checks.
+A level is a number of standard deviations of a normal quantity. Beside each: its two-sided probability for one test
+and the number of tests of a log with it; a false finding per log has the product for its probability. Constants of
+single checks that are no levels (a relative change worth a warning, a share of a swing) are in the checks.
 """
 
 from __future__ import annotations
 
-import math
 from statistics import NormalDist
 
 DIFFERS = 2.0
-"""4.6e-2, four tests per log: two methods are said to differ, where no more than a sentence follows. k = 2 of E_n."""
+"""4.6e-2, four tests per log: two methods differ, where only a note follows. k = 2 of E_n."""
 
 INDICATED = 3.0
-"""2.7e-3, a handful of tests per log: what costs little if false, as a term that is tried or a word in a note."""
+"""2.7e-3, a handful of tests per log: of little consequence if false, as a term that is tried or a note."""
 
 INDICATED_PAIR = 13.8
 """Quadratic form of two normal quantities (χ² with 2 degrees of freedom), 1.0e-3, one test per log: as `INDICATED`."""
 
 DETECTED = 4.0
-"""6.3e-5, some ten tests per log: what changes the model of the fit, or casts doubt on a constant."""
+"""6.3e-5, some ten tests per log: changes the model of the fit, or contradicts a constant."""
 
 CERTAIN = 5.0
-"""5.7e-7, scans of hundreds of tests per log: what contradicts the rig file, or corrects the log."""
+"""5.7e-7, scans of hundreds of tests per log: contradicts the rig file, or corrects the log."""
 
 CERTAIN_RATIO = 10.0
 """Power that four amplitudes explain, over four times the mean power of the rest (F of 4 and ν degrees of freedom):
 1e-4 for ν = 20 and 7e-7 for ν = 100; the residuals are those of a model that may be wrong, not of noise alone."""
 
 FAMILY = 0.01
-"""Probability that any of a family of tests finds something in sound data, whatever their number (Bonferroni)."""
+"""Probability of any false finding in a family of tests, whatever their number (Bonferroni)."""
 
 MATTERS = 2.0
-"""A finding matters where it moves the estimate by more than this many of its standard uncertainties."""
+"""A finding matters where it changes the estimate by more than this many of its standard uncertainties."""
 
 BETTER = 0.85
-"""Root mean square of the residuals with a further cause, over that without it, below which it explains something.
+"""Root mean square of the residuals with further unknowns, over that without, below which these explain a lack of fit.
 
-A cause that is none takes one part of the power for each of its unknowns: of 14 independent rows, four of them."""
-
-
-def two_sided(level: float) -> float:
-    """Probability that a normal quantity is farther than `level` standard deviations from its mean."""
-    return math.erfc(level / math.sqrt(2))
+Unknowns without effect reduce the power by one part each: of 14 independent rows, four of them."""
 
 
 def family_level(tests: int) -> float:

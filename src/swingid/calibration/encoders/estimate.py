@@ -11,9 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from swingid.balance.agreement import COMPARABLE
 from swingid.balance.fits import LAG, with_excess
 from swingid.balance.rows import Signals
+from swingid.balance.systematics import COMPARABLE
 from swingid.calibration.encoders.logs import CalibrationLog, LogRows
 from swingid.calibration.encoders.parts import Part, with_parts
 from swingid.model.rig import Rig
@@ -119,7 +119,7 @@ def estimate(logs: Sequence[CalibrationLog], rig: Rig, parts: Sequence[Part]) ->
 
 
 def _drift(chosen: JointFit, others: Sequence[JointFit]) -> Array:
-    """Uncertainty of every part by the estimates of windows of other lengths; see `balance.agreement`.
+    """Uncertainty of every part by the estimates of windows of other lengths; see `balance.systematics`.
 
     All lengths use the same samples, so the variance of a difference is the difference of the variances.
     """

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
-from swingid.balance.friction_rows import EXACT
+from swingid.balance.friction_laws import EXACT
 from swingid.balance.rows import Rows, Signals
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
 from swingid.methods.equation_error.fit import best_lag, fit_rows

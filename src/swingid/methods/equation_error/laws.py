@@ -13,8 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.fits import columns_of, known_side
-from swingid.balance.friction_laws import STRIBECK_SHARES, law_columns, law_terms
-from swingid.balance.friction_rows import EXACT, KNOTS, FrictionRows, speed_knots
+from swingid.balance.friction_laws import (
+    EXACT,
+    KNOTS,
+    STRIBECK_SHARES,
+    FrictionRows,
+    law_columns,
+    law_terms,
+    speed_knots,
+)
 from swingid.balance.law_choice import LawChoice, Trial, slowest_peak
 from swingid.balance.rows import Rows
 from swingid.methods.equation_error.rows import RowFilter

@@ -23,7 +23,7 @@ from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_answer, check_motor, check_sign
 from swingid.checks.consistency import CLOSE
-from swingid.checks.gravity import check_gravity
+from swingid.checks.stated import check_gravity
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import Cutoff, choose_cutoff
@@ -74,7 +74,7 @@ def equation_error(
     chosen = judged.chosen
     found = answer(judged, rig, scale)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    checked = check_answer(found.parameters, found.budget, _as_windows(chosen), scale, amplitude)
+    checked = check_answer(found.parameters, found.budget, _as_windows(chosen, scale, noise), amplitude)
     how = _how(on_grid.grid, cut, judged, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *doubts[1]]
     warnings = [*checked.warnings, *_unlikely(judged, laws, scale), *doubts[0]]
@@ -101,12 +101,12 @@ def _require_law(friction: str) -> None:
         )
 
 
-def _as_windows(one: Fitted) -> WindowFit:
+def _as_windows(one: Fitted, scale: Scale, noise: Noise) -> WindowFit:
     """The rows used and their fit as one on windows, for the checks that both methods share."""
     used = one.fit.weights > 0
     fit = replace(one.fit.fit, residuals=one.fit.fit.residuals[used], influence=one.fit.fit.influence[:, used])
     half = 1 / one.row_filter.cutoff.frequency
-    return WindowFit(one.rows.select(used), one.fit.unknowns, fit, one.fit.covariance, half)
+    return WindowFit(one.rows.select(used), scale, noise, one.fit.unknowns, fit, one.fit.covariance, half)
 
 
 def _consistency(
@@ -120,13 +120,13 @@ def _consistency(
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
     doubts: list[Message] = []
     if fit is not None:
-        check_sign(fit, scale, part.log.source.path or "the log")
+        check_sign(fit, part.log.source.path or "the log")
         # an impulse at each reversal is let in, for friction with a memory looks like another gravity without it
         lengths = (part.motion.half_period / 4, part.motion.half_period / 6)
         terms = (*BASIS, "memory")
         fits = [fit_windows(rows_of(signals, law_windows(signals, half)), scale, noise, terms) for half in lengths]
         longest, *others = [one for one in fits if one is not None] or [fit]
-        doubts = check_gravity(longest, others, signals, rig, scale, noise, least=CLOSE)
+        doubts = check_gravity(longest, others, signals, rig, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
     motor = check_motor(balance, signals, method="this method")
     return [*doubts, *motor.warnings], motor.all_notes()

@@ -1,1 +1,1 @@
-"""The symmetric momentum method: test functions on the angles, no motor constant, no speed, no law."""
+"""The momentum method: modulating functions on the angles; no motor constant, no speed, no friction law."""

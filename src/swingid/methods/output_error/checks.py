@@ -86,9 +86,7 @@ def check_fit(
     if consistency.windows is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
         scattered = Parameter.of(inertia.value, spread, inertia.unit)
-        checked = check_answer(
-            parameters | {"inertia": scattered}, answer.budget, consistency.windows, scale, amplitude
-        )
+        checked = check_answer(parameters | {"inertia": scattered}, answer.budget, consistency.windows, amplitude)
         warnings += checked.warnings
         notes += checked.notes
         if not estimate.robust:
@@ -209,7 +207,7 @@ def _against_momentum(
 ) -> list[Message]:
     """A warning where the momentum balance of the same swings says otherwise; shift: of the latter for constants."""
     assert consistency.windows is not None
-    if not differs_from_momentum(inertia.value - shift, spread, consistency.windows, scale):
+    if not differs_from_momentum(inertia.value - shift, spread, consistency.windows):
         return []
     difference = inertia.value / (consistency.windows.a11 + shift - scale.carried) - 1
     cause = "motor constants that are off" if problem.input == "voltage" else "friction that is not of this law"

@@ -111,9 +111,8 @@ def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
 
 def _fitted(fit: WindowFit, signals: Signals, scale: Scale, turn: float) -> Iterator[Extra]:
     """One joint fit of friction, inertia and all extra columns on the windows of `fit`."""
-    b = fit.value("gravity_torque") if scale.b is None else scale.b
-    more = list(_columns(fit.rows, signals, scale, fit.a11, b, turn))
-    solved, error = fit_with_prior(fit, scale, [each.values * each.prior for each in more], ROUNDS)
+    more = list(_columns(fit.rows, signals, scale, fit.a11, fit.b, turn))
+    solved, error = fit_with_prior(fit, [each.values * each.prior for each in more], ROUNDS)
     count = len(fit.rows.windows)
     residuals = solved.residuals[:count]
     data = LinearFit(solved.values, residuals, solved.influence[:, :count], solved.condition)

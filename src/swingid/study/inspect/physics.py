@@ -13,7 +13,7 @@ from swingid.balance.fits import WindowFit
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals
 from swingid.checks.answer import Fault, check_motor, check_sign
-from swingid.checks.gravity import check_gravity
+from swingid.checks.stated import check_gravity
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import corrected
@@ -82,7 +82,7 @@ def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balanc
     motion = swings.motion.within(float(used.time[0]), float(used.time[-1]))
     choice = choose(Signals.of(used, rig, motion, encoders), rig, scale, noise)
     law = choice.law
-    check_sign(law, scale, log.source.path or "the log")
+    check_sign(law, log.source.path or "the log")
     return Balance(used, choice.signals, scale, noise, law, list(choice.tried.values()))
 
 
@@ -150,8 +150,8 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
 
 
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
-    """Whether drive and gravity are of one scale, where the motion determines it; see `checks.gravity`."""
-    for message in check_gravity(balance.law, balance.fits, balance.signals, rig, balance.scale, balance.noise):
+    """Whether drive and gravity are of one scale, where the motion determines it; see `checks.stated`."""
+    for message in check_gravity(balance.law, balance.fits, balance.signals, rig):
         drive = "log.torque_gain" if balance.scale.drive == "direct" else "drive.wheel.inertia"
         remedy = f"correct axis.gravity_torque or {drive}, or state the less certain one with its uncertainty"
         yield Check(message.code, "scale", "repair", f"{message.message.rpartition('; ')[0]}.", remedy)

@@ -1,0 +1,206 @@
+"""What the rig file states and the balance contradicts: ideal encoders, the gravity torque, the zero of the angle.
+
+Each is a systematic error, equal at every swing, that the scatter of the windows does not contain.
+
+Encoders: an undeclared once-per-turn nonlinearity leaves residuals that two more columns per encoder describe.
+Gravity: with the gravity torque fitted the drive alone is the scale reference, so where the motion distinguishes the
+two, an error of the torque constant, the wheel's inertia, the angle's unit or the clock gives another gravity torque.
+Zero: gravity about another zero, b sin(q1 − δ), leaves −b δ cos q1 in equation (I).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swingid.balance.fits import LAG, WindowFit, columns_of, fit_rows, known_side, residuals_beside, with_declared
+from swingid.balance.imperfections import axis_bends, imperfections, wheel_bends
+from swingid.balance.rows import Signals
+from swingid.checks.answer import LEAST
+from swingid.format import number, percent, plus_minus
+from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
+from swingid.numerics.regression import fit_linear
+from swingid.numerics.test_functions import project
+from swingid.preparation.encoders import Encoders
+from swingid.recording.findings import Kind
+from swingid.result.result import Message
+from swingid.uncertainty.significance import BETTER, CERTAIN, CERTAIN_RATIO, DETECTED, MATTERS
+from swingid.units import Quantity
+
+WIDE = 0.5 * np.pi / 180
+"""Prior standard deviation (rad) of a nonlinearity where nothing is declared."""
+
+AMPLITUDES = 4
+"""Further unknowns: cosine and sine of each encoder."""
+
+AS_SHARP = 2.0
+"""Windows of another length are compared where their uncertainty is larger by at most this factor."""
+
+ROUNDS = 3
+"""Gauss–Newton steps for the offset of the angle."""
+
+AS_GOOD = 1.2
+"""Ratio of sums of squares up to which two models fit the rows equally well."""
+
+
+def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
+    """A warning where an undeclared once-per-turn nonlinearity of the encoders is significant and biases the inertia.
+
+    Not where gravity is unknown as well, whose column is nearly that of a nonlinearity.
+    """
+    scale = law.scale
+    if signals.linear or scale.drive == "none" or scale.b is None or signals.encoders.angle.bent:
+        return []
+    if not _may_show(law, signals):
+        return []
+    declared = signals.declaring(Encoders.of(rig.changed({"sensors.nonlinearity": WIDE})))
+    bent = with_declared(replace(law, declared=()), rig, declared)
+    before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))
+    if not _shows(law, before, after):
+        return []
+    if max(abs(bent.a11 - law.a11), bent.total) < max(MATTERS * law.total, LEAST * law.a11):
+        return []
+    text = (
+        "a once-per-turn nonlinearity of the encoders, which the rig file does not declare, would reduce the residuals "
+        f"of the balance to {np.sqrt(after / before):.0%} and make the inertia "
+        f"{plus_minus(bent.inertia, bent.total, scale.unit)}; declare sensors.nonlinearity, such as "
+        '"0.1 deg", or calibrate the encoders.'
+    )
+    return [Message("encoder-nonlinearity", text, Kind.ENCODER_NONLINEARITY)]
+
+
+def _shows(law: WindowFit, before: float, after: float) -> bool:
+    """Whether a fall of the residuals' power is large and significant."""
+    # without a nonlinearity 0.95 of the residuals and more remain
+    freedom = len(law.rows.windows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES
+    return 0 < after < BETTER**2 * before and (before / after - 1) * freedom / AMPLITUDES >= CERTAIN_RATIO
+
+
+def _may_show(law: WindowFit, signals: Signals) -> bool:
+    """Whether the residuals would fall enough without a prior of the amplitudes: quick, and a necessary condition."""
+    bends = [*axis_bends(signals, law.rows, law.a11, law.b).values()]
+    bends += wheel_bends(signals, law.rows, law.scale.a12).values()
+    left = residuals_beside(law, np.column_stack(bends))
+    return _shows(law, float(np.mean(law.fit.residuals**2)), float(np.mean(left**2)))
+
+
+def check_gravity(
+    law: WindowFit, tried: Iterable[WindowFit], signals: Signals, rig: Rig, *, least: float = LEAST
+) -> list[Message]:
+    """A warning where the balance contradicts `axis.gravity_torque` by so much that the inertia is biased.
+
+    tried: the same fit at other lengths of windows. least: relative change of the inertia that is worth a warning, for
+    methods that take a rougher fit as a consistency check.
+    """
+    stated, scale = rig.axis.gravity_torque, law.scale
+    if not isinstance(stated, Quantity) or not scale.b or scale.drive == "none" or signals.linear:
+        return []
+    found = _freed(law, signals, rig)
+    if found is None:
+        return []
+    free, spread = found
+    for own in (law, *tried):
+        one = found if own is law else _freed(own, signals, rig)
+        if one is None or one[1] >= AS_SHARP * spread:
+            continue
+        off = one[0].b - stated.value
+        if off * (free.b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(one[1], stated.std or 0.0):
+            return []
+    # the disagreement of windows is no part of law.total: a wrong scale causes it
+    if not free.b > 0 or free.a11 <= 0 or abs(free.a11 - law.a11) <= max(MATTERS * law.total, least * law.a11):
+        return []
+    drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"
+    by_drive, by_gravity = (
+        number(a11 - scale.carried, scale.unit) for a11 in (free.a11, free.a11 * stated.value / free.b)
+    )
+    text = (
+        f"the balance gives a gravity torque of {plus_minus(free.b, spread, scale.torque_unit)}, "
+        f"{percent(free.b / stated.value - 1, sign=True)} from axis.gravity_torque: one of {drive}, "
+        f"axis.gravity_torque, the angle's unit and the clock is wrong; the inertia is {by_drive} if the drive's scale "
+        f"is right, {by_gravity} if gravity is; state the one that may be wrong with its uncertainty."
+    )
+    return [Message("gravity-torque-disagrees", text, Kind.GRAVITY_TORQUE)]
+
+
+def _freed(fit: WindowFit, signals: Signals, rig: Rig) -> tuple[WindowFit, float] | None:
+    """The same windows with the gravity torque fitted, and its standard uncertainty with all that is declared."""
+    free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
+    if free is None:
+        return None
+    k = free.unknowns.index("gravity_torque")
+    variance = float(free.covariance[k, k])
+    for item in imperfections(rig, signals, free.rows, free.a11, free.b):
+        if item.source != "axis.gravity_torque":
+            variance += (float(free.fit.influence[k] @ item.rows) * item.std) ** 2
+    return free, float(np.sqrt(variance))
+
+
+@dataclass(frozen=True)
+class _Offset:
+    """δ of the angle in rad with its standard uncertainty, a11 with δ corrected, sum of squared residuals."""
+
+    value: float
+    spread: float
+    a11: float
+    left: float
+
+    def matters(self, a11: float, uncertainty: float) -> bool:
+        """Whether the offset is significant, and changes a11 by more than its interval."""
+        sure = CERTAIN * self.spread < abs(self.value) < np.pi / 2
+        return bool(sure and abs(self.a11 - a11) > max(MATTERS * uncertainty, LEAST * abs(a11)))
+
+
+def check_zero(law: WindowFit, signals: Signals, uncertainty: float) -> list[Message]:
+    """A warning where the zero offset of the angle is so large that the inertia is biased.
+
+    uncertainty: the inertia's, with all declared imperfections. cos q1 oscillates at twice the motion's frequency, so
+    it is distinguishable from inertia and odd friction. Friction that depends on the direction does so too; small
+    swings of one frequency do not distinguish the two, and then both are named.
+    """
+    if not law.scale.b or signals.linear:
+        return []
+    cosine = project(signals.nodes, [(signals.cosine, 0)], law.rows.windows.centres, law.rows.windows.half)
+    found, unless = _offset(law, signals, law.friction, cosine[:, 0]), ""
+    if not found.matters(law.a11, uncertainty):
+        less = tuple(name for name in law.friction if name != "viscous_even")
+        found = _offset(law, signals, less, cosine[:, 0])
+        if not found.matters(law.a11, uncertainty) or found.left > AS_GOOD * float(
+            law.fit.residuals @ law.fit.residuals
+        ):
+            return []
+        unless = ", unless it is friction that depends on the direction, which is not distinguishable in this motion"
+    effect = percent((found.a11 - law.a11) / law.inertia, sign=True)
+    offset = plus_minus(found.value, found.spread, "rad")
+    text = (
+        f"0 of the angle seems to lie {offset} beside the hanging position{unless}; "
+        f"the correction changes the inertia by {effect}, so subtract {number(found.value, 'rad')} from the angle."
+    )
+    return [Message("zero-off", text, Kind.ANGLE_ZERO)]
+
+
+def _offset(law: WindowFit, signals: Signals, friction: tuple[str, ...], cosine: Array) -> _Offset:
+    """δ of the angle from the rows of a fit, with these terms of friction beside it; one round where there is none.
+
+    cosine: ∫φ cos q1 of every row.
+    """
+    scale, windows = law.scale, law.rows.windows
+    assert scale.b is not None
+    _, columns = columns_of(law.rows, scale, friction)
+    # the part of the rows that the fit explains by declared imperfections, such as α cos q, remains theirs
+    declared = law.columns @ law.fit.values + law.fit.residuals - law.known
+    offset, spread, rows = 0.0, 0.0, law.rows
+    for _ in range(ROUNDS):
+        if offset:
+            angle = signals.angle - offset
+            terms = [(np.cos(angle), 0), (np.sin(angle), 0)]
+            cosine, sine = project(signals.nodes, terms, windows.centres, windows.half).T
+            rows = replace(law.rows, gravity=sine)
+        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, scale) + declared)
+        offset -= float(fit.values[-1]) / scale.b
+        spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / scale.b
+        if abs(offset) < CERTAIN * spread:
+            break
+    return _Offset(offset, spread, float(fit.values[0]), float(fit.residuals @ fit.residuals))

@@ -68,6 +68,11 @@ class WindowFit:
         return float(np.sqrt(self.covariance[k, k]))
 
     @property
+    def values(self) -> dict[str, float]:
+        """Fitted values by the names of the unknowns."""
+        return dict(zip(self.unknowns, self.fit.values.tolist(), strict=True))
+
+    @property
     def friction(self) -> tuple[str, ...]:
         """The unknowns that are terms of friction."""
         return tuple(name for name in self.unknowns if name in self.rows.friction)

@@ -19,7 +19,7 @@ from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.numerics.test_functions import CURVATURE_POWER, project
-from swingid.preparation.speed import Speed, smooth_speed
+from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
 from swingid.uncertainty.significance import INDICATED
@@ -151,7 +151,8 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     is_relative = rig.log.wheel_angle_is == "relative"
     sign = -1.0 if is_relative else 1.0
     other_speed = wheel_speed + sign * signals.motion.speed.at(middles)
-    slow, other_slow = _slow(speed, 0.0), _slow(speed, signals.motion.speed.noise)
+    # speeds that are not distinguishable from rest
+    slow, other_slow = SLOW * speed.noise, SLOW * float(np.hypot(speed.noise, signals.motion.speed.noise))
     terms = np.stack([*_terms(motor, voltage, wheel_speed, slow), *_terms(motor, voltage, other_speed, other_slow)])
     columns = [(signals.angle[:blocks], 2), (wheel[:blocks], 2), *((x, 0) for x in nodes.held(terms))]
     part = project(nodes, columns, windows.centres, windows.half)
@@ -196,11 +197,6 @@ def _voltage(log: Recording, late: float, middles: Array, *, held: bool) -> Arra
         means: Array = moved[:count].mean(axis=1)
         return means
     return spline_at(log.time, log.voltage, spline_slopes(log.time, log.voltage), middles + late, 0)
-
-
-def _slow(speed: Speed, more: float) -> float:
-    """Speed in rad/s not distinguishable from rest; `more`: standard deviation of a speed that is added."""
-    return SLOW * float(np.hypot(speed.noise, more))
 
 
 def _terms(motor: Motor, voltage: Array, rate: Array, slow: float) -> tuple[Array, ...]:

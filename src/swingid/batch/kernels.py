@@ -110,24 +110,16 @@ def smoothing(half_width: float, step: float) -> Array:
     """Weights (2, m) of samples 0 ... m - 1 steps away: of the angle (even) and, odd, of the speed, by local cubics."""
     reach = int(np.floor(half_width / step * (1.0 - 1e-9)))
     time: Array = step * np.arange(-reach, reach + 1, dtype=np.float64)
-    rows = []
-    for k in range(2 * reach + 1):
-        unit = np.zeros(2 * reach + 1)
-        unit[k] = 1.0
-        rows.append(local_cubic(time, unit, np.zeros(1), half_width)[0, :2])
-    return np.ascontiguousarray(np.array(rows)[reach:].T)
+    units = np.eye(2 * reach + 1)[reach:]
+    return np.ascontiguousarray(np.array([local_cubic(time, unit, np.zeros(1), half_width)[0, :2] for unit in units]).T)
 
 
 def kinked(half_width: float, step: float) -> Array:
     """Weights (m,) of differences of samples 0 ... m - 1 steps to both sides: speed of a cubic with a kink between."""
     reach = max(FEWEST, int(np.floor(half_width / step * (1.0 - 1e-9))))
     time: Array = step * np.arange(-reach, reach + 1, dtype=np.float64)
-    weights = np.zeros(reach + 1)
-    for k in range(1, reach + 1):
-        unit = np.zeros(2 * reach + 1)
-        unit[reach + k] = 1.0
-        weights[k] = kinked_slopes(time, unit, np.zeros(1), reach * step)[0]
-    return weights
+    units = np.eye(2 * reach + 1)[reach + 1 :]
+    return np.array([0.0, *(kinked_slopes(time, unit, np.zeros(1), reach * step)[0] for unit in units)])
 
 
 @njit_sums_threads

@@ -129,17 +129,19 @@ def check_answer(
     warnings: list[Message] = []
     notes: list[Message] = []
     if (scale.b is None or scale.unknown) and _share(budget, inertia) > 0.02:
-        text = f"{seen.combination(_values(law))}; {advice(seen, *motion)}."
+        text = f"{seen.combination(law.values)}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
     near_resonance = False
     if scale.drive != "none" and scale.b:
-        lean = abs(float(law.fit.influence[0] @ law.rows.gravity)) * abs(scale.b) / law.a11
-        near_resonance = lean > 0.8
+        leverage = abs(float(law.fit.influence[0] @ law.rows.gravity)) * abs(scale.b) / law.a11
+        near_resonance = leverage > 0.8
         if near_resonance:
-            warnings.append(Message("near-resonance", _leaning(lean, amplitude, scale.b / law.a11)))
+            warnings.append(Message("near-resonance", _near_resonance(leverage, amplitude, scale.b / law.a11)))
     if scale.drive == "none":
         notes.append(Message("scale-from-gravity", "the inertia is proportional to axis.gravity_torque."))
-    return AnswerCheck(warnings, notes, _how_identifiable(seen, law), near_resonance)
+    rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
+    text = f"{rank}; {seen.combination(law.values)}, and {seen.price}."
+    return AnswerCheck(warnings, notes, Message("identifiability", text), near_resonance)
 
 
 def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
@@ -152,18 +154,6 @@ def identifiability_of(law: WindowFit) -> Identifiability:
     units = units_on(linear=law.scale.linear)
     seen = examine(law.unknowns, [units.get(name, "") for name in law.unknowns], law.columns)
     return seen.scaled_to(law.u)
-
-
-def _values(law: WindowFit) -> dict[str, float]:
-    return {name: law.value(name) for name in law.unknowns}
-
-
-def _how_identifiable(seen: Identifiability, law: WindowFit) -> Message:
-    text = (
-        f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}; "
-        f"{seen.combination(_values(law))}, and {seen.price}."
-    )
-    return Message("identifiability", text)
 
 
 def _main_frequency(law: WindowFit, amplitude: float) -> tuple[float | None, float]:
@@ -198,12 +188,12 @@ def _hopeless(inertia: Parameter, relative: float, law: WindowFit, motion: tuple
     )
 
 
-def _leaning(lean: float, amplitude: float, stiffness: float) -> str:
+def _near_resonance(leverage: float, amplitude: float, stiffness: float) -> str:
     natural = np.sqrt(stiffness) * (1 - min(amplitude, LARGEST_SWING) ** 2 / 16)
-    reason = "the motion is near resonance" if lean < 1.5 else "the motion is slow against the free swing"
+    reason = "the motion is near resonance" if leverage < 1.5 else "the motion is slow against the free swing"
     return (
         f"{reason} ({natural:.2g} rad/s), so the inertia is nearly proportional to the gravity torque (1 % "
-        f"of axis.gravity_torque changes it by {lean:.2g} %); drive at {1.7 * natural:.2g} rad/s or more."
+        f"of axis.gravity_torque changes it by {leverage:.2g} %); drive at {1.7 * natural:.2g} rad/s or more."
     )
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from swingid.balance.fits import BASIS, columns_of, known_side
 from swingid.balance.imperfections import Imperfection, imperfections
 from swingid.balance.rows import Signals, Windows, rows_of
-from swingid.methods.energy.balance import Course, States, states_at
+from swingid.methods.energy.balance import Course, states_at
 from swingid.methods.energy.effects import effects
 from swingid.methods.energy.fit import BASIS as ENERGY_BASIS
 from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
@@ -103,18 +103,11 @@ def energy_block(
     unknowns, target = tuple(named), within_blocks(states.known(rig, scale))
 
     def declared(values: Array) -> list[Imperfection]:
-        return _energy_effects(rig, course, states, scale, unknowns, values)
+        """On differences from the block's mean."""
+        fit = NodeFit(unknowns, values, np.zeros((len(unknowns), 0)), None, np.empty((0, 0)))
+        b = fit.value("gravity_torque") if scale.b is None else scale.b
+        found = effects(rig, course, states, scale, fit, b)
+        shape = states.instants.shape
+        return [replace(item, rows=within_blocks(item.rows.reshape(shape))) for item in found if item.std > 0]
 
     return Block(turning, float(motion.sides[at]), unknowns, columns, target, None, declared)
-
-
-def _energy_effects(
-    rig: Rig, course: Course, states: States, scale: Scale, unknowns: tuple[str, ...], values: Array
-) -> list[Imperfection]:
-    """What rig.toml declares, on differences from the block's mean."""
-    nothing = np.zeros((len(unknowns), 0))
-    fit = NodeFit(unknowns, values, nothing, None, np.empty((0, 0)))
-    b = fit.value("gravity_torque") if scale.b is None else scale.b
-    found = effects(rig, course, states, scale, fit, b)
-    shape = states.instants.shape
-    return [replace(item, rows=within_blocks(item.rows.reshape(shape))) for item in found if item.std > 0]

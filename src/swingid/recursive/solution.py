@@ -8,6 +8,7 @@ that no large numbers cancel in those sums.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -64,9 +65,7 @@ def solve_all(blocks: list[Block], origin: Array, scale: Scale, noise: Noise) ->
 
     origin: of `first_solution`; declared imperfections and the sensors' noise are evaluated at these values.
     """
-    plain = _solve_stacked(blocks, _plain(blocks[0].unknowns), origin, scale, noise)
-    full = _solve_stacked(blocks, np.ones(len(origin), bool), origin, scale, noise)
-    return _chosen(plain, full, blocks[0].unknowns)
+    return _chosen(lambda sought: _solve_stacked(blocks, sought, origin, scale, noise), blocks[0].unknowns)
 
 
 def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, scale: Scale, noise: Noise) -> Solution:
@@ -95,11 +94,14 @@ def _plain(unknowns: tuple[str, ...]) -> Bools:
     return np.array([name != MEMORY for name in unknowns])
 
 
-def _chosen(plain: Solution, full: Solution, unknowns: tuple[str, ...]) -> Solution:
+def _chosen(solve: Callable[[Bools], Solution], unknowns: tuple[str, ...]) -> Solution:
     """The solution with an impulse at reversals where it is significant, as in `momentum`; else the one without."""
-    if MEMORY not in unknowns or full.covariance is None:
+    plain = solve(_plain(unknowns))
+    if MEMORY not in unknowns:
         return plain
-    k = unknowns.index(MEMORY)
+    full, k = solve(np.ones(len(unknowns), bool)), unknowns.index(MEMORY)
+    if full.covariance is None:
+        return plain
     variance = float(full.covariance[k, k])
     # of rounding errors alone, as with exact data, the variance may be below 0
     return full if variance > 0 and abs(full.values[k]) > DETECTED * np.sqrt(variance) else plain
@@ -191,8 +193,7 @@ class Recursion:
 
     def solution(self) -> Solution:
         """The solution over all swings taken so far."""
-        plain = self._solve(_plain(self.unknowns))
-        return _chosen(plain, self._solve(np.ones(len(self.origin), bool)), self.unknowns)
+        return _chosen(self._solve, self.unknowns)
 
     def _solve(self, sought: Bools) -> Solution:
         """The solution for the unknowns `sought`, the others 0."""

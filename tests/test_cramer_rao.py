@@ -81,12 +81,12 @@ def test_output_error_scatters_as_the_bound_says() -> None:
     assert scatter[1] / np.mean([b["viscous"] for b in bounds]) == pytest.approx(1.05, abs=3 / np.sqrt(48))
 
 
-def test_what_it_cannot_say_is_refused() -> None:
+def test_what_is_not_identifiable_is_refused() -> None:
     log = simulate(PAPER, Sine(0.8, 8.5), duration=2.0)
     with pytest.raises(InputError, match=r"sensors.noise is missing"):
         cramer_rao(log, PAPER.changed({"sensors.noise": 0.0}))
     with pytest.raises(InputError, match=r"axis.inertia is missing"):
         cramer_rao(log, PAPER.changed({"axis.inertia": None}))
     still = simulate(PAPER, duration=1.0, drive=np.zeros(1001))
-    with pytest.raises(UnanswerableError, match="cannot tell"):
+    with pytest.raises(UnanswerableError, match="not identifiable"):
         cramer_rao(still, PAPER, start=(0, 0, 0, 0))

@@ -23,6 +23,7 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
+from swingid.methods.output_error import method
 from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.solver import loss_of, reduce
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
@@ -279,7 +280,7 @@ def test_what_only_shows_as_a_product_is_refused_by_name():
     sharp = {"drive.motor.dead_zone": [0.0, 0.0]}
     log = twin_log(duration=6.0, **sharp)
     rig = GIVEN.changed(sharp | {"drive.motor.back_emf": 0})
-    with pytest.raises(UnanswerableError, match="torque_per_volt and efficiency cannot be told apart"):
+    with pytest.raises(UnanswerableError, match="torque_per_volt and efficiency are not identifiable"):
         identify(log, rig, "output-error", law="viscous", free="torque_per_volt, efficiency")
 
 
@@ -492,6 +493,14 @@ def test_without_voltage_or_motor_constants(viscous_log):
         identify(viscous_log, weak, "output-error", input="voltage")
     for log, rig in ((silent, GIVEN), (viscous_log, weak)):
         assert identify(log, rig, "output-error", law="viscous").provenance["options"]["input"] == "wheel"
+
+
+def test_a_model_whose_simulated_motion_diverges_is_refused(viscous_log, monkeypatch):
+    solve = method.solve
+    monkeypatch.setattr(method, "solve", lambda *given: replace(solve(*given), cost=np.inf))
+    with pytest.raises(UnanswerableError) as refused:
+        identify(viscous_log, GIVEN, "output-error", law="viscous")
+    assert refused.value.code == "poor-fit"
 
 
 def test_an_input_belongs_to_a_wheel():

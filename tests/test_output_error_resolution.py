@@ -10,8 +10,8 @@ import pytest
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.identification import identify
+from swingid.methods.output_error.answer import grid_covariance
 from swingid.methods.output_error.problem import problem_of
-from swingid.methods.output_error.resolution import grid_covariance
 from swingid.methods.output_error.solver import influence_of, solve
 from swingid.methods.output_error.unknowns import ZERO, unknowns_of
 from swingid.preparation.encoders import Encoders

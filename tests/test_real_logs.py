@@ -198,6 +198,13 @@ def test_the_torque_limited_pendulum_ends_in_warnings(data_dir, name, whole):
     assert result.inertia.value == pytest.approx(BUILT, rel=0.05)  # gravity sets the scale, and it is right
 
 
+def test_output_error_refuses_a_log_that_its_model_cannot_follow(data_dir):
+    rig = Rig.load(PROJECT / "examples" / "rigs" / "dfki_pendulum.toml")
+    with pytest.raises(UnanswerableError) as refused:
+        identify(Recording.load(data_dir / "dfki_pendulum" / "pd_sysid.csv", rig), rig, "output-error")
+    assert refused.value.code == "poor-fit"
+
+
 def test_torque_and_gravity_contradict_each_other_and_the_warning_says_by_how_much(data_dir):
     result = identified(data_dir / "dfki_pendulum" / "sac.csv", "dfki_pendulum.toml", part=PARTS["sac.csv"])
     text = next(one.message for one in result.warnings if one.code == "gravity-torque-disagrees")

@@ -22,13 +22,13 @@ def identify(
     method: str = DEFAULT,
     **options: object,
 ) -> Result:
-    """Moment of inertia and friction of the body that `log` shows, by the named method.
+    """Moment of inertia and friction of the body from a log, by the named method.
 
     Parameters
     ----------
     log : Recording or LargeLog, or several of one body on one rig, in a list or by name
         Measured angles, and voltage or torque where the method needs them. Nothing else of it is used. Several give
-        one result with `per_log`; by name, an error may stand in the place of one that could not be read. A LargeLog
+        one result with `per_log`; by name, an error may take the place of one that could not be read. A LargeLog
         is read and identified in parts.
     rig : Rig
         The constants of the rig with their uncertainties. `axis.inertia` and `axis.friction` are never used.
@@ -44,7 +44,7 @@ def identify(
     UsageError
         Unknown method or option; a LargeLog for a method that does not read in parts; no log or no rig.
     UnanswerableError
-        The log does not determine the result: no motion, too short, not identifiable, no scale.
+        The log does not determine the inertia: no motion, too short, not identifiable, no scale reference.
     """
     chosen = method_of(method)
     if not isinstance(rig, Rig):
@@ -54,13 +54,16 @@ def identify(
     if isinstance(log, Recording | LargeLog):
         chosen.check_options(options)
 
-        def ask(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
+        def of_one(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
             return _of_one(log, rig, chosen, options, more)
 
         try:
-            return _calibrated(ask(rig), ask, [log], rig)
+            return _calibrated(of_one(rig), of_one, [log], rig)
         except UnanswerableError as error:
-            raise _named(error, log.path if isinstance(log, LargeLog) else log.source.path) from error
+            path = log.path if isinstance(log, LargeLog) else log.source.path
+            if path is None or path in error.message:
+                raise
+            raise UnanswerableError(f"{path}: {error.message}", code=error.code) from error
     from swingid.pooling.several import FRICTION, identify_several
 
     own = "friction" not in chosen.options() or options.get("friction") in FRICTION
@@ -69,30 +72,23 @@ def identify(
     several = len(log) > 1
     logs = log if isinstance(log, Mapping) else list(log)
 
-    def ask_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
+    def of_all(rig: Rig, more: tuple[Finding, ...] = ()) -> Result:
         return identify_several(
             logs, lambda one: _of_one(one, rig, chosen, options, more, one_of_several=several), friction=friction
         )
 
-    return _calibrated(ask_all(rig), ask_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
+    return _calibrated(of_all(rig), of_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
 
 
 def _calibrated(
-    result: Result, ask: Callable[[Rig, tuple[Finding, ...]], Result], logs: Iterable[Log | SwingidError], rig: Rig
+    result: Result, again: Callable[[Rig, tuple[Finding, ...]], Result], logs: Iterable[Log | SwingidError], rig: Rig
 ) -> Result:
-    """The result, or a better one where momentum warns of encoders that the rig file does not declare."""
+    """The result, or one with calibrated encoders where momentum warns of a nonlinearity that is not declared."""
     if result.status != "warning":
         return result
     from swingid.calibration.encoders.undeclared import calibrated_by_itself
 
-    return calibrated_by_itself(result, ask, [one for one in logs if isinstance(one, Recording)], rig)
-
-
-def _named(error: UnanswerableError, path: str | None) -> UnanswerableError:
-    """The same with the file in front, where its sentence does not name it."""
-    if path is None or path in error.message:
-        return error
-    return UnanswerableError(f"{path}: {error.message}", code=error.code)
+    return calibrated_by_itself(result, again, [one for one in logs if isinstance(one, Recording)], rig)
 
 
 def _of_one(

@@ -7,10 +7,10 @@ angle itself gives, with more noise, the share of the jump that is in it.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
+from swingid.balance.fits import NamedFit
 from swingid.balance.rows import Signals
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import gauss_rule
@@ -22,13 +22,6 @@ from swingid.preparation.speed import typical_step
 Torque = Callable[[Array], Array]
 
 
-class Fit(Protocol):
-    """What `dry_levels` uses of a fit."""
-
-    def value(self, name: str) -> float:
-        """Value of an unknown, 0 where it was not fitted."""
-
-
 DRIVEN = 0.5
 """Prior standard deviation of the share of friction's jump that is in the angle."""
 
@@ -36,7 +29,7 @@ FARTHEST = 0.25
 """Delay, in half-widths of the cubic, beyond which this theory is not valid: the axis may rest as well."""
 
 
-def dry_levels(signals: Signals, fit: Fit) -> Array:
+def dry_levels(signals: Signals, fit: NamedFit) -> Array:
     """Dry friction of the further terms at each turning point (N m or N), half of its jump there, by a fit."""
     angles = signals.motion.turning_angles
     dry = [term for term in signals.further if term.term.is_dry]

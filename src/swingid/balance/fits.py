@@ -40,26 +40,15 @@ class Effect:
 
 
 @dataclass(frozen=True)
-class WindowFit:
-    """A fit of the balance on windows of one kind.
+class NamedFit:
+    """A linear fit with named unknowns, "inertia" first; a11 is that of the whole axis, the covariance of type A."""
 
-    unknowns: names of the columns ("inertia" first); a11 and its uncertainties are for the whole axis. covariance: of
-    type A; declared: effect of each declared imperfection of the rig on the unknowns. computed: variance of a11 that is
-    not estimated from the scatter of the rows: by the sensors' noise, and of attenuation.
-    """
-
-    rows: Rows
-    scale: Scale
-    noise: Noise
     unknowns: tuple[str, ...]
     fit: LinearFit
     covariance: Array
-    half: float
-    declared: tuple[Effect, ...] = ()
-    computed: float = 0.0
 
     def value(self, name: str) -> float:
-        """Fitted value of an unknown, 0 where it was not fitted."""
+        """Value of an unknown, 0 where it was not fitted."""
         return float(self.fit.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
 
     def uncertainty(self, name: str) -> float:
@@ -71,6 +60,32 @@ class WindowFit:
     def values(self) -> dict[str, float]:
         """Fitted values by the names of the unknowns."""
         return dict(zip(self.unknowns, self.fit.values.tolist(), strict=True))
+
+    @property
+    def a11(self) -> float:
+        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
+        return float(self.fit.values[0])
+
+    @property
+    def u(self) -> float:
+        """Type A standard uncertainty of a11."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+
+@dataclass(frozen=True)
+class WindowFit(NamedFit):
+    """A fit of the balance on windows of one kind.
+
+    declared: effect of each declared imperfection of the rig on the unknowns. computed: variance of a11 that is not
+    estimated from the scatter of the rows: by the sensors' noise, and of attenuation.
+    """
+
+    rows: Rows
+    scale: Scale
+    noise: Noise
+    half: float
+    declared: tuple[Effect, ...] = ()
+    computed: float = 0.0
 
     @property
     def friction(self) -> tuple[str, ...]:
@@ -88,11 +103,6 @@ class WindowFit:
         return known_side(self.rows, self.scale)
 
     @property
-    def a11(self) -> float:
-        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
-        return float(self.fit.values[0])
-
-    @property
     def inertia(self) -> float:
         """Inertia J1 of the body."""
         return self.a11 - self.scale.carried
@@ -101,11 +111,6 @@ class WindowFit:
     def b(self) -> float:
         """Gravity torque (N m), stated or fitted."""
         return self.value("gravity_torque") if self.scale.b is None else self.scale.b
-
-    @property
-    def u(self) -> float:
-        """Type A standard uncertainty of a11."""
-        return float(np.sqrt(self.covariance[0, 0]))
 
     @property
     def freedom(self) -> float:
@@ -145,7 +150,7 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
         return None
     fit = fit_linear(columns, known_side(rows, scale))
     covariance, computed = covariance_of(fit, rows, unknowns, scale, noise)
-    return WindowFit(rows, scale, noise, unknowns, fit, covariance, rows.windows.middle, computed=computed)
+    return WindowFit(unknowns, fit, covariance, rows, scale, noise, rows.windows.middle, computed=computed)
 
 
 def fit_with_prior(fit: WindowFit, extra: Sequence[Array], rounds: int = 2) -> tuple[LinearFit, float]:

@@ -16,6 +16,7 @@ from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, 
 from swingid.checks.stated import check_gravity, check_zero
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
+from swingid.model.terms import stated_at
 from swingid.numerics.arrays import median, quantile
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
@@ -26,6 +27,7 @@ from swingid.result.provenance import exact_constants
 from swingid.result.result import Message
 from swingid.uncertainty.budget import Evaluated, Parameter
 from swingid.uncertainty.significance import INDICATED
+from swingid.units import Quantity
 
 DISAGREES = "disagreement with the momentum balance"
 
@@ -37,6 +39,8 @@ SATURATED = 0.6
 
 FEWEST_PER_SWING = 10
 """Rows per swing below which the bias of smoothed speeds is some per cent, which the interval does not contain."""
+
+MOTOR_KEYS = ("drive.motor.torque_per_volt", "drive.motor.efficiency", "drive.wheel.inertia", "drive.motor.gear_ratio")
 
 SWINGS = 12
 """Swings from which a wrong sign or wrong motor constants are detected."""
@@ -118,7 +122,9 @@ def check_energy(
     if consistency.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
         checked = check_answer(answer.parameters, answer.budget, consistency.windows, amplitude)
-        differs = [] if compared is None else _against_momentum(inertia, compared, consistency.windows)
+        wheel = scale.drive == "reaction-wheel"
+        cause = "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
+        differs = [] if compared is None else against_momentum(inertia, compared, consistency.windows, cause)
         warnings += checked.warnings + differs
         notes += [checked.identifiability, *checked.notes]
         warnings += check_zero(consistency.windows, consistency.signals, inertia.standard_uncertainty)
@@ -126,7 +132,8 @@ def check_energy(
     motor = check_motor(consistency.balance, consistency.signals, uses_motor=True)
     notes += motor.notes
     if scale.drive == "reaction-wheel":
-        notes.append(motor_sensitivities(rig, sensitivities, inertia))
+        text = f"{motor_sensitivities(rig, sensitivities, inertia)}; momentum needs no motor constant."
+        notes.append(Message("leans-on-the-motor", text))
         warnings += motor.held
         # near resonance that is the cause of the residual of (II), or the wheel rests part of the time
         if not (motor.fault is Fault.CONSTANTS and only_resonance):
@@ -134,40 +141,33 @@ def check_energy(
     return warnings, notes
 
 
-def differs_from_momentum(value: float, uncertainty: float, windows: WindowFit) -> bool:
-    """Whether an inertia differs from the momentum balance of a few swings by more than the uncertainties explain."""
-    gap = abs(value - windows.inertia)
-    return bool(gap >= max(INDICATED * np.hypot(uncertainty, windows.u), CLOSE * abs(value)))
+def against_momentum(
+    inertia: Parameter, compared: float, windows: WindowFit, cause: str, shift: float = 0.0
+) -> list[Message]:
+    """A warning where the momentum balance of a few swings gives another inertia than the uncertainties explain.
 
-
-def _against_momentum(inertia: Parameter, compared: float, windows: WindowFit) -> list[Message]:
-    """A warning where the momentum balance of a few swings gives another inertia than the uncertainties explain."""
-    if not differs_from_momentum(inertia.value, compared, windows):
+    shift: change of the inertia of the balance where constants are as estimated, not as stated.
+    """
+    difference = inertia.value - shift - windows.inertia
+    if not abs(difference) >= max(INDICATED * np.hypot(compared, windows.u), CLOSE * abs(inertia.value - shift)):
         return []
-    difference = inertia.value / windows.inertia - 1
-    wheel = windows.scale.drive == "reaction-wheel"
-    cause = "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
+    share = inertia.value / (windows.inertia + shift) - 1
     text = (
-        f"this inertia is {abs(difference):.1%} {'more' if difference > 0 else 'less'} than the momentum balance of "
-        f"the same swings gives; the likely cause is {cause}, on which the momentum method depends less."
+        f"this inertia is {abs(share):.1%} {'more' if share > 0 else 'less'} than the momentum balance of the same "
+        f"swings gives; the likely cause is {cause}, on which the momentum method depends less."
     )
     return [Message("disagrees-with-momentum", text)]
 
 
-def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> Message:
-    """A note on the relative change of the inertia per 1 % of each constant of motor and wheel."""
-    assert rig.drive.motor is not None
-    assert rig.drive.wheel is not None
-    motor = rig.drive.motor
-    shares = {
-        "drive.motor.torque_per_volt": motor.torque_per_volt.value,
-        "drive.motor.efficiency": motor.efficiency.value,
-        "drive.wheel.inertia": rig.drive.wheel.inertia.value,
-        "drive.motor.gear_ratio": motor.gear_ratio.value,
-    }
-    moves = [f"{key} by {sensitivities[key] * value / inertia.value:+.2g} %" for key, value in shares.items()]
-    text = f"1 % more of a constant changes this inertia: {', '.join(moves)}; momentum needs no motor constant."
-    return Message("leans-on-the-motor", text)
+def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> str:
+    """Relative changes of the inertia per 1 % of each constant of motor and wheel, in words."""
+    quantities = {key: stated_at(rig, key) for key in MOTOR_KEYS if key in sensitivities}
+    changes = [
+        f"{key} by {sensitivities[key] * quantity.value / inertia.value:+.2g} %"
+        for key, quantity in quantities.items()
+        if isinstance(quantity, Quantity)
+    ]
+    return f"1 % more of a constant changes this inertia: {', '.join(changes)}"
 
 
 def check_saturation(used: Recording, rig: Rig) -> list[Message]:

@@ -1,4 +1,4 @@
-"""The identification methods: what each needs of a log and a rig, what it assumes, and the function that does it."""
+"""The identification methods: what each needs of a log and a rig, what it assumes, and its function."""
 
 from __future__ import annotations
 
@@ -6,13 +6,12 @@ import difflib
 import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import UsageError
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
-    from swingid.preparation.prepared import Prepared
     from swingid.recording.recording import Recording
     from swingid.result.result import Result
 
@@ -20,15 +19,11 @@ KINDS: dict[str, tuple[str, type]] = {"bool": ("true or false", bool), "str": ("
 """Annotations of options whose type is checked before the method is called: in words, and the type."""
 
 
-class Identification(Protocol):
-    """A method as it is called: from a prepared log to a result; its options are keyword arguments."""
-
-    def __call__(self, prepared: Prepared, **options: object) -> Result:
-        """Raises InputError where a channel is missing, UnanswerableError where the log does not determine J1."""
-
-
 Load = Callable[[], Callable[..., "Result"]]
-"""Imports a method's function (an `Identification` with options of its own) and returns it."""
+"""Imports and returns a method's function: from a `Prepared` to a `Result`, with options as keyword arguments.
+
+It raises InputError where a channel is missing, UnanswerableError where the log does not determine J1.
+"""
 
 
 @dataclass(frozen=True)
@@ -37,8 +32,8 @@ class Method:
 
     friction: what it assumes of the friction of the axis, "any", a "basis" of terms, one "law", or "viscous". speeds:
     where its speeds come from, "none" where it needs none. gravity, drive: it needs a gravity torque above 0, a drive.
-    turning_points: it uses a log from its first to its last turning point. unbroken: it goes on from row to row, so of
-    the longest run without a gap. in_parts: results of the parts of a large log can be pooled. online: `sw.online` has
+    turning_points: it uses a log from its first to its last turning point. unbroken: it is recursive, so uses the
+    longest run without a gap. in_parts: results of the parts of a large log can be pooled. online: `sw.online` has
     it.
     """
 
@@ -57,7 +52,7 @@ class Method:
     def identify(
         self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
     ) -> Result:
-        """Prepare the log and identify it; errors as `Identification`. one_of_several: of logs of one body."""
+        """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
         from swingid.preparation.prepared import prepare
 
         return self.load()(prepare(log, rig, unbroken=self.unbroken, one_of_several=one_of_several), **options)
@@ -97,19 +92,19 @@ def _energy() -> Callable[..., Result]:
 
 
 def _output_error() -> Callable[..., Result]:
-    from swingid.methods.output_error import output_error
+    from swingid.methods.output_error.method import output_error
 
     return output_error
 
 
 def _equation_error() -> Callable[..., Result]:
-    from swingid.methods.equation_error import equation_error
+    from swingid.methods.equation_error.method import equation_error
 
     return equation_error
 
 
 def _backstepping() -> Callable[..., Result]:
-    from swingid.methods.backstepping import backstepping
+    from swingid.methods.backstepping.method import backstepping
 
     return backstepping
 

@@ -1,4 +1,4 @@
-"""The adaptation itself: a series-parallel model of the swing equation, whose prediction error moves α̂2 and α̂3.
+"""The adaptation: a series-parallel model of the swing equation, whose prediction error drives α̂2 and α̂3.
 
     x̂2' = −α̂3 x2 + α̂2 φ + l (x2 − x̂2),   φ = −sin x1 + c7 x4 − c4 u2
     α̂3' = −γ1 e x2,   e = x2 − x̂2

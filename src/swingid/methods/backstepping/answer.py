@@ -6,50 +6,43 @@ import numpy as np
 
 from swingid.balance.motor import MotorBalance
 from swingid.methods.backstepping.curve import BANDS, Curve, Run, mean_over, scatter_of_mean
-from swingid.methods.backstepping.effects import Effect
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
 from swingid.result.result import Convergence, Details
-from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, stated, systematic
+from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, systematic
 
 POINTS = 600
 """Points of the curve that the result keeps."""
 
 
-def answer(run: Run, others: dict[str, Run], found: list[Effect], scale: Scale) -> Evaluated:
+def answer(run: Run, others: dict[str, Run], declared: list[Declared], scale: Scale) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
-    others: runs with another law or other velocities, by name; what they differ by is an uncertainty, for with the
-    right model and without delays they would agree.
+    others: runs with another law or other velocities, by name; the difference to them is an uncertainty, as with the
+    right model and without delays there would be none.
     """
     settled = run.settled
     values = run.estimates(settled.first, settled.last)
+    units = {"inertia": scale.unit, "viscous": "N m s"}
     parts = np.array([curve.swings()[settled.first : settled.last] for curve in (run.inertia, run.viscous)])
     spread = np.array([scatter_of_mean(part) for part in parts])
     off = parts - parts.mean(axis=1)[:, None]
     powers = np.sqrt(np.maximum((off**2).sum(axis=1), 1e-300))
     matrix = off @ off.T / np.outer(powers, powers) * np.outer(spread, spread)
-    # few swings are in the standard uncertainty already, see `scatter_of_mean`
+    # the standard uncertainty accounts for few swings, see `scatter_of_mean`
     scattered = Scatter("scatter of the last part of the curve", matrix, np.full(2, np.inf))
     common = [(systematic("way left to the end of the curve"), "inertia", settled.drift or 0.0)]
     for name, other in others.items():
         if settled.converged and other.settled.converged:
-            apart = abs(mean_over(other.inertia, settled.first, settled.last) - values["inertia"])
+            apart = abs(mean_over(other.inertia, settled.first, settled.last) - values[0])
             common.append((systematic(f"disagreement: {name}"), "inertia", apart))
-    declared = [
-        Declared(
-            stated(one.source, one.shared_id), one.std, np.array([one.slopes[name] for name in values]), one.constant
-        )
-        for one in found
-    ]
-    units = {"inertia": scale.unit, "viscous": "N m s"}
-    unknown = [name for name in values if settled.drift is None or not (name == "inertia" or settled.converged)]
-    named = {name: (value, units[name]) for name, value in values.items()}
+    unknown = [name for name in units if settled.drift is None or not (name == "inertia" or settled.converged)]
+    named = {name: (float(value), unit) for (name, unit), value in zip(units.items(), values, strict=True)}
     return evaluate(named, scattered, common, declared, unknown)
 
 
 def details(run: Run, others: dict[str, Run], law: str, motion: Motion, balance: MotorBalance | None) -> Details:
-    """What the report draws: the curve, when it converged, what the other runs say; `law` names this one."""
+    """What the report draws: the curve, when it converged, and the other runs; `law` names this one."""
     curve, settled = run.inertia, run.settled
     estimates = {
         name: (one.settled.mean, one.settled.scatter)

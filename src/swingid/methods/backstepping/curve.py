@@ -14,10 +14,10 @@ FEWEST_SWINGS = 8
 """Fewest half swings of a log: four to converge in, four to average over."""
 
 BANDS = {"5 %": 0.05, "1 %": 0.01}
-"""Distances from the final value whose convergence times are told."""
+"""Relative distances from the final value whose convergence times are reported."""
 
 STILL = 0.9
-"""Ratio of successive changes above which a curve is too far from its end to say where that is."""
+"""Ratio of successive changes above which the final value of a curve cannot be extrapolated."""
 
 
 @dataclass(frozen=True)
@@ -46,12 +46,12 @@ class Curve:
         periods = self.periods()
         return float(periods[-max(1, len(periods) // 4) :].mean())
 
-    def convergence_time(self, band: float, truth: float | None = None) -> float | None:
-        """Seconds from the first row until all later periods lie within `band` of the final value, or of `truth`.
+    def convergence_time(self, band: float, true_value: float | None = None) -> float | None:
+        """Seconds from the first row until all later periods lie within `band` of the final or the true value.
 
         None where the last two periods do not.
         """
-        periods, aim = self.periods(), self.final() if truth is None else truth
+        periods, aim = self.periods(), self.final() if true_value is None else true_value
         outside = np.nonzero(np.abs(periods / aim - 1) > band)[0]
         if len(outside) == 0:
             return float(self.turning[0] - self.time[0])
@@ -61,10 +61,10 @@ class Curve:
 
 @dataclass(frozen=True)
 class Settled:
-    """The last part of a curve: half swings first … last (an even number), and what is said of their mean.
+    """The last part of a curve: half swings first … last (an even number), and their mean.
 
-    scatter: type A standard uncertainty of the mean. drift: distance to where a curve that still moves will end, 0
-    where no movement is seen, None where it cannot be told. converged: whether it stays within 1 % for a quarter.
+    scatter: type A standard uncertainty of the mean. drift: distance to the extrapolated final value, 0 where there is
+    no significant change, None where it cannot be extrapolated. converged: whether it stays within 1 % for a quarter.
     """
 
     first: int
@@ -88,7 +88,7 @@ def settled_part(curve: Curve) -> Settled:
     count = len(swings)
     if count < FEWEST_SWINGS:
         raise UnanswerableError(
-            f"the log holds {count} half swings, but the adaptation needs at least {FEWEST_SWINGS}; record more.",
+            f"the log contains {count} half swings, but the adaptation needs at least {FEWEST_SWINGS}; record more.",
             code="too-short",
         )
     within = curve.convergence_time(BANDS["1 %"])
@@ -113,8 +113,8 @@ def scatter_of_mean(values: Array) -> float:
     """Standard uncertainty of the mean of neighbours that are correlated as a first-order autoregression.
 
     The correlation of neighbours is corrected for the few values (Kendall 1954) and not taken as negative: that of
-    upper and lower swings would be, and would make the mean look better than it is. The values count
-    as m independent ones, and few of them know their spread badly: s/√m · √((m − 1)/(m − 3)) (JCGM 101, 6.4.9.4).
+    upper and lower swings would be, and would lower the uncertainty. The values count as m independent
+    ones, of whose standard deviation few are a poor estimate: s/√m · √((m − 1)/(m − 3)) (JCGM 101, 6.4.9.4).
     """
     count = len(values)
     off = values - values.mean()
@@ -128,10 +128,11 @@ def scatter_of_mean(values: Array) -> float:
 
 
 def remaining(values: Array) -> float | None:
-    """How far the mean of a part that approaches its end geometrically is from that end; None: too far to tell.
+    """Distance of the mean of a part from its extrapolated final value; None where that cannot be determined.
 
-    Three thirds m1, m2, m3 with the ratio r = (m3 − m2)/(m2 − m1) end at m1 + (m2 − m1)/(1 − r) (Aitken). 0 where m3
-    and m1 differ by no more than three standard uncertainties; |m3 − m1| where that is below 1 % and no such approach.
+    Three thirds m1, m2, m3 of a geometric approach, r = (m3 − m2)/(m2 − m1), end at m1 + (m2 − m1)/(1 − r) (Aitken).
+    0 where m3 and m1 differ by no more than three standard uncertainties; |m3 − m1| where that is below 1 % and there
+    is no such approach.
     """
     m1, m2, m3 = (float(third.mean()) for third in np.array_split(values, 3))
     places = np.arange(len(values)) - (len(values) - 1) / 2
@@ -146,12 +147,12 @@ def remaining(values: Array) -> float | None:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of the adaptation over a log: J1^(t) and f1^ N(t), and where the first settles."""
+    """One run of the adaptation over a log: J1^(t) and f1^ N(t), and the settled part of the first."""
 
     inertia: Curve
     viscous: Curve
     settled: Settled
 
-    def estimates(self, first: int, last: int) -> dict[str, float]:
-        """Means over half swings first … last."""
-        return {"inertia": mean_over(self.inertia, first, last), "viscous": mean_over(self.viscous, first, last)}
+    def estimates(self, first: int, last: int) -> Array:
+        """Means of inertia and viscous friction over half swings first … last."""
+        return np.array([mean_over(curve, first, last) for curve in (self.inertia, self.viscous)])

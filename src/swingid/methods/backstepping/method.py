@@ -1,8 +1,8 @@
 """The paper's alternative method (section 4.2) on a recorded log: an adaptive estimate that runs with the motion.
 
 In the paper the adaptation is driven by the tracking error of its own controller (21). The tracking error of another
-controller says nothing about α2 and α3, so here it is driven by the prediction error of a series-parallel model of the
-swing equation; laws and (22) are the paper's. For the closed loop of the paper see `control.backstepping`.
+controller does not depend on α̂2 and α̂3, so here it is driven by the prediction error of a series-parallel model of
+the swing equation; laws and (22) are the paper's. For the closed loop of the paper see `control.backstepping`.
 """
 
 from __future__ import annotations
@@ -10,27 +10,24 @@ from __future__ import annotations
 from dataclasses import replace
 
 from swingid.checks.consistency import check_energy, consistency_check
+from swingid.control.observer import VelocityObserver
 from swingid.errors import UnanswerableError, UsageError
+from swingid.methods.backstepping import signals
 from swingid.methods.backstepping.adaptation import LAWS, Gains, adapted
 from swingid.methods.backstepping.answer import answer, details
-from swingid.methods.backstepping.curve import Curve, Run, settled_part
-from swingid.methods.backstepping.effects import Estimates, effects
-from swingid.methods.backstepping.signals import (
-    VELOCITIES,
-    Channels,
-    channels_of,
-    inertia_of,
-    signals_of,
-    viscous_of,
-    widths_of,
-)
-from swingid.methods.backstepping.words import told
+from swingid.methods.backstepping.curve import BANDS, Curve, Run, settled_part
+from swingid.methods.backstepping.effects import effects
+from swingid.methods.backstepping.signals import VELOCITIES, Channels, Widths, channels_of, signals_of, widths_of
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.prepared import Prepared
 from swingid.preparation.scale import Scale, require_motor
 from swingid.recording.recording import Recording
-from swingid.result.result import Result
+from swingid.result.result import Message, Parameter, Result
+
+FAR = 0.01
+"""Relative distance to the extrapolated final value above which there is a warning."""
 
 
 def backstepping(
@@ -46,7 +43,7 @@ def backstepping(
 ) -> Result:
     """Identify inertia and viscous friction by the adaptation laws of the paper's backstepping, over the log's time.
 
-    law: "printed", or "consistent", which the Lyapunov function asks for; the first converges faster below the
+    law: "printed", or "consistent", which follows from the Lyapunov function; the first converges faster below the
     frequency √α2 ≈ √(b/J), the second above it. velocities: "smoothed" (local cubics, which look ahead) or "observers"
     (23), causal with the paper's gains. gain: l of the model, 1/s; gamma1, gamma2, alpha2, alpha3: gains and first
     estimates, as in section 5 unless given.
@@ -67,40 +64,35 @@ def backstepping(
     # a transient feeds the adaptation, so all of the log; a free decay from its release
     part = prepared.part(whole=rig.drive.kind != "none", at_stamps=True)
     log, scale, used, motion, noise = prepared.log, prepared.scale, part.log, part.motion, part.noise
-    widths = widths_of(used, motion, noise) if velocities == "smoothed" else None
+    smoothed, other_law = widths_of(used, motion, noise), LAWS[1 - LAWS.index(law)]
+    widths = smoothed if velocities == "smoothed" else None
     as_read = log.segment(float(used.time[0]), float(used.time[-1]))
     consistency = consistency_check(as_read, rig, motion, scale, noise, prepared.encoders)
     channels = channels_of(used, widths)
     run = _run(channels, rig, motion, gains)
-    others = {f"{_other(law)} law": _run(channels, rig, motion, replace(gains, law=_other(law)))}
-    if widths is None:
-        others["smoothed velocities"] = _run(channels_of(used, widths_of(used, motion, noise)), rig, motion, gains)
-    else:
-        others["half the smoothing"] = _run(channels_of(used, widths.halved(noise.step)), rig, motion, gains)
-
+    others = {f"{other_law} law": _run(channels, rig, motion, replace(gains, law=other_law))}
+    name, other = (
+        ("smoothed velocities", smoothed) if widths is None else ("half the smoothing", widths.halved(noise.step))
+    )
+    others[name] = _run(channels_of(used, other), rig, motion, gains)
     if scale.drive == "reaction-wheel":
         others["reversals of the wheel within a row"] = _run(channels, rig, motion, gains, sooner=True)
 
-    def again(changed_log: Recording, changed_rig: Rig) -> Estimates:
-        seen = channels if changed_log is used else channels_of(changed_log, widths)
-        return _run(seen, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
+    def again(changed_log: Recording, changed_rig: Rig) -> Array:
+        own = channels if changed_log is used else channels_of(changed_log, widths)
+        return _run(own, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
 
-    found = effects(used, rig, part.encoders, again)
-    answered = answer(run, others, found, scale)
+    answered = answer(run, others, effects(used, rig, part.encoders, again), scale)
     parameters = answered.parameters
     compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else None
     warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared)
-    doubts, words = told(run, gains, widths, parameters["inertia"])
-    warnings, notes = [*doubts, *warnings], [part.note, *words, *notes]
+    unsettled, more = _messages(run, gains, widths, parameters["inertia"])
+    warnings, notes = [*unsettled, *warnings], [part.note, *more, *notes]
     options: dict[str, object] = {"law": law, "velocities": velocities}
     standard = Gains(law)
     options |= {name: value for name, value in vars(gains).items() if value != getattr(standard, name)}
     drawn = details(run, others, f"{law} law", motion, consistency.balance)
     return prepared.result("backstepping", answered, part, warnings, notes, drawn, options)
-
-
-def _other(law: str) -> str:
-    return LAWS[1 - LAWS.index(law)]
 
 
 def _require_gravity(rig: Rig, scale: Scale) -> None:
@@ -115,6 +107,58 @@ def _require_gravity(rig: Rig, scale: Scale) -> None:
 
 def _run(channels: Channels, rig: Rig, motion: Motion, gains: Gains, *, sooner: bool = False) -> Run:
     alpha2, alpha3 = adapted(signals_of(channels, rig, sooner=sooner), gains)
-    inertia = Curve(channels.time, inertia_of(alpha2, rig), motion.turning_times)
-    viscous = Curve(channels.time, viscous_of(alpha2, alpha3, rig), motion.turning_times)
+    inertia = Curve(channels.time, signals.inertia_of(alpha2, rig), motion.turning_times)
+    viscous = Curve(channels.time, signals.viscous_of(alpha2, alpha3, rig), motion.turning_times)
     return Run(inertia, viscous, settled_part(inertia))
+
+
+def _messages(run: Run, gains: Gains, widths: Widths | None, inertia: Parameter) -> tuple[list[Message], list[Message]]:
+    """Warnings and notes."""
+    notes = [
+        Message(
+            "differs-from-paper",
+            "the adaptation follows the prediction error of a series-parallel model of the swing equation, not the "
+            "tracking error of the paper's own controller; that of another one does not determine the inertia.",
+        ),
+        Message("velocities", _velocities(widths)),
+        Message("friction-law", "the friction of the axis is taken as viscous; the estimate depends on that."),
+        Message("convergence", _convergence(run, gains)),
+    ]
+    settled = run.settled
+    if settled.converged and (settled.drift is not None and settled.drift < FAR * abs(settled.mean)):
+        return [], notes
+    text = (
+        "the estimate has not converged by the end of the log: record a longer or faster motion, or choose the "
+        "other law, a higher gamma2 or an alpha2 nearer to b/J."
+    )
+    if inertia.standard_uncertainty is None:
+        reason = "the final value of an estimate that has not converged cannot be determined."
+        notes += [Message(f"no-uncertainty-{name}", reason) for name in ("inertia", "viscous")]
+    return [Message("not-converged", text)], notes
+
+
+def _velocities(widths: Widths | None) -> str:
+    if widths is None:
+        gains = VelocityObserver()
+        return (
+            f"speeds by the observers (23) with the paper's gains (sigma = {gains.sigma:g} 1/s), causal; they lag "
+            "by half a row, which affects the friction more than the inertia."
+        )
+    wheel = f", of the wheel over ±{1e3 * widths.wheel:.3g} ms" if widths.wheel else ""
+    return (
+        f"speeds by local cubics over ±{1e3 * widths.axis:.3g} ms of the angle{wheel}, which look ahead and so are not "
+        'those of an online estimate; velocities="observers" are.'
+    )
+
+
+def _convergence(run: Run, gains: Gains) -> str:
+    curve = run.inertia
+    parts = []
+    for name, band in BANDS.items():
+        seconds = curve.convergence_time(band)
+        parts.append(f"within {name} " + ("not by the end" if seconds is None else f"after {seconds:.3g} s"))
+    begin, end = run.settled.span(curve.turning)
+    return (
+        f"law {gains.law}: {', '.join(parts)}, of the mean of its last quarter; the estimate is the mean from "
+        f"{begin:.4g} to {end:.4g} s."
+    )

@@ -1,7 +1,7 @@
-"""What the adaptation is driven by: speed, gravity and drive of a log, at the start, middle and end of each interval.
+"""Inputs of the adaptation: speed, gravity and drive of a log, at the start, middle and end of each interval.
 
-u2 of (10) is what the motor does after its dead zone, its Coulomb friction taken off, for whatever controller made the
-voltage: c7 x4 − c4 u2 = −(a12/(a22 b)) N (M(u0, x4) − f2 N x4 − f3 sgn x4). With u1 and u3 exact it is u0 − u1 − u3.
+u2 of (10) is the output of the motor after its dead zone, less its Coulomb friction, for any controller:
+c7 x4 − c4 u2 = −(a12/(a22 b)) N (M(u0, x4) − f2 N x4 − f3 sgn x4). With u1 and u3 exact it is u0 − u1 − u3.
 On a direct drive this term is τ/b, in a free decay 0.
 """
 
@@ -33,8 +33,8 @@ SLOW = 4.0
 class Channels:
     """Angle, speed (rad or m, per s), wheel speed and held drive (V, N m or N), each (n − 1, 3): start, middle, end.
 
-    No constant of the rig has gone into them. rests: where the wheel stands still, with the axis' acceleration; None
-    where that is not told.
+    They do not depend on constants of the rig. rests: where the wheel rests, with the axis' acceleration; None where
+    that is not determined.
     """
 
     time: Array
@@ -55,7 +55,7 @@ class Widths:
     slow: float = 0.0
 
     def halved(self, step: float) -> Widths:
-        """Half as wide, as far as rows `step` (s) apart allow: what smoothing takes from the speeds it shows."""
+        """Half as wide, as far as rows `step` (s) apart allow; the difference shows the bias of smoothing."""
         least = NARROWEST * step
         axis, wheel = max(self.axis / 2, least), max(self.wheel / 2, least)
         # the noise of a slope grows with the width to the power of −3/2
@@ -73,7 +73,7 @@ class Signals:
 
 
 def widths_of(log: Recording, motion: Motion, noise: Noise) -> Widths:
-    """The widths that `energy` takes: 0.7 of what is best for one speed, as noise averages out later."""
+    """The widths of `energy`: 0.7 of what is best for one speed, as noise averages out later."""
     axis = narrowed(motion.speed, log.time, log.angle, noise.angle)
     if log.wheel_angle is None:
         return Widths(axis.half_width, 0.0)
@@ -98,9 +98,9 @@ def channels_of(log: Recording, widths: Widths | None) -> Channels:
 
 
 def resting(time: Array, wheel_speed: Array, widths: Widths) -> Bools:
-    """Where the wheel stands still: cannot be told from rest for longer than a reversal would take.
+    """Where the wheel rests: its speed is not significant for longer than a reversal takes.
 
-    Smoothing makes a rest look shorter by half of its half-width at either end.
+    Smoothing shortens a rest by half of its half-width at either end.
     """
     slow = np.concatenate([[False], np.abs(wheel_speed[:, 1]) < widths.slow, [False]])
     begins, ends = np.nonzero(~slow[:-1] & slow[1:])[0], np.nonzero(slow[:-1] & ~slow[1:])[0]
@@ -142,9 +142,9 @@ def _on_lines(values: Array) -> Array:
 def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals:
     """The signals of the adaptation, with the constants of a rig; its gravity torque b must be known and not 0.
 
-    sooner: the wheel turns around before its smoothed speed says so, by half a row's worth of its friction's jump. A
-    controller that compensates friction follows a reversal a row late, half of one on average; that is too short for
-    any smoothing to show, and whether this one compensates is not known.
+    sooner: the wheel reverses before its smoothed speed does, by half a row of the jump of its friction. A controller
+    that compensates friction reacts to a reversal within a row, after half of one on average; smoothing does not
+    resolve that, and whether the controller compensates is unknown.
     """
     gravity = rig.axis.gravity_torque
     assert not isinstance(gravity, str)
@@ -161,7 +161,7 @@ def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals
             torque = torque + motor.coulomb.value * (np.sign(wheel) - np.sign(_ahead(channels, rig)))
         pull = rig.drive.a12 / (rig.drive.a22 * gravity.value) * motor.gear_ratio.value * torque
         if channels.rests is not None and channels.acceleration is not None:
-            # friction holds the wheel, whatever the motor does: row (II) then reads a12 q1'' = N (M − friction)
+            # friction holds the wheel, whatever the motor does; equation (II) is then a12 q1'' = N (M − friction)
             held = rig.drive.a12**2 / (rig.drive.a22 * gravity.value) * channels.acceleration
             pull = np.where(channels.rests, held, pull)
         phi = phi - pull
@@ -169,7 +169,7 @@ def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals
 
 
 def _ahead(channels: Channels, rig: Rig) -> Array:
-    """The wheel's speed, ahead by what the jump of its friction makes in half a row."""
+    """The wheel's speed, advanced by half a row of the jump of its friction."""
     motor, wheel = rig.drive.motor, channels.wheel_speed
     assert motor is not None
     jump = 2 * motor.gear_ratio.value * motor.coulomb.value / rig.drive.a22

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swingid.balance.friction_laws import TERMS, law_columns
+from swingid.balance.imperfections import propagated
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import effects
@@ -17,28 +19,29 @@ from swingid.numerics.regression import NEIGHBOURS
 from swingid.preparation.prepared import Part
 from swingid.preparation.scale import Scale
 from swingid.result.result import Details, FrictionCurve, Message, SwingSeries
-from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, scatter, stated, systematic
+from swingid.uncertainty.budget import Evaluated, Scatter, evaluate, scatter, systematic
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import scatter_freedom
 from swingid.uncertainty.significance import INDICATED_PAIR
 
 CURVE_KNOTS = 8
 
-WORTH_A_WORD = 0.02
-"""Even friction below this share of the odd one is not reported by direction."""
+LEAST_EVEN = 0.02
+"""Least ratio of even to odd friction for coefficients by direction."""
 
 
 @dataclass(frozen=True)
 class EnergyEstimate:
-    """A fit and what judges it.
+    """A fit and what its uncertainty depends on.
 
-    others: fits of the same log by other nodes or another law, which should agree. common: (parameter, source) and
-    standard uncertainty of errors that are alike at every swing. sensor: variance of a11 that the sensors' noise
-    predicts. each: a11 of every pair of passes ("printed"), None for "better".
+    others: fits of the same log by other nodes or another law, which should be consistent. common: (parameter, source)
+    and standard uncertainty of errors that are common to all swings. sensor: variance of a11 by the sensors' noise.
+    each: a11 of every pair of passes ("printed"), None for "better".
     """
 
     variant: str
     fit: NodeFit
+    course: Course
     states: States
     turning: Array
     sides: Array
@@ -49,19 +52,15 @@ class EnergyEstimate:
     notes: tuple[Message, ...]
 
 
-def energy_answer(estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course) -> Evaluated:
+def energy_answer(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant, by its key."""
-    fit = estimate.fit
+    fit, course = estimate.fit, estimate.course
     weights, units = _sought(fit, scale, float(np.sqrt(np.mean(course.axis.speed**2))))
     values = {name: (float(own @ fit.values), units[name]) for name, own in weights.items()}
     values["inertia"] = fit.a11 - scale.carried, units["inertia"]
     own = np.array(list(weights.values()))
     b = fit.value("gravity_torque") if scale.b is None else scale.b
-    declared = []
-    for item in effects(rig, course, estimate.states, scale, fit, b):
-        slopes = own @ (fit.influence @ item.rows)
-        slopes[0] += item.direct
-        declared.append(Declared(stated(item.source, item.shared_id), item.std, slopes, item.constant))
+    declared = propagated(effects(rig, course, estimate.states, scale, fit, b), fit.influence, own)
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
     if fit.covariance is None:
         noise = scatter("sensor noise"), "inertia", float(np.sqrt(estimate.sensor))
@@ -94,37 +93,37 @@ def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array],
 
 
 def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
-    """Whether the even terms of friction are seen together (chi-square of two, 99.9 %) and are worth a word."""
+    """Whether the even terms of friction are significant (chi-square of two, 99.9 %) and not negligible."""
     if "viscous_even" not in fit.unknowns or fit.covariance is None:
         return False
     even = [fit.unknowns.index("offset"), fit.unknowns.index("viscous_even")]
     values, covariance = fit.values[even], fit.covariance[np.ix_(even, even)]
     odd = fit.value("coulomb") + fit.value("viscous") * speed + fit.value("quadratic") * speed**2
-    if max(abs(values[0]), abs(values[1]) * speed) < WORTH_A_WORD * abs(odd):
+    if max(abs(values[0]), abs(values[1]) * speed) < LEAST_EVEN * abs(odd):
         return False
     return bool(values @ np.linalg.pinv(covariance) @ values > INDICATED_PAIR)
 
 
-def judged_chain(
+def with_chain(
     estimate: EnergyEstimate, smoothed: EnergyEstimate, chain: Chain, scale: Scale
 ) -> tuple[EnergyEstimate, list[Message]]:
-    """What observers and W_f moved, from what the default gives, as an uncertainty and, for W_f, in a warning."""
+    """The estimate with its difference to smoothed speeds as an uncertainty, and for W_f a warning."""
     fit, other = estimate.fit, smoothed.fit
     source = "what observers and filter move"
     moves = {name: abs(fit.value(name) - other.value(name)) for name in ("inertia", "viscous", "coulomb", "quadratic")}
     common = {(name, source): move for name, move in moves.items() if name in fit.unknowns}
-    judged = replace(estimate, common=estimate.common | common)
+    estimate = replace(estimate, common=estimate.common | common)
     if chain.filter_time == 0 or scale.drive == "none":
-        return judged, []
+        return estimate, []
     share = (fit.a11 - other.a11) / (other.a11 - scale.carried)
     text = (
-        f"W_f of {1e3 * chain.filter_time:g} ms takes a part of the drive; with the observers it moves this inertia by "
-        f"{share:+.2%} from that of smoothed speeds and the drive as it was held; filter_time=0 leaves the drive alone."
+        f"W_f of {1e3 * chain.filter_time:g} ms attenuates the drive; with the observers it changes this inertia by "
+        f"{share:+.2%} from that of smoothed speeds and the drive as it was held; filter_time=0 does not filter it."
     )
-    return judged, [Message("filtered-drive", text)]
+    return estimate, [Message("filtered-drive", text)]
 
 
-def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Course, part: Part) -> Details:
+def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, part: Part) -> Details:
     """What the report draws."""
     fit, states, carried = estimate.fit, estimate.states, scale.carried
     travelled = np.abs(np.diff(states.angle, axis=1)).sum(axis=1)
@@ -137,7 +136,7 @@ def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Cou
         turning_times=part.motion.turning_times,
         turning_angles=part.motion.turning_angles,
         swings=_per_swing(estimate, rig, scale),
-        friction=_curve(fit, float(np.max(np.abs(course.axis.speed)))) if better else None,
+        friction=_curve(fit, float(np.max(np.abs(estimate.course.axis.speed)))) if better else None,
         estimates=estimates,
         residual_times=estimate.turning if better else np.empty(0),
         residuals=(fit.residuals[:, -1] - fit.residuals[:, 0]) / travelled if better else np.empty(0),
@@ -145,7 +144,7 @@ def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, course: Cou
 
 
 def _per_swing(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> SwingSeries:
-    """One inertia per turning point: that of its pair, or of its block with the fitted friction taken off."""
+    """One inertia per turning point: that of its pair, or of its block less the fitted friction."""
     fit, states, values = estimate.fit, estimate.states, estimate.each
     blocks = len(states.instants)
     if values is None:
@@ -163,16 +162,9 @@ def _curve(fit: NodeFit, fastest: float) -> FrictionCurve:
     side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5
     side[0] = 1e-6 * fastest
     v = np.concatenate([-side[::-1], side])
-    shapes = {
-        "coulomb": np.sign(v),
-        "viscous": v,
-        "quadratic": v * np.abs(v),
-        "offset": np.ones_like(v),
-        "viscous_even": np.abs(v),
-    }
-    terms = [name for name in fit.unknowns if name in shapes]
+    terms = tuple(name for name in fit.unknowns if name in TERMS)
     at = [fit.unknowns.index(name) for name in terms]
-    columns = np.column_stack([shapes[name] for name in terms])
+    columns = law_columns(terms, v, 1.0)
     torques = columns @ fit.values[at]
     covariance = np.zeros((len(at), len(at))) if fit.covariance is None else fit.covariance[np.ix_(at, at)]
     spread = np.sqrt(np.einsum("ni,ij,nj->n", columns, covariance, columns))

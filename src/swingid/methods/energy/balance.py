@@ -1,17 +1,19 @@
-"""The energy balance (1), (2) at any instant: what the rig holds, what was put in, and what friction took.
+"""The energy balance (1), (2) at any instant: energy of the rig, work of the drive, and loss by friction.
 
     ½ a11 q1'² + ∫F q1' dt = W + b cos q1 − a12 q1' q2' − ½ a22 q2'² + constant
     W = ∫N (M − f2 N q2' − f3 sgn q2') q2' dt    (reaction wheel)        W = ∫τ q1' dt    (direct drive)
 
 Between two instants the constant drops out: that is a pass of the paper. Velocities come from the angles by local
 cubics (`smooth_speed`, each channel with its own width). The work of the voltage, which is constant between
-two samples, is taken over the measured turn of the wheel, so it telescopes; a smoothed speed only tells in which
-branch of the dead zone the motor is, which way it turns, and what it loses to f2.
+two samples, is taken over the measured turn of the wheel, so it telescopes; a smoothed speed only determines
+the branch of the dead zone, the direction of rotation, and the loss by f2.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -35,8 +37,8 @@ SMOOTHED = Chain()
 class Course:
     """Speeds and known powers of a log at its Gauss nodes, arrays (n−1, points).
 
-    axis: q1' smoothed. power: what the drive puts in (W), motor losses taken off. turn: q2' as the samples show it,
-    whose integral over an interval is the measured turn (or smoothed, see `of`); wheel_speed: q2' smoothed. voltage:
+    axis: q1' smoothed. power: of the drive (W), less the losses of the motor. turn: q2' whose integral over an
+    interval is the measured turn (or smoothed, see `of`); wheel_speed: q2' smoothed. voltage:
     as held; active: 1 where the motor is outside its dead zone. Direct drive: turn is q1', voltage the torque, wheel
     None. Free decay: power 0. encoders: what is declared of them.
     """
@@ -64,7 +66,7 @@ class Course:
         *,
         measured: bool = True,
     ) -> Course:
-        """The course of the part of a log that `motion` describes; angles at their stamps (latency taken off).
+        """The course of the part of a log that `motion` describes; angles at their stamps (latency compensated).
 
         measured: whether work is taken over the turn as measured, not as smoothed (see `jitter`).
         """
@@ -122,6 +124,14 @@ class States:
     friction: dict[str, Array]
     motor: dict[str, Array]
 
+    def each(self, change: Callable[[Array], Array]) -> States:
+        """The states with all arrays changed alike."""
+        changed: dict[str, Any] = {
+            name: {key: change(one) for key, one in value.items()} if isinstance(value, dict) else change(value)
+            for name, value in vars(self).items()
+        }
+        return States(**changed)
+
     def known(self, rig: Rig, scale: Scale) -> Array:
         """The known side of the balance: W + b cos q1 − a12 q1' q2' − ½ a22 q2'² (without b cos q1 if b is sought)."""
         side = self.work + (scale.b or 0.0) * self.height
@@ -136,13 +146,13 @@ TERMS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 """sgn v, v, v|v|; what depends on the direction: 1 and |v|."""
 
 MOTOR = ("voltage", "back_emf", "viscous", "coulomb")
-"""What c1, c2, f2 and f3 stand with: u q2' and q2'² outside the dead zone, q2'², |q2'|."""
+"""Factors of c1, c2, f2 and f3: u q2' and q2'² outside the dead zone, q2'², |q2'|."""
 
 
 def running_powers(course: Course, instants: Array) -> Array:
     """Integrals up to rising `instants` of the power, |v|, v², |v| v², |v| v and the terms of `MOTOR`, (9, instants).
 
-    As `running_integrals`, in one pass, for the powers together are more than a processor keeps at hand.
+    As `running_integrals`, in one pass over the log, as the powers together do not fit into the cache.
     """
     signals = (course.power, course.speed, course.active, course.voltage, course.wheel_speed, course.turn)
     points = course.nodes.points

@@ -21,7 +21,7 @@ from swingid.preparation.speed import Speed
 
 @dataclass(frozen=True)
 class Chain:
-    """Where the balance gets speeds and drive from.
+    """Sources of speeds and drive for the balance.
 
     observers: speeds by the observers (23), also for the turn of the wheel, else by local cubics. filter_time: T of W_f
     for the drive, s; 0: the drive as it was held.
@@ -32,7 +32,7 @@ class Chain:
 
     @classmethod
     def of(cls, velocities: str, filter_time: float | None) -> Chain:
-        """From the options of the method. Raises UsageError for what they cannot be."""
+        """From the options of the method. Raises UsageError for other values."""
         if velocities not in ("smoothed", "observers"):
             text = f'unknown velocities {velocities!r} of "energy"; choose "smoothed" or "observers".'
             raise UsageError(text, code="no-velocities")

@@ -1,16 +1,16 @@
-"""What every constant and declared imperfection does to the known side of the energy balance.
+"""Effects of every constant and declared imperfection on the known side of the energy balance.
 
-The answer is linear in the known side, so an effect per unit at the nodes, times the influence of the nodes, is the
-sensitivity of the answer, without a second fit (GUM, type B). The same idea as `imperfections`, for energies.
+The estimate is linear in the known side, so an effect per unit at the nodes, times the influence of the nodes, is a
+sensitivity coefficient, without a second fit (GUM 5.1.3). As `balance.imperfections`, for energies.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from swingid.balance.imperfections import Imperfection
+from swingid.balance.imperfections import Imperfection, of_sensor
 from swingid.balance.motor import motor_drag, motor_torque
 from swingid.methods.energy.balance import MOTOR, Course, States
 from swingid.methods.energy.fit import NodeFit
@@ -21,6 +21,11 @@ from swingid.numerics.quadrature import running_integrals
 from swingid.preparation.scale import Scale
 from swingid.units import Quantity
 
+Shape = Callable[[Array], Array]
+
+SHAPES: dict[str, tuple[Shape, Shape]] = {"cosine": (np.cos, lambda q: -np.sin(q)), "sine": (np.sin, np.cos)}
+"""Shapes of the nonlinearity of an encoder over its angle, and their derivatives."""
+
 
 def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit, b: float) -> list[Imperfection]:
     """All constants that the balance uses (std 0 where they count as exact) and all imperfections declared.
@@ -28,7 +33,7 @@ def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit
     The rows of an `Imperfection` are here the nodes, flattened, in joules per unit of the source. b: gravity
     torque, as known or as identified.
     """
-    found = [*_gravity(rig, states), *_sensors(rig, course, states, fit, b)]
+    found = [*_gravity(rig, states), *_axis_sensor(rig, course, states, fit, b), *_wheel_sensor(rig, course, states)]
     motor = rig.drive.motor
     if scale.drive == "reaction-wheel" and motor is not None:
         found = [*_inertias(rig, motor, states), *_motor(motor, states), *found]
@@ -49,7 +54,7 @@ def _gravity(rig: Rig, states: States) -> Iterator[Imperfection]:
 
 
 def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
-    """J2 and Jr, which also stand between a11 and J1."""
+    """J2 and Jr, which are also the difference of a11 and J1."""
     assert rig.drive.wheel is not None
     n, v2 = motor.gear_ratio.value, states.wheel_speed
     product = states.speed * v2
@@ -72,28 +77,21 @@ def _motor(motor: Motor, states: States) -> Iterator[Imperfection]:
     yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
 
 
-def _sensors(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
-    """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of each encoder."""
+def _axis_sensor(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
+    """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of the axis' encoder."""
     sensor, driven = course.encoders.angle, rig.drive.kind == "direct"
-    along = course.nodes.instants.ravel() if driven else np.empty(0)
+    instants = course.nodes.instants.ravel()
     if sensor.nonlinearity and rig.axis.kind == "rotary":
         q, v = states.angle, states.speed
-        q_along = course.axis.angle_at(along).reshape(course.speed.shape) if driven else course.speed
-        shapes = {
-            "cosine": (np.cos(q), -np.sin(q) * v, -np.sin(q_along) * course.speed),
-            "sine": (np.sin(q), np.cos(q) * v, np.cos(q_along) * course.speed),
-        }
-        for name, (error, rate, rate_along) in shapes.items():
-            effect = _angle_effect(rig, course, states, fit.a11, b, error, rate, rate_along)
-            source = f"angle encoder nonlinearity ({name})"
-            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, f"sensors.nonlinearity.{name}")
+        along = course.axis.angle_at(instants).reshape(course.speed.shape) if driven else course.speed
+        for kind, (shape, slope) in SHAPES.items():
+            rates = slope(q) * v, slope(along) * course.speed
+            effect = _angle_effect(rig, course, states, fit.a11, b, shape(q), *rates)
+            yield of_sensor(course.encoders, "angle", kind, effect)
     if sensor.latency.std:
-        turning = course.axis.acceleration(along).reshape(course.speed.shape) if driven else course.speed
+        turning = course.axis.acceleration(instants).reshape(course.speed.shape) if driven else course.speed
         effect = _angle_effect(rig, course, states, fit.a11, b, states.speed, states.acceleration, turning)
-        effect = effect - friction_power(fit, states.speed).ravel()
-        yield Imperfection("angle latency", sensor.latency.std, effect, 0.0, "sensors.latency")
-    if course.wheel is not None:
-        yield from _wheel_sensor(rig, course, states)
+        yield of_sensor(course.encoders, "angle", "latency", effect - friction_power(fit, states.speed).ravel())
 
 
 def friction_power(fit: NodeFit, v: Array) -> Array:
@@ -107,9 +105,9 @@ def friction_power(fit: NodeFit, v: Array) -> Array:
 def _angle_effect(
     rig: Rig, course: Course, states: States, a11: float, b: float, error: Array, rate: Array, along: Array
 ) -> Array:
-    """Effect of an error of the angle and its rate (also along the way) on gravity, kinetic terms, work of a torque.
+    """Effect of an error of the angle and its rate (and of that along the way) on gravity, kinetic terms and work.
 
-    That of an error of the rate on the friction's work is left out: it is second to these.
+    That of an error of the rate on the friction's work is negligible beside these.
     """
     momentum = a11 * states.speed
     if course.wheel is not None:
@@ -122,31 +120,26 @@ def _angle_effect(
 
 
 def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfection]:
-    """As for the angle; the motor's work feels q2' all along."""
+    """As for the axis; the motor's work depends on q2' along the way."""
     motor, wheel, sensor = rig.drive.motor, course.wheel, course.encoders.wheel
-    assert motor is not None
-    assert wheel is not None
-    if not sensor.nonlinearity and not sensor.latency.std:
+    if wheel is None or motor is None:
         return
     n, rate = motor.gear_ratio.value, course.wheel_speed
     loss = motor.efficiency.value * motor.back_emf.value * course.active + motor.viscous.value * n
     slope = n * (motor_torque(motor, course.voltage, rate) - motor_drag(motor, rate) - loss * rate)
     momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
+    instants = course.nodes.instants.ravel()
     if sensor.nonlinearity:
         at_nodes = wheel.angle_at(states.instants.ravel()).reshape(states.instants.shape)
-        along = wheel.angle_at(course.nodes.instants.ravel()).reshape(rate.shape)
-        shapes = (("cosine", -np.sin(at_nodes), -np.sin(along)), ("sine", np.cos(at_nodes), np.cos(along)))
-        for name, here, there in shapes:
-            (work,) = _integrals(course, states, (slope * there * rate)[None])
-            effect = (work - momentum * here * states.wheel_speed).ravel()
-            source = f"wheel encoder nonlinearity ({name})"
-            shared = f"sensors.wheel.nonlinearity.{name}"
-            yield Imperfection(source, sensor.parts[name].std or 0.0, effect, 0.0, shared)
+        along = wheel.angle_at(instants).reshape(rate.shape)
+        for kind, (_, derivative) in SHAPES.items():
+            (work,) = _integrals(course, states, (slope * derivative(along) * rate)[None])
+            effect = (work - momentum * derivative(at_nodes) * states.wheel_speed).ravel()
+            yield of_sensor(course.encoders, "wheel", kind, effect)
     if sensor.latency.std:
-        turning = wheel.acceleration(course.nodes.instants.ravel()).reshape(rate.shape)
-        (work,) = _integrals(course, states, (slope * turning)[None])
+        (work,) = _integrals(course, states, (slope * wheel.acceleration(instants).reshape(rate.shape))[None])
         effect = (work - momentum * states.wheel_acceleration).ravel()
-        yield Imperfection("wheel latency", sensor.latency.std, effect, 0.0, "sensors.wheel.latency")
+        yield of_sensor(course.encoders, "wheel", "latency", effect)
 
 
 def _integrals(course: Course, states: States, signals: Array) -> Array:

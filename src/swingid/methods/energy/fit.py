@@ -2,8 +2,8 @@
 
 Every block of nodes around a turning point has its own constant of energy, so that only differences within it count:
 that is every pass between any two of its nodes. On mirrored nodes ½ q1'² is even about the turning point and the work
-of any friction odd in speed is odd, so the inertia hardly feels which law of friction stands beside it; unlike (6),
-(7) nothing is assumed of B1 = B2 or of matched speeds.
+of any friction odd in speed is odd, so the inertia hardly depends on the friction law; unlike (6), (7) neither B1 = B2
+nor matched speeds are assumed.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class NodeFit:
     """A fit of the balance on nodes, or a fixed rule on them as (6) and (7): linear in the known side either way.
 
     unknowns names the values ("inertia" first: a11 of the whole axis). influence (p, blocks · nodes): values =
-    influence @ known side. covariance is of type A, None where there is nothing to judge it by.
+    influence @ known side. covariance is of type A, None where it cannot be evaluated.
     residuals (blocks, nodes), J.
     """
 
@@ -43,7 +43,7 @@ class NodeFit:
         return float(self.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
 
     def u(self, name: str = "inertia") -> float:
-        """Type A standard uncertainty of an unknown, NaN where nothing tells."""
+        """Type A standard uncertainty of an unknown, NaN where it cannot be evaluated."""
         k = self.unknowns.index(name)
         return float("nan") if self.covariance is None else float(np.sqrt(self.covariance[k, k]))
 
@@ -69,21 +69,23 @@ def within_blocks(values: Array) -> Array:
 
 
 def fit_nodes(states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = BASIS) -> NodeFit:
-    """Least squares over all nodes; covariance from the scatter of blocks, neighbours may be correlated."""
-    columns = columns_at(states, scale, terms)
+    """Least squares over all nodes with these terms of friction."""
+    return fit_columns(columns_at(states, scale, terms), states.known(rig, scale))
+
+
+def fit_columns(columns: dict[str, Array], known: Array) -> NodeFit:
+    """Least squares over all nodes; columns and known side (blocks, nodes).
+
+    The covariance is from the scatter of blocks, of which neighbours may be correlated.
+    """
     matrix = within_blocks(np.array(list(columns.values()))).T
-    target = within_blocks(states.known(rig, scale))
+    target = within_blocks(known)
     influence = influence_of(matrix)
     values = influence @ target
     residuals = target - matrix @ values
-    scores = (influence * residuals).reshape(len(columns), len(states.instants), -1).sum(axis=2)
-    return NodeFit(
-        unknowns=tuple(columns),
-        values=values,
-        influence=influence,
-        covariance=block_covariance(scores, len(columns)),
-        residuals=residuals.reshape(states.instants.shape),
-    )
+    scores = (influence * residuals).reshape(len(columns), len(known), -1).sum(axis=2)
+    covariance = block_covariance(scores, len(columns))
+    return NodeFit(tuple(columns), values, influence, covariance, residuals.reshape(known.shape))
 
 
 def influence_of(matrix: Array) -> Array:

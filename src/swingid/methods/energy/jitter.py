@@ -1,9 +1,9 @@
-"""Rows that are read early or late by chance: how much, as the noise that grows with the speed shows.
+"""Jitter of the sampling instants, from the noise that grows with the speed.
 
-A row read δ late shows q + q' δ. So the noise of a channel is σ0² + σj² q'², the same σj (s) in every channel. Two
-things follow for energies. Speeds are smoothed as the noise asks for, and its median, which is what a log is judged by
-elsewhere, is two thirds of its root mean square then. And a loop that acts on such readings makes a voltage that knows
-of δ, and so of the error of the wheel's turn in the same row: work taken over the measured turn is biased.
+A row read δ late shows q + q' δ. So the noise of a channel is σ0² + σj² q'², with the same σj (s) in every channel. For
+energies this has two effects. The width of the smoothing depends on the noise, whose median, which is used elsewhere,
+is then two thirds of its root mean square. And a control loop that acts on such readings makes a voltage that is
+correlated with δ, and so with the error of the wheel's turn in the same row: work over the measured turn is biased.
 """
 
 from __future__ import annotations
@@ -20,21 +20,21 @@ from swingid.result.result import Message, Parameter
 from swingid.uncertainty.significance import CERTAIN
 
 CLASSES = 8
-"""Classes of speed in which the noise is looked at."""
+"""Classes of speed in which the noise is evaluated."""
 
 STEPS_PER_ROW = 2.0
 """Steps of an encoder's grid per row below which the noise of rounding depends on the speed as well."""
 
 LOUDER = 1.1
-"""Root mean square of the noise over what it was taken for, from which on jitter counts as seen."""
+"""Ratio of the root mean square of the noise to its median estimate, above which jitter is significant."""
 
 AT_REST = 1e-9
-"""Share of the largest class' noise below which a class is a body at rest, on one step of its encoder."""
+"""Ratio to the largest class' noise below which the body of a class is at rest on one step of its encoder."""
 
 
 @dataclass(frozen=True)
 class Jitter:
-    """Standard deviation of the instants of reading (s; 0: none seen), and the noise of the channels with it."""
+    """Standard deviation of the sampling instants (s; 0: not significant), and the noise of the channels with it."""
 
     spread: float
     noise: Noise
@@ -42,8 +42,8 @@ class Jitter:
     def words(self, inertia: Parameter, measured: float) -> tuple[list[Message], list[Message]]:
         """A warning where work over the measured turn gives another inertia, else a note that the rows jitter."""
         low, high = inertia.interval95 or (-np.inf, np.inf)
-        text = f"the rows are read early or late by {1e3 * self.spread:.2g} ms by chance, as noise that grows with the "
-        text += "speed shows; work was taken over the smoothed turn of the drive"
+        text = f"the sampling instants have a jitter of {1e3 * self.spread:.2g} ms (noise that grows with the speed); "
+        text += "the work was computed over the smoothed turn of the drive"
         if low <= measured <= high:
             return [], [Message("jitter", f"{text}.")]
         text += f", over the measured one the inertia would be {measured:.5g} {inertia.unit}; read both encoders at "
@@ -51,9 +51,9 @@ class Jitter:
 
 
 def find_jitter(log: Recording, noise: Noise) -> Jitter:
-    """The jitter of a log and its noise, which is `noise` where none is seen.
+    """The jitter of a log and its noise, which is `noise` without significant jitter.
 
-    Looked for where seven rows follow each other evenly: uneven stamps were recorded as they are.
+    Evaluated where seven rows follow each other evenly: uneven stamps were recorded as they are.
     """
     steps = np.diff(log.time)
     step = median(steps)
@@ -66,7 +66,7 @@ def find_jitter(log: Recording, noise: Noise) -> Jitter:
     wheel = (0.0, noise.wheel)
     if log.wheel_angle is not None:
         wheel = _of_channel(log.wheel_angle, rows, step, noise.wheel, noise.wheel_resolution)
-    # of two channels the wheel turns faster and tells more
+    # of two channels the wheel is faster and has more information
     return Jitter(wheel[0] or angle[0], replace(noise, angle=angle[1], wheel=wheel[1]))
 
 
@@ -78,7 +78,7 @@ def _even_stretches(steps: Array, step: float) -> Bools:
 
 
 def _of_channel(values: Array, rows: Ints, step: float, level: float, resolution: float) -> tuple[float, float]:
-    """Jitter (s) that a channel shows, and the root mean square of its noise; (0, level) where none is seen."""
+    """Jitter (s) of a channel and the root mean square of its noise; (0, level) where it is not significant."""
     seven = [values[rows + k] for k in range(7)]
     speed = (seven[6] - seven[0]) / (6 * step)
     if np.sqrt(np.mean(speed**2)) * step < STEPS_PER_ROW * resolution:
@@ -89,7 +89,7 @@ def _of_channel(values: Array, rows: Ints, step: float, level: float, resolution
     square = np.array([np.mean(speed[part] ** 2) for part in order])
     if not np.ptp(square) > 0 or not power.min() > AT_REST * power.max():
         return 0.0, level
-    # the median of a class tells its variance to a share that is alike in all classes
+    # the relative standard uncertainty of the median is the same in all classes
     columns = np.column_stack([np.ones(CLASSES), square]) / power[:, None]
     inverse = np.linalg.pinv(columns.T @ columns)
     still, moving = inverse @ columns.sum(axis=0)

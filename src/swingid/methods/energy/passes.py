@@ -28,8 +28,7 @@ class Passes:
 def mirrored_passes(motion: Motion, depths: Array, time: Array, longest_gap: float) -> Passes:
     """Nodes at the given depths: rising shares of the smaller of the two swings, measured from the turning point.
 
-    Blocks that reach across a gap of the log longer than `longest_gap` (s) are left out, for there the drive's work
-    is not known.
+    Blocks across a gap of the log longer than `longest_gap` (s) are excluded, as the drive's work there is unknown.
     """
     speed, turning = motion.speed, motion.turning_times
     fine = np.linspace(speed.grid[0], speed.grid[-1], 8 * len(speed.grid))

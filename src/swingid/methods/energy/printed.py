@@ -1,9 +1,9 @@
 """The paper's own formulas: J1 by (6) and f1 by (7) on one forward pass and its mirror image, in series.
 
-(6) is kept as printed but for two things. Its last term "− m2 l2²" double-counts: a11 = J1 + J2 + Jr already holds it.
+(6) is kept as printed except for two things. Its last term "− m2 l2²" counts twice: a11 = J1 + J2 + Jr contains it.
 And each pass has the potential energies of its own nodes, as in (1) and (2); on equal angles that is the printed
 4b (cos q12 − cos q11), while at the paper's times, 1.8 ms off the turning point, the passes' angles differ by 7 mrad,
-which alone moved J1 by 3 %. Both formulas take B1 = B2, that the two passes lose the same energy, and (7) that
+which alone changed J1 by 3 %. Both formulas assume B1 = B2, that the two passes lose the same energy, and (7) that
 the node speeds match as well.
 """
 
@@ -65,11 +65,7 @@ def states_of_pairs(course: Course, instants: Array, *, linear: bool) -> States:
         result: Array = values.ravel()[back].reshape(instants.shape)
         return result
 
-    names = ("instants", "angle", "height", "speed", "acceleration", "wheel_speed", "wheel_acceleration", "work")
-    plain = {name: again(getattr(sorted_states, name)) for name in names}
-    friction = {name: again(column) for name, column in sorted_states.friction.items()}
-    motor = {name: again(column) for name, column in sorted_states.motor.items()}
-    return States(**plain, friction=friction, motor=motor)
+    return sorted_states.each(again)
 
 
 def trapezoid_work(log: Recording, rig: Rig, course: Course, instants: Array) -> Array:

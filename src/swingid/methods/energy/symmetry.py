@@ -1,4 +1,4 @@
-"""How far the inertia can be off because the two passes are no exact mirror images: a bound from the log itself.
+"""Bound, from the log itself, of the error of the inertia by passes that are not exact mirror images.
 
 The inertia is linear in the energies at the nodes, a11 = Σ K_n (W + …)(t_n), so friction F(q1') adds
 E[F] = Σ K_n ∫^t_n F q1' dt to it. Between exact mirror images every F odd in speed drops out. With s = |q1'| and
@@ -6,12 +6,12 @@ F(s) = F(0+) + ∫F' ds,
 
     E[F] = F(0+) T(0) + ∫ F'(s) T(s) ds,      T(s) = Σ K_n ∫^t_n [|q1'| > s] |q1'| dt:
 
-T, which only the measured motion enters, is the asymmetry of the passes at speeds above s; friction enters by its slope
-alone, for T(0) = 0 at equal angles. So |error| ≤ ∫ max|F'| |T| ds, with the slope that the log's own friction shows, at
-its 95 % limit. What a method fits beside the inertia it annihilates (E = 0), so that there only the slope of the rest
-counts. The paper says that the accuracy "can be estimated by analyzing the tracking error": this is that estimate.
+T, which depends on the measured motion only, is the asymmetry of the passes at speeds above s; friction enters by its
+slope alone, as T(0) = 0 at equal angles. So |error| ≤ ∫ max|F'| |T| ds, with the 95 % limit of the slope of the fitted
+friction. For what a method fits beside the inertia E = 0, so only the slope of the rest counts. The paper states that
+the accuracy "can be estimated by analyzing the tracking error": this is that estimate.
 
-Not for friction with memory (bristles, sticking), which has no slope to bound.
+Not for dynamic friction or stiction, which have no slope to bound.
 """
 
 from __future__ import annotations
@@ -22,11 +22,10 @@ import numpy as np
 
 from swingid.format import percent
 from swingid.methods.energy.balance import Course, States
-from swingid.methods.energy.fit import NodeFit, columns_at, influence_of, within_blocks
+from swingid.methods.energy.fit import NodeFit, columns_at, fit_columns
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_hats
-from swingid.numerics.regression import block_covariance
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
 from swingid.uncertainty.freedom import COVERAGE_FACTOR
@@ -34,10 +33,10 @@ from swingid.uncertainty.freedom import COVERAGE_FACTOR
 SOURCE = "asymmetry of the passes"
 
 SPEEDS = np.array([0.12, 0.25, 0.4, 0.6, 0.8, 1.0])
-"""Knots of the friction profile, in shares of the highest speed; below the first the energies hardly show a slope."""
+"""Knots of the friction profile, in shares of the highest speed; below the first no slope is identifiable."""
 
 EVEN = ("offset", "viscous_even")
-"""What depends on the direction: between mirror images it does not drop out, only between upper and lower ones."""
+"""Terms that depend on the direction: they cancel between upper and lower turning points, not mirror images."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Profile:
 
 @dataclass(frozen=True)
 class Symmetry:
-    """Bound of the error of a11 (kg m² or kg), and what it is made of.
+    """Bound of the error of a11 (kg m² or kg), and its parts.
 
     speeds (knots,): between which friction is a line. asymmetry (knots,): T(0), then T averaged from each speed to the
     next. steps (knots,): limit of friction at the first speed, then of its rise from each speed to the next, N m (N).
@@ -76,31 +75,27 @@ class Symmetry:
         """The bound in words."""
         text = (
             f"on the way in and out of the turning points the speeds differ by {percent(self.mirror_error)}; with the "
-            f"slope of this log's friction that can move the inertia by {percent(self.bound / abs(inertia))} at most."
+            f"slope of this log's friction that can change the inertia by {percent(self.bound / abs(inertia))} at most."
         )
         return Message("symmetry-bound", text)
 
 
 def friction_profile(course: Course, states: States, rig: Rig, scale: Scale) -> Profile:
-    """Friction as the energies at mirrored nodes show it, a line from speed to speed; the inertia is fitted beside."""
+    """Friction from the energies at mirrored nodes, linear from speed to speed; fitted together with the inertia."""
     speeds = SPEEDS * np.max(np.abs(states.speed))
     named = columns_at(states, scale, ())
-    works = [*_hat_works(course, states.instants, speeds), *(states.friction[name] for name in EVEN)]
-    matrix = within_blocks(np.array([*named.values(), *works])).T
-    target = within_blocks(states.known(rig, scale))
-    influence = influence_of(matrix)
-    values = influence @ target
-    scores = (influence * (target - matrix @ values)).reshape(len(values), len(states.instants), -1).sum(axis=2)
-    covariance = block_covariance(scores, len(values))
-    first, knots = len(named), len(speeds)
-    return Profile(speeds, values[first : first + knots], values[first + knots :], covariance[first:, first:])
+    hats = {f"hat {k}": work for k, work in enumerate(_hat_works(course, states.instants, speeds))}
+    fit = fit_columns(named | hats | {name: states.friction[name] for name in EVEN}, states.known(rig, scale))
+    assert fit.covariance is not None
+    values, covariance = fit.values[len(named) :], fit.covariance[len(named) :, len(named) :]
+    return Profile(speeds, values[: len(speeds)], values[len(speeds) :], covariance)
 
 
 def asymmetry_bound(fit: NodeFit, states: States, course: Course, profile: Profile) -> Symmetry:
-    """Bound of what friction and the asymmetry of the passes do to the inertia of a fit at `states`."""
+    """Bound of the error of a fit at `states` by friction and the asymmetry of the passes."""
     weights = fit.influence[0].reshape(states.instants.shape)
     hats = (_hat_works(course, states.instants, profile.speeds) * weights).sum(axis=(1, 2))
-    # a rise from one speed to the next moves all the hats above it
+    # a rise from one speed to the next acts on all the hats above it
     ramps = np.cumsum(hats[::-1])[::-1]
     knots = len(profile.speeds)
     rises = np.eye(knots) - np.eye(knots, k=-1)
@@ -123,7 +118,7 @@ def _fitted(fit: NodeFit, speeds: Array) -> Array:
 
 
 def _hat_works(course: Course, instants: Array, speeds: Array) -> Array:
-    """∫Λ_k(|q1'|) |q1'| dt up to each instant, (knots, *instants); the outermost hats go on flat."""
+    """∫Λ_k(|q1'|) |q1'| dt up to each instant, (knots, *instants); the outermost hats continue constant."""
     size = np.abs(course.speed)
     order = np.argsort(instants.ravel(), kind="stable")
     found = np.empty((len(speeds), instants.size))

@@ -3,10 +3,10 @@
 The rule: ten times the motion's frequency (Gautier's rule ω_f ≥ 10 ω_dyn for undistorted derivatives), lowered to
 where white noise of the angle puts 1e-5 of the signal's power into the acceleration, for noise in that regressor
 biases the inertia of least squares by the same share; never below four times the motion's frequency, so that the third
-harmonic, which tells Coulomb from viscous friction, passes; never above a fifth of the sampling rate. The motion's
-frequency is that below which 99 % of the power of the smoothed speed lies; the noise is the declared one or the one
-seen, whichever is more. (Gautier 1997, "Dynamic identification of robots with power model"; Janot, Vandanjon and
-Gautier 2014, "A generic instrumental variable approach for industrial robot identification".)
+harmonic, which distinguishes Coulomb from viscous friction, passes; never above a fifth of the sampling rate. The
+motion's frequency is that below which 99 % of the power of the smoothed speed lies; the noise is the declared or the
+measured one, whichever is more. (Gautier 1997, "Dynamic identification of robots with power model"; Janot, Vandanjon
+and Gautier 2014, "A generic instrumental variable approach for industrial robot identification".)
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ HIGHEST = 0.2
 """Highest cut-off as a share of the sampling rate."""
 
 BESIDE = 2**0.5
-"""Factor between a cut-off and those that judge it."""
+"""Factor between a cut-off and those that it is compared with."""
 
 ORDER = 4
 SETTLING = 2.0
-"""Periods of the cut-off after which the filter has forgotten an end of the log (to about 1 %)."""
+"""Periods of the cut-off after which the transient of the filter has decayed to about 1 %."""
 
 
 @dataclass(frozen=True)
 class Cutoff:
-    """A cut-off in Hz and, in words, why it is what it is."""
+    """A cut-off in Hz and the reason for it in words."""
 
     frequency: float
     reason: str
@@ -50,7 +50,7 @@ class Cutoff:
 def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: object) -> Cutoff:
     """The cut-off given by the user, or that of the rule for the motion from `start` to `stop` (s).
 
-    Raises UsageError for a cut-off that is no frequency below `HIGHEST` of the rate, or none that this motion shows.
+    Raises UsageError for a cut-off that is no frequency below twice `HIGHEST` of the rate, or too low for the log.
     """
     rate = 1 / noise.step
     if given is not None:
@@ -79,7 +79,9 @@ def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: 
     reason, frequency = min(wanted.items(), key=lambda item: item[1])
     least = min(AT_LEAST * motion, HIGHEST * rate)
     if frequency < least:
-        return Cutoff(least, f"{AT_LEAST:g} times the motion's {motion:.3g} Hz, the least that tells friction's kinds")
+        return Cutoff(
+            least, f"{AT_LEAST:g} times the motion's {motion:.3g} Hz, the least that distinguishes friction terms"
+        )
     return Cutoff(frequency, reason)
 
 
@@ -89,7 +91,7 @@ def motion_frequency(speed: Speed, start: float, stop: float) -> tuple[float, fl
     inside = (speed.grid >= start) & (speed.grid <= stop)
     values = speed.speed[inside]
     if len(values) < 8:
-        raise UnanswerableError("the part of the log worth using is too short; log a longer run.", code="too-short")
+        raise UnanswerableError("the usable part of the log is too short; record a longer run.", code="too-short")
     spectrum = np.abs(np.fft.rfft((values - values.mean()) * np.hanning(len(values)))) ** 2
     frequencies = np.fft.rfftfreq(len(values), spacing)
     share = np.cumsum(spectrum) / spectrum.sum()

@@ -1,4 +1,4 @@
-"""From a log to the chosen fit of filtered rows and the fits that judge it."""
+"""From a log to the chosen fit of filtered rows and the fits that it is compared with."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from functools import partial
 
 import numpy as np
 
+from swingid.balance.choice import impulse_left
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
 from swingid.balance.friction_laws import EXACT
 from swingid.balance.rows import Rows, Signals
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
 from swingid.methods.equation_error.fit import best_lag, fit_rows
 from swingid.methods.equation_error.grid import Grid, even_grid
-from swingid.methods.equation_error.judges import Judged, remembered, spread_of
 from swingid.methods.equation_error.laws import Law, Laws, LawTable
-from swingid.methods.equation_error.rows import RowFilter, filtered_rows, friction_columns
+from swingid.methods.equation_error.rows import RowFilter, filtered_rows
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -23,24 +23,25 @@ from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part
 from swingid.preparation.scale import Scale
-from swingid.uncertainty.significance import INDICATED
+from swingid.uncertainty.budget import Source, systematic
+from swingid.uncertainty.significance import DETECTED, INDICATED
 
 EARLIER = 0.75
-"""Least lag of the instruments in half periods, for a controller to have answered the noise."""
+"""Least lag of the instruments in half periods, within which a controller has responded to the noise."""
 
 LAGS = 1.0
-"""Periods of the motion over which the lag of the instruments is sought."""
+"""Range, in periods of the motion, in which the lag of the instruments is sought."""
 
 PASSES = 4
-"""Times that law and turning points are found in turns, at most."""
+"""Most iterations between friction law and turning points."""
 
 SETTLED = 0.1
-"""Change of the delay of the turning points, of itself, that ends it."""
+"""Relative change of the delay of the turning points that ends the iteration."""
 
 
 @dataclass(frozen=True)
 class OnGrid:
-    """The part of the log that is used, on its grid, its motion, and intervals that are closed to rows."""
+    """The used part of the log on its grid, its motion, and intervals whose rows are excluded."""
 
     grid: Grid
     motion: Motion
@@ -49,7 +50,7 @@ class OnGrid:
 
     @classmethod
     def of(cls, part: Part, rig: Rig) -> OnGrid:
-        """The grid of a part; rests of the axis and gaps between rows are closed."""
+        """The grid of a part; rests of the axis and gaps between rows are excluded."""
         time, motion = part.log.time, part.motion
         late = np.nonzero(np.diff(time) > part.longest_gap)[0]
         gaps = np.column_stack([time[late], time[late + 1]])
@@ -57,14 +58,54 @@ class OnGrid:
         return cls(grid, motion, np.vstack([motion.rests, gaps]), part.noise)
 
     def reach(self, row_step: float, rows: int) -> int:
-        """Rows over which correlation is looked for: two periods."""
+        """Rows up to which correlation is taken into account: two periods."""
         return min(int(4 * self.motion.half_period / row_step), rows // 4)
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The chosen fit with its law, and the fits that it is compared with.
+
+    laws: fits with the other possible laws, and their probabilities. cutoffs: by name. impulse: standard uncertainty
+    (N m s or N s) of the impulse at each reversal that the correction of the turning points leaves. memory: column of
+    such an impulse in the rows.
+    """
+
+    chosen: Fitted
+    law: Law
+    laws: tuple[tuple[Law, Fitted, float], ...]
+    cutoffs: dict[str, Fitted]
+    impulse: float
+    memory: Array
+    motion: Motion
+
+    @property
+    def between_laws(self) -> float:
+        """Standard deviation of the inertia over the possible laws about the chosen one, by their probabilities."""
+        own = self.chosen.fit.a11
+        return float(np.sqrt(sum(weight * (other.fit.a11 - own) ** 2 for _, other, weight in self.laws)))
+
+    @property
+    def common(self) -> list[tuple[Source, str, float]]:
+        """Type A errors that the scatter does not contain: common to all rows, or shown by other fits."""
+        found = self.chosen.common(self.motion)
+        found["choice of the friction law"] = self.between_laws
+        if "memory" not in self.chosen.fit.unknowns:
+            effect = float(self.chosen.fit.fit.influence[0] @ self.memory)
+            found["timing of the turning points"] = abs(effect) * self.impulse
+        for name, other in self.cutoffs.items():
+            found[f"disagreement: {name}"] = self.chosen.contradicted(other, self.motion)
+        entries = [(systematic(source), "inertia", spread) for source, spread in found.items()]
+        for name in self.chosen.scale.unknown:
+            own = self.chosen.common(self.motion, name)
+            entries += [(systematic(source), name, spread) for source, spread in own.items()]
+        return entries
 
 
 def estimate(
     part: OnGrid, signals: Signals, scale: Scale, cutoff: Cutoff, given: str | None, instruments: bool
-) -> tuple[Judged, Laws]:
-    """The chosen fit with its judges, and the laws that the log allows. given: name of a law, None to choose one.
+) -> tuple[Selection, Laws]:
+    """The chosen fit with those it is compared with, and the possible laws. given: name of a law, None to choose one.
 
     Raises UnanswerableError for too short a log.
     """
@@ -74,7 +115,10 @@ def estimate(
     others = [(other, weight) for other, weight in laws.likely if other.name != law.name]
     plain = _fit(part, scale, row_filter, law, (), instruments)
     memory = _fit(part, scale, row_filter, law, ("memory",), instruments, plain.lag)
-    seen, impulse = remembered(memory, part.motion, impulse_of(late, law.torque, dry_levels(signals, plain.fit)))
+    # dynamic friction is part of the model where its impulse at each reversal is significant
+    spread, size = memory.spread("memory", part.motion), abs(memory.fit.value("memory"))
+    seen = size > DETECTED * spread
+    impulse = impulse_left(impulse_of(late, law.torque, dry_levels(signals, plain.fit)), size, spread)
     chosen, more = (memory, ("memory",)) if seen else (plain, ())
     fits = [(other, _fit(part, scale, row_filter, other, more, instruments, plain.lag), w) for other, w in others]
     cutoffs = {
@@ -84,21 +128,21 @@ def estimate(
         for beside in cutoff.beside(1 / part.grid.step)
     }
     column = memory.rows.friction["memory"]
-    return Judged(chosen, law, tuple(fits), cutoffs, impulse, column, part.motion), laws
+    return Selection(chosen, law, tuple(fits), cutoffs, impulse, column, part.motion), laws
 
 
 def _law(
     part: OnGrid, signals: Signals, scale: Scale, row_filter: RowFilter, given: str | None
 ) -> tuple[Law, Laws, Array]:
-    """The law, all that may be, and how late the turning points are found with it.
+    """The law, all possible ones, and the delay of the turning points with it.
 
-    Friction delays them, and they decide what is seen of it: both are found in turns.
+    Friction delays them, and its regressors depend on them: both are found by iteration.
     """
     table = LawTable(row_filter, part.motion, part.noise.angle)
     late = np.zeros(len(part.motion.turning_times))
     for _ in range(PASSES):
         motion = part.motion.earlier(late)
-        rows = filtered_rows(row_filter, motion, friction_columns(motion, part.grid, EXACT), scale)
+        rows = filtered_rows(row_filter, motion, EXACT, scale)
         reach = part.reach(row_filter.row_step, len(rows.windows))
         first = fit_rows(rows, scale, ("coulomb", "viscous"), row_filter.usable, reach, 0)
         laws = table.choose(rows, first.weights, scale).where(
@@ -112,9 +156,9 @@ def _law(
 
 
 def _peaked(part: OnGrid, scale: Scale, row_filter: RowFilter, law: Law) -> bool:
-    """Whether Stribeck's peak is more than what noise and the encoder's grid, which comes again, make of one."""
+    """Whether Stribeck's peak is significant beside noise and the encoder's grid, whose errors repeat."""
     fit = _fit(part, scale, row_filter, law, (), instruments=False)
-    return abs(fit.fit.value("stribeck")) > INDICATED * spread_of(fit, "stribeck", part.motion)
+    return abs(fit.fit.value("stribeck")) > INDICATED * fit.spread("stribeck", part.motion)
 
 
 def _fit(
@@ -126,10 +170,9 @@ def _fit(
     instruments: bool,
     lag: int | None = None,
 ) -> Fitted:
-    """The fit of the rows of one filter with one law, and `more` terms; lag: of the instruments, None to find one."""
+    """The fit of the rows of one filter with one law, and `more` terms; lag: of the instruments, None to choose it."""
     terms = (*law.unknowns, *more)
-    columns = friction_columns(part.motion, part.grid, terms, law.stribeck_speed, law.peak)
-    rows = filtered_rows(row_filter, part.motion, columns, scale)
+    rows = filtered_rows(row_filter, part.motion, terms, scale, law.stribeck_speed, law.peak)
     if lag is None:
         lag = _lag(part, scale, row_filter, rows, terms) if instruments else 0
     reach = part.reach(row_filter.row_step, len(rows.windows))

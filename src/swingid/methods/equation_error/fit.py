@@ -1,14 +1,13 @@
-"""Weighted least squares or instrumental variables on filtered rows, with uncertainties that know of the filter.
+"""Weighted least squares or instrumental variables on filtered rows, with uncertainties that account for the filter.
 
 Least squares is biased where the regressors are noisy: by the share of noise in the power of the acceleration.
-Instruments take it away: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The lag
-is longer than the filter remembers, so noise of the sensors is in one of the two only, and it points to the past, so
-that the motion's own answer to that noise, through a controller, is not in the instruments either. Of such lags the
-one that tells most is taken. What the direction of the motion makes, such as Coulomb friction, has no noise and is its
-own instrument. (Delayed signals as instruments: Söderström and Stoica 1983, "Instrumental Variable
-Methods for System Identification". The robotics form, Janot, Vandanjon and Gautier 2014, simulates the instruments;
-for row (I) that takes a controller or the noisy wheel angle as input, which are not known or not independent of the
-noise.)
+Instruments remove the bias: the same regressors some time earlier, Σ z_k (y_k − x_k θ) = 0 with z_k = x_(k−lag). The
+lag is longer than the impulse response of the filter, so the noise of the two is independent; and it points to the
+past, so that the response of a controller to that noise is not in the instruments either. Of such lags the one of least
+variance is taken. Regressors of the direction of motion, as Coulomb friction, have no noise and are their own
+instruments. (Delayed signals as instruments: Söderström and Stoica 1983, "Instrumental Variable Methods for System
+Identification". In robotics, Janot, Vandanjon and Gautier 2014, instruments are simulated; for equation (I) that takes
+a controller, which is unknown, or the measured wheel angle as input, whose noise is not independent.)
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import columns_of, known_side
+from swingid.balance.fits import NamedFit, columns_of, known_side
 from swingid.balance.rows import Rows
 from swingid.errors import UnanswerableError
 from swingid.numerics.arrays import Array, Bools
@@ -32,41 +31,21 @@ ROUNDS = 4
 LAGS_TRIED = 40
 
 OF_DIRECTION = ("coulomb", "stribeck", "stribeck_speed", "offset", "memory")
-"""Regressors that the direction of the motion makes: free of noise but at the reversals, so their own instruments."""
+"""Regressors of the direction of motion: without noise except at the reversals, so their own instruments."""
 
 
 @dataclass(frozen=True)
-class RowFit:
-    """A fit of filtered rows: unknowns by name ("inertia" first), type A covariance, weights of the rows (0 unused).
+class RowFit(NamedFit):
+    """A fit of filtered rows; weights of the rows (0: unused), inverse (p, p) of Z'W X."""
 
-    inverse (p, p): of Z'W X, by which sums over the rows become values.
-    """
-
-    unknowns: tuple[str, ...]
-    fit: LinearFit
-    covariance: Array
     weights: Array
     inverse: Array
-
-    @property
-    def a11(self) -> float:
-        """Inertia of the whole axis, a11 = J1 + J2 + Jr."""
-        return float(self.fit.values[0])
-
-    @property
-    def u(self) -> float:
-        """Type A standard uncertainty of a11."""
-        return float(np.sqrt(self.covariance[0, 0]))
-
-    def value(self, name: str) -> float:
-        """Value of an unknown, 0 where it was not sought."""
-        return float(self.fit.values[self.unknowns.index(name)]) if name in self.unknowns else 0.0
 
 
 def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, reach: int, lag: int) -> RowFit:
     """Fit the rows by least squares (lag 0), or with the regressors `lag` rows earlier as instruments.
 
-    usable (rows,): which to use. reach: rows over which the covariance looks for correlation.
+    usable (rows,): which to use. reach: rows up to which the covariance contains correlation.
     Raises UnanswerableError where too few rows are left.
     """
     unknowns, columns = columns_of(rows, scale, terms)

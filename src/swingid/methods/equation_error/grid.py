@@ -1,6 +1,6 @@
 """A log on an even grid of instants, and central differences there.
 
-Filters need even samples. A log with uneven stamps is carried to an even grid of its median rate by cubic splines;
+Filters need even samples. A log with uneven stamps is resampled to an even grid of its median rate by cubic splines;
 a held torque by its exact integrals.
 """
 
@@ -22,7 +22,7 @@ MOST_FILLED = 10
 """Rows of the even grid per row of the log above which the log is mostly gaps."""
 
 STENCIL = 2
-"""Rows at each end that the differences cannot reach."""
+"""Rows at each end for which there are no differences."""
 
 
 @dataclass(frozen=True)
@@ -67,14 +67,14 @@ def even_grid(log: Recording, rig: Rig, encoders: Encoders) -> Grid:
     if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
         wheel = carried(moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late))
     if rig.drive.kind == "direct" and log.torque is not None:
-        # a torque that acts at t is met by the angle in the row stamped t − late
+        # the angle at the time t of a torque is in the row stamped t − late
         measured = moved(log.time, log.torque, -late)
         torque = as_held(log.time - late, log.torque[:-1], time) if log.drive_held else carried(measured)
     return Grid(time, step, carried(log.angle), wheel, torque, resampled, encoders)
 
 
 def as_held(edges: Array, levels: Array, time: Array) -> Array:
-    """A piecewise constant signal as the second difference of its exact double integral shows it on an even grid.
+    """A piecewise constant signal on an even grid, as the second difference of its exact double integral.
 
     levels[k] holds from edges[k] to edges[k+1], the first and the last also beyond the outermost edges.
     """

@@ -1,8 +1,8 @@
-"""The friction law of the rows: chosen by the criterion of the project, and those that may be as well.
+"""The friction law of the rows: that of least BIC, and other possible ones.
 
-All laws are compared on the Gram matrix of the filtered rows (`momentum/law_choice.py`). The likeliest is taken. What
-the others would say of the inertia, each as likely as its criterion says, is an uncertainty (Bayesian model averaging;
-Hoeting, Madigan, Raftery and Volinsky 1999).
+All laws are compared on the Gram matrix of the filtered rows (`balance/law_choice.py`). The spread of the inertia over
+them, weighted by their criterion, is an uncertainty (Bayesian model averaging; Hoeting, Madigan, Raftery and Volinsky
+1999).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from swingid.balance.friction_laws import (
     law_terms,
     speed_knots,
 )
-from swingid.balance.law_choice import LawChoice, Trial, slowest_peak
+from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.rows import Rows
 from swingid.methods.equation_error.rows import RowFilter
 from swingid.numerics.arrays import Array
@@ -30,7 +30,7 @@ from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
 
 POSSIBLE = 1e-3
-"""Probability below which a law is not looked at."""
+"""Probability below which a law is not fitted."""
 
 FINER = 4
 """Grids of Stribeck speeds for a given law, each between the neighbours of the best of the one before."""
@@ -47,7 +47,7 @@ class Law:
 
     @property
     def unknowns(self) -> tuple[str, ...]:
-        """What is sought beside the inertia: the terms, and the speed of Stribeck's peak."""
+        """The unknowns beside the inertia: the terms, and the speed of Stribeck's peak."""
         return (*self.terms, "stribeck_speed") if "stribeck" in self.terms else self.terms
 
     @property
@@ -63,23 +63,23 @@ class Law:
 
 @dataclass(frozen=True)
 class Laws:
-    """The laws that these rows allow, by how likely each is; the likeliest first."""
+    """The possible laws with their weights; the most probable first."""
 
     tried: tuple[tuple[Law, float], ...]
 
     @property
     def best(self) -> Law:
-        """The likeliest law."""
+        """The most probable law."""
         return self.tried[0][0]
 
     @property
     def likely(self) -> tuple[tuple[Law, float], ...]:
-        """The laws worth a look, with their probabilities."""
+        """The laws of more than negligible probability, with that."""
         total = sum(weight for _, weight in self.tried)
         return tuple((law, weight / total) for law, weight in self.tried if weight > POSSIBLE * total)
 
     def where(self, sound: Callable[[Law], bool]) -> Laws:
-        """The laws that are sound, of those worth a look and those without Stribeck's peak."""
+        """The laws without Stribeck's peak, and those of `likely` that are `sound`."""
         worth = {law.name for law, _ in self.likely}
         plain = [(law, weight) for law, weight in self.tried if "stribeck" not in law.terms]
         kept = [(law, weight) for law, weight in self.tried if law.name in worth and law.peak and sound(law)]
@@ -89,7 +89,7 @@ class Laws:
 class LawTable:
     """Filtered columns of every function of the speed, for the choice of a law.
 
-    What the direction of the motion makes is filtered anew when the turning points move, the rest once.
+    Regressors of the direction of motion are filtered again when the turning points change, the others once.
     """
 
     def __init__(self, row_filter: RowFilter, motion: Motion, noise: float) -> None:
@@ -103,11 +103,16 @@ class LawTable:
         self.hats = np.column_stack([row_filter(column)[0] for column in columns])
 
     def choose(self, rows: Rows, weights: Array, scale: Scale) -> Laws:
-        """The laws for these rows, each row as heavy as it was found to be; rows must hold all terms of `EXACT`."""
+        """The laws for these rows with their robust weights; rows must contain all terms of `EXACT`."""
         friction, body, target = self._columns(rows, weights, scale)
         choice = LawChoice(friction, body, target, slowest=self.slowest)
         ranked = sorted(choice.weights.items(), key=lambda item: -item[1])
-        return Laws(tuple((law_of(name, choice.trials[name]), weight) for name, weight in ranked))
+        laws = []
+        for name, weight in ranked:
+            trial = choice.trials[name]
+            speed = trial.stribeck_speed if "stribeck" in trial.terms else 1.0
+            laws.append((Law(name, trial.terms, trial.values, speed), weight))
+        return Laws(tuple(laws))
 
     def fitted(self, name: str, rows: Rows, weights: Array, scale: Scale) -> Law:
         """The law of this name with the coefficients, and the Stribeck speed, that fit the rows best."""
@@ -135,9 +140,3 @@ class LawTable:
         _, body = columns_of(rows, scale, ())
         friction = FrictionRows(rows.select(used), self.fastest, self.knots, columns)
         return friction, body[used] * root[:, None], known_side(rows, scale)[used] * root
-
-
-def law_of(name: str, trial: Trial) -> Law:
-    """A law tried, with its coefficients; its speed 1 where it has no peak."""
-    speed = trial.stribeck_speed if "stribeck" in trial.terms else 1.0
-    return Law(name, trial.terms, trial.values, speed)

@@ -1,11 +1,10 @@
-"""Equation error, the standard of robotics: row (I) pointwise, filtered, differentiated, by weighted least squares.
+"""Equation error, the standard of robotics: equation (I) pointwise, filtered, differentiated, by least squares.
 
     a11 q1'' + b sin q1 + F(q1') = −a12 q2''    (direct drive: τ on the right; free decay: b known sets the scale)
 
 Zero-phase Butterworth filter (see `cutoff` for the rule), central differences, every term through the same filter,
 decimation, then least squares or instrumental variables (see `fit`). It needs a friction law and smooth sensors, which
-`momentum` does not; it is here because the field uses it. (Gautier 1997; Khalil and Dombre 2002, ch. 12; Janot,
-Vandanjon and Gautier 2014.)
+`momentum` does not. (Gautier 1997; Khalil and Dombre 2002, ch. 12; Janot, Vandanjon and Gautier 2014.)
 """
 
 from __future__ import annotations
@@ -16,21 +15,19 @@ import numpy as np
 
 from swingid.balance.fits import BASIS, WindowFit
 from swingid.balance.fits import fit_rows as fit_windows
-from swingid.balance.friction_laws import DIRECTIONS, LAWS
-from swingid.balance.imperfections import sensitivities
+from swingid.balance.friction_laws import law_terms
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.checks.answer import check_answer, check_motor, check_sign
+from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign
 from swingid.checks.consistency import CLOSE
 from swingid.checks.stated import check_gravity
-from swingid.errors import UnanswerableError, UsageError
+from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import Cutoff, choose_cutoff
-from swingid.methods.equation_error.estimate import OnGrid, estimate
+from swingid.methods.equation_error.estimate import OnGrid, Selection, estimate
 from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import Grid
-from swingid.methods.equation_error.judges import Judged
 from swingid.methods.equation_error.laws import Laws
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
@@ -51,37 +48,37 @@ def equation_error(
     """Identify inertia, friction and, where it is "unknown", the gravity torque by inverse dynamics.
 
     cutoff: of the low-pass in Hz; left out, the rule of `cutoff.choose_cutoff`. friction: a name of
-    `friction_laws.LAWS`, also with ", offset" or ", direction-dependent", or "auto", the likeliest of them.
+    `friction_laws.LAWS`, also with ", offset" or ", direction-dependent", or "auto", the law of least BIC.
     instruments: instrumental variables against the bias of noisy regressors, for noise that is independent from swing
     to swing.
 
     Raises UsageError for unknown options, InputError where a channel is missing or has the wrong sign,
-    UnanswerableError where the motion cannot tell. Prefer `momentum` for coarse, noisy or slow sensors.
+    UnanswerableError where the motion does not determine the inertia. `momentum` is better for coarse, noisy or slow
+    sensors.
     """
     if friction != "auto":
-        _require_law(friction)
+        law_terms(friction, code="unknown-friction")
     part = prepared.part(reread=True)
     rig, scale, noise = prepared.rig, prepared.scale, part.noise
     on_grid = OnGrid.of(part, rig)
     if len(part.motion.turning_times) < 2:
-        message = "the part of the log that can be used holds no whole swing; record a longer motion to and fro."
+        message = "the used part of the log contains no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    doubts = _consistency(part, signals, rig, scale, noise)
+    inconsistent, motor = _consistency(part, signals, rig, scale, noise)
     span = float(part.log.time[0]), float(part.log.time[-1])
     cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
-    judged, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
-    chosen = judged.chosen
-    found = answer(judged, rig, scale)
+    selected, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
+    chosen = selected.chosen
+    found = answer(selected, rig, scale)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    checked = check_answer(found.parameters, found.budget, _as_windows(chosen, scale, noise), amplitude)
-    how = _how(on_grid.grid, cut, judged, laws, given=friction != "auto")
-    notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *doubts[1]]
-    warnings = [*checked.warnings, *_unlikely(judged, laws, scale), *doubts[0]]
-    options: dict[str, object] = {"friction": judged.law.name, "instruments": instruments, "cutoff": cut.frequency}
-    found = replace(found, sensitivities=sensitivities(rig, chosen.rows, chosen.fit.fit.influence[0]))
+    checked = check_answer(found.parameters, found.budget, _as_windows(chosen), amplitude)
+    how = _how(on_grid.grid, cut, selected, laws, given=friction != "auto")
+    notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
+    warnings = [*checked.warnings, *_unlikely(selected, laws, scale), *inconsistent, *motor.warnings]
+    options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": cut.frequency}
     covariance = _covariance(chosen.fit) if scale.b is None else {}
-    drawn = details(judged, scale, span)
+    drawn = details(selected, scale, span)
     return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
 
 
@@ -91,76 +88,67 @@ def _covariance(fit: RowFit) -> dict[str, dict[str, float]]:
     return {one: {other: float(fit.covariance[i, j]) for j, other in enumerate(names)} for i, one in enumerate(names)}
 
 
-def _require_law(friction: str) -> None:
-    odd, comma, direction = friction.partition(",")
-    if odd not in LAWS or comma + direction not in DIRECTIONS:
-        raise UsageError(
-            f"unknown friction law {friction!r}; choose one of {', '.join(LAWS)}, also with "
-            f"{' or '.join(repr(name) for name in DIRECTIONS if name)} behind it, or 'auto'.",
-            code="unknown-friction",
-        )
-
-
-def _as_windows(one: Fitted, scale: Scale, noise: Noise) -> WindowFit:
-    """The rows used and their fit as one on windows, for the checks that both methods share."""
+def _as_windows(one: Fitted) -> WindowFit:
+    """The rows used and their fit as one on windows, for the checks in common with momentum."""
     used = one.fit.weights > 0
     fit = replace(one.fit.fit, residuals=one.fit.fit.residuals[used], influence=one.fit.fit.influence[:, used])
     half = 1 / one.row_filter.cutoff.frequency
-    return WindowFit(one.rows.select(used), scale, noise, one.fit.unknowns, fit, one.fit.covariance, half)
+    return WindowFit(one.fit.unknowns, fit, one.fit.covariance, one.rows.select(used), one.scale, one.noise, half)
 
 
 def _consistency(
     part: Part, signals: Signals, rig: Rig, scale: Scale, noise: Noise
-) -> tuple[list[Message], list[Message]]:
-    """Check signs by equation (I) on modulating functions (raises InputError), and the wheel angle by (II).
+) -> tuple[list[Message], MotorCheck]:
+    """Check signs and gravity by equation (I) on modulating functions, and the wheel angle by (II).
 
-    Windows over half a swing are calm where filtered rows may be mostly noise.
+    Raises InputError for a wrong sign. Windows over half a swing have little noise where filtered rows may have much.
     """
     windows = law_windows(signals, part.motion.half_period / 4)
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
-    doubts: list[Message] = []
+    warnings: list[Message] = []
     if fit is not None:
         check_sign(fit, part.log.source.path or "the log")
-        # an impulse at each reversal is let in, for friction with a memory looks like another gravity without it
+        # with an impulse at each reversal: without it dynamic friction looks like another gravity torque
         lengths = (part.motion.half_period / 4, part.motion.half_period / 6)
         terms = (*BASIS, "memory")
         fits = [fit_windows(rows_of(signals, law_windows(signals, half)), scale, noise, terms) for half in lengths]
         longest, *others = [one for one in fits if one is not None] or [fit]
-        doubts = check_gravity(longest, others, signals, rig, least=CLOSE)
+        warnings = check_gravity(longest, others, signals, rig, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
-    motor = check_motor(balance, signals, method="this method")
-    return [*doubts, *motor.warnings], motor.all_notes()
+    return warnings, check_motor(balance, signals, method="this method")
 
 
-def _how(grid: Grid, cutoff: Cutoff, judged: Judged, laws: Laws, *, given: bool) -> list[Message]:
+def _how(grid: Grid, cutoff: Cutoff, selected: Selection, laws: Laws, *, given: bool) -> list[Message]:
     """Notes on what was done to the log."""
     text = f"low-pass at {cutoff.frequency:.3g} Hz ({cutoff.reason}), zero phase, every term alike."
     notes = [Message("cutoff", text)]
-    law = f"the friction law was taken as {judged.law.name}"
+    law = f"the friction law was taken as {selected.law.name}"
     if given:
         law += ", as given"
     else:
-        law += f", the likeliest of those tried ({laws.likely[0][1]:.0%})"
-    if "memory" in judged.chosen.fit.unknowns:
-        law += ", with an impulse at each reversal (friction with a memory)"
+        law += f", the most probable of those tried ({laws.likely[0][1]:.0%})"
+    if "memory" in selected.chosen.fit.unknowns:
+        law += ", with an impulse at each reversal (dynamic friction)"
     notes.append(Message("friction-law", f"{law}; a wrong one biases the inertia."))
     if grid.resampled:
-        notes.append(Message("resampled", "the stamps are uneven, so splines carried the log to an even grid first."))
-    lag = judged.chosen.lag * judged.chosen.row_filter.row_step
+        notes.append(Message("resampled", "the stamps are uneven; the log was resampled to an even grid by splines."))
+    lag = selected.chosen.lag * selected.chosen.row_filter.row_step
     if lag > 0:
-        text = f"instruments: the regressors {lag:.3g} s earlier, which takes noise so far apart as independent."
+        text = f"instruments: the regressors {lag:.3g} s earlier; noise so far apart is taken as independent."
         notes.append(Message("instruments", text))
     return notes
 
 
-def _unlikely(judged: Judged, laws: Laws, scale: Scale) -> list[Message]:
-    """A warning where the given law is none that the log allows, and the inertia suffers."""
-    if judged.law.name in {law.name for law, _ in laws.likely}:
+def _unlikely(selected: Selection, laws: Laws, scale: Scale) -> list[Message]:
+    """A warning where the given law is improbable, and the difference to the best one matters for the inertia."""
+    if selected.law.name in {law.name for law, _ in laws.likely}:
         return []
-    own = np.eye(len(judged.chosen.fit.unknowns))[0]
-    if judged.between_laws < np.sqrt(judged.chosen.variance(own)):
+    own = np.eye(len(selected.chosen.fit.unknowns))[0]
+    if selected.between_laws < np.sqrt(selected.chosen.variance(own)):
         return []
-    other = next(fit for law, fit, _ in judged.laws if law.name == laws.best.name)
-    text = f"the log speaks against the friction law {judged.law.name!r}: with {laws.best.name!r} the inertia is "
+    other = next(fit for law, fit, _ in selected.laws if law.name == laws.best.name)
+    text = (
+        f"the log is inconsistent with the friction law {selected.law.name!r}: with {laws.best.name!r} the inertia is "
+    )
     text += f"{other.fit.a11 - scale.carried:.6g} {scale.unit}; leave friction out, or give that one."
     return [Message("unlikely-friction-law", text)]

@@ -1,15 +1,15 @@
-"""Row (I) pointwise: every term at every instant of an even grid, all through one zero-phase filter, then decimated.
+"""Equation (I) pointwise: every term on an even grid, all through one zero-phase filter, then decimated.
 
     a11 L q1'' + b L sin q1 + L F(q1') = −a12 L q2''    (reaction wheel; direct drive: L τ; free decay: −b L sin q1)
 
-All terms pass the same filter L (parallel filtering), so the row holds exactly for every cut-off: what the filter
-takes from the acceleration it takes from gravity and friction too. The direction of Coulomb friction is that of the
-swings (`Motion.directions`), not the sign of a noisy speed. A filtered row is the balance on the filter's impulse
-response, so it is a `Rows` like any other, with windows of one period of the cut-off.
+All terms pass the same filter L (parallel filtering), so a row is exact for every cut-off. The direction of Coulomb
+friction is that of the swings (`Motion.directions`), not the sign of a noisy speed. A filtered row is the balance on
+the impulse response of the filter, so it is a `Rows` like any other, with windows of one period of the cut-off.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,6 @@ from swingid.balance.friction_laws import TERMS, stribeck_slope
 from swingid.balance.rows import Rows, Windows, smooth_columns
 from swingid.methods.equation_error.cutoff import SETTLING, Cutoff, lowpass
 from swingid.methods.equation_error.grid import STENCIL, Grid, as_held, curvature, slope
-from swingid.model.terms import RigTerm
 from swingid.numerics.arrays import Array, Bools
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
@@ -44,7 +43,7 @@ class RowFilter:
 
     @classmethod
     def of(cls, grid: Grid, cutoff: Cutoff, closed: Array) -> RowFilter:
-        """The filter of a grid; closed (k, 2): begin and end (s) of intervals in which rows tell nothing."""
+        """The filter of a grid; closed (k, 2): begin and end (s) of intervals whose rows are excluded."""
         every = max(1, int(1 / (ROWS_PER_PERIOD * cutoff.frequency * grid.step)))
         instants = grid.time[STENCIL:-STENCIL:every]
         settled = SETTLING / cutoff.frequency
@@ -74,37 +73,11 @@ class RowFilter:
         return lowpass(np.stack(columns), self.grid.step, self.cutoff)[:, self.keep]
 
     def adjoint(self, weights: Array) -> Array:
-        """What each row of the grid contributes to Σ weights · row (the filter is symmetric in time)."""
+        """Contribution of each row of the grid to Σ weights · row (the filter is symmetric in time)."""
         spread = np.zeros(len(self.grid.time))
         spread[self.keep] = weights
         result: Array = lowpass(spread[None], self.grid.step, self.cutoff)[0]
         return result
-
-
-def friction_columns(
-    motion: Motion, grid: Grid, terms: tuple[str, ...], stribeck_speed: float = 1.0, peak: float = 0.0
-) -> dict[str, Array]:
-    """The terms of friction on the grid; the direction jumps where the axis turns around, between two rows or not.
-
-    "memory" is an impulse at each reversal: the old direction lives on for a moment (bristles, backlash).
-    "stribeck_speed" is the derivative of a peak of height `peak` by its speed.
-    """
-    edges, directions = motion.directions(float(grid.time[0]), float(grid.time[-1]))
-    direction = as_held(edges, directions, grid.time)
-    smooth = motion.speed.at(np.clip(grid.time, motion.speed.grid[0], motion.speed.grid[-1]))
-    columns = {}
-    for term in terms:
-        if term == "coulomb":
-            columns[term] = direction
-        elif term == "stribeck":
-            columns[term] = direction * np.exp(-((smooth / stribeck_speed) ** 2))
-        elif term == "stribeck_speed":
-            columns[term] = peak * stribeck_slope(smooth, stribeck_speed)
-        elif term == "memory":
-            columns[term] = _impulses(grid, motion)
-        else:
-            columns[term] = TERMS[term](smooth)
-    return columns
 
 
 def _impulses(grid: Grid, motion: Motion) -> Array:
@@ -118,43 +91,52 @@ def _impulses(grid: Grid, motion: Motion) -> Array:
     return density
 
 
-def further_columns(motion: Motion, grid: Grid, terms: tuple[RigTerm, ...]) -> dict[str, Array]:
-    """The further terms on the grid, and their derivatives by an uncertain shift."""
-    edges, directions = motion.directions(float(grid.time[0]), float(grid.time[-1]))
-    direction = as_held(edges, directions, grid.time)
-    smooth = motion.speed.at(np.clip(grid.time, motion.speed.grid[0], motion.speed.grid[-1]))
-    columns: dict[str, Array] = {}
-    for term in terms:
-        dry = {term.name: term.regressor(grid.angle, smooth, direction)}
-        columns |= dry if term.term.is_dry else smooth_columns(term, grid.angle, smooth)
-    return columns
+def filtered_rows(
+    row_filter: RowFilter,
+    motion: Motion,
+    terms: tuple[str, ...],
+    scale: Scale,
+    stribeck_speed: float = 1.0,
+    peak: float = 0.0,
+) -> Rows:
+    """The filtered rows, usable or not, with these terms of friction and the further terms of the rig.
 
-
-def filtered_rows(row_filter: RowFilter, motion: Motion, friction: dict[str, Array], scale: Scale) -> Rows:
-    """The filtered rows: all that are kept, usable or not. The viscous term is the slope of the angle itself."""
+    The direction jumps where the axis turns around, between two rows or not. The viscous term is the slope of the angle
+    itself. "memory" is an impulse at each reversal, by dynamic friction or backlash; "stribeck_speed" the derivative of
+    a peak of height `peak` by its speed.
+    """
     grid = row_filter.grid
     step, zero = grid.step, np.zeros(len(grid.time))
-    named = dict(friction)
-    if "viscous" in named:
-        named["viscous"] = slope(grid.angle, step)
-    wheel = zero if grid.wheel is None else curvature(grid.wheel, step)
-    torque = zero if grid.torque is None else grid.torque
-    gravity = zero if scale.linear else np.sin(grid.angle)
-    further = further_columns(motion, grid, scale.further) if scale.further else {}
-    inertia, gravity, wheel, torque, *terms = row_filter(
-        curvature(grid.angle, step), gravity, wheel, torque, *named.values(), *further.values()
+    direction = as_held(*motion.directions(float(grid.time[0]), float(grid.time[-1])), grid.time)
+    smooth = motion.speed.at(np.clip(grid.time, motion.speed.grid[0], motion.speed.grid[-1]))
+    of_term: dict[str, Callable[[], Array]] = {
+        "coulomb": lambda: direction,
+        "viscous": lambda: slope(grid.angle, step),
+        "stribeck": lambda: direction * np.exp(-((smooth / stribeck_speed) ** 2)),
+        "stribeck_speed": lambda: peak * stribeck_slope(smooth, stribeck_speed),
+        "memory": lambda: _impulses(grid, motion),
+    }
+    friction = {term: of_term[term]() if term in of_term else TERMS[term](smooth) for term in terms}
+    further: dict[str, Array] = {}
+    for own in scale.further:
+        dry = {own.name: own.regressor(grid.angle, smooth, direction)}
+        further |= dry if own.term.is_dry else smooth_columns(own, grid.angle, smooth)
+    inertia, gravity, wheel, torque, *columns = row_filter(
+        curvature(grid.angle, step),
+        zero if scale.linear else np.sin(grid.angle),
+        zero if grid.wheel is None else curvature(grid.wheel, step),
+        zero if grid.torque is None else grid.torque,
+        *friction.values(),
+        *further.values(),
     )
-    half = np.full(len(inertia), 1 / row_filter.cutoff.frequency)
-    windows = Windows(row_filter.instants, half)
-    count = len(named)
-    slopes = {term.name: float(np.mean(term.stiffness(grid.angle))) for term in scale.further}
+    count = len(friction)
     return Rows(
-        windows,
+        Windows(row_filter.instants, np.full(len(inertia), 1 / row_filter.cutoff.frequency)),
         inertia,
         gravity,
         wheel,
         torque,
-        dict(zip(named, terms[:count], strict=True)),
-        further=dict(zip(further, terms[count:], strict=True)),
-        slopes=slopes,
+        dict(zip(friction, columns[:count], strict=True)),
+        further=dict(zip(further, columns[count:], strict=True)),
+        slopes={own.name: float(np.mean(own.stiffness(grid.angle))) for own in scale.further},
     )

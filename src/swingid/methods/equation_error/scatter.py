@@ -1,4 +1,4 @@
-"""What scatters in a fit of filtered rows: the sensors' noise, known through filter and fit, and what is beyond it."""
+"""Type A uncertainty of a fit of filtered rows: the sensors' noise through filter and fit, and lack of fit."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ from swingid.preparation.scale import Scale
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
-GRID_PLACES = 8
+GRID_PHASES = 8
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """A fit of filtered rows with its filter, its rows, and what it takes to judge them.
+    """A fit of filtered rows with its filter, its rows, and what its uncertainty depends on.
 
-    lag: of the instruments in rows (0: least squares). reach: rows over which correlation was looked for. stiffness: b,
-    known or fitted, N m (0 on a linear axis).
+    lag: of the instruments in rows (0: least squares). reach: rows up to which correlation is taken into account.
+    stiffness: b, known or fitted, N m (0 on a linear axis).
     """
 
     fit: RowFit
@@ -43,11 +43,11 @@ class Fitted:
     noise: Noise
 
     def variance(self, own: Array) -> float:
-        """Type A variance of a combination of the unknowns: of white noise of both angles, and what is beyond it.
+        """Type A variance of a combination of the unknowns: of white noise of both angles, and of the lack of fit.
 
-        The scatter of the rows, looked at over a finite time, also holds power of the differentiated noise from
-        frequencies beside the motion's; what noise puts there is known and taken off, and counts as it is. So is what
-        chance puts there, one standard deviation of such a scatter: the rest is never negative, and would widen by it.
+        The scatter of the rows over a finite time also contains power of the differentiated noise at frequencies beside
+        the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
+        difference is never negative, so its fluctuation would widen it.
         """
         weights = own @ self.fit.fit.influence
         seen = float(own @ self.fit.covariance @ own)
@@ -56,12 +56,12 @@ class Fitted:
             (1.0 if k == 0 else 2.0) * kernel * noise * float(weights[k:] @ weights[: len(weights) - k])
             for k, (kernel, noise) in enumerate(lags)
         )
-        # a Parzen kernel takes as many independent stretches from n rows as `hac_covariance` says
+        # number of independent stretches of a Parzen kernel, as in `hac_covariance`
         chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.fit.weights)))
         return float(self._white(weights) + max(seen - smeared - chance, 0.0))
 
     def freedom(self, own: Array) -> float:
-        """Degrees of freedom of `variance`: those of the part that is beyond the white noise of both angles."""
+        """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
         weights = own @ self.fit.fit.influence
         white = self._white(weights)
         rows = scatter_freedom(weights, parzen(self.reach), len(self.fit.unknowns))
@@ -80,41 +80,41 @@ class Fitted:
         return float(axis @ axis + wheel @ wheel)
 
     def _per_sample(self, weights: Array) -> tuple[Array, Array]:
-        """What the noise of each sample of the angle, and of the wheel's, makes of Σ weights · row, as deviations."""
+        """Contribution of the noise of each sample of both angles to Σ weights · row, as standard deviations."""
         grid = self.row_filter.grid
         spread = self.row_filter.adjoint(weights)
-        bent = curvature(spread, grid.step)
-        axis = self.fit.a11 * bent + self._pull * spread
-        return axis * self.noise.angle, bent * (self.scale.a12 * self.noise.wheel)
+        curved = curvature(spread, grid.step)
+        axis = self.fit.a11 * curved + self._pull * spread
+        return axis * self.noise.angle, curved * (self.scale.a12 * self.noise.wheel)
 
     @cached_property
     def _autocovariance(self) -> Array:
-        """Covariance of rows 0 to `reach` apart that white noise of both angles makes."""
+        """Covariance by white noise of both angles of rows 0 to `reach` apart."""
         every = self.row_filter.every
-        spread, bent = self._responses
-        axis = self.fit.a11 * bent + float(np.mean(self._pull)) * spread
+        spread, curved = self._responses
+        axis = self.fit.a11 * curved + float(np.mean(self._pull)) * spread
         result = np.zeros(self.reach + 1)
-        for k in range(min(self.reach, len(bent) // every) + 1):
-            late = slice(k * every, None), slice(None, len(bent) - k * every)
-            wheel = (self.scale.a12 * self.noise.wheel) ** 2 * float(bent[late[0]] @ bent[late[1]])
+        for k in range(min(self.reach, len(curved) // every) + 1):
+            late = slice(k * every, None), slice(None, len(curved) - k * every)
+            wheel = (self.scale.a12 * self.noise.wheel) ** 2 * float(curved[late[0]] @ curved[late[1]])
             result[k] = wheel + self.noise.angle**2 * float(axis[late[0]] @ axis[late[1]])
         return result
 
     @property
     def _responses(self) -> tuple[Array, Array]:
-        """What one row takes from each sample of an angle around it, and from its second derivative."""
+        """Weights of one row on the samples of an angle around it, and on those of its second derivative."""
         row_filter = self.row_filter
         weights = np.zeros(len(row_filter.instants))
         weights[len(weights) // 2] = 1.0
         spread = row_filter.adjoint(weights)
-        bent = curvature(spread, row_filter.grid.step)
+        curved = curvature(spread, row_filter.grid.step)
         middle = STENCIL + len(weights) // 2 * row_filter.every
         reach = int(2 * SETTLING / (row_filter.cutoff.frequency * row_filter.grid.step))
         near = slice(max(middle - reach, 0), middle + reach)
-        return spread[near], bent[near]
+        return spread[near], curved[near]
 
     def common(self, motion: Motion, unknown: str = "inertia") -> dict[str, float]:
-        """Errors of an unknown that are alike in all rows, by source."""
+        """Errors of an unknown that are common to all rows, by source."""
         found, k = {}, self.fit.unknowns.index(unknown)
         if self.lag == 0:
             share = abs(float(self.fit.inverse[k, 0] / self.fit.inverse[0, 0])) if k else 1.0
@@ -131,14 +131,14 @@ class Fitted:
         return float(variance * self.fit.weights.sum() * self.fit.inverse[0, 0])
 
     def grid_effects(self, motion: Motion, unknown: str = "inertia") -> Array:
-        """What the encoder's grid does to an unknown, on shifts of it by eighths of a step (`systematics.grid_spread`).
+        """Errors of an unknown at eight grid phases of the encoder (`systematics.grid_spread`).
 
-        The steps come again at every swing, so those in the instruments meet those in the row.
+        They repeat at every swing, so those of the instruments are correlated with those of the row.
         """
         grid, speed, step = self.row_filter.grid, motion.speed, self.noise.resolution
         k = self.fit.unknowns.index(unknown)
         smooth = speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
-        shifted = smooth / step + np.arange(GRID_PLACES)[:, None] / GRID_PLACES
+        shifted = smooth / step + np.arange(GRID_PHASES)[:, None] / GRID_PHASES
         errors = self.row_filter(*(curvature(x, grid.step) for x in (np.round(shifted) - shifted) * step))
         effects = errors @ self.fit.fit.influence[k]
         if self.lag > 0:
@@ -147,13 +147,14 @@ class Fitted:
         result: Array = abs(self.fit.a11) * effects
         return result
 
-    def total(self, motion: Motion) -> float:
-        """Type A standard uncertainty of a11 but for disagreement with other fits."""
-        own = np.eye(len(self.fit.unknowns))[0]
-        return float(np.sqrt(self.variance(own) + sum(spread**2 for spread in self.common(motion).values())))
+    def spread(self, unknown: str, motion: Motion) -> float:
+        """Standard uncertainty of an unknown from the scatter, the sensors' noise and the grid phase."""
+        own = np.eye(len(self.fit.unknowns))[self.fit.unknowns.index(unknown)]
+        grid = rms(self.grid_effects(motion, unknown)) if self.noise.resolution > 0 else 0.0
+        return float(np.hypot(np.sqrt(self.variance(own)), grid))
 
     def contradicted(self, other: Fitted, motion: Motion) -> float:
-        """Dark uncertainty by the difference to another fit of the same log, beside what the sensors explain of it."""
+        """Dark uncertainty by the difference to another fit of the same log, beyond what the sensors explain of it."""
         variance = self.variance_of_difference(other, motion)
         own = float(np.sqrt(self.variance(np.eye(len(self.fit.unknowns))[0])))
         return dark_uncertainty(other.fit.a11 - self.fit.a11, variance, own)
@@ -161,7 +162,7 @@ class Fitted:
     def variance_of_difference(self, other: Fitted, motion: Motion) -> float:
         """Variance of the difference of a11 to another fit of the same log, from the sensors.
 
-        Both fits are linear in the same noise, so what it makes of their difference is known, grid and all.
+        Both fits are linear in the same noise, so its effect on their difference is known, that of the grid too.
         """
         mine, theirs = (one._per_sample(one.fit.fit.influence[0]) for one in (self, other))
         variance = sum(float((a - b) @ (a - b)) for a, b in zip(mine, theirs, strict=True))

@@ -8,42 +8,49 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.checks.consistency import DISAGREES, Consistency
-from swingid.methods.output_error.curve import friction_curve
+from swingid.balance.friction_laws import TERMS, stribeck_peak, stribeck_slope
+from swingid.checks.consistency import DISAGREES
 from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
 from swingid.methods.output_error.problem import Problem
-from swingid.methods.output_error.resolution import grid_covariance, zero_effect
 from swingid.methods.output_error.search import Searched
-from swingid.methods.output_error.solver import influence_of, informed, inverse_of, reduce
-from swingid.methods.output_error.unknowns import Unknowns
-from swingid.model.rig import Rig
+from swingid.methods.output_error.setup import Setup
+from swingid.methods.output_error.solver import Fit, influence_of, informed, inverse_of, reduce
+from swingid.methods.output_error.unknowns import FRICTION, Unknowns
+from swingid.model.friction import static_curve
+from swingid.model.parameters import COULOMB_N, STATIC_N
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import NEIGHBOURS, block_covariance
-from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
-from swingid.recording.recording import Recording
-from swingid.result.result import Details
+from swingid.result.result import Details, FrictionCurve
 from swingid.uncertainty.budget import Declared, Evaluated, Scatter, Source, evaluate, systematic
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
 SCATTER = "scatter of the residuals and sensor noise"
+
 LESS = 0.1
-"""Weight of a channel (of half of the log) when the estimate is taken mostly from the other."""
+"""Weight of a channel (of half of the log) where the estimate is mostly from the other."""
+
+PHASES = 8
+"""Grid phases, in equal parts of a step, over which the effect of an encoder's grid is averaged."""
+
+CURVE_KNOTS = 12
+"""Speeds of the friction curve on each side."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A finished fit: unknowns and values; influence K (m, r) of the readings; covariance (m, m) of type A.
+    """A fit with its uncertainties: influence K (m, r) of the readings; covariance (m, m) of type A.
 
-    freedom: degrees of freedom of that of the inertia. declared: shift of the values (m,) by one unit of every constant
-    or imperfection. kinds: inertia, standard uncertainty and dark uncertainty when
-    some of the readings count less. grid (m, m), zero (m,): covariance over the place of the encoders' grids, standard
-    deviations from the angle's zero.
+    freedom: degrees of freedom of that of the inertia. declared: change of the values (m,) per unit of every constant
+    or imperfection. kinds: inertia, standard uncertainty and dark uncertainty where some of the readings have less
+    weight. grid (m, m): covariance over the grid phases of the encoders; zero (m,): standard deviations by the unknown
+    zero offset of the angle.
     """
 
+    setup: Setup
+    problem: Problem
     searched: Searched
     influence: Array
     covariance: Array
@@ -55,7 +62,7 @@ class Estimate:
 
     @property
     def robust(self) -> bool:
-        """Whether outliers count less, which the momentum balance does not bear."""
+        """Whether outliers have less weight; the momentum balance is not robust against them."""
         return bool(np.any(self.searched.fit.weights < 1.0))
 
     @property
@@ -69,58 +76,79 @@ class Estimate:
         return self.searched.fit.values
 
 
-def estimate_of(
-    searched: Searched, problem: Problem, log: Recording, rig: Rig, scale: Scale, motion: Motion, noise: Noise
-) -> Estimate:
-    """Judge a fit: covariance, what every constant of the rig does to it, and how parts of the readings agree."""
+def estimate_of(setup: Setup, problem: Problem, searched: Searched) -> Estimate:
+    """Covariance of a fit, effects of every constant of the rig, and consistency of parts of the readings."""
     fit = searched.fit
-    influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
-    covariance, freedom = _covariance(influence, fit.residuals, problem, motion)
-    declared = declared_effects(searched, problem, influence, log, rig, scale, noise)
-    grid = np.zeros_like(covariance)
-    if log.averaged == 1:
-        grid = grid_covariance(problem, fit, influence, noise)
+    influence, covariance, freedom = _type_a(setup, problem, fit)
+    declared = declared_effects(setup, problem, searched, influence)
+    grid, zero = np.zeros_like(covariance), np.zeros(len(covariance))
+    if setup.part.log.averaged == 1:
+        grid = grid_covariance(problem, fit, influence, setup.part.noise)
+    if (k := searched.unknowns.zero) is not None:
+        zero = np.abs(inverse_of(fit.reduced)[:, k] * np.sqrt(searched.unknowns.power[k]))
     kinds = _kinds(searched, problem, influence, covariance)
-    zero = zero_effect(fit, searched.unknowns)
-    return Estimate(searched, influence, covariance, freedom, declared, kinds, grid, zero)
+    return Estimate(setup, problem, searched, influence, covariance, freedom, declared, kinds, grid, zero)
 
 
-def type_a(problem: Problem, searched: Searched, motion: Motion) -> float:
-    """Standard uncertainty of a fit's inertia from scatter and disagreement, infinite where its motion ran away."""
-    fit = searched.fit
-    if not np.isfinite(fit.cost):
+def type_a(setup: Setup, problem: Problem, searched: Searched) -> float:
+    """Standard uncertainty of a fit's inertia from scatter and disagreement; infinite where its motion diverges."""
+    if not np.isfinite(searched.fit.cost):
         return np.inf
-    influence = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced)
-    covariance, _ = _covariance(influence, fit.residuals, problem, motion)
+    influence, covariance, _ = _type_a(setup, problem, searched.fit)
     gaps = [gap for _, _, gap in _kinds(searched, problem, influence, covariance).values()]
     return float(np.sqrt(covariance[0, 0] + np.sum(np.square(gaps))))
 
 
-def _covariance(influence: Array, residuals: Array, problem: Problem, motion: Motion) -> tuple[Array, float]:
-    """That of white noise of the sensors, no less than the residuals' own scatter over half swings (Newey–West) shows.
+def _type_a(setup: Setup, problem: Problem, fit: Fit) -> tuple[Array, Array, float]:
+    """Influence, covariance and degrees of freedom of the first value's variance.
 
-    Correlated residuals (an encoder's grid, a model that is not quite right) count as many times as they repeat. Also
-    the degrees of freedom of the first value's: many for white noise, those of the half swings for what is beyond it.
+    The covariance is that of white noise of the sensors, but no less than the scatter of the residuals over half swings
+    (Newey–West): correlated residuals (an encoder's grid, a model that is not quite right) count as often as they
+    repeat. Degrees of freedom: many for white noise, those of the half swings for the rest.
     """
+    influence, residuals = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced), fit.residuals
+    turning = setup.part.motion.turning_times
     freedom = max(len(residuals) - len(influence) - problem.states * (len(problem.rows) - 1), 1)
     size = max(1.0, float(residuals @ residuals) / freedom)
     white: Array = influence @ influence.T * size
-    blocks = np.searchsorted(motion.turning_times, problem.times)
+    blocks = np.searchsorted(turning, problem.times)
     segment = np.searchsorted(problem.rows, np.arange(len(residuals)), side="right")
-    _, label = np.unique(segment * (len(motion.turning_times) + 1) + blocks, return_inverse=True)
+    _, label = np.unique(segment * (len(turning) + 1) + blocks, return_inverse=True)
     scores = np.array([np.bincount(label, row) for row in influence * residuals])
     robust = block_covariance(scores, len(influence))
     floor = np.maximum(np.diag(white), 1e-300)
     stretch = np.sqrt(np.maximum(np.diag(robust) / floor, 1.0))
     weights = np.sqrt(np.bincount(label, influence[0] ** 2))
     beyond = (white[0, 0] * (stretch[0] ** 2 - 1)) ** 0.5, scatter_freedom(weights, NEIGHBOURS, len(influence))
-    return white * np.outer(stretch, stretch), effective_freedom(((white[0, 0] ** 0.5, freedom), beyond))
+    covariance = white * np.outer(stretch, stretch)
+    return influence, covariance, effective_freedom(((white[0, 0] ** 0.5, freedom), beyond))
+
+
+def grid_covariance(problem: Problem, fit: Fit, influence: Array, noise: Noise) -> Array:
+    """Covariance (m, m) of the unknowns over the grid phase of each encoder, whose errors repeat with the motion.
+
+    The predicted angles are rounded on a grid that is shifted by eighths of its step; noise beside the grid is drawn
+    once, and makes the rounding errors white, which the scatter of the residuals contains.
+    """
+    draws = np.random.default_rng(0)
+    total = np.zeros((len(influence), len(influence)))
+    channels = ((~problem.wheel, noise.angle, noise.resolution), (problem.wheel, noise.wheel, noise.wheel_resolution))
+    for here, sigma, step in channels:
+        if step == 0.0 or not here.any():
+            continue
+        white = np.sqrt(max(sigma**2 - step**2 / 12, 0.0))
+        angles = fit.prediction.outputs[here] + white * draws.standard_normal(int(np.count_nonzero(here)))
+        shifted = angles / step + np.arange(PHASES)[:, None] / PHASES
+        errors = (np.round(shifted) - shifted) * step / problem.sigma[here]
+        effects = errors @ influence[:, here].T
+        total += effects.T @ effects / PHASES
+    return total
 
 
 def _kinds(
     searched: Searched, problem: Problem, influence: Array, covariance: Array
 ) -> dict[str, tuple[float, float, float]]:
-    """The inertia when one channel, or one half of the log, counts `LESS`: one Gauss–Newton step from the answer."""
+    """The inertia with weight `LESS` on one channel or one half of the log: one Gauss–Newton step from the estimate."""
     fit = searched.fit
     middle = problem.times[problem.rows[(len(problem.rows) - 1) // 2]]
     groups = {"mostly its first half": problem.times < middle, "mostly its second half": problem.times >= middle}
@@ -136,31 +164,31 @@ def _kinds(
         reduced = informed(data, searched.unknowns, fit.values)
         other = influence_of(problem, fit.prediction.slopes, weights, reduced)[0]
         shift = float(inverse_of(reduced)[0] @ reduced.right)
-        # readings count otherwise, and what is stated of constants and sensors, which is off by its own std
-        told = (inverse_of(reduced)[0] - inverse_of(fit.reduced)[0]) * np.sqrt(searched.unknowns.power)
-        variance = float((other - influence[0]) @ (other - influence[0])) * ratio + float(told @ told)
+        # the priors too, whose errors have their own standard uncertainties, have another influence
+        prior = (inverse_of(reduced)[0] - inverse_of(fit.reduced)[0]) * np.sqrt(searched.unknowns.power)
+        variance = float((other - influence[0]) @ (other - influence[0])) * ratio + float(prior @ prior)
         dark = dark_uncertainty(shift, variance, float(np.sqrt(covariance[0, 0])))
         found[name] = float(fit.values[0]) + shift, float(np.sqrt(other @ other * ratio)), dark
     return found
 
 
-def answer_of(estimate: Estimate, rig: Rig, scale: Scale, consistency: Consistency) -> Evaluated:
+def answer_of(estimate: Estimate) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
-    consistency: the momentum balance of some of the swings. Residuals do not show what a wrong model does to the
-    inertia, another method does.
+    Residuals do not show the error of the inertia by a wrong model; the difference to the momentum balance does.
     """
+    setup = estimate.setup
     weights = _sought(estimate.unknowns)
-    units = units_on(linear=scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
+    units = units_on(linear=setup.scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
     values = {name: (float(own @ estimate.values), units[name]) for name, own in weights.items()}
     own = np.array(list(weights.values()))
     searched, common = estimate.searched, list(_grid(estimate, weights))
     found = {f"disagreement of readings, {name}": gap for name, (_, _, gap) in estimate.kinds.items()}
     found |= {"choice of the friction law": searched.spread, "drift with the length of the segments": searched.drift}
     common += [(systematic(source), "inertia", u) for source, u in found.items()]
-    windows = consistency.windows
+    windows = setup.consistency.windows
     if windows is not None and not estimate.robust:
-        balance = windows.a11 + shift_of_momentum(consistency, searched, rig, scale) - scale.carried
+        balance = windows.inertia + shift_of_momentum(setup, searched)
         type_a = math.sqrt(estimate.covariance[0, 0] + sum(u**2 for _, name, u in common if name == "inertia"))
         dark = dark_uncertainty(float(estimate.values[0]) - balance, type_a**2 + windows.u**2, type_a)
         common.append((systematic(DISAGREES), "inertia", dark))
@@ -171,7 +199,7 @@ def answer_of(estimate: Estimate, rig: Rig, scale: Scale, consistency: Consisten
 
 
 def _grid(estimate: Estimate, weights: dict[str, Array]) -> Iterator[tuple[Source, str, float]]:
-    """What the encoders' grids do beyond the scatter, which holds them too, and what is left open of the zero."""
+    """Effects of the encoders' grids beyond the scatter, which contains them too, and of the unknown zero offset."""
     for name, own in weights.items():
         beyond = float(own @ (estimate.grid - estimate.covariance) @ own)
         yield systematic("place of the encoder's grid"), name, math.sqrt(max(beyond, 0.0))
@@ -189,23 +217,46 @@ def _sought(unknowns: Unknowns) -> dict[str, Array]:
     return unit | {"static": peak + np.mean(sides, axis=0)}
 
 
-def details_of(
-    estimate: Estimate, problem: Problem, scale: Scale, motion: Motion, span: tuple[float, float], law: str
-) -> Details:
-    """What the report draws; the residuals are those of the axis' angle, in rad (m)."""
-    fit = estimate.searched.fit
+def details_of(estimate: Estimate, extra: dict[str, float]) -> Details:
+    """What the report draws; the residuals are those of the axis' angle, in rad (m). extra: more shares."""
+    fit, problem, setup = estimate.searched.fit, estimate.problem, estimate.setup
     kinds = {name: (value, u) for name, (value, u, _) in estimate.kinds.items()}
-    own = float(np.sqrt(estimate.covariance[0, 0]))
+    own, balance = float(np.sqrt(estimate.covariance[0, 0])), setup.consistency.balance
     return Details(
-        start=span[0],
-        stop=span[1],
-        turning_times=motion.turning_times,
-        turning_angles=motion.turning_angles,
-        friction=friction_curve(
-            estimate.searched, estimate.covariance, float(np.max(np.abs(fit.prediction.rates[~problem.wheel]))), law
-        ),
+        start=setup.part.start,
+        stop=setup.part.stop,
+        turning_times=setup.part.motion.turning_times,
+        turning_angles=setup.part.motion.turning_angles,
+        friction=_friction_curve(estimate),
         estimates={"all readings": (float(estimate.values[0]), own)} | kinds,
         residual_times=problem.times[~problem.wheel],
         residuals=(fit.residuals * problem.sigma)[~problem.wheel],
-        residual_unit="m" if scale.linear else "rad",
+        residual_unit="m" if setup.scale.linear else "rad",
+        extra=extra if balance is None else extra | {"motor_balance_residual": balance.as_stated},
     )
+
+
+def _friction_curve(estimate: Estimate) -> FrictionCurve:
+    """The fitted law up to the highest speed, with uncertainties of type A."""
+    unknowns, values, problem = estimate.unknowns, estimate.values, estimate.problem
+    p = unknowns.vector(values)
+    fastest = float(np.max(np.abs(estimate.searched.fit.prediction.rates[~problem.wheel])))
+    side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5
+    side[0] = 1e-6 * fastest
+    speeds = np.concatenate([-side[::-1], side])
+    torques = np.array([static_curve(v, p) for v in speeds])
+    slopes = np.zeros((len(speeds), len(unknowns)))
+    up = speeds > 0
+    shapes = {name: term(speeds) for name, term in TERMS.items()}
+    if "stribeck_speed" in unknowns.names:
+        peak_speed = float(values[unknowns.names.index("stribeck_speed")])
+        shapes["stribeck"] = stribeck_peak(speeds, peak_speed)
+        shapes["stribeck_speed"] = (p[STATIC_N] - p[COULOMB_N]) * stribeck_slope(speeds, peak_speed)
+    for direction, here in (("positive", up), ("negative", ~up)):
+        shapes |= {f"{name}_{direction}": np.where(here, shapes[name], 0.0) for name in ("coulomb", "viscous")}
+    for k, name in enumerate(unknowns.names):
+        if name in FRICTION:
+            slopes[:, k] = shapes[name]
+    spread = np.sqrt(np.maximum(np.einsum("ni,ij,nj->n", slopes, estimate.covariance, slopes), 0.0))
+    searched = estimate.searched
+    return FrictionCurve(speeds, torques, spread, searched.law, torques, searched.candidates)

@@ -26,7 +26,7 @@ from swingid.recording.recording import Recording
 INPUTS: dict[str, Input] = {"reaction-wheel": "voltage", "direct": "torque", "none": "none"}
 
 SINGULAR = 1e-12
-"""Least eigenvalue of the information, scaled to a diagonal of ones, below which it tells no answer."""
+"""Least eigenvalue of the information, scaled to a diagonal of ones, below which the unknowns are not identifiable."""
 
 
 def cramer_rao(
@@ -35,11 +35,11 @@ def cramer_rao(
     """Least standard deviations of inertia, friction of a known law, and the constants `free`, by name.
 
     log: gives the instants, the voltage (torque) and, without `start`, the initial values; only the voltage's values
-    matter beside them. rig: the truth, with inertia, friction and the white noise of its sensors; quantisation is not
-    counted. start: true angle, speed and, with a wheel, its angle and speed at the first row. They count as unknown;
-    all other constants as known. Use it beside estimates from many runs, not for a log of unknown truth.
+    matter beside them. rig: the true values, with inertia, friction and the white noise of its sensors; quantisation is
+    not counted. start: true angle, speed and, with a wheel, its angle and speed at the first row. They count as
+    unknown; all other constants as known. Use it beside estimates from many runs, not for a log without true values.
 
-    Raises InputError for a rig without inertia or noise, UnanswerableError where the unknowns cannot be told apart.
+    Raises InputError for a rig without inertia or noise, UnanswerableError where the unknowns are not identifiable.
     """
     scale, source = Scale.of(rig), INPUTS[rig.drive.kind]
     encoders = Encoders.of(rig)
@@ -49,17 +49,22 @@ def cramer_rao(
         raise InputError(f"rig {rig.name}: {missing} is missing, but the bound needs it; give it.", code="missing-key")
     duration = float(log.time[-1] - log.time[0])
     problem = problem_of(log, encoders, noise, source, 2 * duration, np.inf)
-    # only bounds of a search are made of the last two, and nothing is searched here
+    # the last two only bound a search, and there is none here
     unknowns = unknowns_of(rig, scale, law, tuple(free), 1.0, 1.0)
     states = problem.starts if start is None else np.array([start], dtype=np.float64)
     prediction = problem.predict(rig_vector(rig), unknowns.entries(problem.states), states, len(unknowns))
     if not (prediction.finite and np.isfinite(prediction.slopes).all()):
-        raise UnanswerableError("the motion under the log's voltage runs away.", code="not-finite")
+        raise UnanswerableError(
+            "the simulated motion under the log's voltage diverges; check the rig's constants.", code="not-finite"
+        )
     count = len(problem.measured)
     information = reduce(problem, prediction.slopes, np.zeros(count), np.ones(count)).matrix
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     scaled = information / np.outer(size, size)
     if np.linalg.eigvalsh(scaled)[0] < SINGULAR:
-        raise UnanswerableError(f"the log cannot tell {', '.join(unknowns.names)} apart.", code="not-identifiable")
+        raise UnanswerableError(
+            f"{', '.join(unknowns.names)} are not identifiable from this log together; leave fewer free.",
+            code="not-identifiable",
+        )
     deviations: Array = np.sqrt(np.diag(np.linalg.inv(scaled))) / size
     return dict(zip(unknowns.names, deviations.tolist(), strict=True))

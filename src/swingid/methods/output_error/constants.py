@@ -1,52 +1,35 @@
-"""The constants of rig.toml: where each stands in the rig's vector, its value and uncertainty, its name when free."""
+"""The constants of rig.toml: places in the rig's vector, values and uncertainties, names as unknowns."""
 
 from __future__ import annotations
 
 from swingid.methods.output_error.axis_motion import GAIN
-from swingid.model.parameters import (
-    A11,
-    A12,
-    A22,
-    C1,
-    C2,
-    COEFFICIENT,
-    D1,
-    D2,
-    ETA,
-    F2,
-    F3,
-    FIRST_SLOT,
-    GEAR,
-    SHIFT,
-    SLOT,
-    WHEEL_STATIC,
-    B,
-)
+from swingid.model import parameters as at
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS
+from swingid.model.terms import TERMS, stated_at
 from swingid.preparation.scale import Scale
+from swingid.units import Quantity
 
 Places = tuple[tuple[int, float], ...]
 
 INERTIAS = ("drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
-"""Constants of the drive that the motion feels also where the measured wheel is its input."""
+"""Constants of the drive that act on the motion also where the measured wheel is the input."""
 
 TORQUES = ("drive.motor.torque_per_volt", "drive.motor.back_emf", "drive.motor.viscous", "drive.motor.coulomb")
 """The motor's torques beside its dead zone."""
 
 SCALE = "motor_scale"
-"""Relative deviation of all torques of the motor alike from what is stated."""
+"""Common relative deviation of all torques of the motor from what is stated."""
 
 
 def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
-    """Places of every constant of rig.toml that the motion feels, by its key; derivatives at the stated values."""
+    """Places of every constant of rig.toml that acts on the motion, by its key; derivatives at the stated values."""
     found: dict[str, Places] = {}
     if not scale.linear:
-        found["axis.gravity_torque"] = ((B, 1.0),)
+        found["axis.gravity_torque"] = ((at.B, 1.0),)
     for term, place in zip(scale.further, slots(scale), strict=True):
         if term.value is not None:
-            found[term.term.key] = ((place + COEFFICIENT, 1.0),)
-            found |= {term.term.shift: ((place + SHIFT, 1.0),)} if term.shift.std else {}
+            found[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
+            found |= {term.term.shift: ((place + at.SHIFT, 1.0),)} if term.shift.std else {}
     if scale.drive == "direct":
         found["log.torque_gain"] = ((GAIN, 1.0 / rig.log.torque_gain.value),)
     if scale.drive != "reaction-wheel" or rig.drive.motor is None:
@@ -54,39 +37,41 @@ def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
     motor = rig.drive.motor
     gear, rotor = motor.gear_ratio.value, motor.rotor_inertia.value
     found |= {
-        "drive.wheel.inertia": ((A11, 1.0), (A12, 1.0), (A22, 1.0)),
-        "drive.motor.rotor_inertia": ((A11, 1.0), (A12, gear), (A22, gear**2)),
-        "drive.motor.gear_ratio": ((A12, rotor), (A22, 2 * gear * rotor), (GEAR, 1.0)),
-        "drive.motor.torque_per_volt": ((C1, 1.0),),
-        "drive.motor.back_emf": ((C2, 1.0),),
-        "drive.motor.viscous": ((F2, 1.0),),
-        "drive.motor.coulomb": ((F3, 1.0), (WHEEL_STATIC, abs(gear))),
-        "drive.motor.efficiency": ((ETA, 1.0),),
+        "drive.wheel.inertia": ((at.A11, 1.0), (at.A12, 1.0), (at.A22, 1.0)),
+        "drive.motor.rotor_inertia": ((at.A11, 1.0), (at.A12, gear), (at.A22, gear**2)),
+        "drive.motor.gear_ratio": ((at.A12, rotor), (at.A22, 2 * gear * rotor), (at.GEAR, 1.0)),
+        "drive.motor.torque_per_volt": ((at.C1, 1.0),),
+        "drive.motor.back_emf": ((at.C2, 1.0),),
+        "drive.motor.viscous": ((at.F2, 1.0),),
+        "drive.motor.coulomb": ((at.F3, 1.0), (at.WHEEL_STATIC, abs(gear))),
+        "drive.motor.efficiency": ((at.ETA, 1.0),),
     }
     return found
 
 
 def slots(scale: Scale) -> list[int]:
     """First place of the slot of every further term of the rig."""
-    return [FIRST_SLOT + SLOT * k for k in range(len(scale.further))]
+    return [at.FIRST_SLOT + at.SLOT * k for k in range(len(scale.further))]
 
 
 def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
     """Value and standard uncertainty of a constant by its key."""
-    holder: object = rig
-    for part in key.split("."):
-        holder = getattr(holder, part)
-    return float(getattr(holder, "value", 0.0)), getattr(holder, "std", None)
+    found = stated_at(rig, key)
+    return (found.value, found.std) if isinstance(found, Quantity) else (0.0, None)
 
 
 def scaled_places(rig: Rig) -> Places:
-    """Places of the motor's torques, with what is stated as weights: what a common scale of them moves."""
+    """Places of the motor's torques that a common scale of them moves, with the stated values as weights."""
     motor = rig.drive.motor
     assert motor is not None
     low, high = motor.dead_zone
-    stated = {C1: motor.torque_per_volt, C2: motor.back_emf, F2: motor.viscous, F3: motor.coulomb}
+    stated = {at.C1: motor.torque_per_volt, at.C2: motor.back_emf, at.F2: motor.viscous, at.F3: motor.coulomb}
     held = abs(motor.gear_ratio.value) * motor.coulomb.value
-    values = {place: quantity.value for place, quantity in stated.items()} | {WHEEL_STATIC: held, D1: high, D2: low}
+    values = {place: quantity.value for place, quantity in stated.items()} | {
+        at.WHEEL_STATIC: held,
+        at.D1: high,
+        at.D2: low,
+    }
     return tuple(values.items())
 
 
@@ -98,16 +83,16 @@ def is_felt(key: str, input: str) -> bool:
 def uncertain_constants(rig: Rig, scale: Scale, input: str) -> tuple[str, ...]:
     """Keys of the constants that enter and that rig.toml states with an uncertainty; `SCALE` beside any of them.
 
-    A motor's constants come from a test against the inertia of its wheel, and are off with it. So they may not tell
-    that inertia, nor what else sets the scale: a common scale of its torques is left open.
+    A motor's constants come from a test against the inertia of its wheel and share its error. They must not determine
+    that inertia or another scale reference, so a common scale of the torques is an unknown too.
     """
     known = [key for key in constant_places(rig, scale) if is_felt(key, input)]
-    unsure = tuple(key for key in known if constant_value(rig, key)[1])
-    return (*unsure, SCALE) if unsure and input == "voltage" else unsure
+    uncertain = tuple(key for key in known if constant_value(rig, key)[1])
+    return (*uncertain, SCALE) if uncertain and input == "voltage" else uncertain
 
 
 def free_key(name: str) -> str:
-    """rig.toml's key of a constant that may be free; a name that is no term stands for itself."""
+    """Key in rig.toml of a constant that may be free; a name that is no term is its own key."""
     return TERMS[name].key if name in TERMS else name
 
 
@@ -117,11 +102,6 @@ def free_name(key: str) -> str:
 
 
 def unit_of(key: str, scale: Scale) -> str:
-    """The unit of a constant by its key; what is no coefficient of a term is an angle or a place."""
+    """The unit of a constant by its key; what is no coefficient of a term is an angle or a position."""
     units = {term.key: term.unit_on(linear=scale.linear) or "1" for term in TERMS.values()}
     return units.get(key, "m" if scale.linear else "rad")
-
-
-def free_start(rig: Rig, name: str) -> float:
-    """Where the search for a free constant begins: at its stated value, 0 where none is."""
-    return constant_value(rig, free_key(name))[0]

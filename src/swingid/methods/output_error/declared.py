@@ -1,4 +1,4 @@
-"""What rig.toml is unsure of, and what each constant and imperfection does to a fit: dθ = −K dy."""
+"""Constants and sensor imperfections that rig.toml states: their estimates, and their effect on a fit, dθ = −K dy."""
 
 from __future__ import annotations
 
@@ -7,40 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.imperfections import imperfections
-from swingid.checks.consistency import Consistency
+from swingid.balance.imperfections import Imperfection, imperfections, of_sensor, propagated
 from swingid.methods.output_error.constants import SCALE, TORQUES, Places, constant_places, constant_value, is_felt
 from swingid.methods.output_error.problem import Problem, problem_of
-from swingid.methods.output_error.readings import as_read
 from swingid.methods.output_error.search import Searched
+from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.solver import inverse_of
 from swingid.model.rig import Rig
-from swingid.numerics.arrays import Array
-from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
-from swingid.recording.recording import Recording
+from swingid.numerics.arrays import Array, Bools
+from swingid.preparation.encoders import Channel
 from swingid.uncertainty.budget import Declared, stated
 
 
-def declared_effects(
-    searched: Searched,
-    problem: Problem,
-    influence: Array,
-    log: Recording,
-    rig: Rig,
-    scale: Scale,
-    noise: Noise,
-) -> tuple[Declared, ...]:
-    """What every constant of the rig and every imperfection of its sensors does to the unknowns (m,) of a fit."""
-    return (
-        *_constants(searched, problem, influence, rig, scale),
-        *_encoders(searched, problem, influence, log, rig, noise),
-        *_latencies(problem, searched.fit.prediction.rates, influence),
-    )
+def declared_effects(setup: Setup, problem: Problem, searched: Searched, influence: Array) -> tuple[Declared, ...]:
+    """Change of the unknowns (m,) of a fit per unit of every constant of the rig and every imperfection declared."""
+    rates = searched.fit.prediction.rates
+    sensors = [*_encoders(setup, problem, searched), *_latencies(problem, rates)]
+    sensors = [replace(item, rows=item.rows / problem.sigma) for item in sensors if item.std > 0]
+    return (*_constants(setup, problem, searched, influence), *propagated(sensors, influence))
 
 
 def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
-    """Where the fit found the constants that rig.toml states with an uncertainty, by their keys."""
+    """Estimates of the constants that rig.toml states with an uncertainty, by their keys."""
     pairs = zip(searched.unknowns.items, searched.fit.values, strict=True)
     moved = {item.name: float(value) for item, value in pairs if item.places and not item.is_sought}
     scale = moved.pop(SCALE, 0.0)
@@ -53,26 +41,24 @@ def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
     return found
 
 
-def shift_of_momentum(consistency: Consistency, searched: Searched, rig: Rig, scale: Scale) -> float:
-    """What the inertia of the momentum balance owes to constants and sensors that are not as stated, but as found."""
-    assert consistency.windows is not None
-    windows, found = consistency.windows, dict(zip(searched.unknowns.names, searched.fit.values, strict=True))
-    b = windows.value("gravity_torque") if scale.b is None else scale.b
+def shift_of_momentum(setup: Setup, searched: Searched) -> float:
+    """Change of the momentum balance's inertia where constants and sensors are as estimated, not as stated."""
+    windows, found = setup.windows, dict(zip(searched.unknowns.names, searched.fit.values, strict=True))
     shift = 0.0
-    for item in imperfections(rig, consistency.signals, windows.rows, windows.a11, b):
-        # what is stated of a constant should have been more, the angles less by what the sensors added
+    for item in imperfections(setup.rig, setup.consistency.signals, windows.rows, windows.a11, windows.b):
+        # a constant is added to what is stated of it, an error of a sensor is subtracted from its angles
         sign = 1.0 if item.constant else -1.0
         effect = float(windows.fit.influence[0] @ item.rows) + item.direct
         shift += sign * effect * float(found.get(item.shared_id or "", 0.0))
     return shift
 
 
-def _constants(searched: Searched, problem: Problem, influence: Array, rig: Rig, scale: Scale) -> Iterator[Declared]:
-    """dθ/dc of what is stated of a constant c: −K ∂y/∂c where it is taken as exact (implicit function theorem).
+def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Array) -> Iterator[Declared]:
+    """dθ/dc of the stated value of a constant c: −K ∂y/∂c where it is taken as exact (implicit function theorem).
 
-    What is stated of an uncertain one is a reading of it, of influence N⁻¹/std² with N the normal equations' matrix.
+    A stated value that is a prior has the influence N⁻¹/std², with N the matrix of the normal equations.
     """
-    unknowns, fit = searched.unknowns, searched.fit
+    unknowns, fit, rig = searched.unknowns, searched.fit, setup.rig
     inverse = inverse_of(fit.reduced)
     for k, item in enumerate(unknowns.items):
         if item.places and not item.is_sought and item.name != SCALE:
@@ -80,7 +66,7 @@ def _constants(searched: Searched, problem: Problem, influence: Array, rig: Rig,
     sought = {item.places for item in unknowns.items if item.places}
     places: dict[str, Places] = {
         key: own
-        for key, own in constant_places(rig, scale).items()
+        for key, own in constant_places(rig, setup.scale).items()
         if own not in sought and is_felt(key, problem.input)
     }
     if not places:
@@ -98,54 +84,39 @@ def _constant(key: str, std: float | None, shifts: Array) -> Declared:
     return Declared(stated(key, key), std or 0.0, shifts, constant=True)
 
 
-def _encoders(
-    searched: Searched, problem: Problem, influence: Array, log: Recording, rig: Rig, noise: Noise
-) -> Iterator[Declared]:
-    """Once-per-turn nonlinearity of each encoder, measured = q + α cos q + β sin q."""
-    if rig.axis.kind == "linear":
+def _encoders(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Imperfection]:
+    """Change of the residuals by the nonlinearity of each encoder, measured = q + α cos q + β sin q."""
+    if setup.rig.axis.kind == "linear":
         return
-    shapes = (("cosine", np.cos), ("sine", np.sin))
-    for channel, prefix, here in (("angle", "", ~problem.wheel), ("wheel", "wheel.", problem.wheel)):
-        sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
-        if channel == "wheel" and problem.input not in ("voltage", "wheel"):
-            continue
-        for name, shape in shapes:
-            std = sensor.parts[name].std
-            if not std:
-                continue
-            if channel == "wheel" and problem.input == "wheel":
-                assert log.wheel_angle is not None
-                effect = -_other_input(searched, problem, log, noise, std * shape(log.wheel_angle)) / std
-            else:
-                effect = np.where(here, shape(problem.measured), 0.0)
-            source = stated(f"{channel} encoder nonlinearity ({name})", f"sensors.{prefix}nonlinearity.{name}")
-            yield Declared(source, std, influence @ (effect / problem.sigma))
+    channels: tuple[tuple[Channel, Bools], ...] = ("angle", ~problem.wheel), ("wheel", problem.wheel)
+    for channel, here in channels if problem.input in ("voltage", "wheel") else channels[:1]:
+        for kind, shape in (("cosine", np.cos), ("sine", np.sin)):
+            effect = np.where(here, shape(problem.measured), 0.0)
+            if channel == "wheel" and problem.input == "wheel" and (std := problem.encoders.wheel.parts[kind].std):
+                wheel = setup.part.log.wheel_angle
+                assert wheel is not None
+                effect = -_other_input(setup, problem, searched, std * shape(wheel)) / std
+            yield of_sensor(problem.encoders, channel, kind, effect)
 
 
-def _other_input(searched: Searched, problem: Problem, log: Recording, noise: Noise, error: Array) -> Array:
-    """Change of the predicted readings when the measured wheel, which is the input, is off by `error` (rows,)."""
+def _other_input(setup: Setup, problem: Problem, searched: Searched, error: Array) -> Array:
+    """Change of the predicted readings for an error (rows,) of the measured wheel, which is the input."""
+    log = setup.part.log
     assert log.wheel_angle is not None
     other = replace(log, wheel_angle=log.wheel_angle + error)
     length = float(np.max(np.diff(problem.knots[np.append(problem.bounds[:-1], problem.bounds[-1] - 1)])))
-    again = problem_of(other, problem.encoders, noise, "wheel", length, np.inf)
+    again = problem_of(other, problem.encoders, setup.part.noise, "wheel", length, np.inf)
     if len(again.measured) != len(problem.measured):
         return np.zeros(len(problem.measured))
-    fit, unknowns = searched.fit, searched.unknowns
-    entries = unknowns.entries(problem.states)
-    p = unknowns.vector(fit.values)
-    prediction = again.predict(p, entries, fit.states, len(unknowns))
-    prediction = as_read(prediction, problem, unknowns.names, fit.values)
-    return prediction.outputs - fit.prediction.outputs
+    fit = searched.fit
+    return again.fitted(searched.unknowns, fit.values, fit.states).outputs - fit.prediction.outputs
 
 
-def _latencies(problem: Problem, rates: Array, influence: Array) -> Iterator[Declared]:
-    """A channel read δ later than stated shows q + q' δ; as the input, a late wheel is an early angle."""
-    late = influence @ (np.where(problem.wheel, 0.0, rates) / problem.sigma)
-    std = problem.encoders.angle.latency.std
-    if std and problem.input != "none":
-        yield Declared(stated("angle latency", "sensors.latency"), std, late)
-    std = problem.encoders.wheel.latency.std
-    if std and problem.input in ("voltage", "wheel"):
-        turning = influence @ (np.where(problem.wheel, rates, 0.0) / problem.sigma)
-        source = stated("wheel latency", "sensors.wheel.latency")
-        yield Declared(source, std, turning if problem.input == "voltage" else -late)
+def _latencies(problem: Problem, rates: Array) -> Iterator[Imperfection]:
+    """A channel read δ later than stated shows q + q' δ; a late wheel as the input is equivalent to an early angle."""
+    late = np.where(problem.wheel, 0.0, rates)
+    if problem.input != "none":
+        yield of_sensor(problem.encoders, "angle", "latency", late)
+    if problem.input in ("voltage", "wheel"):
+        effect = np.where(problem.wheel, rates, 0.0) if problem.input == "voltage" else -late
+        yield of_sensor(problem.encoders, "wheel", "latency", effect)

@@ -1,4 +1,4 @@
-"""The rig under its held voltage, with exact sensitivities: both rows (I) and (II), every stop, release and reversal.
+"""The rig under its held voltage, with exact sensitivities: equations (I) and (II), every stop, release and reversal.
 
 The state moves as in the digital twin (`swingid.model.motion`), step by step, each within one mode. Its sensitivities
 S obey S' = (∂f/∂x) S + ∂f/∂θ along the step. Where a step ends because a speed passes zero, the slope f jumps, and
@@ -22,7 +22,7 @@ READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""
 
 MOST_STEPS = 5_000
-"""Steps between two knots beyond which the motion has run away (constants far off) and is given up."""
+"""Steps between two knots beyond which the simulation is abandoned as divergent (constants far off)."""
 
 
 @njit_inlined

@@ -1,22 +1,22 @@
-"""The log as an output-error problem: segments, knots, what is read where, and the prediction of it.
+"""The log as an output-error problem: segments, knots, readings, and their prediction.
 
-Multiple shooting without continuity: every segment has initial values of its own, so neither a long nor an unstable
-log lets an error grow, and the work rises in proportion to the log.
+Multiple shooting without continuity conditions: every segment has initial values of its own, so errors do not grow over
+a long or unstable motion, and the work is proportional to the length of the log.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.methods.output_error.axis_motion import axis_motion
-from swingid.methods.output_error.axis_step import COURSES, SPEED, TORQUE, WHEEL
+from swingid.methods.output_error.axis_motion import COURSES, SPEED, TORQUE, WHEEL, axis_motion
 from swingid.methods.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion
-from swingid.methods.output_error.unknowns import Entries
+from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.preparation.encoders import Encoders
@@ -26,16 +26,19 @@ from swingid.recording.recording import Recording
 
 Input = Literal["voltage", "wheel", "torque", "none"]
 
+_Channel = tuple[Array, float, float]
+"""Values, latency (s), standard deviation of the noise."""
+
 LONGEST_STEP = 2e-3
 """Longest step (s) of the axis' integration; with 20 rad/s its error is 1e-9 of the motion."""
 
 FEWEST_ROWS = 12
-"""Rows of a segment below which it is left out."""
+"""Least number of rows of a segment; shorter ones are excluded."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Angles at the readings (r,), their rates and their derivatives (r, m); finite says whether the motion was."""
+    """Angles at the readings (r,), their rates and their derivatives (r, m); finite: whether the motion stayed so."""
 
     outputs: Array
     rates: Array
@@ -49,7 +52,7 @@ class Problem:
 
     measured (r,), wheel (r,) true where the reading is the wheel's, sigma (r,) its standard deviation, times (r,).
     bounds (k + 1,): first knot of each segment; rows (k + 1,): its first reading. starts (k, 2 or 4): initial values
-    as the angles show them. commands (n,) or courses (n, 3, 4): what drives the axis from each knot on.
+    from the angles. commands (n,) or courses (n, 3, 4): the input from each knot on.
     """
 
     input: Input
@@ -83,25 +86,51 @@ class Problem:
             finite = axis_motion(self.knots, self.courses, self.flags, self.bounds, states, p, entries, longest, found)
         return Prediction(*found, finite=bool(finite))
 
+    def fitted(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
+        """Readings and their derivatives for values (m,) of the unknowns."""
+        entries = unknowns.entries(self.states)
+        prediction = self.predict(unknowns.vector(values), entries, states, len(unknowns))
+        return as_read(prediction, self, unknowns.names, values)
+
     def part(self, chosen: list[int]) -> Problem:
         """The problem of some of the segments."""
         knots = np.concatenate([np.arange(self.bounds[s], self.bounds[s + 1]) for s in chosen])
         rows = np.concatenate([np.arange(self.rows[s], self.rows[s + 1]) for s in chosen])
-        return Problem(
-            self.input,
-            self.knots[knots],
-            self.flags[knots],
-            _edges([self.bounds[s + 1] - self.bounds[s] for s in chosen]),
-            _edges([self.rows[s + 1] - self.rows[s] for s in chosen]),
-            self.commands[knots],
-            self.courses[knots] if len(self.courses) else self.courses,
-            self.measured[rows],
-            self.wheel[rows],
-            self.sigma[rows],
-            self.times[rows],
-            self.starts[chosen],
-            self.encoders,
-        )
+        of_knots = {name: getattr(self, name)[knots] for name in ("knots", "flags", "commands", "courses")}
+        of_rows = {name: getattr(self, name)[rows] for name in ("measured", "wheel", "sigma", "times")}
+        bounds, edges = (_edges([of[s + 1] - of[s] for s in chosen]) for of in (self.bounds, self.rows))
+        return replace(self, bounds=bounds, rows=edges, starts=self.starts[chosen], **of_knots, **of_rows)
+
+
+def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], values: Array) -> Prediction:
+    """The measurement equation: zero offset, once-per-turn nonlinearity and latency added to the predicted angles.
+
+    Each is proportional to one number that rig.toml states with an uncertainty, which is an unknown of the fit. names,
+    values (m,): of all unknowns, in the order of the slopes' columns; the derivatives are written into the slopes.
+    """
+    ours = [k for k, name in enumerate(names) if name == ZERO or name.startswith("sensors.")]
+    outputs = prediction.outputs.copy() if ours else prediction.outputs
+    # the latency acts on the angle that the nonlinearity is a function of, so it comes first
+    for k in sorted(ours, key=lambda k: not names[k].endswith("latency")):
+        here = problem.wheel if names[k].startswith("sensors.wheel.") else ~problem.wheel
+        rates, times = prediction.rates[here], problem.times[here]
+        added, slope = _effect(names[k], float(values[k]), outputs[here], rates, times)
+        prediction.slopes[:, problem.states + k] = 0.0
+        prediction.slopes[here, problem.states + k] = slope
+        outputs[here] += added
+    return replace(prediction, outputs=outputs)
+
+
+def _effect(name: str, value: float, angle: Array, rate: Array, time: Array) -> tuple[Array, Array]:
+    """Contribution of an unknown of a sensor to readings of an angle (n,), and its derivative."""
+    last = name.rpartition(".")[2]
+    if last == "latency":
+        # to second order: in 0.3 ms the acceleration of a wheel moves it by more than a count
+        gain = np.gradient(rate, time) if value else np.zeros_like(rate)
+        return value * (rate + 0.5 * value * gain), rate + value * gain
+    shapes = {"cosine": np.cos, "sine": np.sin}
+    shape = shapes[last](angle) if last in shapes else np.ones_like(angle)
+    return value * shape, shape
 
 
 def _edges(lengths: list[int]) -> Ints:
@@ -116,19 +145,12 @@ def problem_of(
     A held voltage or torque acts from its stamp; angles are read their declared latency after theirs. Raises
     UnanswerableError where no segment has rows enough.
     """
-    late, wheel_late = encoders.angle.latency.value, encoders.wheel.latency.value
-    sigma = (_floor(noise.angle, log.angle), 1.0)
-    drives = _Drives.of(log, source, wheel_late, noise)
+    channels = [(log.angle, encoders.angle.latency.value, noise.angle)]
     if source == "voltage":
         assert log.wheel_angle is not None
-        sigma = (sigma[0], _floor(noise.wheel, log.wheel_angle))
-    parts = []
-    for first, last in _cuts(log.time, length, longest_gap):
-        rows = slice(first, last)
-        readings = [log.time[rows] + late]
-        if source == "voltage":
-            readings.append(log.time[rows] + wheel_late)
-        parts.append(_segment(log, rows, readings, drives, source))
+        channels.append((log.wheel_angle, encoders.wheel.latency.value, noise.wheel))
+    drives = _Drives.of(log, source, encoders.wheel.latency.value, noise)
+    parts = [_segment(log.time, channels, slice(*cut), drives) for cut in _cuts(log.time, length, longest_gap)]
     if not parts:
         raise UnanswerableError(
             f"no stretch of the log without a gap holds {FEWEST_ROWS} rows, as many as its initial values need; record "
@@ -136,27 +158,25 @@ def problem_of(
             code="too-short",
         )
     knots, flags, measured, wheel, times = (np.concatenate([part[i] for part in parts]) for i in range(5))
-    commands, courses = drives.at(knots, _edges([len(part[0]) for part in parts]))
+    bounds = _edges([len(part[0]) for part in parts])
+    commands, courses = drives.at(knots, bounds)
+    # angles without noise get 1e-8 of their range
+    sigma = [max(spread, 1e-8 * float(np.ptp(values))) for values, _, spread in channels]
     return Problem(
         source,
         knots,
         flags,
-        _edges([len(part[0]) for part in parts]),
+        bounds,
         _edges([len(part[2]) for part in parts]),
         commands,
         courses,
         measured,
         wheel,
-        np.where(wheel, sigma[1], sigma[0]),
+        np.where(wheel, sigma[-1], sigma[0]),
         times,
-        _starts(log, [part[0][0] for part in parts], length, late, wheel_late, source),
+        _starts(log, channels, [part[0][0] for part in parts], length),
         encoders,
     )
-
-
-def _floor(sigma: float, values: Array) -> float:
-    """Noise of a channel; angles without any are weighed by 1e-8 of their range."""
-    return max(sigma, 1e-8 * float(np.ptp(values)))
 
 
 def _cuts(time: Array, length: float, longest_gap: float) -> list[tuple[int, int]]:
@@ -173,28 +193,26 @@ def _cuts(time: Array, length: float, longest_gap: float) -> list[tuple[int, int
 
 
 def _segment(
-    log: Recording, rows: slice, readings: list[Array], drives: _Drives, source: Input
+    time: Array, channels: list[_Channel], rows: slice, drives: _Drives
 ) -> tuple[Array, Ints, Array, Bools, Array]:
     """Knots and flags of one segment; its measured values, which are the wheel's, and their instants."""
+    readings = [time[rows] + late for _, late, _ in channels]
     begin, end = min(r[0] for r in readings), max(r[-1] for r in readings)
     inside = drives.times[(drives.times > begin) & (drives.times < end)]
     knots = np.unique(np.concatenate([*readings, inside]))
     flags = np.zeros(len(knots), dtype=np.int64)
     for bit, instants in zip((READ_ANGLE, READ_WHEEL), readings, strict=False):
         flags[np.searchsorted(knots, instants)] |= bit
-    values = [log.angle[rows]]
-    if source == "voltage":
-        assert log.wheel_angle is not None
-        values.append(log.wheel_angle[rows])
+    values = np.concatenate([values[rows] for values, _, _ in channels])
     times = np.concatenate(readings)
     wheel = np.repeat([False, True][: len(readings)], [len(r) for r in readings])
     order = np.argsort(times, kind="stable")
-    return knots, flags, np.concatenate(values)[order], wheel[order], times[order]
+    return knots, flags, values[order], wheel[order], times[order]
 
 
 @dataclass(frozen=True)
 class _Drives:
-    """What drives the axis: held values from `times` on, or cubics through values at `times`."""
+    """The input: held values from `times` on, or cubics through values at `times`."""
 
     times: Array
     held: Array | None
@@ -216,7 +234,7 @@ class _Drives:
         if source == "torque" and not log.drive_held:
             return cls(log.time, None, (None, None, (log.time, values, spline_slopes(log.time, values))))
         if not log.drive_held:
-            # what was measured stands for the time about it, half a row each way
+            # a measured value holds for half a row before and after it
             times, values = _without_gaps(log.time, values)
             return cls(np.append(times[0], (times[1:] + times[:-1]) / 2), values, (None, None, None))
         return cls(*_without_gaps(log.time, values), (None, None, None))
@@ -230,7 +248,7 @@ class _Drives:
         courses = np.zeros((len(knots), COURSES, 4))
         courses[:, TORQUE, 0] = commands
         steps = np.append(np.diff(knots), 0.0)
-        # behind a segment's last knot nothing moves
+        # after a segment's last knot nothing is computed
         steps[bounds[1:] - 1] = 0.5 * float(np.median(steps))
         for which, cubic in zip((WHEEL, SPEED, TORQUE), self.cubics, strict=True):
             if cubic is not None:
@@ -264,17 +282,9 @@ def _without_gaps(time: Array, values: Array) -> tuple[Array, Array]:
     return every, np.interp(every, time, values)
 
 
-def _starts(
-    log: Recording, instants: list[float], length: float, late: float, wheel_late: float, source: Input
-) -> Array:
+def _starts(log: Recording, channels: list[_Channel], instants: list[float], length: float) -> Array:
     """Angle and speed of each channel at the segments' starts, from local cubics."""
-    at = np.array(instants)
     width = max(8.0 / log.rate, min(0.03 * length, 0.03))
-    found = [local_cubic(log.time + late, log.angle, at, width)]
-    if source == "voltage":
-        assert log.wheel_angle is not None
-        found.append(local_cubic(log.time + wheel_late, log.wheel_angle, at, width))
-    states = np.column_stack(found)
-    if not np.isfinite(states).all():
-        states = np.nan_to_num(states)
-    return states
+    at = np.array(instants)
+    states = np.column_stack([local_cubic(log.time + late, values, at, width) for values, late, _ in channels])
+    return states if np.isfinite(states).all() else np.nan_to_num(states)

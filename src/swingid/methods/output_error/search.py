@@ -1,7 +1,7 @@
-"""Where the search begins, and which friction law it ends with.
+"""Initial values of the search, and the choice of the friction law.
 
-The start comes from the log itself: the linear fit of row (I) on test functions over its first swings. Other starts,
-well off it, are followed on a few segments, so that a better minimum elsewhere does not go unseen.
+Initial values are those of the linear fit of equation (I) on modulating functions over the first swings. Other starts,
+far from it, are tried on a few segments, so that a better minimum elsewhere is found.
 """
 
 from __future__ import annotations
@@ -10,32 +10,29 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import WindowFit
 from swingid.balance.friction_laws import DIRECTIONS, LAWS
-from swingid.methods.output_error.constants import free_start
-from swingid.methods.output_error.problem import Problem
-from swingid.methods.output_error.readings import as_read
+from swingid.methods.output_error.constants import constant_value, free_key
+from swingid.methods.output_error.problem import Problem, as_read
+from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.solver import Fit, reduce, solve
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
 from swingid.model.parameters import STRIBECK_SPEED
-from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.scale import Scale
 
 OFF = ((1.6, 3.0), (0.6, 0.3))
 """Factors of inertia and friction of the other starts."""
 
 FEW = 2
-"""Segments on which other starts are followed."""
+"""Segments on which several starts are tried."""
 
 ROUGH, NEAR = 1e-3, 1e-4
-"""How closely (see `solve`) other starts are followed, and the first fit of all segments."""
+"""Termination (see `solve`) of the search from several starts, and of the first fit of all segments."""
 
 SAME = 0.01
-"""How near in inertia starts count as having ended alike."""
+"""Relative difference of the inertia up to which two starts have found the same minimum."""
 
 RICHEST = "coulomb + viscous + quadratic, direction-dependent"
-"""The law about whose motion all laws are compared."""
+"""The law about whose motion all laws are compared, to first order."""
 
 PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 """Stribeck speeds tried, in shares of the highest speed."""
@@ -43,10 +40,10 @@ PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 
 @dataclass(frozen=True)
 class Searched:
-    """The fit, of how many starts how many ended at its inertia, and the laws tried with their BIC above the best.
+    """The fit, how many of its starts ended at its inertia, and the laws tried with their BIC above the best.
 
-    law: that of a rough fit. spread: standard deviation of the inertia over these laws by their likelihoods; 0 where
-    one law was asked for. drift: change of the inertia since segments of twice the length, where these were shortened.
+    law: the friction law. spread: standard deviation of the inertia over these laws by their likelihoods; 0 where one
+    law is given. drift: change of the inertia since segments of twice the length, where these were shortened.
     """
 
     unknowns: Unknowns
@@ -59,8 +56,9 @@ class Searched:
     drift: float = 0.0
 
 
-def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale, fastest: float) -> Array:
-    """Values to begin with: the linear fit's, the rig's for freed constants, of friction at least a bit."""
+def first_values(setup: Setup, unknowns: Unknowns) -> Array:
+    """Initial values: of the linear fit, of the rig for free constants; friction is at least a little above 0."""
+    windows, scale, fastest = setup.windows, setup.scale, setup.fastest
     torque = max(abs(windows.value("coulomb")) + abs(windows.value("viscous")) * fastest, 1e-6 * windows.a11 * fastest)
     even = windows.value("offset"), windows.value("viscous_even")
     known = {
@@ -91,7 +89,7 @@ def first_values(unknowns: Unknowns, windows: WindowFit, rig: Rig, scale: Scale,
         elif item.name in FRICTION:
             value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))
         else:
-            value = free_start(rig, item.name)
+            value = constant_value(setup.rig, free_key(item.name))[0]
         values.append(value)
     return np.array(values)
 
@@ -123,7 +121,7 @@ def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, start
 class _Columns:
     """Gram matrix of every friction term beside inertia and other unknowns, and the residuals, about one motion.
 
-    values (n,): what each unknown is where the columns were taken, so that a law's own values can be told.
+    values (n,): the unknowns at which the columns were computed.
     """
 
     names: tuple[str, ...]
@@ -143,7 +141,7 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class _Verdict:
+class _Trial:
     """Bayesian and Akaike information criterion of a law (up to the same constant), and its values to first order."""
 
     bayes: float
@@ -151,17 +149,17 @@ class _Verdict:
     values: dict[str, float]
 
 
-_NOTHING = _Verdict(np.inf, np.inf, {})
+_NO_TRIAL = _Trial(np.inf, np.inf, {})
 
 
 def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float, law: str) -> Choice:
     """Choose the friction law of least Bayesian information criterion; with a `law` other than "auto" only its values.
 
     unknowns, fit: those of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
-    the best one is fitted anew. independent: number of readings that count as independent. The spread is that of the
+    the best one is fitted again. independent: effective number of independent readings. The spread is that of the
     inertia over all laws with Akaike's weights (Burnham and Anderson 2002, 4.3), which do not favour the smaller laws.
     """
-    tried: dict[str, _Verdict] = {}
+    tried: dict[str, _Trial] = {}
     for share in PEAKS:
         columns = _columns(problem, unknowns, fit, share * fastest)
         for odd in LAWS:
@@ -169,16 +167,16 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
                 if law not in ("auto", odd + direction) or ("stribeck" not in LAWS[odd] and share != PEAKS[0]):
                     continue
                 if law == "auto" and direction.endswith("dependent") and "viscous" not in LAWS[odd]:
-                    # a viscous friction of each direction is the same law as that with a viscous term
+                    # viscous friction by direction is the same law as that with a viscous term
                     continue
-                verdict = _judge(columns, odd + direction, independent, forced=law != "auto")
-                if verdict is not None and verdict.bayes < tried.get(odd + direction, _NOTHING).bayes:
-                    tried[odd + direction] = verdict
+                trial = _try(columns, odd + direction, independent, forced=law != "auto")
+                if trial is not None and trial.bayes < tried.get(odd + direction, _NO_TRIAL).bayes:
+                    tried[odd + direction] = trial
     ranked = sorted(tried, key=lambda name: tried[name].bayes)
-    least = min(verdict.akaike for verdict in tried.values())
-    weights = np.exp([-0.5 * (verdict.akaike - least) for verdict in tried.values()])
+    least = min(trial.akaike for trial in tried.values())
+    weights = np.exp([-0.5 * (trial.akaike - least) for trial in tried.values()])
     best = tried[ranked[0]]
-    off = np.array([verdict.values["inertia"] for verdict in tried.values()]) - best.values["inertia"]
+    off = np.array([trial.values["inertia"] for trial in tried.values()]) - best.values["inertia"]
     spread = float(np.sqrt(weights @ off**2 / weights.sum()))
     scores = {name: tried[name].bayes - best.bayes for name in ranked} if law == "auto" else {}
     return Choice(ranked[0], best.values, scores, spread)
@@ -207,7 +205,7 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
     gram = reduced.matrix
     for column, k in enumerate(body):
         if (power := unknowns.power[k]) > 0:
-            # what is known beforehand, as one more residual
+            # the prior, as one more residual
             gram[column, column] += power
             gram[column, -1] -= power * fit.values[k]
             gram[-1, column] -= power * fit.values[k]
@@ -215,8 +213,8 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
     return _Columns((*own, *names), gram, np.array(values), peak)
 
 
-def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Verdict | None:
-    """Judge a law; None where it is no law of friction (negative beyond its uncertainty), unless forced."""
+def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Trial | None:
+    """Criteria and values of a law; None where a coefficient is significantly negative, unless forced."""
     odd, _, direction = law.partition(", ")
     wanted = list(LAWS[odd])
     if direction:
@@ -230,7 +228,7 @@ def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> 
         raise ValueError(f"no column of {', '.join(sorted(missing))}, which the law {law!r} has")
     n = len(columns.names)
     own = [k for k, name in enumerate(columns.names) if name in wanted or name not in FRICTION]
-    # the law's residual: what is left now plus what its unknowns must undo of the terms that it lacks
+    # residual of the law: the present one plus what the terms that it lacks contribute now
     blend = np.zeros((n + 1, len(own) + 1))
     blend[own, np.arange(len(own))] = 1.0
     blend[n, -1] = 1.0
@@ -258,4 +256,4 @@ def _judge(columns: _Columns, law: str, independent: float, *, forced: bool) -> 
     for name in ("coulomb", "viscous"):
         named[f"{name}_negative"] = named.get(name, 0.0)
         named[f"{name}_positive"] = named.get(name, 0.0) + named.get(f"{name}_positive", 0.0)
-    return _Verdict(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named)
+    return _Trial(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named)

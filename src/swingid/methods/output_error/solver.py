@@ -1,7 +1,7 @@
 """Gauss–Newton with Levenberg and Marquardt's damping on a `Problem`: bounds, robust loss, initial values eliminated.
 
-Each segment's initial values stand in its own rows only, so they leave the normal equations by a Schur complement:
-what is solved has the size of the unknowns however long the log.
+A segment's initial values affect its own rows only, so a Schur complement eliminates them from the normal equations:
+the system solved has as many unknowns as the model, however long the log.
 """
 
 from __future__ import annotations
@@ -10,9 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.errors import UsageError
 from swingid.methods.output_error.problem import Prediction, Problem
-from swingid.methods.output_error.readings import as_read
 from swingid.methods.output_error.unknowns import Unknowns
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit
@@ -20,19 +18,19 @@ from swingid.numerics.compiled import njit
 LOSSES = ("linear", "huber", "soft_l1")
 
 BEND = 3.0
-"""Residual, in standard deviations as the fit leaves them, from which on a robust loss counts a reading less."""
+"""Residual, in standard deviations of the residuals, above which a robust loss reduces the weight of a reading."""
 
 CLOSE_ENOUGH = 1e-7
-"""The search ends when a step promises to lower the cost by less than this share of it."""
+"""The search ends when the predicted decrease of the cost is below this share of it."""
 
 EXACT = 1e-6
-"""Mean squared residual, in those of the sensors, below which nothing is left to gain."""
+"""Mean squared residual, over the sensors' variance, below which the fit is exact."""
 
 STALLED = 1e-9
-"""Share of the cost that a step must have gained for the search to go on."""
+"""Least relative decrease of the cost by a step for the search to continue."""
 
 LEAP = 0.4
-"""Share of itself to which the inertia may fall in one step, and rise by its inverse."""
+"""Least ratio of the inertia after a step to that before; its inverse is the greatest."""
 
 MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
 HARDEST = 1e10
@@ -43,7 +41,7 @@ SINGULAR = 1e-12
 
 @dataclass(frozen=True)
 class Reduced:
-    """Normal equations without the initial values: matrix (m, m), right side (m,), and what brings those back.
+    """Normal equations without the initial values: matrix (m, m), right side (m,), and the blocks that restore those.
 
     own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment.
     """
@@ -66,7 +64,7 @@ class Fit:
     """Where the search ended: values (m,) of the unknowns, initial values (k, s), and the prediction there.
 
     residuals (r,) in standard deviations of the sensor, weights (r,) of the robust loss, cost the mean of the loss.
-    converged: whether the last step promised nothing more.
+    converged: whether the predicted decrease of the cost fell below the limit.
     """
 
     values: Array
@@ -100,7 +98,7 @@ def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduc
 
 @njit
 def _take_held(body: Array, slopes: Array, root: Array, held: Array, rows: Ints) -> None:
-    """Take from the rows of `body` (r, m) what their segment's initial values, `held` (k, s, m), follow of them."""
+    """Subtract from the rows of `body` (r, m) what their segment's initial values, `held` (k, s, m), explain."""
     for k in range(len(rows) - 1):
         for r in range(rows[k], rows[k + 1]):
             for i in range(held.shape[1]):
@@ -138,7 +136,7 @@ def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) ->
     s, m = problem.states, slopes.shape[1] - problem.states
     grams = _grams(slopes, residuals, weights, 1 / problem.sigma, problem.rows)
     own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
-    # a wheel that rests at once forgets a mix of its initial speeds, and the block is singular
+    # where the wheel rests at once, a combination of its initial speeds has no effect, and the block is singular
     sizes = np.diagonal(own, axis1=1, axis2=2)
     own = own + np.eye(s) * (SINGULAR * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
     held = np.linalg.solve(own, grams[:, :s, s:])
@@ -147,7 +145,7 @@ def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) ->
 
 
 def informed(reduced: Reduced, unknowns: Unknowns, values: Array) -> Reduced:
-    """The normal equations with what is known of the unknowns (m,) beforehand."""
+    """The normal equations with the prior of the unknowns (m,)."""
     return replace(
         reduced,
         matrix=reduced.matrix + np.diag(unknowns.power),
@@ -156,12 +154,7 @@ def informed(reduced: Reduced, unknowns: Unknowns, values: Array) -> Reduced:
 
 
 def loss_of(residuals: Array, loss: str) -> tuple[float, Array]:
-    """Mean loss and weights of residuals; a robust loss bends at `BEND` of their median size, at least the sensor's.
-
-    Raises UsageError for an unknown loss.
-    """
-    if loss not in LOSSES:
-        raise UsageError(f"unknown loss {loss!r}; choose one of {', '.join(LOSSES)}.", code="unknown-loss")
+    """Mean loss and weights of residuals; a robust loss grows linearly beyond `BEND` times their robust spread."""
     squares = residuals**2
     if loss == "linear":
         return float(np.mean(squares)), np.ones_like(residuals)
@@ -179,7 +172,7 @@ def solve(
 ) -> Fit:
     """Least squares from `values` (m,) and `states` (k, s); the best point found, converged or not.
 
-    enough: share of the cost that a step must promise for the search to go on.
+    enough: least predicted relative decrease of the cost for the search to continue.
     """
     low, high = unknowns.bounds
     here = _at(problem, unknowns, np.clip(values, low, high), states, loss)
@@ -207,9 +200,7 @@ def solve(
 
 
 def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
-    entries = unknowns.entries(problem.states)
-    prediction = problem.predict(unknowns.vector(values), entries, states, len(unknowns))
-    prediction = as_read(prediction, problem, unknowns.names, values)
+    prediction = problem.fitted(unknowns, values, states)
     residuals = (problem.measured - prediction.outputs) / problem.sigma
     if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
         empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))
@@ -221,7 +212,7 @@ def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss
 
 
 def _step(fit: Fit, low: Array, high: Array, damping: float) -> tuple[Array, float]:
-    """Damped step of the unknowns, those at a bound that it would leave held, and the promised fall of the cost."""
+    """Damped step of the unknowns, those fixed that would leave their bounds; the predicted decrease of the cost."""
     matrix, right = fit.reduced.matrix, fit.reduced.right
     free = np.ones(len(right), dtype=bool)
     step = np.zeros(len(right))

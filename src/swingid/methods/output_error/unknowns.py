@@ -1,9 +1,9 @@
-"""The unknowns of a fit, and how each stands in the rig's vector of constants.
+"""The unknowns of a fit, and their places in the rig's vector of constants.
 
-Every unknown θ moves some places of the vector linearly, p = base + D θ: the Coulomb friction stands in four places,
-the wheel's inertia in a11, a12 and a22. Friction is a law of `identify.friction_laws`; Stribeck's peak is sought as its
-height over the Coulomb friction, so that plain bounds keep the law one of friction. A constant that rig.toml states
-with an uncertainty is an unknown too, as its deviation from what is stated, known beforehand to within that.
+The vector is linear in the unknowns θ, p = base + D θ: the Coulomb friction has four places, the wheel's inertia those
+of a11, a12 and a22. Friction is a law of `balance.friction_laws`; Stribeck's peak is estimated as its height over the
+Coulomb friction, so that bounds keep the law dissipative. A constant that rig.toml states with an uncertainty is an
+unknown too: its deviation from the stated value, with prior.
 """
 
 from __future__ import annotations
@@ -14,19 +14,10 @@ from functools import cached_property
 
 import numpy as np
 
-from swingid.balance.friction_laws import DIRECTIONS, LAWS, law_terms
+from swingid.balance.friction_laws import law_terms
 from swingid.errors import UsageError
-from swingid.methods.output_error.constants import (
-    SCALE,
-    Places,
-    constant_places,
-    constant_value,
-    free_key,
-    free_name,
-    scaled_places,
-    slots,
-    unit_of,
-)
+from swingid.methods.output_error import constants
+from swingid.methods.output_error.constants import SCALE, Places, constant_places, constant_value, free_key
 from swingid.model.parameters import A11, AXIS_STICKS, COEFFICIENT, PLACES, SIZE, add_term, can_stick, vector
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
@@ -43,30 +34,29 @@ FRICTION: dict[str, Places] = {
 """Places of the friction unknowns."""
 
 NEVER_FREE = ("drive.motor.gear_ratio", "log.torque_gain")
-"""Constants whose places are those of small deviations only, or that nothing but another constant tells."""
+"""Constants whose places hold for small deviations only, or that only another constant determines."""
 
 ZERO = "angle_zero"
-"""What the angle's encoder reads at angle 0: unknown within a step of its grid. It moves readings, not the motion."""
-
+"""Zero offset: reading of the angle's encoder at angle 0, unknown within a step of its grid."""
 
 FARTHEST_ZERO = 0.1
-"""Angle (rad) within which the zero of the angle is looked for where that within its grid does not explain the log."""
+"""Largest zero offset (rad) that is sought where one within a step of the grid does not explain the log."""
 
 NOTHING: Mapping[str, float] = {}
 
 ANY_SCALE = 1.0
-"""Standard deviation of the motor's scale: so wide that it tells nothing."""
+"""Standard deviation of the motor's scale: so wide that the prior has no influence."""
 
 FARTHEST = 30.0
-"""Standard deviations within which a constant is looked for about what is stated."""
+"""Bounds of a constant about its stated value, in standard uncertainties."""
 
 
 @dataclass(frozen=True)
 class Unknown:
     """One unknown: name, unit, bounds, and the places of the vector that it moves with their weights.
 
-    std: standard deviation about 0 that is known beforehand, finite for what is not asked for: the angle's zero, and
-    the deviation of a constant from what rig.toml states, whose name is its key.
+    std: standard deviation of the prior about 0, finite for what is no result: the zero offset, and the deviation of
+    a constant from what rig.toml states, whose name is its key.
     """
 
     name: str
@@ -78,7 +68,7 @@ class Unknown:
 
     @property
     def is_sought(self) -> bool:
-        """Whether it is asked for, rather than known beforehand to within its std."""
+        """Whether it is a result: without prior."""
         return not np.isfinite(self.std)
 
 
@@ -109,23 +99,18 @@ class Unknowns:
 
     @cached_property
     def power(self) -> Array:
-        """What is known of each unknown beforehand: 1/std² about 0."""
+        """Information of the prior of each unknown: 1/std² about 0."""
         return np.array([item.std**-2.0 for item in self.items])
 
-    def with_free_zero(self) -> Unknowns:
-        """The same with the angle's zero anywhere within `FARTHEST_ZERO`."""
-        return self._with_zero(_zero_within(FARTHEST_ZERO)) if self.zero else self
-
     def zero_bound(self, values: Array) -> bool:
-        """Whether `values` (m,) have the angle's zero at its bound."""
+        """Whether `values` (m,) have the zero offset at its bound."""
         return self.zero is not None and abs(values[self.zero]) >= self.items[self.zero].high
 
-    def with_zero_of(self, other: Unknowns) -> Unknowns:
-        """The same with the angle's zero bounded and known as in `other`."""
-        return self._with_zero(other.items[other.zero]) if self.zero and other.zero else self
-
-    def _with_zero(self, zero: Unknown) -> Unknowns:
-        return replace(self, items=tuple(zero if item.name == ZERO else item for item in self.items))
+    def with_zero_of(self, other: Unknowns | None) -> Unknowns:
+        """The same with the zero offset as in `other`, or for None anywhere within `FARTHEST_ZERO`."""
+        found = [_zero_within(FARTHEST_ZERO)] if other is None else [one for one in other.items if one.name == ZERO]
+        items = (found[0] if found and item.name == ZERO else item for item in self.items)
+        return replace(self, items=tuple(items))
 
     def entries(self, states: int, more: Sequence[Places] = ()) -> Entries:
         """(place, column, weight) of every unknown, then of `more`; columns count from `states`."""
@@ -148,16 +133,12 @@ class Unknowns:
 
 
 def _zero_within(width: float) -> Unknown:
-    """A zero of the angle that lies anywhere within ± width (rad) / 2, and beyond by noise only."""
+    """A zero offset anywhere within ± width (rad) / 2, and beyond by noise only."""
     return Unknown(ZERO, "rad", -width, width, (), width / np.sqrt(12))
 
 
 def friction_unknowns(law: str) -> tuple[str, ...]:
     """Names of the unknowns of a friction law. Raises UsageError for an unknown law."""
-    odd, comma, direction = law.partition(",")
-    if odd not in LAWS or comma + direction not in DIRECTIONS:
-        text = f'unknown friction law {law!r}; choose "auto" or one of {", ".join(LAWS)}'
-        raise UsageError(f'{text}, each also with ", offset" or ", direction-dependent".', code="unknown-law")
     terms = law_terms(law)
     directed = "viscous_even" in terms
     names: list[str] = []
@@ -182,13 +163,12 @@ def unknowns_of(
     uncertain: Sequence[str] = (),
     readings: Mapping[str, float] = NOTHING,
 ) -> Unknowns:
-    """Inertia, gravity torque where it is "unknown" or asked for, the friction law, and the constants asked for.
+    """Inertia, gravity torque where it is "unknown" or free, the friction law, and the free constants.
 
-    fastest: highest speed of the motion (rad/s); strongest: a torque (N m) that no friction exceeds. A Stribeck speed
-    is sought below the one, coefficients below what makes the other at that speed. resolution: step of the angle's
-    grid (rad). Who sets an encoder to 0 where the body hangs errs by up to half a step, which gravity shows. uncertain:
-    keys of constants that may deviate from what is stated, within their uncertainty; readings: the same of the sensors,
-    with the standard deviations.
+    fastest: highest speed of the motion (rad/s); strongest: a torque (N m) that no friction exceeds. They bound the
+    Stribeck speed and the coefficients. resolution: step of the angle's grid (rad): an encoder is set to 0 where the
+    body hangs with an error of up to half a step, on which gravity depends. uncertain: keys of constants that are
+    estimated with the stated value as prior; readings: the same of the sensors, with the standard deviations.
     Raises UsageError for an unknown law or constant.
     """
     places = constant_places(rig, scale)
@@ -199,10 +179,10 @@ def unknowns_of(
         kept = {*NEVER_FREE, *(key for term in scale.further for key in (term.term.key, term.term.shift))}
         offered = [other for other in places if other not in kept]
         if key not in offered:
-            has = ", ".join(free_name(other) for other in offered)
+            has = ", ".join(constants.free_name(other) for other in offered)
             raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
-        items.append(Unknown(name, unit_of(key, scale), 0.0, np.inf, places[key]))
-    for term, place in zip(scale.further, slots(scale), strict=True):
+        items.append(Unknown(name, constants.unit_of(key, scale), 0.0, np.inf, places[key]))
+    for term, place in zip(scale.further, constants.slots(scale), strict=True):
         if term.value is None:
             low = -np.inf if term.term.signed else 0.0
             items.append(Unknown(term.name, units[term.name], low, np.inf, ((place + COEFFICIENT, 1.0),)))
@@ -213,10 +193,10 @@ def unknowns_of(
             low, high = 0.003 * fastest, fastest
         unit = units["coulomb" if name == "stribeck" else name]
         items.append(Unknown(name, unit, low, high, FRICTION[name]))
-    asked = {free_key(item.name) for item in items if item.name not in FRICTION}
-    items += [_about_stated(rig, scale, key, places[key]) for key in uncertain if key in places and key not in asked]
+    sought = {free_key(item.name) for item in items if item.name not in FRICTION}
+    items += [_about_stated(rig, scale, key, places[key]) for key in uncertain if key in places and key not in sought]
     if SCALE in uncertain:
-        items.append(Unknown(SCALE, "1", -0.9, FARTHEST * ANY_SCALE, scaled_places(rig), ANY_SCALE))
+        items.append(Unknown(SCALE, "1", -0.9, FARTHEST * ANY_SCALE, constants.scaled_places(rig), ANY_SCALE))
     for key, std in readings.items():
         unit = "s" if key.endswith("latency") else "rad"
         items.append(Unknown(key, unit, -FARTHEST * std, FARTHEST * std, (), std))
@@ -226,13 +206,13 @@ def unknowns_of(
 
 
 def _about_stated(rig: Rig, scale: Scale, key: str, places: Places) -> Unknown:
-    """The deviation of a constant from what is stated; one that is above 0 stays so."""
+    """The deviation of a constant from its stated value; a positive constant stays positive."""
     value, std = constant_value(rig, key)
     assert std
     widest = FARTHEST * std
     may_be_negative = all(term.key != key or term.signed for term in TERMS.values())
     low = -widest if value <= 0 or may_be_negative else -min(widest, 0.9 * value)
-    return Unknown(key, unit_of(key, scale), low, widest, places, std)
+    return Unknown(key, constants.unit_of(key, scale), low, widest, places, std)
 
 
 def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:

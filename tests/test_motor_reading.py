@@ -65,7 +65,7 @@ def test_a_voltage_that_was_not_held_is_told_from_a_motor_that_does_not_fit(samp
 
 
 def test_a_measured_voltage_is_not_simulated_as_held(sampled) -> None:
-    with pytest.raises(UnanswerableError, match="drive_held = false") as refused:
+    with pytest.raises(UnanswerableError, match=r"log\.drive_held = false") as refused:
         identify(sampled, GIVEN, method="output-error", law="stribeck")
     assert refused.value.code == "poor-fit"
     # half a row is 8 % of the motion; what the voltage did between the logged rows is left

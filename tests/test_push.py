@@ -169,7 +169,7 @@ def test_the_commands_name_a_push(tmp_path, capsys):
     assert {"push-left", "repair-off"} <= set(codes[2])
     assert main(["inspect", str(log), "--rig", str(rig), "--json", "-"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["verdict"]["line"] == "ready; swingid itself repairs pushes by hand."
+    assert found["verdict"]["line"] == "ready; swingid itself repairs external disturbance torques (pushes)."
     assert any(check["code"] == "push" and "from 14." in check["evidence"] for check in found["checks"])
 
 

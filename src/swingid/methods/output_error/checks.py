@@ -52,7 +52,8 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
     whole = inertia.standard_uncertainty or spread
     if excess and (spread > HOPELESS * inertia.value or whole > inertia.value):
         share = percent(whole / inertia.value) if whole < inertia.value else "more than its value"
-        cause = "the voltage between the rows is not what drive_held states" if motor.held else excess
+        measured = "the voltage is not held from row to row (state log.drive_held = false if it was measured)"
+        cause = measured if motor.held else excess
         raise UnanswerableError(
             f"{cause}, and the inertia is uncertain by {share}; take {setup.alternative}, or correct the rig file.",
             code="poor-fit",

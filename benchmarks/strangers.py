@@ -1,0 +1,155 @@
+"""Real logs of foreign rigs: the answer of every method beside independent evidence of the inertia.
+
+    python benchmarks/strangers.py [NAME...] [--methods momentum,energy] [--held-out | --all] [--data DIR] [--json FILE]
+
+The logs are listed in `strangers/logs.d/*.toml`, each with its address, checksum, rig file and evidence (`how` says
+what from). They are no part of the project: a file is taken from --data (default $SWINGID_STRANGERS, else a folder
+of the user's cache), as SHA256.ENDING, and downloaded there where it is missing. `held_out` logs were set aside
+before anything was tuned and are run only with --held-out or --all.
+
+A row: value and 95 % interval, evidence, status with the codes of its warnings, and a verdict: "meets" where interval
+and evidence overlap, "misses" with the distance between them in half-widths of the interval, "refused", "crash".
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import tomllib
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import swingid as sw
+from swingid.errors import SwingidError
+from swingid.methods.table import METHODS
+
+HERE = Path(__file__).parent / "strangers"
+CACHE = Path(os.environ.get("SWINGID_STRANGERS") or Path.home() / ".cache" / "swingid" / "strangers")
+NEAR = 0.01
+"""Relative distance of a value from the evidence that counts as near."""
+
+
+def entries() -> list[dict[str, Any]]:
+    """All logs of the suite, by name."""
+    found = [log for path in sorted((HERE / "logs.d").glob("*.toml")) for log in tomllib.loads(path.read_text())["log"]]
+    names = [log["name"] for log in found]
+    assert len(set(names)) == len(names), "two logs have one name"
+    return found
+
+
+def fetched(entry: dict[str, Any], folder: Path) -> Path:
+    """The file of a log, downloaded where it is missing. Raises OSError where that fails or the checksum is another."""
+    path = folder / f"{entry['sha256']}{Path(entry['url']).suffix}"
+    if not path.exists():
+        with urllib.request.urlopen(entry["url"], timeout=60) as answer:
+            content = answer.read()
+        if hashlib.sha256(content).hexdigest() != entry["sha256"]:
+            raise OSError(f"{entry['url']} is another file than that of the list")
+        folder.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return path
+
+
+def answers(entry: dict[str, Any], path: Path, methods: list[str]) -> Iterator[dict[str, Any]]:
+    """The answer of each method to one log, as plain data."""
+    try:
+        rig = sw.Rig.load(HERE / "rigs" / entry["rig"])
+        log = sw.Recording.load(path, rig)
+        log = log.segment(*entry["part"]) if "part" in entry else log
+    except SwingidError as error:
+        yield {"method": "reading", "status": "refused", "codes": [error.code], "verdict": "refused", "text": str(error)}
+        return
+    for method in methods:
+        row: dict[str, Any] = {"method": method}
+        try:
+            result = sw.identify(log, rig, method)
+        except SwingidError as error:
+            row |= {"status": "refused", "codes": [error.code], "verdict": "refused", "text": str(error)}
+        except Exception as error:  # a crash is one of the results
+            row |= {"status": "crash", "codes": [type(error).__name__], "verdict": "crash", "text": str(error)[:200]}
+        else:
+            inertia = result.inertia
+            codes = [message.code for message in result.warnings]
+            row |= {"status": result.status, "codes": codes, "value": inertia.value, "interval": inertia.interval95}
+            row |= verdict(inertia.value, inertia.interval95, entry["evidence"])
+        yield row
+
+
+def verdict(value: float, interval: tuple[float, float] | None, evidence: list[float]) -> dict[str, Any]:
+    """Whether interval and evidence overlap, by how many half-widths they miss, and how far the value is off."""
+    low, high = evidence
+    off = max(low - value, value - high, 0.0) / ((low + high) / 2)
+    if interval is None:
+        return {"verdict": "no interval", "off": off}
+    apart = max(low - interval[1], interval[0] - high, 0.0)
+    half = (interval[1] - interval[0]) / 2
+    return {"verdict": "misses" if apart > 0 else "meets", "by": apart / half if half > 0 else 0.0, "off": off}
+
+
+def line(entry: dict[str, Any], row: dict[str, Any]) -> str:
+    """One row of the printed table."""
+    head = f"{entry['name']:28s} {row['method']:15s}"
+    codes = " ".join(row["codes"])
+    if "value" not in row:
+        return f"{head} {row['verdict']}: {codes}"
+    low, high = row["interval"] or (float("nan"),) * 2
+    found = f"{row['value']:.5g} [{low:.5g}, {high:.5g}]"
+    beside = "[{:.5g}, {:.5g}]".format(*entry["evidence"])
+    by = f" by {row['by']:.1f}" if row["verdict"] == "misses" else ""
+    return f"{head} {found:38s} {beside:22s} {row['status']:8s} {row['verdict']}{by}  {codes}"
+
+
+def totals(rows: list[dict[str, Any]]) -> str:
+    """Counts over all logs, one line per method."""
+    lines = []
+    for method in dict.fromkeys(row["method"] for row in rows):
+        own = [row for row in rows if row["method"] == method]
+        ok = [row for row in own if row["status"] == "ok"]
+        near = [row for row in own if row.get("off", 1.0) <= NEAR]
+        warned = [row for row in own if row["status"] == "warning"]
+        lines.append(
+            f"{method:15s} {len(own)} logs; ok {len(ok)}, of which {sum(row['verdict'] == 'meets' for row in ok)} meet; "
+            f"warned {len(warned)}, of which {sum(row['verdict'] == 'meets' for row in warned)} meet; "
+            f"refused {sum(row['status'] == 'refused' for row in own)}; "
+            f"crashed {sum(row['status'] == 'crash' for row in own)}; within {100 * NEAR:g} % of the evidence "
+            f"{len(near)}, of which {sum(row['status'] == 'ok' for row in near)} ok"
+        )
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Run the suite and print its table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", help="logs whose name contains one of these; all by default")
+    parser.add_argument("--methods", default="momentum,energy,equation-error,output-error")
+    parser.add_argument("--held-out", action="store_true", help="the logs that were set aside, and no others")
+    parser.add_argument("--all", action="store_true", help="those, too")
+    parser.add_argument("--data", type=Path, default=CACHE)
+    parser.add_argument("--json", type=Path)
+    given = parser.parse_args()
+    methods = [name for name in given.methods.split(",") if name in METHODS]
+    rows = []
+    for entry in entries():
+        if given.names and not any(name in entry["name"] for name in given.names):
+            continue
+        if not given.all and entry["held_out"] != given.held_out:
+            continue
+        try:
+            path = fetched(entry, given.data)
+        except OSError as error:
+            print(f"{entry['name']:28s} not available: {error}")
+            continue
+        for row in answers(entry, path, methods):
+            rows.append({"log": entry["name"]} | row)
+            print(line(entry, row), flush=True)
+    print(totals(rows))
+    if given.json is not None:
+        given.json.write_text(json.dumps(rows, indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -22,7 +22,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-from swingid.uncertainty.significance import DETECTED
+from swingid.uncertainty.significance import DETECTED, INDICATED
 
 FLAT = 1.25
 """Of windows whose uncertainties are equal within this factor the longest is taken."""
@@ -41,6 +41,15 @@ MOMENTS = 4000
 
 ONE_SWING = 0.55
 """Half-length, in swings, up to which windows determine friction: longer ones depend on little but its alternation."""
+
+
+REVERSAL = 0.1
+"""Longest time, in swings, over which dry friction may still have its old direction.
+
+What acts longer is no impulse at the reversal. The impulses that LuGre's bristles and Stribeck's peak make in simulated
+logs are 0.001 to 0.07 of the dry friction times a swing; those that correlated errors of a camera or a rate gyro make
+in logs without dry friction are 0.12 and more (logs of benchmarks/strangers.py), and bias the inertia by 1 to 8 %.
+"""
 
 
 class Choice(NamedTuple):
@@ -112,7 +121,9 @@ def _with_memory(
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
-    return (remembered if found > DETECTED * spread else tried), impulse_left(impulse, found, spread)
+    dry, unsure = sharpest.value("coulomb"), sharpest.uncertainty("coulomb")
+    possible = dry > INDICATED * unsure and found < REVERSAL * signals.motion.half_period * dry
+    return (remembered if possible and found > DETECTED * spread else tried), impulse_left(impulse, found, spread)
 
 
 def impulse_left(prior: float, found: float, spread: float) -> float:

@@ -61,7 +61,13 @@ def answers(entry: dict[str, Any], path: Path, methods: list[str]) -> Iterator[d
         log = sw.Recording.load(path, rig)
         log = log.segment(*entry["part"]) if "part" in entry else log
     except SwingidError as error:
-        yield {"method": "reading", "status": "refused", "codes": [error.code], "verdict": "refused", "text": str(error)}
+        yield {
+            "method": "reading",
+            "status": "refused",
+            "codes": [error.code],
+            "verdict": "refused",
+            "text": str(error),
+        }
         return
     for method in methods:
         row: dict[str, Any] = {"method": method}

@@ -82,8 +82,8 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
         tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels))
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
-        least = min(relative(fit, fit.total) for fit in tried.values())
-        within = [fit for fit in tried.values() if relative(fit, fit.total) <= FLAT * least]
+        least = min(fit.relative(fit.total) for fit in tried.values())
+        within = [fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least]
         law = max(within, key=lambda fit: fit.half)
         calm = friction_windows(corrected, tried)
         memory = (law.value("memory"), law.uncertainty("memory") if "memory" in law.unknowns else impulse)
@@ -93,15 +93,6 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
             break
         torque, before = friction.torque, late
     return Choice(law, tried, corrected, impulse, friction)
-
-
-def relative(fit: WindowFit, u: float) -> float:
-    """A standard uncertainty of a11 as a share of it.
-
-    Noise in the column of a11 multiplies the estimate and its standard uncertainty by one factor below 1
-    (errors in variables), so windows short enough to be attenuated look best in absolute terms and not in these.
-    """
-    return u / fit.a11 if fit.a11 > 0 else np.inf
 
 
 def _with_memory(
@@ -164,7 +155,7 @@ def _search(
     half = longest
     while half > shortest:
         fit = attempt(half)
-        if fit is not None and relative(fit, fit.u) > 2.5 * min(relative(other, other.u) for other in tried.values()):
+        if fit is not None and fit.relative(fit.u) > 2.5 * min(other.relative(other.u) for other in tried.values()):
             break
         half /= 2
     if not tried:
@@ -173,7 +164,7 @@ def _search(
             "record at least five swings.",
             code="too-short",
         )
-    best = min(tried, key=lambda length: relative(tried[length], tried[length].u))
+    best = min(tried, key=lambda length: tried[length].relative(tried[length].u))
     for neighbour in (best / np.sqrt(2), best * np.sqrt(2)):
         if shortest < neighbour < longest:
             attempt(neighbour)

@@ -124,6 +124,14 @@ class WindowFit(NamedFit):
         """Standard uncertainty of a11 with the declared imperfections."""
         return float(np.sqrt(self.covariance[0, 0] + sum(effect.shifts[0] ** 2 for effect in self.declared)))
 
+    def relative(self, u: float) -> float:
+        """A standard uncertainty of a11 as a share of it, infinite where a11 is not positive.
+
+        Noise in the column of a11 multiplies the estimate and its standard uncertainty by one factor below 1
+        (errors in variables), so windows short enough to be attenuated look best in absolute terms and not in these.
+        """
+        return u / self.a11 if self.a11 > 0 else math.inf
+
 
 def known_side(rows: Rows, scale: Scale) -> Array:
     """Known side of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1, less the further terms that the rig states."""

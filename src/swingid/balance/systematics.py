@@ -21,8 +21,11 @@ SHIFTS = (np.arange(8) / 8 + 0.5) % 1 - 0.5
 """Of the grid in `Signals.grid_errors`, in steps."""
 
 COMPARABLE = 2.0
-"""Windows of another length with an uncertainty larger by more than this factor are not compared: other errors of
-theirs dominate."""
+"""Ratio of uncertainties up to which two estimates know a quantity about equally well."""
+
+SHORTEST, COMPARED_LENGTHS = 0.49, 4.0
+"""Shortest windows that are compared, in lengths of the chosen ones, for attenuation is theirs alone; and the ratio of
+relative uncertainties up to which, for a poorer estimate adds less than its own uncertainty."""
 
 COMPARED = 0.1
 """Share of the inertia above which the uncertainty of a kind of windows is too large for a consistency check."""
@@ -81,19 +84,23 @@ def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -
 
 
 def drift_with_length(law: WindowFit, tried: Mapping[float, WindowFit], signals: Signals) -> float:
-    """Standard uncertainty of a11 from its drift with the length of the windows: half to four times that of `law`.
+    """Standard uncertainty of a11 from its drift with the length of the windows: half that of `law` to the longest.
 
     All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978),
-    or what white noise of the samples gives it, whichever is larger.
+    or what white noise of the samples gives it, whichever is larger. Friction that the basis does not describe acts
+    near the reversals, and its bias grows with the length L about as its root (EMPS: from 7 ms to 0.3 s). A difference
+    d from windows of length L then bounds the bias at the length L0 by d / (√(L/L0) − 1), beyond 4 L0 less than d.
     """
-    worst = 0.0
+    worst, limit = 0.0, COMPARED_LENGTHS * law.relative(law.total)
     for half, fit in tried.items():
-        if fit is law or not 0.49 < half / law.half < 4.2 or fit.total > COMPARABLE * law.total:
+        ratio = half / law.half
+        if fit is law or ratio < SHORTEST or not fit.relative(fit.total) < limit:
             continue
+        share = 1.0 if ratio <= 4.0 else 1.0 / (ratio**0.5 - 1.0)
         variance = abs(fit.u**2 - law.u**2)
-        if _unexplained(law, fit, variance) > worst:  # more variance explains no less, and takes a while to compute
+        if share * _unexplained(law, fit, variance) > worst:  # more variance explains no less, and takes a while
             variance = max(variance, variance_of_difference(signals, law, fit))
-            worst = max(worst, _unexplained(law, fit, variance))
+            worst = max(worst, share * _unexplained(law, fit, variance))
     return worst
 
 

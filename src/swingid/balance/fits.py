@@ -27,6 +27,9 @@ The even terms lie on even harmonics of the motion, where the inertia does not, 
 richer odd basis would be nearly collinear.
 """
 
+GRAVITY = "axis.gravity_torque"
+"""Key of the gravity torque in the rig file, and its source in a budget."""
+
 LAG = 4
 """Neighbouring rows that share data (windows of length 2L, one every L/2) and therefore are correlated."""
 
@@ -180,11 +183,11 @@ def fit_with_prior(fit: WindowFit, extra: Sequence[Array], rounds: int = 2) -> t
 
 
 def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
-    """The fit with the effect of every declared imperfection; nonlinearities and latencies of encoders are fitted.
+    """The fit with the effect of every declared imperfection; the gravity torque and errors of encoders are fitted.
 
-    These enter the rows linearly and their standard deviations are declared, so their amplitudes are unknowns with that
-    prior, of which the log determines what it can (THEORY 4, self-calibration). Constants are no unknowns: their
-    declared uncertainty is propagated.
+    Nonlinearities, latencies and the gravity torque beside a drive enter the rows linearly and their standard
+    deviations are declared, so they are unknowns with that prior, of which the log determines what it can (THEORY 4
+    and 7). Other constants are no unknowns: their declared uncertainty is propagated.
     """
     items = imperfections(rig, signals, fit.rows, fit.a11, fit.b)
     own = [item for item in items if item.calibrates]
@@ -198,6 +201,16 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
         effects = [Effect(item, solved.influence[:p, rows + k] * error) for k, item in enumerate(own)]
     effects += [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
     return replace(fit, declared=tuple(effects))
+
+
+def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:
+    """The same windows with the gravity torque an unknown without prior, and all else that is declared propagated."""
+    free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
+    if free is None:
+        return None
+    items = imperfections(rig, signals, free.rows, free.a11, free.b)
+    others = (item for item in items if item.source != GRAVITY)
+    return replace(free, declared=tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others))
 
 
 def covariance_of(

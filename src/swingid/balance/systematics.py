@@ -11,8 +11,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from swingid.balance.fits import WindowFit
+from swingid.balance.fits import GRAVITY, WindowFit, with_gravity_free
 from swingid.balance.rows import Signals, Windows
+from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import superpose
 from swingid.uncertainty.dark import dark_uncertainty
@@ -102,6 +103,30 @@ def drift_with_length(law: WindowFit, tried: Mapping[float, WindowFit], signals:
             variance = max(variance, variance_of_difference(signals, law, fit))
             worst = max(worst, share * _unexplained(law, fit, variance))
     return worst
+
+
+def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
+    """Standard uncertainty of a11 where the stated gravity torque contradicts the log (a conflict of prior and data).
+
+    Either the stated gravity torque is wrong, or the scale of the drive is, and with it a11 and the fitted gravity
+    torque in one proportion. The dark uncertainty holds the estimates of both cases.
+    """
+    stated = law.scale.b
+    if not stated or law.scale.drive == "none" or signals.linear:
+        return 0.0
+    free = with_gravity_free(law, rig, signals)
+    if free is None or free.a11 <= 0 or free.b <= 0:
+        return 0.0
+    mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
+    variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
+    variance += sum((float(other.shifts[0]) - mine.get(other.item.source, 0.0)) ** 2 for other in free.declared)
+    by_drive = dark_uncertainty(free.a11 - law.a11, variance, law.u)
+    k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
+    ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)
+    ratio += 0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2
+    by_gravity = free.a11 * stated / free.b
+    variance += ratio * (by_gravity / stated) ** 2
+    return max(by_drive, dark_uncertainty(by_gravity - law.a11, variance, law.u))
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:

@@ -15,8 +15,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.fits import LAG, WindowFit, columns_of, fit_rows, known_side, residuals_beside, with_declared
-from swingid.balance.imperfections import axis_bends, imperfections, wheel_bends
+from swingid.balance.fits import (
+    LAG,
+    WindowFit,
+    columns_of,
+    known_side,
+    residuals_beside,
+    with_declared,
+    with_gravity_free,
+)
+from swingid.balance.imperfections import axis_bends, wheel_bends
 from swingid.balance.rows import Signals
 from swingid.checks.answer import LEAST
 from swingid.format import number, percent, plus_minus
@@ -110,7 +118,10 @@ def check_gravity(
         if off * (free.b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(one[1], stated.std or 0.0):
             return []
     # the disagreement of windows is no part of law.total: a wrong scale causes it
-    if not free.b > 0 or free.a11 <= 0 or abs(free.a11 - law.a11) <= max(MATTERS * law.total, least * law.a11):
+    if not free.b > 0 or free.a11 <= 0:
+        return []
+    apart = free.a11 * abs(1 - stated.value / free.b)  # of both readings; a prior of b has moved law.a11 to the first
+    if apart <= max(MATTERS * law.total, least * law.a11):
         return []
     drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"
     by_drive, by_gravity = (
@@ -127,15 +138,11 @@ def check_gravity(
 
 def _freed(fit: WindowFit, signals: Signals, rig: Rig) -> tuple[WindowFit, float] | None:
     """The same windows with the gravity torque fitted, and its standard uncertainty with all that is declared."""
-    free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
+    free = with_gravity_free(fit, rig, signals)
     if free is None:
         return None
     k = free.unknowns.index("gravity_torque")
-    variance = float(free.covariance[k, k])
-    for item in imperfections(rig, signals, free.rows, free.a11, free.b):
-        if item.source != "axis.gravity_torque":
-            variance += (float(free.fit.influence[k] @ item.rows) * item.std) ** 2
-    return free, float(np.sqrt(variance))
+    return free, float(np.sqrt(free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)))
 
 
 @dataclass(frozen=True)

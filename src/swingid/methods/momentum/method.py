@@ -23,6 +23,7 @@ from swingid.balance.systematics import (
     common_instants,
     disagreement,
     drift_with_length,
+    gravity_conflict,
     grid_spread,
     noise_weights,
     timing_spread,
@@ -140,6 +141,7 @@ def _estimate(choice: Choice, rig: Rig) -> _Estimate:
         "place of the encoder's grid": grid_spread(signals, law, "inertia"),
         "timing of the turning points": timing_spread(law, choice.impulse),
         "drift with the length of the windows": drift_with_length(law, choice.tried, signals),
+        "conflict of the gravity torque with the log": gravity_conflict(law, rig, signals),
     }
     return _Estimate(law, choice.tried, swing, even, choice.friction, common, turning_rows)
 

@@ -22,7 +22,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-from swingid.uncertainty.significance import DETECTED, INDICATED
+from swingid.uncertainty.significance import DETECTED
 
 FLAT = 1.25
 """Of windows whose uncertainties are equal within this factor the longest is taken."""
@@ -44,9 +44,9 @@ ONE_SWING = 0.55
 
 
 REVERSAL = 0.1
-"""Longest time, in swings, over which dry friction may still have its old direction.
+"""Longest time, in swings, over which dry friction of a free decay may still have its old direction.
 
-What acts longer is no impulse at the reversal. The impulses that LuGre's bristles and Stribeck's peak make in simulated
+Nothing but friction acts at its reversals, where a drive has backlash and latencies, too. What acts longer is no impulse at the reversal. The impulses that LuGre's bristles and Stribeck's peak make in simulated
 logs are 0.001 to 0.07 of the dry friction times a swing; those that correlated errors of a camera or a rate gyro make
 in logs without dry friction are 0.12 and more (logs of benchmarks/strangers.py), and bias the inertia by 1 to 8 %.
 """
@@ -112,8 +112,9 @@ def _with_memory(
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
-    dry, unsure = sharpest.value("coulomb"), sharpest.uncertainty("coulomb")
-    possible = dry > INDICATED * unsure and found < REVERSAL * signals.motion.half_period * dry
+    plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
+    most = REVERSAL * signals.motion.half_period * abs(plain.value("coulomb"))
+    possible = scale.drive != "none" or found < most
     return (remembered if possible and found > DETECTED * spread else tried), impulse_left(impulse, found, spread)
 
 

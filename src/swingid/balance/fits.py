@@ -128,12 +128,12 @@ class WindowFit(NamedFit):
         return float(np.sqrt(self.covariance[0, 0] + sum(effect.shifts[0] ** 2 for effect in self.declared)))
 
     def relative(self, u: float) -> float:
-        """A standard uncertainty of a11 as a share of it, infinite where a11 is not positive.
+        """A standard uncertainty of a11 as a share of its magnitude.
 
         Noise in the column of a11 multiplies the estimate and its standard uncertainty by one factor below 1
         (errors in variables), so windows short enough to be attenuated look best in absolute terms and not in these.
         """
-        return u / self.a11 if self.a11 > 0 else math.inf
+        return u / max(abs(self.a11), 1e-300)
 
 
 def known_side(rows: Rows, scale: Scale) -> Array:
@@ -204,9 +204,12 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
 
 
 def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:
-    """The same windows with the gravity torque an unknown without prior, and all else that is declared propagated."""
+    """The same windows with the gravity torque an unknown without prior, and all else that is declared propagated.
+
+    None where there are too few rows, and where a further unknown has the regressor of gravity.
+    """
     free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
-    if free is None:
+    if free is None or not np.isfinite(free.fit.condition):
         return None
     items = imperfections(rig, signals, free.rows, free.a11, free.b)
     others = (item for item in items if item.source != GRAVITY)

@@ -89,7 +89,7 @@ def drift_with_length(law: WindowFit, tried: Mapping[float, WindowFit], signals:
 
     All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978),
     or what white noise of the samples gives it, whichever is larger. Friction that the basis does not describe acts
-    near the reversals, and its bias grows with the length L about as its root (EMPS: from 7 ms to 0.3 s). A difference
+    near the reversals, and its bias grows with the length L about as its root (on a ball screw: from 7 ms to 0.3 s). A difference
     d from windows of length L then bounds the bias at the length L0 by d / (√(L/L0) − 1), beyond 4 L0 less than d.
     """
     worst, limit = 0.0, COMPARED_LENGTHS * law.relative(law.total)
@@ -124,9 +124,10 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
     ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)
     ratio += 0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2
-    by_gravity = free.a11 * stated / free.b
-    variance += ratio * (by_gravity / stated) ** 2
-    return max(by_drive, dark_uncertainty(by_gravity - law.a11, variance, law.u))
+    # a11 is in proportion to the gravity torque, to first order
+    by_gravity = free.a11 - law.a11 - law.a11 * (free.b / stated - 1.0)
+    variance += ratio * (law.a11 / stated) ** 2
+    return max(by_drive, dark_uncertainty(by_gravity, variance, law.u))
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:

@@ -44,6 +44,9 @@ from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, joined, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
 
+CONFLICT = "conflict of the gravity torque with the log"
+"""Source of `gravity_conflict` in the budget."""
+
 NEGLIGIBLE = 1e-3
 """Share of the scatter's uncertainty below which another of type A is omitted from the budget."""
 
@@ -97,7 +100,8 @@ def momentum(prepared: Prepared) -> Result:
         extra["loss_unexplained"] = lost
     notes = [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes()]
     u = parameters["inertia"].standard_uncertainty or 0.0
-    off = check_zero(estimate.law, signals, u)
+    # a wrong zero is one cause of the conflict, which therefore must not hide it
+    off = check_zero(estimate.law, signals, max(u**2 - estimate.common[CONFLICT] ** 2, 0.0) ** 0.5)
     if not off:  # a wrong zero changes the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig)
     off += check_encoders(estimate.law, rig, signals)
@@ -141,7 +145,7 @@ def _estimate(choice: Choice, rig: Rig) -> _Estimate:
         "place of the encoder's grid": grid_spread(signals, law, "inertia"),
         "timing of the turning points": timing_spread(law, choice.impulse),
         "drift with the length of the windows": drift_with_length(law, choice.tried, signals),
-        "conflict of the gravity torque with the log": gravity_conflict(law, rig, signals),
+        CONFLICT: gravity_conflict(law, rig, signals),
     }
     return _Estimate(law, choice.tried, swing, even, choice.friction, common, turning_rows)
 

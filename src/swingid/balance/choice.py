@@ -46,9 +46,10 @@ ONE_SWING = 0.55
 REVERSAL = 0.1
 """Longest time, in swings, over which dry friction of a free decay may still have its old direction.
 
-Nothing but friction acts at its reversals, where a drive has backlash and latencies, too. What acts longer is no impulse at the reversal. The impulses that LuGre's bristles and Stribeck's peak make in simulated
-logs are 0.001 to 0.07 of the dry friction times a swing; those that correlated errors of a camera or a rate gyro make
-in logs without dry friction are 0.12 and more (logs of benchmarks/strangers.py), and bias the inertia by 1 to 8 %.
+Nothing but friction acts at its reversals, where a drive has backlash and latencies, too. What acts longer is no
+impulse at the reversal. The impulses that LuGre's bristles and Stribeck's peak make in simulated logs are 0.001 to 0.07
+of the dry friction times a swing; those that correlated errors of a camera or a rate gyro make in logs without dry
+friction are 0.12 and more (logs of benchmarks/strangers.py), and bias the inertia by 1 to 8 %.
 """
 
 

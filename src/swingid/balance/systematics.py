@@ -90,7 +90,8 @@ def drift_with_length(law: WindowFit, tried: Mapping[float, WindowFit], signals:
     All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978),
     or what white noise of the samples gives it, whichever is larger. Friction that the basis does not describe acts
     near the reversals, and its bias grows with the length L about as its root (on a ball screw: from 7 ms to 0.3 s). A
-    difference d from windows of length L then bounds the bias at the length L0 by d / (√(L/L0) − 1), beyond 4 L0 less than d.
+    difference d from windows of length L then bounds the bias at the length L0 by d / (√(L/L0) − 1), beyond 4 L0 less
+    than d.
     """
     worst, limit = 0.0, COMPARED_LENGTHS * law.relative(law.total)
     for half, fit in tried.items():

@@ -77,6 +77,9 @@ def rehearse(
     initial_angle: Angle = "0",
     gains: Annotated[Gains | None, typer.Option(help="Of the controller; default: the paper's experiment.")] = None,
     method: Methods = None,
+    fault: Annotated[
+        list[str] | None, typer.Option(metavar="NAME: GRADE", help="Something wrong that nobody knows; repeatable.")
+    ] = None,
     json: Json = None,
 ) -> None:
     """Predict the error and the interval of each method from this experiment on RIG, before the rig is touched.
@@ -106,6 +109,7 @@ def rehearse(
         seed=seed,
         initial_angle=angle,
         methods=method,
+        faults=fault or (),
         progress=_progress,
     )
     output.hand_over(rehearsal, json)

@@ -13,7 +13,7 @@ import numpy as np
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
-from swingid.simulation import simulate
+from swingid.simulation.twin import Setup, run_of
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -38,9 +38,9 @@ class Experiment:
     draw: bool
     methods: tuple[tuple[str, str, Mapping[str, object]], ...]
 
-    def log(self, seed: int) -> Recording:
-        """The twin's log, with everything that is random drawn by `seed`, also the grid phases of its encoders."""
-        return simulate(
+    def setup(self, seed: int) -> Setup:
+        """One run, with everything that is random drawn by `seed`, also the grid phases of the encoders."""
+        return Setup(
             self.twin,
             self.reference,
             self.controller,
@@ -51,6 +51,14 @@ class Experiment:
             draw=self.draw,
             encoder_zero=encoder_places(self.twin, seed),
         )
+
+    def log(self, seed: int) -> Recording:
+        """The twin's log of the run that `seed` draws."""
+        return run_of(self.setup(seed)).recording
+
+    def read(self, log: Recording) -> Recording:
+        """What the lab reads from the file that is written of a log."""
+        return through_file(log, self.stated)
 
 
 def without_truth(rig: Rig) -> Rig:

@@ -20,7 +20,8 @@ from swingid.methods.table import METHODS, method_of
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
-from swingid.study.experiment import Experiment, through_file, without_truth
+from swingid.study.experiment import Experiment, without_truth
+from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, aligned, counted, noted
 
 if TYPE_CHECKING:
@@ -133,6 +134,7 @@ def rehearse(
     seed: int = 0,
     initial_angle: float = 0.0,
     methods: Sequence[str] | Mapping[str, Mapping[str, object]] | None = None,
+    faults: Sequence[str] = (),
     workers: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Rehearsal:
@@ -141,7 +143,8 @@ def rehearse(
     In each run the constants with a stated uncertainty, the imperfections and places of the encoders, noise and jitter
     are drawn; run k draws by `seed` + k, so the answer is the same for any number of `workers` (processes; default: one
     per core).
-    methods: names, or options by name; all of them by default. The rig must state axis.inertia; friction as in
+    methods: names, or options by name; all of them by default. faults: what the rig, its file or its log has and nobody
+    knows, as "clock: 200 ppm" (`study.faults`). The rig must state axis.inertia; friction as in
     axis.friction. progress(done, runs) is called after each run.
 
     Raises InputError for a rig without axis.inertia, UsageError for too few runs, UnanswerableError where no method
@@ -161,6 +164,9 @@ def rehearse(
     experiment = Experiment(
         rig, without_truth(rig), reference, controller, duration, rate, initial_angle, draw=True, methods=ways
     )
+    drawn = [parse_fault(text) for text in faults]
+    if drawn:
+        experiment = with_faults(experiment, drawn)
     outcomes: list[tuple[Outcome, ...]] = []
     for found in _runs(experiment, [seed + k for k in range(runs)], workers or os.cpu_count() or 1):
         outcomes.append(found)
@@ -172,7 +178,9 @@ def rehearse(
         raise UnanswerableError(
             f"no method found an inertia in any of {runs} runs ({reasons}); plan another motion.", code="all-refused"
         )
-    return Rehearsal(rig.name, runs, expectations, tuple(_notes(rig)))
+    return Rehearsal(
+        rig.name, runs, expectations, (*_notes(rig), *(f"with the fault {one}: {one.fault.words}." for one in drawn))
+    )
 
 
 @dataclass(frozen=True)
@@ -205,7 +213,7 @@ def run_once(experiment: Experiment, seed: int) -> tuple[Outcome, ...]:
     truth = log.metadata["truth"]
     assert isinstance(truth, dict)
     try:
-        read = through_file(log, experiment.stated)
+        read = experiment.read(log)
     except (UnanswerableError, InputError) as error:
         return tuple(Outcome(np.nan, np.nan, error.code) for _ in experiment.methods)
     inertia = float(truth["inertia"])

@@ -13,17 +13,17 @@ from swingid.control.references import parse_reference
 from swingid.errors import InputError, UsageError
 from swingid.methods.table import method_of
 from swingid.model.rig import Rig
-from swingid.study.campaign.plan import Point, Times, flattened
-from swingid.study.campaign.tables import BATCHED, KEYS_IN_WORDS, is_key
+from swingid.model.terms import stated_at
+from swingid.study.campaign.plan import Point, flattened
+from swingid.study.campaign.tables import BATCHED, KEYS_IN_WORDS, PLAIN_KEYS, is_key
+from swingid.study.changes import ABSENT, changed
 from swingid.study.experiment import Experiment, without_truth
+from swingid.study.faults import parse_fault, with_faults
 from swingid.units import Quantity, parse_quantity
 
 if TYPE_CHECKING:
     from swingid.control.references.base import Reference
     from swingid.study.campaign.plan import Plan
-
-ABSENT = "absent"
-"""The value that takes a key of the rig away."""
 
 GAINS = {"experiment": Compensator.paper, "simulation": Compensator.paper_simulation}
 
@@ -35,8 +35,12 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
     _check_keys(plan, point)
     source, text = plan.rigs[str(settings["rig"])]
     rig = changed(Rig.from_text(text, source), _under(settings, "both"))
+    rig = _with_uncertainty(rig, settings["uncertainty"])
     twin = changed(rig, _under(settings, "twin"))
     stated = without_truth(changed(rig, _under(settings, "stated")))
+    faults = [parse_fault(str(text)) for text in _under(settings, "faults").values()]
+    if faults and plan.batched:
+        raise InputError(f"{base.methods[0]} has no runs with faults; take another method", code="no-faults")
     if twin.axis.inertia is None:
         raise InputError("twin.axis.inertia is missing, but the twin needs it", code="no-inertia")
     if isinstance(twin.axis.gravity_torque, str):
@@ -49,7 +53,7 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
     controller = None if reference is None else _controller(stated, _under(settings, "controller"))
     if controller is None and _under(settings, "controller"):
         raise InputError("controller needs a reference to follow; give base.reference", code="no-reference")
-    return Experiment(
+    experiment = Experiment(
         twin,
         stated,
         reference,
@@ -60,6 +64,17 @@ def experiment_of(plan: Plan, point: Point) -> Experiment:
         base.draw,
         tuple(_method(plan, name, _under(settings, f"methods.{name}")) for name in base.methods),
     )
+    return with_faults(experiment, faults) if faults else experiment
+
+
+def _with_uncertainty(rig: Rig, share: object) -> Rig:
+    """The rig with this relative standard uncertainty of every constant that states none."""
+    if isinstance(share, bool) or not isinstance(share, int | float) or not 0 <= share < 1:
+        raise InputError(f"uncertainty must be a share from 0 to 1, not {share!r}", code="wrong-value")
+    if not share:
+        return rig
+    known = {key: q for key in rig.constants_without_uncertainty() if isinstance(q := stated_at(rig, key), Quantity)}
+    return rig.changed({key: Quantity(q.value, share * abs(q.value)) for key, q in known.items() if q.value})
 
 
 def _check_keys(plan: Plan, point: Point) -> None:
@@ -74,8 +89,8 @@ def _check_keys(plan: Plan, point: Point) -> None:
 
 def _base_settings(plan: Plan) -> dict[str, Any]:
     base = plan.tables.base
-    nested = {name: getattr(base, name) for name in ("both", "twin", "stated", "controller")}
-    plain = {name: getattr(base, name) for name in ("rig", "reference", "duration", "rate", "initial_angle")}
+    nested = {name: getattr(base, name) for name in ("both", "twin", "stated", "controller", "faults")}
+    plain = {name: getattr(base, name) for name in PLAIN_KEYS}
     return plain | flattened(nested)
 
 
@@ -84,33 +99,11 @@ def _under(settings: Mapping[str, Any], prefix: str) -> dict[str, Any]:
     return {key[len(prefix) + 1 :]: value for key, value in settings.items() if key.startswith(f"{prefix}.")}
 
 
-def changed(rig: Rig, values: Mapping[str, Any]) -> Rig:
-    """The rig with values at dotted keys; "absent" takes a key away, `Times` multiplies what is stated."""
-    if not values:
-        return rig
-    return rig.changed({key: _value(rig, key, value) for key, value in values.items()})
-
-
-def _value(rig: Rig, key: str, value: Any) -> Any:
-    if value == ABSENT:
-        return None
-    if not isinstance(value, Times):
-        return value
-    place: object = rig
-    for name in key.split("."):
-        place = getattr(place, name, None)
-    if isinstance(place, Quantity):
-        return Quantity(place.value * value.factor, place.std)
-    if isinstance(place, int | float) and not isinstance(place, bool):
-        return place * value.factor
-    raise InputError(f"{key} is not stated as a number, so there is no multiple of it", code="wrong-value")
-
-
 def _reference(settings: Mapping[str, Any]) -> Reference | None:
     """The motion, with the factors reference.NAME in the place of {NAME}."""
     text = settings["reference"]
     parts = _under(settings, "reference")
-    if text is None:
+    if text is None or text == ABSENT:
         if parts:
             raise InputError("reference is missing, so it has no part that could be varied", code="no-reference")
         return None

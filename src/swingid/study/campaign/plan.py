@@ -15,6 +15,7 @@ import numpy as np
 from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
 from swingid.study.campaign.tables import BATCHED, SAMPLED, Factor, PlanTables
+from swingid.study.changes import Times
 
 BASE = "base"
 """Label of a factor that is as the base has it, where one factor at a time is varied."""
@@ -99,13 +100,6 @@ def differing_key(one: Mapping[str, Any], other: Mapping[str, Any]) -> str:
     """The first dotted key at which two plain documents differ."""
     a, b = flattened(one), flattened(other)
     return next((key for key in sorted(a.keys() | b.keys()) if a.get(key) != b.get(key)), "")
-
-
-@dataclass(frozen=True)
-class Times:
-    """A multiple of what the base states at a key."""
-
-    factor: float
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from swingid.format import percent
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
+from swingid.study.campaign.trust import trust_of, trust_tables
 from swingid.study.output import Study, aligned, counted, noted
 from swingid.study.rehearse import Expectation
 
@@ -202,6 +203,7 @@ class Summary(Study):
                 for e in self.effects
             ],
             "loop": self.loop,
+            "trust": trust_of(self.plan, self.columns),
         }
 
     def refusals_and_warnings(self) -> Iterator[tuple[str, str]]:
@@ -222,6 +224,8 @@ class Summary(Study):
             if cells:
                 lines += ["", f"[[by {factor}]]"]
                 lines += _table((factor, "method"), cells, lambda cell: (cell.level, cell_name(cell)))
+        for table in trust_tables(plan, self.columns):
+            lines += ["", *aligned(table)]
         lines += ["", *noted(f"{what}: {codes}" for what, codes in self.refusals_and_warnings())]
         if self.failures:
             lines += noted([f"runs without a log: {counted(self.failures, self.trials)}"])

@@ -12,14 +12,15 @@ from swingid.methods.output_error.unknowns import friction_unknowns
 from swingid.methods.table import METHODS
 from swingid.model.rig.fields import Column, Table, refuse
 from swingid.model.terms import TERMS
+from swingid.study.faults import every_fault
 
 Design = Literal["grid", "one-at-a-time", "random", "latin-hypercube", "sobol"]
 
 SAMPLED = ("random", "latin-hypercube", "sobol")
 """Designs that draw `points` points; the others take what the factors list."""
 
-PREFIXES = ("both", "twin", "stated", "controller", "methods", "reference")
-PLAIN_KEYS = ("rig", "reference", "duration", "rate", "initial_angle")
+PREFIXES = ("both", "twin", "stated", "faults", "controller", "methods", "reference")
+PLAIN_KEYS = ("rig", "uncertainty", "reference", "duration", "rate", "initial_angle")
 
 KEYS_IN_WORDS = f"give {', '.join(PLAIN_KEYS)}, or a key that begins with {', '.join(f'{p}.' for p in PREFIXES)}"
 
@@ -40,6 +41,13 @@ class Factor(Table):
     steps: int | None = Field(None, gt=1)
     relative: bool = False
     levels: dict[str, dict[str, Any]] | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _all_faults(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and str(raw.get("key")).startswith("faults.") and len(raw) == 1:
+            return {**raw, "values": every_fault()}
+        return raw
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
@@ -95,6 +103,8 @@ class Base(Table):
     both: dict[str, Any] = Field(default_factory=dict)
     twin: dict[str, Any] = Field(default_factory=dict)
     stated: dict[str, Any] = Field(default_factory=dict)
+    faults: dict[str, str] = Field(default_factory=dict)
+    uncertainty: float = Field(0.0, ge=0)
 
 
 class Bound(Table):

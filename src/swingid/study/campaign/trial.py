@@ -27,7 +27,7 @@ from swingid.result.result import Parameter
 from swingid.simulation.draws import draw_constants
 from swingid.simulation.ensemble import simulate_ensemble
 from swingid.study.campaign.experiment import experiment_of
-from swingid.study.experiment import Experiment, encoder_places, through_file
+from swingid.study.experiment import Experiment, encoder_places
 
 if TYPE_CHECKING:
     from swingid import batch
@@ -139,7 +139,7 @@ def run_trial(plan: Plan, trial: int) -> list[Row]:
     try:
         experiment = experiment_at(Known(plan), head.place["point"])
         log = experiment.log(head.place["seed"])
-        known = through_file(log, experiment.stated)
+        known = experiment.read(log)
     except Exception as error:
         # whatever it is, it concerns this trial alone: the others go on, and the row holds the reason
         return [head.row(name, q, error, FAILED) for name in plan.tables.base.methods or [""] for q in quantities]
@@ -258,7 +258,7 @@ def _choices(known: Known, point: int) -> batch.Plan:
     """What the batched estimators choose once for a point, from its first runs."""
     plan, experiment = known.plan, experiment_at(known, point)
     logs = [experiment.log(plan.seed(point, repeat)) for repeat in range(FOR_CHOICES)]
-    return plan_batch([through_file(log, experiment.stated) for log in logs], experiment.stated)
+    return plan_batch([experiment.read(log) for log in logs], experiment.stated)
 
 
 def _estimates(method: str, runs: Ensemble, experiment: Experiment, chosen: batch.Plan) -> batch.Batch | Exception:

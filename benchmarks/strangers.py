@@ -118,7 +118,8 @@ def totals(rows: list[dict[str, Any]]) -> str:
         near = [row for row in own if row.get("off", 1.0) <= NEAR]
         warned = [row for row in own if row["status"] == "warning"]
         lines.append(
-            f"{method:15s} {len(own)} logs; ok {len(ok)}, of which {sum(row['verdict'] == 'meets' for row in ok)} meet; "
+            f"{method:15s} {len(own)} logs; "
+            f"ok {len(ok)}, of which {sum(row['verdict'] == 'meets' for row in ok)} meet; "
             f"warned {len(warned)}, of which {sum(row['verdict'] == 'meets' for row in warned)} meet; "
             f"refused {sum(row['status'] == 'refused' for row in own)}; "
             f"crashed {sum(row['status'] == 'crash' for row in own)}; within {100 * NEAR:g} % of the evidence "

@@ -30,16 +30,23 @@ richer odd basis would be nearly collinear.
 GRAVITY = "axis.gravity_torque"
 """Key of the gravity torque in the rig file, and its source in a budget."""
 
+ROUNDING = 1e-9
+"""Share of the known side below which residuals are those of the arithmetic, which no prior may be weighed by."""
+
 LAG = 4
 """Neighbouring rows that share data (windows of length 2L, one every L/2) and therefore are correlated."""
 
 
 @dataclass(frozen=True)
 class Effect:
-    """Change of the unknowns of a fit, `shifts` (unknowns,) in their units, for one standard deviation of `item`."""
+    """Change of the unknowns of a fit, `shifts` (unknowns,) in their units, for one standard deviation of `item`.
+
+    value: of the imperfection where it was fitted, in standard deviations.
+    """
 
     item: Imperfection
     shifts: Array
+    value: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -174,8 +181,9 @@ def fit_with_prior(fit: WindowFit, extra: Sequence[Array], rounds: int = 2) -> t
     rows, unknowns = columns.shape
     matrix = np.column_stack([columns, *extra])
     target, residuals = np.append(fit.known, np.zeros(len(extra))), fit.fit.residuals[:rows]
+    least = ROUNDING * float(np.sqrt(np.mean(target**2)))
     for _ in range(rounds):
-        error = float(np.sqrt(LAG / 2 * np.mean(residuals**2)))
+        error = max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), least)
         prior = np.hstack([np.zeros((len(extra), unknowns)), error * np.eye(len(extra))])
         solved = fit_linear(np.vstack([matrix, prior]), target)
         residuals = solved.residuals[:rows]
@@ -190,17 +198,27 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
     and 7). Other constants are no unknowns: their declared uncertainty is propagated.
     """
     items = imperfections(rig, signals, fit.rows, fit.a11, fit.b)
-    own = [item for item in items if item.calibrates]
-    effects = []
-    if own:
-        solved, error = fit_with_prior(fit, [-item.rows * item.std for item in own])
-        rows, p = len(fit.rows.windows), len(fit.unknowns)
-        data = LinearFit(solved.values[:p], solved.residuals[:rows], solved.influence[:p, :rows], fit.fit.condition)
-        covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.scale, fit.noise)
-        fit = replace(fit, fit=data, covariance=covariance, computed=computed)
-        effects = [Effect(item, solved.influence[:p, rows + k] * error) for k, item in enumerate(own)]
-    effects += [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
-    return replace(fit, declared=tuple(effects))
+    fit = with_fitted(fit, [item for item in items if item.calibrates])
+    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
+    return replace(fit, declared=(*fit.declared, *passed))
+
+
+def with_fitted(fit: WindowFit, items: Sequence[Imperfection], rounds: int = 2) -> WindowFit:
+    """The fit with these imperfections as unknowns under their priors, whose effects alone are `declared` then.
+
+    rounds: in which the weight of the priors follows from the residuals; more where these fall by much.
+    """
+    if not items:
+        return replace(fit, declared=())
+    solved, error = fit_with_prior(fit, [-item.rows * item.std for item in items], rounds)
+    rows, p = len(fit.rows.windows), len(fit.unknowns)
+    data = LinearFit(solved.values[:p], solved.residuals[:rows], solved.influence[:p, :rows], fit.fit.condition)
+    covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.scale, fit.noise)
+    effects = tuple(
+        Effect(item, solved.influence[:p, rows + k] * error, float(solved.values[p + k]))
+        for k, item in enumerate(items)
+    )
+    return replace(fit, fit=data, covariance=covariance, computed=computed, declared=effects)
 
 
 def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:

@@ -8,21 +8,31 @@ compared, and what their uncertainties do not explain is dark uncertainty.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import GRAVITY, WindowFit, with_gravity_free
+from swingid.balance.fits import GRAVITY, WindowFit, fit_rows, with_fitted, with_gravity_free
+from swingid.balance.imperfections import Imperfection
 from swingid.balance.rows import Signals, Windows
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.test_functions import superpose
+from swingid.numerics.test_functions import project, superpose
 from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.significance import INDICATED
 
 SHIFTS = (np.arange(8) / 8 + 0.5) % 1 - 0.5
 """Of the grid in `Signals.grid_errors`, in steps."""
 
 COMPARABLE = 2.0
 """Ratio of uncertainties up to which two estimates know a quantity about equally well."""
+
+ROUNDS = 6
+"""Of the weight of that prior, see `with_fitted`: the residuals may fall by orders of magnitude."""
+
+PLACE_SHARE = 0.05
+"""Prior standard deviation of each torque that depends on the angle, as a share of gravity or of the torque of the
+inertia: larger ones are seen by eye."""
 
 SHORTEST, COMPARED_LENGTHS = 0.49, 4.0
 """Shortest windows that are compared, in lengths of the chosen ones, for attenuation is theirs alone; and the ratio of
@@ -129,6 +139,64 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     by_gravity = free.a11 - law.a11 - law.a11 * (free.b / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
     return max(by_drive, dark_uncertainty(by_gravity, variance, law.u))
+
+
+@dataclass(frozen=True)
+class PlaceFit:
+    """The windows fitted with a torque of one kind that depends on the angle, and without it.
+
+    variance: of the difference of a11 by noise, by the prior and by the grid phase of the encoder.
+    """
+
+    more: WindowFit
+    plain: WindowFit
+    variance: float
+
+    @property
+    def difference(self) -> float:
+        """Change of a11 by the torque."""
+        return self.more.a11 - self.plain.a11
+
+
+def place_fits(law: WindowFit, signals: Signals) -> list[PlaceFit]:
+    """One fit for each kind of torque that depends on the angle: a spring, detents or cogging of order 2 and 3.
+
+    Inertia and gravity are even under q' → −q' as any torque T(q) is, so no symmetry removes it. Each kind alone, for
+    together they replace the gravity torque, which is the scale of a free decay; and under a prior. A linear axis: the
+    first powers of the position.
+    """
+    angle = signals.angle
+    if signals.linear:
+        reach = float(np.max(np.abs(angle - np.mean(angle)))) or 1.0
+        kinds = [[((angle - np.mean(angle)) / reach) ** n] for n in (1, 2, 3)]
+    else:
+        kinds = [[angle], *([np.sin(n * angle), np.cos(n * angle)] for n in (2, 3))]
+    windows = law.rows.windows
+    columns = project(signals.nodes, [(x, 0) for kind in kinds for x in kind], windows.centres, windows.half)
+    bare = fit_rows(law.rows, law.scale, law.noise, law.friction)
+    std = PLACE_SHARE * (abs(law.b) or float(np.max(np.abs(law.a11 * law.rows.inertia))) / float(windows.middle))
+    if bare is None or std == 0.0:
+        return []
+    declared = [effect.item for effect in law.declared if effect.item.calibrates]
+    plain = with_fitted(bare, declared, ROUNDS)
+    found, first, grid = [], 0, grid_spread(signals, plain, "inertia") ** 2
+    for kind in kinds:
+        own = columns[:, first : first + len(kind)]
+        first += len(kind)
+        items = [Imperfection("place", std, column, 0.0, None, calibrates=True) for column in own.T]
+        more = with_fitted(bare, [*declared, *items], ROUNDS)
+        own_effects = more.declared[len(declared) :]
+        if any(abs(effect.value) > INDICATED for effect in own_effects):
+            continue  # so large a torque is known: the residuals have another cause, as the distortion of a camera
+        prior = sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
+        variance = abs(more.u**2 - plain.u**2) + prior + grid + grid_spread(signals, more, "inertia") ** 2
+        found.append(PlaceFit(more, plain, float(variance)))
+    return found
+
+
+def place_torque(fits: Sequence[PlaceFit], u: float) -> float:
+    """Standard uncertainty of a11 by torques that depend on the angle and are not in the model."""
+    return max((dark_uncertainty(one.difference, one.variance, u) for one in fits), default=0.0)
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:

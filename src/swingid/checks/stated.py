@@ -10,12 +10,13 @@ Zero: gravity about another zero, b sin(q1 − δ), leaves −b δ cos q1 in equ
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swingid.balance.fits import (
+    GRAVITY,
     LAG,
     WindowFit,
     columns_of,
@@ -26,6 +27,7 @@ from swingid.balance.fits import (
 )
 from swingid.balance.imperfections import axis_bends, wheel_bends
 from swingid.balance.rows import Signals
+from swingid.balance.systematics import PlaceFit
 from swingid.checks.answer import LEAST
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
@@ -120,7 +122,9 @@ def check_gravity(
     # the disagreement of windows is no part of law.total: a wrong scale causes it
     if not free.b > 0 or free.a11 <= 0:
         return []
-    apart = free.a11 * abs(1 - stated.value / free.b)  # of both readings; a prior of b has moved law.a11 to the first
+    apart = abs(free.a11 - law.a11)
+    if any(effect.item.source == GRAVITY and effect.item.calibrates for effect in law.declared):
+        apart = free.a11 * abs(1 - stated.value / free.b)  # between both cases, for the prior has moved law.a11
     if apart <= max(MATTERS * law.total, least * law.a11):
         return []
     drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"
@@ -143,6 +147,27 @@ def _freed(fit: WindowFit, signals: Signals, rig: Rig) -> tuple[WindowFit, float
         return None
     k = free.unknowns.index("gravity_torque")
     return free, float(np.sqrt(free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)))
+
+
+def check_place(law: WindowFit, fits: Sequence[PlaceFit]) -> list[Message]:
+    """A warning where a torque that depends on the angle, which no term of the rig has, biases the inertia."""
+    found = max(fits, key=lambda one: abs(one.difference) / max(one.variance, 1e-300) ** 0.5, default=None)
+    if found is None:
+        return []
+    more, extra = found.more, len(found.more.declared) - len(found.plain.declared)
+    freedom = len(law.rows.windows) / (LAG / 2) - len(more.unknowns) - extra
+    before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (found.plain, more))
+    if not 0 < after < BETTER**2 * before or (before / after - 1) * freedom / extra < CERTAIN_RATIO:
+        return []
+    if abs(found.difference) < max(MATTERS * law.total, LEAST * law.a11, DETECTED * found.variance**0.5):
+        return []
+    key = "axis.stiffness" if law.scale.linear else "axis.stiffness or axis.cogging"
+    text = (
+        "a torque that depends on the angle, as of a cable, a spring or magnets, would reduce the residuals of the "
+        f"balance to {np.sqrt(after / before):.0%} and make the inertia "
+        f"{plus_minus(more.inertia, more.total, law.scale.unit)}; remove it, or state {key}."
+    )
+    return [Message("place-torque", text)]
 
 
 @dataclass(frozen=True)

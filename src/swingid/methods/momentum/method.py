@@ -20,17 +20,20 @@ from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
     COMPARED,
+    PlaceFit,
     common_instants,
     disagreement,
     drift_with_length,
     gravity_conflict,
     grid_spread,
     noise_weights,
+    place_fits,
+    place_torque,
     timing_spread,
 )
 from swingid.balance.windows import even_windows, swing_windows
 from swingid.checks.answer import check_answer, check_motor, check_sign
-from swingid.checks.stated import check_encoders, check_gravity, check_zero
+from swingid.checks.stated import check_encoders, check_gravity, check_place, check_zero
 from swingid.errors import NotIdentifiableError
 from swingid.methods.momentum.latency import check_latency, with_latency
 from swingid.model.rig import Rig
@@ -46,6 +49,9 @@ from swingid.uncertainty.freedom import bartlett, scatter_freedom
 
 CONFLICT = "conflict of the gravity torque with the log"
 """Source of `gravity_conflict` in the budget."""
+
+PLACE = "torque that depends on the angle"
+"""Source of `place_torque` in the budget."""
 
 NEGLIGIBLE = 1e-3
 """Share of the scatter's uncertainty below which another of type A is omitted from the budget."""
@@ -65,6 +71,7 @@ class _Estimate:
     friction: FrictionLaw
     common: dict[str, float]
     turning_rows: Rows
+    place: list[PlaceFit]
 
 
 def momentum(prepared: Prepared) -> Result:
@@ -101,10 +108,13 @@ def momentum(prepared: Prepared) -> Result:
     notes = [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes()]
     u = parameters["inertia"].standard_uncertainty or 0.0
     # a wrong zero is one cause of the conflict, which therefore must not hide it
-    off = check_zero(estimate.law, signals, max(u**2 - estimate.common[CONFLICT] ** 2, 0.0) ** 0.5)
+    off = check_zero(
+        estimate.law, signals, max(u**2 - estimate.common[CONFLICT] ** 2 - estimate.common[PLACE] ** 2, 0.0) ** 0.5
+    )
     if not off:  # a wrong zero changes the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig)
     off += check_encoders(estimate.law, rig, signals)
+    off = off or check_place(estimate.law, estimate.place)  # which errors of the angle seem to be, too
     off += check_latency(choice, part, u)
     notes += moved.notes
     warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
@@ -141,13 +151,15 @@ def _estimate(choice: Choice, rig: Rig) -> _Estimate:
     if swing is not None:
         swing = with_declared(swing, rig, signals)
         swing = _with(swing, grid_spread(signals, swing, "inertia"))
+    place = place_fits(law, signals)
     common = {
         "place of the encoder's grid": grid_spread(signals, law, "inertia"),
         "timing of the turning points": timing_spread(law, choice.impulse),
         "drift with the length of the windows": drift_with_length(law, choice.tried, signals),
         CONFLICT: gravity_conflict(law, rig, signals),
+        PLACE: place_torque(place, law.u),
     }
-    return _Estimate(law, choice.tried, swing, even, choice.friction, common, turning_rows)
+    return _Estimate(law, choice.tried, swing, even, choice.friction, common, turning_rows, place)
 
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:

@@ -43,14 +43,14 @@ def test_those_that_are_online_have_their_blocks() -> None:
 
 
 def test_what_is_set_for_several_logs_is_no_option(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    with pytest.raises(UsageError, match=r"^method momentum has no option 'alone'; its options: none\.$"):
+    with pytest.raises(UsageError, match=r"^method momentum has no option 'alone'; its options: memory\.$"):
         sw.identify(rotary_log(), rotary_rig(), alone=False)
     with pytest.raises(UsageError, match="has no option 'alone'"):
         sw.identify([rotary_log(), rotary_log()], rotary_rig(), alone=False)
     path = tmp_path / "log.csv"
     rotary_log().save(path)
     assert main(["identify", str(path), "--rig", "paper", "--option", "alone=false"]) == 2
-    assert "has no option 'alone'; its options: none" in capsys.readouterr().err
+    assert "has no option 'alone'; its options: memory" in capsys.readouterr().err
 
 
 def test_a_method_is_an_entry_and_a_function(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ import pytest
 import swingid as sw
 from swingid.control.compensator import Compensator
 from swingid.control.references import Multisine, Sine
+from swingid.errors import UsageError
 
 PAPER = sw.Rig.builtin("paper")
 FREE = PAPER.changed({"drive": {"kind": "none"}, "log.wheel_angle": None, "log.voltage": None})
@@ -113,3 +114,18 @@ def test_the_drift_over_all_lengths_of_windows_counts() -> None:
     result = sw.identify(driven(twin), PAPER)
     assert missed(result) < 1.2
     assert any(entry.source == "drift with the length of the windows" for entry in result.budget)
+
+
+def test_the_impulse_at_reversals_is_reported_and_can_be_set() -> None:
+    twin = PAPER.changed(
+        {"axis.friction.coulomb": 3e-3, "axis.friction.lugre": {"bristle_stiffness": 3.0, "bristle_damping": 0.01}}
+    )
+    log = driven(twin, Sine(0.8, 5.0))
+    found = {memory: sw.identify(log, PAPER, memory=memory) for memory in ("auto", "on", "off")}
+    notes = {memory: {note.code for note in result.notes} for memory, result in found.items()}
+    assert "reversal-impulse" in notes["auto"] & notes["on"]
+    assert "reversal-impulse" not in notes["off"]
+    assert found["auto"].inertia == found["on"].inertia
+    assert abs(found["auto"].inertia.value - TRUTH) < 0.1 * abs(found["off"].inertia.value - TRUTH)
+    with pytest.raises(UsageError, match="memory must be one of auto, on, off"):
+        sw.identify(log, PAPER, memory="maybe")

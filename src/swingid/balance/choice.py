@@ -67,7 +67,11 @@ class Choice(NamedTuple):
     friction: FrictionLaw
 
 
-def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
+MEMORY = ("auto", "on", "off")
+"""Whether an impulse at each reversal is fitted: where it is significant, in any case, or not."""
+
+
+def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise, memory: str = "auto") -> Choice:
     """Windows and terms for the inertia, and turning points corrected for the friction that is estimated with them.
 
     A peak of friction at rest delays the turning points, and its estimate depends on them: both are found by iteration.
@@ -81,14 +85,14 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
         late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
-        tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels))
+        tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels), memory)
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
         least = min(fit.relative(fit.total) for fit in tried.values())
         within = [fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least]
         law = max(within, key=lambda fit: fit.half)
         calm = friction_windows(corrected, tried)
-        memory = (law.value("memory"), law.uncertainty("memory") if "memory" in law.unknowns else impulse)
-        friction = fit_friction(corrected, calm.rows, scale, memory, noise.angle)
+        known = (law.value("memory"), law.uncertainty("memory") if "memory" in law.unknowns else impulse)
+        friction = fit_friction(corrected, calm.rows, scale, known, noise.angle)
         settled = before.size > 0 and float(np.max(np.abs(late - before))) < SETTLED * float(np.max(np.abs(late)))
         if settled or "stribeck" not in friction.terms:
             break
@@ -97,7 +101,7 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> Choice:
 
 
 def _with_memory(
-    signals: Signals, rows: dict[float, Rows], scale: Scale, noise: Noise, impulse: float
+    signals: Signals, rows: dict[float, Rows], scale: Scale, noise: Noise, impulse: float, memory: str
 ) -> tuple[dict[float, WindowFit], float]:
     """Fits of the rows, and the standard uncertainty of the impulse at each reversal; impulse: its prior (N m s, N s).
 
@@ -108,15 +112,15 @@ def _with_memory(
     # over a whole swing and more, an impulse at each reversal looks like inertia
     short = {half: own for half, own in rows.items() if half < ONE_SWING * signals.motion.half_period}
     remembered = _fits(short, scale, noise, (*BASIS, "memory"))
-    if not remembered:
+    if not remembered or memory == "off":
         return tried, impulse
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
     most = REVERSAL * signals.motion.half_period * abs(plain.value("coulomb"))
-    possible = scale.drive != "none" or found < most
-    return (remembered if possible and found > DETECTED * spread else tried), impulse_left(impulse, found, spread)
+    seen = found > DETECTED * spread and (scale.drive != "none" or found < most)
+    return (remembered if seen or memory == "on" else tried), impulse_left(impulse, found, spread)
 
 
 def impulse_left(prior: float, found: float, spread: float) -> float:

@@ -59,12 +59,13 @@ class Moved:
     warnings: list[Message] = field(default_factory=list)
 
 
-def with_latency(part: Part) -> tuple[Choice, Moved]:
+def with_latency(part: Part, memory: str = "auto") -> tuple[Choice, Moved]:
     """The choice for a part of a log, with a channel corrected by the latency found within its declared prior.
 
-    Where none is found, the uncertainty that remains is of first order; a warning where its square matters as well.
+    memory: as `balance.choice.MEMORY`. Where none is found, the uncertainty that remains is of first order; a warning
+    where its square matters as well.
     """
-    choice, moved, result = _chosen(part, 0.0), 0.0, Moved()
+    choice, moved, result = _chosen(part, 0.0, memory), 0.0, Moved()
     if not _declared_spread(part):
         return choice, result
     found = latency_of(choice.law, choice.signals, part.rig)
@@ -72,7 +73,7 @@ def with_latency(part: Part) -> tuple[Choice, Moved]:
         if _second_order(choice.signals, found.value) < SMALL * choice.law.total / abs(choice.law.a11):
             break
         moved += found.value
-        choice = _chosen(part, moved)
+        choice = _chosen(part, moved, memory)
         found = latency_of(choice.law, choice.signals, part.rig)
     channel, name, _ = _late_channel(part)
     if moved:
@@ -93,7 +94,7 @@ def with_latency(part: Part) -> tuple[Choice, Moved]:
     return choice, result
 
 
-def check_latency(choice: Choice, part: Part, uncertainty: float) -> list[Message]:
+def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = "auto") -> list[Message]:
     """A warning where the balance shows a latency that the rig file does not declare, and the inertia is biased by it.
 
     uncertainty: the inertia's, with all declared imperfections.
@@ -106,7 +107,7 @@ def check_latency(choice: Choice, part: Part, uncertainty: float) -> list[Messag
     best, moved = choice, 0.0
     for _ in range(STEPS):
         moved += latency_of(best.law, best.signals.declaring(allowed), rig).value
-        best = _chosen(part, moved)
+        best = _chosen(part, moved, memory)
     law, signals = best.law, best.signals.declaring(allowed)
     found = latency_of(law, signals, rig)
     moved += found.value
@@ -142,11 +143,11 @@ def _declared_spread(part: Part) -> float:
     return float(np.hypot.reduce(stds))
 
 
-def _chosen(part: Part, moved: float) -> Choice:
+def _chosen(part: Part, moved: float, memory: str) -> Choice:
     """The choice with the late channel corrected by `moved` (s) beyond what the rig file states."""
     channel, _, sensor = _late_channel(part)
     encoders = part.encoders.with_latency(channel, sensor.latency.value + moved, sensor.latency.std)
-    return choose(Signals.of(part.log, part.rig, part.motion, encoders), part.rig, part.scale, part.noise)
+    return choose(Signals.of(part.log, part.rig, part.motion, encoders), part.rig, part.scale, part.noise, memory)
 
 
 def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:

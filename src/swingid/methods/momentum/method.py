@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.choice import Choice
+from swingid.balance.choice import MEMORY, Choice
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
@@ -34,7 +34,8 @@ from swingid.balance.systematics import (
 from swingid.balance.windows import even_windows, swing_windows
 from swingid.checks.answer import check_answer, check_motor, check_sign
 from swingid.checks.stated import check_encoders, check_gravity, check_place, check_zero
-from swingid.errors import NotIdentifiableError
+from swingid.errors import NotIdentifiableError, UsageError
+from swingid.format import plus_minus
 from swingid.methods.momentum.latency import check_latency, with_latency
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, units_on
@@ -74,18 +75,23 @@ class _Estimate:
     place: list[PlaceFit]
 
 
-def momentum(prepared: Prepared) -> Result:
+def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     """Identify inertia, friction and, where it is "unknown", the gravity torque from the angles of a log.
 
     The estimate is that of the "law" windows (see `windows`); "swing" and "even" windows check it. Type A: scatter of
     the rows, declared noise of the sensors and disagreement of windows; type B: what rig.toml states. One of several
     logs that does not determine both unknowns gets a warning, for together the logs may.
 
-    Raises InputError where a channel is missing, UnanswerableError where the motion does not determine the inertia.
+    memory: whether an impulse at each reversal (dynamic friction, backlash) is fitted, "on", "off" or "auto".
+
+    Raises UsageError for another, InputError where a channel is missing, UnanswerableError where the motion does not
+    determine the inertia.
     """
+    if memory not in MEMORY:
+        raise UsageError(f"memory must be one of {', '.join(MEMORY)}, and is {memory!r}.", code="bad-option")
     part = prepared.part(reread=True)
     rig, scale = prepared.rig, prepared.scale
-    choice, moved = with_latency(part)
+    choice, moved = with_latency(part, memory)
     signals = choice.signals
     estimate = _estimate(choice, rig)
     check_sign(estimate.law, prepared.log.source.path or "the log")
@@ -115,8 +121,8 @@ def momentum(prepared: Prepared) -> Result:
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig)
     off += check_encoders(estimate.law, rig, signals)
     off = off or check_place(estimate.law, estimate.place)  # which errors of the angle seem to be, too
-    off += check_latency(choice, part, u)
-    notes += moved.notes
+    off += check_latency(choice, part, u, memory)
+    notes += [*moved.notes, *_impulse(estimate.law)]
     warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
     return prepared.result(
         "momentum",
@@ -125,9 +131,22 @@ def momentum(prepared: Prepared) -> Result:
         warnings,
         notes,
         replace(_details(estimate, signals, part), extra=extra),
+        {} if memory == "auto" else {"memory": memory},
         found=moved.corrections,
         covariance=_covariance(estimate.law) if scale.b is None else {},
     )
+
+
+def _impulse(law: WindowFit) -> list[Message]:
+    """The note on an impulse at each reversal, which is an unknown beside the parameters."""
+    if "memory" not in law.unknowns:
+        return []
+    unit = f"{law.scale.torque_unit} s"
+    text = (
+        f"an impulse of {plus_minus(law.value('memory'), law.uncertainty('memory'), unit)} at each reversal was "
+        "estimated beside the friction law: dynamic friction, backlash or short sticking."
+    )
+    return [Message("reversal-impulse", text)]
 
 
 def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:

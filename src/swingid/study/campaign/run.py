@@ -14,7 +14,7 @@ import os
 import pickle
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from swingid.errors import InputError, UsageError
 from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
 from swingid.study.campaign.trial import Row, batch_rows, run_trial
+from swingid.study.campaign.trust import fault_factors
 from swingid.system import cores, locked
 
 Progress = Callable[[int, int, int], None]
@@ -220,16 +221,19 @@ def compile_kernels(pickled: bytes) -> None:
 
 
 def _kinds_of_trials(plan: Plan) -> list[int]:
-    """The first trial with each level of each factor that is no number: numbers change no kernel."""
-    wanted = {(name, str(label)) for p in plan.points for name, label in p.labels.items() if isinstance(label, str)}
+    """The first trial with each text among the levels, of faults with each name: numbers change no kernel."""
+    faults = fault_factors(plan)
+
+    def kinds(labels: Mapping[str, float | str]) -> set[tuple[str, str]]:
+        texts = [(name, label) for name, label in labels.items() if isinstance(label, str)]
+        return {(name, label.partition(":")[0] if name in faults else label) for name, label in texts}
+
+    seen: set[tuple[str, str]] = set()
     chosen = [0]
     for trial in range(plan.trials):
-        if not wanted:
-            break
-        labels = plan.points[plan.place(trial)[0]].labels
-        new = wanted & {(name, str(label)) for name, label in labels.items()}
+        new = kinds(plan.points[plan.place(trial)[0]].labels) - seen
         if new:
-            wanted -= new
+            seen |= new
             chosen.append(trial)
     return sorted(set(chosen))
 

@@ -16,7 +16,7 @@ from swingid.format import percent
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.study.campaign.plan import BASE, Plan
 from swingid.study.campaign.store import SCHEMA, Store
-from swingid.study.campaign.trust import trust_of, trust_tables
+from swingid.study.campaign.trust import fault_factors, trust_of, trust_tables
 from swingid.study.output import Study, aligned, counted, noted
 from swingid.study.rehearse import Expectation
 
@@ -220,7 +220,7 @@ class Summary(Study):
         lines = [f"[[{plan.name}: {self.trials} runs of the twin, relative errors]]"]
         lines += _table(("method",), self.overall, lambda cell: (cell_name(cell),))
         for factor in plan.tables.factors:
-            cells = [cell for cell in self.by_level if cell.factor == factor]
+            cells = [cell for cell in self.by_level if cell.factor == factor and factor not in fault_factors(plan)]
             if cells:
                 lines += ["", f"[[by {factor}]]"]
                 lines += _table((factor, "method"), cells, lambda cell: (cell.level, cell_name(cell)))

@@ -59,7 +59,7 @@ def trust_of(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[dict[str, 
     """Counts at each level of each factor with faults, for each method; plain data."""
     return [
         {"factor": factor, "level": str(level), "method": method, **asdict(Trust.of(columns, rows & own))}
-        for factor in _fault_factors(plan)
+        for factor in fault_factors(plan)
         for level, rows in _levels(columns, factor).items()
         for method, own in _levels(columns, "method").items()
     ]
@@ -69,7 +69,7 @@ def trust_tables(plan: Plan, columns: Mapping[str, NDArray[Any]]) -> list[list[t
     """For each factor with faults two tables: by fault, worst first, and by the levels of the other factors."""
     tables = []
     methods = _levels(columns, "method")
-    for factor in _fault_factors(plan):
+    for factor in fault_factors(plan):
         names = np.array([label.partition(":")[0] for label in columns[factor].tolist()])
         of_fault = {str(name): names == name for name in dict.fromkeys(names)}
         clean = of_fault.pop(CLEAN, np.zeros(len(names), bool))
@@ -93,7 +93,8 @@ def _row(name: str, columns: Mapping[str, NDArray[Any]], rows: Bools, methods: M
     return (name, *Trust.of(columns, rows).cells(), *(f"{t.wrong} of {t.ok}" for t in own))
 
 
-def _fault_factors(plan: Plan) -> list[str]:
+def fault_factors(plan: Plan) -> list[str]:
+    """Names of the factors that put faults into runs."""
     return [name for name, factor in plan.tables.factors.items() if (factor.key or "").startswith("faults.")]
 
 

@@ -1,6 +1,6 @@
 """What the status of an answer is worth, on simulated faults and on foreign logs. Into docs/trust.md.
 
-    python benchmarks/trust.py simulated [--runs 400] [--out DIR] [--workers N]
+    python benchmarks/trust.py simulated [--runs 480] [--out DIR] [--workers N]
     python benchmarks/trust.py foreign [--data DIR]
 
 `simulated` runs (or goes on with, or reads) the campaign `trust` in DIR; `foreign` runs the logs of strangers.py that
@@ -58,7 +58,7 @@ def main() -> None:
     """Make one of the tables and put it into the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("which", choices=("simulated", "foreign"))
-    parser.add_argument("--runs", type=int, default=400)
+    parser.add_argument("--runs", type=int, default=480)
     parser.add_argument("--out", default="campaign-trust")
     parser.add_argument("--workers", type=int)
     parser.add_argument("--data", type=Path, default=strangers.CACHE)

@@ -15,9 +15,10 @@ from swingid.errors import InputError, SwingidError
 from swingid.model.rig import Rig
 from swingid.recording import Recording
 from swingid.recording.formats.table import Table
+from swingid.recording.grid import TURN, grid_of, is_decimal
 from swingid.recording.inspect import describe, guess_roles, log_table
 from swingid.recording.inspect.candidates import unit_of
-from swingid.recording.inspect.columns import TURN, grid_of, is_decimal, unit_of_steps
+from swingid.recording.inspect.columns import unit_of_steps
 from swingid.study.inspect import inspect_log, inspect_table
 
 TIME = np.arange(6000) / 500

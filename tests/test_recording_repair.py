@@ -203,13 +203,13 @@ def test_a_jump_warns(tmp_path):
     assert f"'q2' jumps by 3 at {LOG.time[700]:g} s" in loaded.findings[0].message
 
 
-def test_spikes_are_dropped_counted_and_warned(tmp_path):
+def test_few_spikes_are_dropped_counted_and_noted(tmp_path):
     angle, wheel = LOG.angle.copy(), LOG.wheel_angle.copy()
     angle[[200, 206]] += 1.0
     wheel[640] = 0.0
     loaded = load(tmp_path, q1=angle, q2=wheel)
     assert np.array_equal(loaded.angle, np.delete(LOG.angle, [200, 206, 640]))
-    assert codes(loaded) == [("spikes", "warning"), ("gaps", "note")]
+    assert codes(loaded) == [("spikes", "note"), ("gaps", "note")]
     assert loaded.findings[0].message == "3 of 1000 rows left out: isolated spikes of an angle at 1, 1.03, 3.2 s."
 
 

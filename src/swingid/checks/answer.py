@@ -13,11 +13,14 @@ from swingid.balance.motor import MotorBalance
 from swingid.balance.rows import Signals
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
+from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, units_on
 from swingid.numerics.regression import fit_linear
 from swingid.recording.findings import Kind
+from swingid.recording.recording import Recording
 from swingid.result.result import BudgetEntry, Message, Parameter
-from swingid.uncertainty.significance import INDICATED
+from swingid.uncertainty.significance import INDICATED, MATTERS
+from swingid.units import Quantity
 
 CLEARLY = 0.5
 """Ratio of residuals below which one reading of a channel fits clearly better than another."""
@@ -118,8 +121,13 @@ def check_answer(
     budget: list[BudgetEntry],
     law: WindowFit,
     amplitude: float,
+    rig: Rig,
 ) -> AnswerCheck:
-    """Identifiability of the parameters. Raises NotIdentifiableError where the data do not determine the inertia."""
+    """Identifiability of the parameters. Raises NotIdentifiableError where the data do not determine the inertia.
+
+    That the inertia is nearly proportional to the gravity torque is a note where the rig file states the uncertainty
+    of that, for then the interval contains it.
+    """
     inertia, scale = parameters["inertia"], law.scale
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
     seen, motion = identifiability_of(law), _main_frequency(law, amplitude)
@@ -136,7 +144,10 @@ def check_answer(
         leverage = abs(float(law.fit.influence[0] @ law.rows.gravity)) * abs(scale.b) / law.a11
         near_resonance = leverage > 0.8
         if near_resonance:
-            warnings.append(Message("near-resonance", _near_resonance(leverage, amplitude, scale.b / law.a11)))
+            gravity = rig.axis.gravity_torque
+            budgeted = isinstance(gravity, Quantity) and gravity.std is not None
+            text = _near_resonance(leverage, amplitude, scale.b / law.a11, budgeted=budgeted)
+            (notes if budgeted else warnings).append(Message("near-resonance", text))
     if scale.drive == "none":
         notes.append(Message("scale-from-gravity", "the inertia is proportional to axis.gravity_torque."))
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
@@ -188,12 +199,13 @@ def _hopeless(inertia: Parameter, relative: float, law: WindowFit, motion: tuple
     )
 
 
-def _near_resonance(leverage: float, amplitude: float, stiffness: float) -> str:
+def _near_resonance(leverage: float, amplitude: float, stiffness: float, *, budgeted: bool) -> str:
     natural = np.sqrt(stiffness) * (1 - min(amplitude, LARGEST_SWING) ** 2 / 16)
     reason = "the motion is near resonance" if leverage < 1.5 else "the motion is slow against the free swing"
+    stated = "; the interval contains its stated uncertainty" if budgeted else ""
     return (
         f"{reason} ({natural:.2g} rad/s), so the inertia is nearly proportional to the gravity torque (1 % "
-        f"of axis.gravity_torque changes it by {leverage:.2g} %); drive at {1.7 * natural:.2g} rad/s or more."
+        f"of axis.gravity_torque changes it by {leverage:.2g} %{stated}); drive at {1.7 * natural:.2g} rad/s or more."
     )
 
 
@@ -223,16 +235,24 @@ class MotorCheck:
 
 
 def check_motor(
-    balance: MotorBalance | None, signals: Signals, *, method: str = "momentum", uses_motor: bool = False
+    balance: MotorBalance | None,
+    signals: Signals,
+    *,
+    method: str = "momentum",
+    uses_motor: bool = False,
+    unverified: Message | None = None,
 ) -> MotorCheck:
     """Check the wheel angle by equation (II). Never refuses.
 
     An absolute wheel angle taken for a relative one is consistent with equation (I), but not with (II). Errors of some
     per cent of the motor constants leave equal residuals, so the readings are compared with these fitted too. method:
-    its name in messages; uses_motor: whether its inertia depends on the motor's constants.
+    its name in messages; uses_motor: whether its inertia depends on the motor's constants. unverified: what to
+    warn of where (II) cannot be evaluated.
     """
     if signals.wheel is None:
         return MotorCheck()
+    if balance is None and unverified is not None:
+        return MotorCheck(Fault.READING, [unverified])
     if balance is None:
         text = "wheel_angle was taken as [log] states; without voltage and motor constants this is not checked."
         return MotorCheck(notes=[Message("wheel-angle-reading", text)])
@@ -254,6 +274,26 @@ def check_motor(
     )
     text = f"wheel_angle taken as {stated} to the pendulum ({_residuals(balance)}{rest})."
     return MotorCheck(notes=[Message("wheel-angle-reading", text)], held=held)
+
+
+def unverified_reading(log: Recording, rig: Rig, inertia: Parameter) -> Message | None:
+    """A warning where the rig file does not state how the wheel's angle of a file is read, and it matters; else None.
+
+    An angle against the room that is taken for one against the pendulum gives a11 − a12 in the place of a11. A log of
+    the twin has metadata, and is as its rig.
+    """
+    if rig.drive.kind != "reaction-wheel":
+        return None
+    other = inertia.value + rig.drive.a12
+    stated = "wheel_angle_is" in rig.log.model_fields_set or log.metadata or log.source.path is None
+    if stated or rig.drive.a12 <= MATTERS * (inertia.standard_uncertainty or 0.0):
+        return None
+    text = (
+        "wheel_angle_is is not stated under [log] and cannot be verified without voltage and motor constants: the "
+        f"inertia is {number(inertia.value, inertia.unit)} if the wheel's angle is relative to the pendulum, as "
+        f"assumed, and {number(other, inertia.unit)} if it is absolute; state which."
+    )
+    return Message("wheel-angle-reading", text)
 
 
 def wrong_sign(balance: MotorBalance) -> str:

@@ -121,7 +121,7 @@ def check_energy(
     only_resonance = False
     if consistency.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        checked = check_answer(answer.parameters, answer.budget, consistency.windows, amplitude)
+        checked = check_answer(answer.parameters, answer.budget, consistency.windows, amplitude, rig)
         wheel = scale.drive == "reaction-wheel"
         cause = "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
         differs = [] if compared is None else against_momentum(inertia, compared, consistency.windows, cause)

@@ -116,7 +116,7 @@ class Prepared:
         found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
         """
         warnings, notes = list(warnings), list(notes)
-        add_findings(self.log, warnings, notes)
+        add_findings(self.log, warnings, notes, used=(part.start, part.stop))
         decided = {
             "corrections": [one.as_dict() for one in (*self.corrections, *found)],
             "part": [part.start, part.stop],

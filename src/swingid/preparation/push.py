@@ -8,7 +8,7 @@ encoders repeat with every swing. See `quick_balance` for the regressors.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -90,7 +90,7 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
         return log, ()
     left = _reason_to_leave(pushes, log)
     if left:
-        found = Finding(LEFT_IN, f"{_listed(pushes, unit(rig))}{left}", "warning")
+        found = Finding(LEFT_IN, f"{_listed(pushes, unit(rig))}{left}", "warning", spans=_spans(pushes))
         return replace(log, findings=(*log.findings, found)), _corrections(pushes, rig, "switched off")
     acts = np.zeros(len(log), dtype=bool)
     for one in pushes:
@@ -102,10 +102,15 @@ def push_decided(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction,
     message += "were used"
     if unseen > BLUNT:
         message += f"; {_smaller(unseen)}, so rather use a part without pushes (--part FROM:TO)"
-    found = Finding(REPAIR, f"{message}.", "warning" if unseen > BLUNT else "note", REPAIR)
+    level: Literal["note", "warning"] = "warning" if unseen > BLUNT else "note"
+    found = Finding(REPAIR, f"{message}.", level, REPAIR, spans=_spans(pushes))
     kept = {name: values[~acts] for name in CHANNELS if (values := getattr(log, name)) is not None}
-    spans = np.array([(one.start, one.stop) for one in pushes])
+    spans = np.array(found.spans)
     return replace(log, findings=(*log.findings, found), left_out=spans, **kept), _corrections(pushes, rig, "found")
+
+
+def _spans(pushes: list[Push]) -> tuple[tuple[float, float], ...]:
+    return tuple((one.start, one.stop) for one in pushes)
 
 
 def _reason_to_leave(pushes: list[Push], log: Recording) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.model.terms import RigTerm, rig_terms
+from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 
 
@@ -95,7 +96,13 @@ LATEST = 0.1
 
 
 def require_channels(log: Recording, rig: Rig) -> None:
-    """Raise InputError where the log lacks what the rig's drive needs, has another drive, or is too short."""
+    """Raise InputError where the log lacks what the rig's drive needs, has another drive, or is too short.
+
+    UnanswerableError where nobody stated what sets the scale.
+    """
+    unstated = next((found for found in log.findings if found.kind is Kind.NO_SCALE), None)
+    if unstated is not None:
+        raise UnanswerableError(f"{log.source.path or 'the log'}: {unstated.message}", code="no-scale")
     sensors = {"sensors.latency": rig.sensors.of("angle"), "sensors.wheel.latency": rig.sensors.of("wheel")}
     for key, sensor in sensors.items():
         late = abs(sensor.latency.value)

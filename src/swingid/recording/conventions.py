@@ -20,7 +20,7 @@ from swingid.recording.formats.table import canonical
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterable, Mapping
 
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
@@ -222,9 +222,18 @@ class Reading:
         """The column of a channel, in words."""
         return f"column {self.conventions.columns[channel]!r}"
 
-    def found(self, code: str, message: str, level: Literal["note", "warning"], repair: str | None = None) -> None:
-        """Add a finding."""
-        self.findings.append(Finding(code, message, level, repair))
+    def found(
+        self,
+        code: str,
+        message: str,
+        level: Literal["note", "warning"],
+        repair: str | None = None,
+        *,
+        at: Iterable[float] = (),
+    ) -> None:
+        """Add a finding; at: instants (s) where it happened."""
+        spans = tuple((float(instant), float(instant)) for instant in at)
+        self.findings.append(Finding(code, message, level, repair, spans=spans))
 
 
 def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Literal
 
@@ -24,6 +24,7 @@ class Kind(Enum):
     NOT_IDENTIFIABLE = auto()
     GRAVITY_AND_INERTIA = auto()
     WHEEL_STILL = auto()
+    NO_SCALE = auto()
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +32,8 @@ class Finding:
     """Something that was noticed in a log: a `code` for scripts, a sentence for people.
 
     A ``"warning"`` may affect the result; a ``"note"`` states what was done or assumed. `repair` names the repair
-    (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off.
+    (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off. spans: from when to when (s) what a
+    warning reports happened; where that is outside of the rows that a method used, it is a note. Empty: everywhere.
     """
 
     code: str
@@ -39,6 +41,12 @@ class Finding:
     level: Literal["note", "warning"]
     repair: str | None = None
     kind: Kind | None = None
+    spans: tuple[tuple[float, float], ...] = ()
+
+    def within(self, start: float, stop: float) -> Finding:
+        """As it counts where only the rows from start to stop (s) are used."""
+        outside = self.spans and all(end < start or begin > stop for begin, end in self.spans)
+        return replace(self, level="note") if outside else self
 
 
 @dataclass(frozen=True, slots=True)

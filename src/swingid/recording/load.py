@@ -10,10 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.recording.conventions import TURN, Conventions, Reading, from_first_row, gather, with_header_units
+from swingid.recording.conventions import (
+    FACTORS,
+    TURN,
+    Conventions,
+    Reading,
+    from_first_row,
+    gather,
+    with_header_units,
+)
 from swingid.recording.findings import Finding, Kind, Source, notes_of, switched_off
 from swingid.recording.formats import parquet, read_table
 from swingid.recording.formats.csv import TABLE_NEEDS
+from swingid.recording.formats.table import canonical
+from swingid.recording.grid import check_grids
 from swingid.recording.repair import repair
 from swingid.recording.rows import LARGEST, MANY
 from swingid.system import LARGEST_FILE, is_file, read_input
@@ -72,10 +82,10 @@ def reading_of(header: Table, first: Table | None, rig: Rig, name: str, repairs:
     conventions, units = with_header_units(header, rig, name)
     _check_origin(header, conventions, name)
     found = [*_saved_findings(header), *notes_of(off), *units]
-    found += [*_no_reference(header, conventions), *_integrated(conventions)]
+    found += [*_no_reference(header, conventions), *_integrated(conventions), *_unstated(header, conventions)]
     if first is not None:
         conventions, epoch = from_first_row(first, conventions)
-        found += epoch
+        found += [*epoch, *check_grids(first, conventions, rig)]
     return Reading(rig, conventions, name, off, _drive_held(header, conventions), found)
 
 
@@ -156,6 +166,18 @@ def _integrated(conventions: Conventions) -> tuple[Finding, ...]:
     return (Finding("wheel-angle-integrated", f'{text}otherwise, set wheel_speed_is = "{other}".', "note"),)
 
 
+def _unstated(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
+    """A warning where neither rig file nor log states the unit of the torque."""
+    name = table.find(conventions.columns["torque"]) if conventions.drive_kind == "direct" else None
+    if name is None or "torque_gain" in conventions.stated or table.metadata:
+        return ()
+    if canonical(table.unit(name)) in FACTORS["torque"]:
+        return ()
+    text = f"neither rig file nor log states the unit of column {name!r} (torque), which sets the scale; set "
+    text += 'torque_gain under [log], N m (N) per unit of the column, such as 1 or "1 ± 0.1".'
+    return (Finding("torque-gain-missing", text, "warning", kind=Kind.NO_SCALE),)
+
+
 def _no_reference(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
     """A note where the rig file names a reference that the log lacks: nothing but pictures needs it."""
     column = conventions.columns["reference"]
@@ -179,8 +201,18 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
         if isinstance(entry, dict) and entry.get("level") in ("note", "warning"):
             named = entry.get("repair")
             named = named if isinstance(named, str) else None
-            found.append(Finding(str(entry.get("code")), str(entry.get("message")), entry["level"], named))
+            code, message, spans = str(entry.get("code")), str(entry.get("message")), _spans(entry.get("spans"))
+            found.append(Finding(code, message, entry["level"], named, spans=spans))
     return tuple(found)
+
+
+def _spans(saved: object) -> tuple[tuple[float, float], ...]:
+    """Spans of a finding in a file; none where they are not pairs of numbers."""
+    try:
+        pairs = np.array(saved if isinstance(saved, list) else [], dtype=np.float64).reshape(-1, 2)
+    except (TypeError, ValueError):
+        return ()
+    return tuple((float(begin), float(end)) for begin, end in pairs)
 
 
 FEWEST_ROWS = 10

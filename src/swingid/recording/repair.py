@@ -7,12 +7,12 @@ shows that rows taken at a constant rate were stamped unevenly (`rows.even_clock
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from swingid.recording.continuity import find_jumps, find_spikes, is_wrapped, unwrap
-from swingid.recording.rows import even_clock, rows_in_order, take
+from swingid.recording.rows import even_clock, few, rows_in_order, take
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -100,11 +100,13 @@ def without_spikes(channels: Channels, spikes: Bools, reading: Reading, rows: in
         shown = ", ".join(f"{time:g}" for time in found[:5]) + (", ..." if found.size > 5 else "")
         if "spikes" in reading.off:
             message = f"{found.size} of {count} rows hold isolated spikes of an angle, not removed, at {shown} s."
-            reading.found("spikes-left", message, "warning")
+            reading.found("spikes-left", message, "warning", at=found)
             channels = everything
         else:
             message = f"{found.size} of {count} rows left out: isolated spikes of an angle at {shown} s."
-            reading.found("spikes", message, "warning", "spikes")
+            # a row less here and there changes nothing; many may be no spikes but another fault of the channel
+            level: Literal["note", "warning"] = "note" if few(found.size, count) else "warning"
+            reading.found("spikes", message, level, "spikes", at=found)
     _warn_of_jumps(channels, reading, rows)
     _note_gaps(channels["time"], reading)
     return channels
@@ -118,7 +120,7 @@ def _warn_of_jumps(channels: Channels, reading: Reading, rows: int) -> None:
         shown = ", ".join(f"{size:.3g} at {channels['time'][row]:g} s" for row, size in jumps[:3])
         message = f"{reading.column(channel)} jumps by {shown}{', ...' if len(jumps) > 3 else ''}"
         message += "; if the encoder slipped or lost counts there, use a log of one side of it."
-        reading.found("jumps", message, "warning")
+        reading.found("jumps", message, "warning", at=[channels["time"][row] for row, _ in jumps])
 
 
 def _note_gaps(time: Array, reading: Reading) -> None:

@@ -56,17 +56,33 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
 
 
 def add_findings(
-    log: Recording, warnings: list[Message], notes: list[Message], *, leave_out: Kind | None = None
+    log: Recording,
+    warnings: list[Message],
+    notes: list[Message],
+    *,
+    leave_out: Kind | None = None,
+    used: tuple[float, float] | None = None,
 ) -> None:
-    """Add what was found in the log when it was read to the warnings and the notes of a result, each to its kind."""
-    for finding in log.findings:
+    """Add what was found in the log when it was read to the warnings and the notes of a result, each to its kind.
+
+    used: from when to when (s) rows were used, by default all of the log; what happened outside is a note.
+    """
+    start, stop = used or (float(log.time[0]), float(log.time[-1]))
+    for own in log.findings:
+        finding = own.within(start, stop)
         if leave_out is None or finding.kind is not leave_out:
             (warnings if finding.level == "warning" else notes).append(
                 Message(finding.code, finding.message, finding.kind)
             )
 
 
-ROW_ONE = ("axis.gravity_torque", "drive.wheel.inertia", "drive.motor.rotor_inertia", "drive.motor.gear_ratio")
+ROW_ONE = (
+    "axis.gravity_torque",
+    "drive.wheel.inertia",
+    "drive.motor.rotor_inertia",
+    "drive.motor.gear_ratio",
+    "log.torque_gain",
+)
 """Constants of equation (I), which a method needs that does without the motor."""
 
 

@@ -19,7 +19,7 @@ from swingid.balance.friction_laws import law_terms
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign
+from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, unverified_reading
 from swingid.checks.consistency import CLOSE
 from swingid.checks.stated import check_gravity
 from swingid.errors import UnanswerableError
@@ -36,6 +36,7 @@ from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import Scale
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
+from swingid.uncertainty.budget import Parameter
 
 
 def equation_error(
@@ -72,7 +73,7 @@ def equation_error(
     chosen = selected.chosen
     found = answer(selected, rig, scale)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    checked = check_answer(found.parameters, found.budget, _as_windows(chosen), amplitude)
+    checked = check_answer(found.parameters, found.budget, _as_windows(chosen), amplitude, rig)
     how = _how(on_grid.grid, cut, selected, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
     warnings = [*checked.warnings, *_unlikely(selected, laws, scale), *inconsistent, *motor.warnings]
@@ -115,7 +116,9 @@ def _consistency(
         longest, *others = [one for one in fits if one is not None] or [fit]
         warnings = check_gravity(longest, others, signals, rig, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
-    return warnings, check_motor(balance, signals, method="this method")
+    rough = None if fit is None else Parameter.of(fit.inertia, fit.u, scale.unit)
+    unverified = None if rough is None else unverified_reading(part.log, rig, rough)
+    return warnings, check_motor(balance, signals, method="this method", unverified=unverified)
 
 
 def _how(grid: Grid, cutoff: Cutoff, selected: Selection, laws: Laws, *, given: bool) -> list[Message]:

@@ -32,7 +32,7 @@ from swingid.balance.systematics import (
     timing_spread,
 )
 from swingid.balance.windows import even_windows, swing_windows
-from swingid.checks.answer import check_answer, check_motor, check_sign
+from swingid.checks.answer import check_answer, check_motor, check_sign, unverified_reading
 from swingid.checks.stated import check_encoders, check_gravity, check_place, check_zero
 from swingid.errors import NotIdentifiableError, UsageError
 from swingid.format import plus_minus
@@ -99,14 +99,14 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     parameters = found.parameters
     amplitude = float(np.max(np.abs(signals.motion.turning_angles)))
     try:
-        checked = check_answer(parameters, found.budget, estimate.law, amplitude)
+        checked = check_answer(parameters, found.budget, estimate.law, amplitude, rig)
         warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
     except NotIdentifiableError as error:
         if not prepared.one_of_several or scale.b is not None:
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, part.noise)
-    motor = check_motor(balance, signals)
+    motor = check_motor(balance, signals, unverified=unverified_reading(prepared.log, rig, parameters["inertia"]))
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
     lost = _loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
     if lost is not None:

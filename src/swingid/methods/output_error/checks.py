@@ -70,7 +70,7 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
     if consistency.windows is not None:
         amplitude = float(np.max(np.abs(setup.part.motion.turning_angles), initial=0.0))
         scattered = parameters | {"inertia": Parameter.of(inertia.value, spread, inertia.unit)}
-        checked = check_answer(scattered, answer.budget, consistency.windows, amplitude)
+        checked = check_answer(scattered, answer.budget, consistency.windows, amplitude, setup.rig)
         warnings += checked.warnings
         notes += checked.notes
         if not estimate.robust:

@@ -102,6 +102,12 @@ class Sensors(Encoder):
         """The encoder of the `channel` "angle" or "wheel", resolved to SI; "wheel" inherits what it does not state."""
         return self._of_angle if channel == "angle" else self._of_wheel
 
+    def rounded(self, channel: Literal["angle", "wheel"]) -> bool:
+        """Whether the steps of the `channel` are stated as a resolution, which is often rounded, not as counts."""
+        own = None if channel == "angle" else self.wheel
+        stated = own if own is not None and own.model_fields_set & {"counts_per_turn", "resolution"} else self
+        return stated.counts_per_turn is None
+
     @cached_property
     def _of_angle(self) -> Sensor:
         return self.resolved()

@@ -1,7 +1,6 @@
 """The columns of a file as they stand there: type, unit, range, first values, the grid that the values lie on.
 
-The grid shows steps of an encoder or a converter, or digits that were written. An encoder makes a whole number of
-counts of a turn, most often a power of two, so its steps can show the unit of an angle (`unit_of_steps`).
+The steps of an angle can show its unit (`unit_of_steps`), see `recording.grid`.
 """
 
 from __future__ import annotations
@@ -11,64 +10,11 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from swingid.recording.grid import grid_of, is_decimal, unit_of_step
+
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array, Bools
     from swingid.recording.formats.table import Table
-
-
-FEWEST_CHANGES = 10
-MOST_CHANGES = 20_000
-OFF = 0.02
-"""Distance from a multiple of the step, in steps, within which a change is one."""
-
-SURE = 0.99
-"""Share of the changes that have to be multiples of the step."""
-
-
-def grid_of(values: Array) -> float:
-    """The step of which all changes between rows are multiples, 0 where there is none; values (n,) finite.
-
-    Found from the changes between rows, the small ones first: the step is refined on ever larger changes, so that it is
-    known to a fraction of a step over the whole range.
-    """
-    stride = max(1, len(values) // MOST_CHANGES)
-    changes = np.abs(np.diff(values)) if stride == 1 else np.abs(values[1::stride] - values[:-1:stride])
-    largest = float(np.abs(values).max(initial=0.0))
-    rounding = 4e-16 * largest
-    changes = np.sort(changes[changes > 8 * rounding])
-    if len(changes) < FEWEST_CHANGES:
-        return 0.0
-    for start in (changes[0], changes[len(changes) // 200], changes[len(changes) // 20]):
-        step = _refined(changes, float(start))
-        off = np.abs(changes / step - np.round(changes / step))
-        if np.mean(off < OFF + 2 * rounding / step) > SURE and changes[-1] > 1.5 * step:
-            return step
-    return 0.0
-
-
-def _refined(changes: Array, step: float) -> float:
-    """Least-squares step on the changes up to 3, 30, 300 … steps; changes sorted."""
-    reach = 3.0
-    for _ in range(8):
-        near = changes[: np.searchsorted(changes, reach * step)]
-        counts = np.round(near / step)
-        good = np.abs(near / step - counts) < 0.2
-        counts, near = counts[good & (counts > 0)], near[good & (counts > 0)]
-        if not len(near):
-            break
-        step = float((near * counts).sum() / (counts**2).sum())
-        if near[-1] == changes[-1]:
-            break
-        reach *= 10
-    return step
-
-
-def is_decimal(step: float) -> bool:
-    """Whether a step is 1, 2 or 5 times a power of ten, as of written digits rather than of an encoder."""
-    if step < np.finfo(np.float64).tiny:  # below, a double has fewer digits, and its power of ten may be 0
-        return False
-    mantissa = step / 10.0 ** np.floor(np.log10(step) + 1e-9)
-    return bool(min(abs(mantissa - m) for m in (1.0, 2.0, 5.0, 10.0)) < 1e-6 * mantissa)
 
 
 SHOWN = 3
@@ -193,40 +139,11 @@ def _share_of_runs(there: Bools) -> float:
     return float(lengths[lengths >= 3].sum() / len(there))
 
 
-TURN = {"rad": 2 * np.pi, "deg": 360.0, "turns": 1.0}
-"""One turn in each unit of an angle."""
-
-FEWEST_COUNTS, MOST_COUNTS, MOST_ROUND = 64, 2**26, 40_000
-"""Counts per turn of the coarsest encoder, of the finest, and of the finest whose counts are no power of two."""
-
-CLOSE = 3e-4
-"""How exactly (share) a step is known."""
-
-
 def steps_seen(column: Column) -> bool:
     """Whether the values lie on the grid of an encoder, and not on that of the digits that were written."""
     return column.step > 0 and (column.kind == "whole numbers" or not is_decimal(column.step))
 
 
 def unit_of_steps(column: Column) -> tuple[str, int]:
-    """The one unit in which the steps are those of an encoder, and its counts per turn; ("", 0) where none or several.
-
-    Counts are a power of two, or else a multiple of 100.
-    """
-    if column.kind == "whole numbers" or not steps_seen(column):
-        return "", 0
-    counts = {unit: turn / column.step for unit, turn in TURN.items()}
-    counts = {unit: count for unit, count in counts.items() if FEWEST_COUNTS < count <= MOST_COUNTS}
-    for fits in (_is_power_of_two, _is_round):
-        found = [(unit, round(count)) for unit, count in counts.items() if fits(count)]
-        if len(found) == 1:
-            return found[0]
-    return "", 0
-
-
-def _is_power_of_two(count: float) -> bool:
-    return bool(abs(count / 2.0 ** np.round(np.log2(count)) - 1) < CLOSE)
-
-
-def _is_round(count: float) -> bool:
-    return 100 < count < MOST_ROUND and abs(count / (100 * round(count / 100)) - 1) < CLOSE / 10
+    """`unit_of_step` of a column's steps."""
+    return unit_of_step(column.step) if column.kind != "whole numbers" and steps_seen(column) else ("", 0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from swingid.errors import SwingidError
 from swingid.model.rig import Rig
-from swingid.recording.inspect.columns import TURN, is_decimal
+from swingid.recording.grid import TURN, is_decimal
 
 if TYPE_CHECKING:
     from swingid.recording.inspect.candidates import Role
@@ -63,8 +63,8 @@ def _drive_lines(roles: Roles) -> list[str]:
             text = 'to the pendulum; or "absolute": inspect --rig compares both'
             lines.append(_line('wheel_angle_is = "relative"', text))
         if key == "torque":
-            text = "N m (N) per unit of the column, with its uncertainty: yours to state"
-            lines.append(_line("torque_gain = 1", text))
+            text = "N m (N) per unit of the column, with its uncertainty: yours to state, for it sets the scale"
+            lines.append(_line("# torque_gain = 1", text))
     if "voltage" in roles.found or "torque" in roles.found:
         lines.append(_line("drive_held = true", "row k's command acts until row k+1; false: measured at row k"))
     return lines

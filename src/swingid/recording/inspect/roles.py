@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.recording.conventions import SECONDS
+from swingid.recording.grid import TURN
 from swingid.recording.inspect import candidates as traits
 from swingid.recording.inspect.candidates import Candidate, Role
-from swingid.recording.inspect.columns import TURN, unit_of_steps
+from swingid.recording.inspect.columns import unit_of_steps
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -108,7 +108,8 @@ def _pieces(pieces: Iterable[Table], reading: Reading) -> Iterator[tuple[Channel
             wrapped |= {name for name in ANGLES if reading.conventions.scales.get(name) is not None}
         if spikes.any():
             message = f"{int(spikes.sum())} of {spikes.size} rows left out: isolated spikes of an angle."
-            piece.found("spikes", message, "warning", "spikes")
+            level: Literal["note", "warning"] = "note" if few(int(spikes.sum()), spikes.size) else "warning"
+            piece.found("spikes", message, level, "spikes", at=channels["time"][spikes])
             channels = take(channels, ~spikes)
         channels = limited(_continued(channels, last, reading.conventions, wrapped), piece)
         last = {name: values[-1:] for name, values in channels.items()}

@@ -10,8 +10,8 @@ import numpy as np
 from swingid.format import noise_of, number
 from swingid.preparation.motion import sample_noise
 from swingid.preparation.noise import EVEN, uneven_noise
+from swingid.recording.grid import is_decimal
 from swingid.recording.inspect import Check, Column, Level
-from swingid.recording.inspect.columns import is_decimal
 from swingid.recording.recording import Recording
 
 COARSE = 0.2
@@ -41,7 +41,7 @@ OWN = {
 }
 """What swingid itself repairs on reading, by the name of the repair."""
 
-ELSEWHERE = ("gaps", "repeated-rows", "no-reference")
+ELSEWHERE = ("gaps", "repeated-rows", "no-reference", "encoder-grid")
 """What other checks report with more numbers, or what is no matter here."""
 
 ONE_TURN = 2 * np.pi

@@ -14,8 +14,9 @@ from swingid.model.rig import Rig
 from swingid.preparation.noise import channel_noise
 from swingid.recording.conventions import SECONDS
 from swingid.recording.formats.table import Table
+from swingid.recording.grid import TURN
 from swingid.recording.inspect import Check, Column
-from swingid.recording.inspect.columns import TURN, steps_seen, unit_of_steps
+from swingid.recording.inspect.columns import steps_seen, unit_of_steps
 from swingid.recording.inspect.roles import FASTEST, SLOWEST
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.motion import Swings, read_motion

@@ -26,7 +26,10 @@ from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.model.rig import Rig
-from swingid.recording.recording import Recording
+from swingid.preparation.motion import find_motion
+from swingid.preparation.segment import part_of
+from swingid.preparation.zero import centre_of
+from swingid.recording.recording import Finding, Recording
 from swingid.simulation import simulate
 
 TIME = np.arange(15_001) / 1000
@@ -180,9 +183,9 @@ def test_a_torque_of_the_wrong_sign_is_named():
 
 
 def test_a_decay_about_the_wrong_zero_is_refused():
-    log = free_log(friction, TIME)
+    off = (Finding("repair-off", "the repair 'zero' was switched off.", "note", "zero"),)
     with pytest.raises(UnanswerableError, match="angle_zero") as caught:
-        identify(replace(log, angle=log.angle + np.pi), free_rig())
+        identify(replace(hung_at(np.pi), findings=off), free_rig())
     assert caught.value.code == "negative-inertia"
 
 
@@ -205,17 +208,51 @@ def test_unknown_methods_and_options():
 # where the angle's zero lies
 
 
+def hung_at(offset):
+    log = free_log(lambda v: 2e-4 * v, TIME)
+    return replace(log, angle=log.angle + offset)
+
+
+@pytest.mark.parametrize("offset", [0.2, -0.1, 1.5, np.pi])
+@pytest.mark.parametrize("method", ["momentum", "energy"])
+def test_a_free_decay_is_counted_from_where_its_body_hangs(offset, method):
+    right = identify(hung_at(0.0), free_rig(), method)
+    assert right.inertia.value == pytest.approx(INERTIA, rel=1e-3)
+    assert "zero-corrected" not in codes(right.notes)
+    found = identify(hung_at(offset), free_rig(), method)
+    assert found.warnings == right.warnings == ()
+    assert found.inertia.value == pytest.approx(right.inertia.value, rel=2e-5)
+    message = next(note.message for note in found.notes if note.code == "zero-corrected")
+    assert np.cos(float(re.search(r"angle_zero = (\S+)", message)[1]) - offset) > 1 - 1e-5
+    (kept,) = [one for one in found.provenance["preparation"]["corrections"] if one["kind"] == "zero"]
+    assert np.cos(kept["value"] - offset) > 1 - 1e-5
+    assert kept["origin"] == "found"
+
+
 @pytest.mark.parametrize("offset", [0.2, -0.1])
 def test_a_zero_that_is_off_is_told_with_what_it_costs(offset):
-    # A free decay that hangs at `offset`: nothing else in row (I) shows it.
-    log = free_log(lambda v: 2e-4 * v, TIME)
-    off = identify(replace(log, angle=log.angle + offset), free_rig())
-    (warning,) = off.warnings
+    # With the correction switched off nothing else in equation (I) shows it.
+    off = (Finding("repair-off", "the repair 'zero' was switched off.", "note", "zero"),)
+    log = replace(hung_at(offset), findings=off)
+    left = identify(log, free_rig())
+    (warning,) = left.warnings
     assert warning.code == "zero-off"
     assert f"subtract {offset:g} rad from the angle" in warning.message
     told = float(re.search(r"changes the inertia by ([+-][\d.]+) %", warning.message)[1])
-    assert told == pytest.approx(100 * (INERTIA - off.inertia.value) / off.inertia.value, abs=0.06)
-    assert codes(identify(replace(log, angle=log.angle + offset), free_rig(), method="energy").warnings) == ["zero-off"]
+    assert told == pytest.approx(100 * (INERTIA - left.inertia.value) / left.inertia.value, abs=0.06)
+    assert codes(identify(log, free_rig(), method="energy").warnings) == ["zero-off"]
+    (kept,) = [one for one in left.provenance["preparation"]["corrections"] if one["kind"] == "zero"]
+    assert kept["origin"] == "switched off"
+
+
+@pytest.mark.parametrize("friction", [lambda v: 2e-4 * v, lambda v: 3e-4 * np.sign(v), lambda v: 2e-3 * v])
+def test_the_centre_of_a_decay_is_where_it_hangs_whatever_the_friction(friction):
+    log = free_log(friction, TIME)
+    motion = find_motion(log.time, log.angle + 0.05, 1e-6)
+    start, stop, _ = part_of(log, motion, "none")
+    centre, scatter = centre_of(motion.within(start, stop).turning_angles)
+    assert centre == pytest.approx(0.05, abs=2e-4)
+    assert scatter < 1e-3
 
 
 @pytest.mark.parametrize(("motion", "alike"), [(ONE_TONE, False), (TWO_TONES, False), (Sines((0.3, 8.5, 0.0)), True)])

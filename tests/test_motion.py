@@ -284,3 +284,35 @@ def test_swings_that_only_grow_are_no_free_decay():
     with pytest.raises(UnanswerableError, match="free decay") as caught:
         usable_part(motion, "none", 0.0, 20.0)
     assert caught.value.code == "no-free-decay"
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("swings", [1.0, 4.0, 12.0])
+def test_a_body_that_a_hand_drives_is_no_free_decay(seed, swings):
+    rng = np.random.default_rng(seed)
+    time = np.arange(30_000) / 500
+    places = np.arange(0.0, 62.0, np.pi / 6.5 * swings)
+    amplitude = np.interp(time, places, np.exp(0.3 * rng.normal(size=len(places))))
+    motion = find_motion(time, amplitude * np.cos(6.5 * time), 0.0)
+    with pytest.raises(UnanswerableError, match="though nothing drives") as caught:
+        usable_part(motion, "none", 0.0, 60.0)
+    assert caught.value.code == "driven-by-hand"
+
+
+def test_the_decay_after_a_hand_has_driven_the_body_is_taken():
+    time = np.arange(60_000) / 500
+    amplitude = np.where(time < 40, 1 + 0.4 * np.sin(time), np.exp(-(time - 40) / 15) * (1 + 0.4 * np.sin(40)))
+    motion = find_motion(time, amplitude * np.cos(6.5 * time), 0.0)
+    start, stop, _ = usable_part(motion, "none", 0.0, 120.0)
+    assert 38.0 < start < 42.0
+    assert stop > 90.0
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_jitter_of_the_angle_is_no_hand(seed):
+    rng = np.random.default_rng(seed)
+    time = np.arange(60_000) / 500
+    jitter = np.interp(time, np.arange(0.0, 122.0, np.pi / 6.5), rng.normal(0, 0.01, 253))
+    motion = find_motion(time, np.exp(-time / 12) * (1 + jitter) * np.cos(6.5 * time), 0.0)
+    start, stop, _ = usable_part(motion, "none", 0.0, 120.0)
+    assert stop - start > 5.0

@@ -226,6 +226,13 @@ BAD = [
         "wheel_angle_unit",
     ),
     (NONE + "[log]\nangle_sign = 2", "wrong-value", "log.angle_sign", "1 or -1"),
+    (
+        NONE + '[log]\nangle_zero = "left"',
+        "wrong-value",
+        "log.angle_zero",
+        "'down', 'up' or a number, not 'left'",
+    ),
+    (NONE + "[log]\nangle_zero = true", "wrong-value", "log.angle_zero", "a number, not true"),
     (NONE + "[log]\nangle_sign = true", "wrong-value", "log.angle_sign", "true"),
     (NONE + '[log]\ndrive_held = "yes"', "wrong-value", "log.drive_held", "true or false, not 'yes'"),
     (NONE + '[log]\nwheel_angle = "q2"', "contradiction", "log.wheel_angle", "none"),

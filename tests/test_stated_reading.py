@@ -153,3 +153,22 @@ def test_what_happened_outside_of_the_used_rows_is_a_note(tmp_path):
     assert "jumps" in {one.code for one in identify(everywhere, rig).warnings}
     log.save(tmp_path / "saved.csv", rig)
     assert Recording.load(tmp_path / "saved.csv", rig).findings == (jump,)
+
+
+@pytest.mark.parametrize(("unit", "turn"), [("rad", TURN), ("deg", 360.0), ("counts", 4096.0)])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_zero_of_the_angle_may_be_stated_as_the_hanging_reading(tmp_path, unit, turn, sign):
+    hangs = 0.23 * turn
+    rig = rig_with(sensors="counts_per_turn = 4096", angle_unit=unit, angle_sign=sign, angle_zero=hangs)
+    logged = sign * LOG.angle * turn / TURN + hangs
+    path = write_columns(tmp_path / "log.csv", columns_of(LOG) | {"q1": logged})
+    loaded = Recording.load(path, rig)
+    assert np.allclose(loaded.angle, LOG.angle, atol=1e-9)
+    loaded.save(tmp_path / "saved.csv", rig)
+    assert np.allclose(Recording.load(tmp_path / "saved.csv", rig).angle, LOG.angle, atol=1e-9)
+
+
+def test_the_zero_of_a_position_may_be_stated(tmp_path):
+    rig = rig_with("none", "linear", gravity=0.0, angle="x", angle_unit="mm", angle_zero=120.0)
+    path = write_columns(tmp_path / "log.csv", {"t": LOG.time, "x": 1e3 * LOG.angle + 120.0})
+    assert np.allclose(Recording.load(path, rig).angle, LOG.angle, atol=1e-9)

@@ -35,9 +35,10 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.encoders import Encoders
+from swingid.preparation.zero import centre_of
 from swingid.recording.findings import Kind
 from swingid.result.result import Message
-from swingid.uncertainty.significance import BETTER, CERTAIN, CERTAIN_RATIO, DETECTED, MATTERS
+from swingid.uncertainty.significance import BETTER, CERTAIN, CERTAIN_RATIO, DETECTED, INDICATED, MATTERS
 from swingid.units import Quantity
 
 WIDE = 0.5 * np.pi / 180
@@ -190,7 +191,8 @@ def check_zero(law: WindowFit, signals: Signals, uncertainty: float) -> list[Mes
 
     uncertainty: the inertia's, with all declared imperfections. cos q1 oscillates at twice the motion's frequency, so
     it is distinguishable from inertia and odd friction. Friction that depends on the direction does so too; small
-    swings of one frequency do not distinguish the two, and then both are named.
+    swings of one frequency do not distinguish the two, and then both are named. The turning points of a free decay do
+    not depend on the model of its friction: what their centre contradicts is no offset of the angle.
     """
     if not law.scale.b or signals.linear:
         return []
@@ -204,6 +206,9 @@ def check_zero(law: WindowFit, signals: Signals, uncertainty: float) -> list[Mes
         ):
             return []
         unless = ", unless it is friction that depends on the direction, which is not distinguishable in this motion"
+    centre = centre_of(signals.motion.turning_angles) if law.scale.drive == "none" else None
+    if centre is not None and abs(found.value - centre[0]) > INDICATED * np.hypot(found.spread, centre[1]):
+        return []
     effect = percent((found.a11 - law.a11) / law.inertia, sign=True)
     offset = plus_minus(found.value, found.spread, "rad")
     text = (

@@ -39,13 +39,14 @@ FIRST_ORDER = float(np.radians(0.2))
 class Correction:
     """A known error of a channel, or excluded rows, and its origin.
 
-    channel: "angle", "wheel" or "rows". kind: "latency" (s), "nonlinearity_cosine", "nonlinearity_sine" (rad), "push"
-    (its torque; None where it is not known any more) from `start` to `stop` (s). standard_uncertainty: None where exact
-    or not known. origin: "stated" in the rig file, "found" in the log, or "switched off": known, but not corrected.
+    channel: "angle", "wheel" or "rows". kind: "latency" (s), "nonlinearity_cosine", "nonlinearity_sine" (rad), "zero"
+    (the angle at which the body hangs, rad), "push" (its torque; None where it is not known any more) from `start` to
+    `stop` (s). standard_uncertainty: None where exact or not known. origin: "stated" in the rig file, "found" in the
+    log, or "switched off": known, but not corrected.
     """
 
     channel: Literal["angle", "wheel", "rows"]
-    kind: Literal["latency", "nonlinearity_cosine", "nonlinearity_sine", "push"]
+    kind: Literal["latency", "nonlinearity_cosine", "nonlinearity_sine", "zero", "push"]
     value: float | None
     standard_uncertainty: float | None
     unit: str

@@ -16,6 +16,7 @@ from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
 from swingid.preparation.scale import Scale, require_channels
 from swingid.preparation.segment import longest_run, part_of
+from swingid.preparation.zero import centred
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, provenance
 from swingid.result.result import Details, Message, Result
@@ -147,5 +148,6 @@ def prepare(log: Recording, rig: Rig, *, unbroken: bool = False, one_of_several:
     log, pushes = push_decided(log, rig)
     scale = Scale.of(rig)
     require_channels(log, rig)
+    log, zero = centred(log, rig)
     log = longest_run(log) if unbroken else log
-    return Prepared(log, rig, scale, encoders, (*corrections, *pushes), one_of_several)
+    return Prepared(log, rig, scale, encoders, (*corrections, *pushes, *zero), one_of_several)

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from swingid.errors import UnanswerableError
+from swingid.numerics.arrays import Array, Bools
 from swingid.preparation.motion import Motion
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
@@ -82,25 +83,63 @@ def _runs(motion: Motion, left_out: Iterable[Iterable[float]]) -> list[tuple[int
     return [*runs, (first, max(len(motion.swing_sizes), first))]
 
 
+RELEASES = 2
+"""Growing swings of a log in which a body is lifted and let go; more are jitter of the angle, or a hand that drives."""
+
+CHANCE = 0.05
+"""Expected number of runs as long as the one taken, where swings grow and shrink at random. Of random amplitudes that
+a hand may drive, an answer get 0.5 % where each swing is another, 0 to 2 % where they are correlated over 4 swings, up
+to a third where they vary smoothly over 16; of 43 real free decays, which jitter has grow at up to every third swing,
+none is refused."""
+
+LONGEST = 8
+"""Swings of a push that count at most: beyond, hardly more random amplitudes are refused, and a decay of 50 swings
+before someone makes the body swing again would be."""
+
+
 def _decay(motion: Motion, start: float, stop: float) -> tuple[float, float]:
     """From the turning point after the release to the end of the swings or to another excitation of the axis.
 
-    In a free decay each swing is smaller than the one before; the run of that kind with the most motion is taken. At
-    its first turning point the body may still be held, so the part starts in the middle of the first swing.
+    In a free decay each swing is smaller than the one before; the run of that kind with the most motion is taken, of
+    those too long for a body that is driven by hand. At its first turning point the body may still be held, so the part
+    starts in the middle of the first swing. Raises UnanswerableError where there is none.
     """
     sizes, times = motion.swing_sizes, motion.turning_times
-    shrinking = np.concatenate([[False], sizes[1:] < 1.002 * sizes[:-1], [False]])
+    shrinks = sizes[1:] < 1.002 * sizes[:-1]
+    shrinking = np.concatenate([[False], shrinks, [False]])
     edges = np.nonzero(~shrinking[1:] | ~shrinking[:-1])[0]
-    begin, end = max(
-        pairwise(edges),
-        key=lambda run: float(sizes[run[0] : run[1]].sum()),
-        default=(0, len(sizes) - 1),
-    )
-    end = min(end, len(sizes) - 1)
-    if end - begin + 2 < FEWEST_TURNS:
+    runs = [(int(begin), min(int(end), len(sizes) - 1)) for begin, end in pairwise(edges)]
+    runs = [run for run in runs if run[1] - run[0] + 2 >= FEWEST_TURNS]
+    if not runs:
         raise UnanswerableError(
             "no free decay of three shrinking swings or more was found; release the body and do not touch it.",
             code="no-free-decay",
         )
+    runs = [run for run in runs if _is_free(sizes, shrinks, run)]
+    if not runs:
+        grow = int(np.count_nonzero(~shrinks))
+        raise UnanswerableError(
+            f"{grow} of {len(sizes)} swings are larger than the one before, though nothing drives the axis, and no run "
+            "of shrinking ones is long enough for a free decay; release the body and do not touch it, or state what "
+            "drives it as [drive].",
+            code="driven-by-hand",
+        )
+    begin, end = max(runs, key=lambda run: float(sizes[run[0] : run[1]].sum()))
     released = (times[begin] + times[begin + 1]) / 2
     return max(start, float(released)), min(stop, float(times[end + 1]))
+
+
+def _is_free(sizes: Array, shrinks: Bools, run: tuple[int, int]) -> bool:
+    """Whether a run of shrinking swings is not one of those that a hand makes, which drives the body now and then.
+
+    Swings that grow and shrink at random hold a run of n shrinking ones after one in 2ⁿ pushes; where a push lasts
+    several swings, that many count as one. The last run is also free where it decays to half of what was before.
+    """
+    begin, end = run
+    grow = int(np.count_nonzero(~shrinks))
+    if grow <= RELEASES:
+        return True
+    pushes = int(np.count_nonzero(np.diff(np.concatenate([[True], shrinks]).astype(np.int8)) < 0))
+    if (end - begin) / min(grow / pushes, LONGEST) >= np.log2((pushes + 1) / CHANCE):
+        return True
+    return bool(end == len(sizes) - 1 and sizes[end] < 0.5 * np.median(sizes[: begin + 1]))

@@ -112,8 +112,11 @@ class Conventions:
         log = rig.log
         kind = rig.drive.kind
         columns = {name: getattr(log, name, None) or default for name, default in DEFAULT_COLUMNS.items()}
-        zero = np.pi if log.angle_zero == "up" and rig.axis.kind == "rotary" else 0.0
         unit, turn = _unit(rig, log.angle_unit, "angle")
+        if isinstance(log.angle_zero, str):
+            zero = np.pi if log.angle_zero == "up" else 0.0
+        else:
+            zero = -log.angle_sign * unit * log.angle_zero
         angle = Scale(log.angle_sign * unit, zero, turn)
         scales = {"angle": angle, "reference": Scale(angle.factor, zero, turn)}
         scales["time"] = Scale(SECONDS[log.time_unit])
@@ -159,7 +162,7 @@ class Conventions:
         `logged` holds "time" in s and, in logged units, any of the channels; angles must be continuous.
         """
         model = {name: v if name == "time" else self.scale(name).to_model(v) for name, v in logged.items()}
-        if self.scales["angle"].offset:
+        if self.scales["angle"].offset and self.scales["angle"].turn is not None:
             turns = TURN * np.round(np.median(model["angle"]) / TURN)
             for name in ("angle", "reference"):
                 if name in model and turns:

@@ -68,6 +68,7 @@ REPAIRS: dict[str, str] = {
     "encoders": "the encoders' nonlinearity that the rig file states is corrected in the angles that a method uses",
     "calibrate": "undeclared encoder nonlinearity and latency are estimated from the log (momentum)",
     "latency": "the latency that the rig file states is corrected in the angles that a method uses",
+    "zero": "the angle of a free decay is counted from the centre of its swings, where the body hangs",
     "push": "rows of a driven log during an external torque are excluded from what a method uses",
 }
 """Every repair that a log may see. Each that was made is named in the result's provenance."""

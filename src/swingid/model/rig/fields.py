@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypedDict, Unpack
 
@@ -94,6 +95,20 @@ def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits
         if found.std is not None:
             refuse("uncertainty-unused", "takes no uncertainty; write the number alone")
         return _within(found, limits).value
+
+    return PlainValidator(read)
+
+
+def choice_or_number(*choices: str) -> PlainValidator:
+    """A validator that takes one of these texts, or a finite number as it stands."""
+
+    def read(raw: object) -> str | float:
+        if isinstance(raw, str) and raw in choices:
+            return raw
+        if isinstance(raw, int | float) and not isinstance(raw, bool) and math.isfinite(raw):
+            return float(raw)
+        named = ", ".join(repr(choice) for choice in choices)
+        refuse("wrong-value", f"must be {named} or a number, not {shown(raw)}")
 
     return PlainValidator(read)
 

@@ -14,6 +14,7 @@ from swingid.model.rig.fields import (
     Column,
     Table,
     TermTable,
+    choice_or_number,
     given,
     plain_number,
     quantity,
@@ -237,6 +238,7 @@ class LogConventions(Table):
     `model_fields_set` holds what the file stated: a default column may be absent from a log, a stated one may
     not. With `rate` (rows per second) rows are evenly spaced and `time` is not read. Row k's voltage or torque
     acts from t_k to t_(k+1) if `drive_held`, else it is a measurement at t_k; angles are those at t_k.
+    `angle_zero` as a number is the logged angle, in its unit, at which the body hangs (a linear axis: that is 0).
     `wheel_scale` is wheel turns per logged turn. `wheel_speed` replaces the wheel's angle where only the speed was
     logged: the speed at the row, or ("mean") the turn since the row before, divided by the time.
     Torque (force) = torque_sign * torque_gain * column.
@@ -247,7 +249,7 @@ class LogConventions(Table):
     rate: Annotated[float, plain_number("Hz", above=0)] | None = None
     angle: Column = "q1"
     angle_unit: Literal["rad", "deg", "turns", "counts", "m", "mm"] = "rad"
-    angle_zero: Literal["down", "up"] = "down"
+    angle_zero: Annotated[Literal["down", "up"] | float, choice_or_number("down", "up")] = "down"
     angle_sign: Sign = 1
     wheel_angle: Column = "q2"
     wheel_angle_unit: AngleUnit = "rad"

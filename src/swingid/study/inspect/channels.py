@@ -37,6 +37,7 @@ OWN = {
     "unwrap": "angles within one turn",
     "spikes": "spikes",
     "limit": "commands beyond the voltage limit",
+    "zero": "the zero of a free decay",
     "push": "external disturbance torques (pushes)",
 }
 """What swingid itself repairs on reading, by the name of the repair."""

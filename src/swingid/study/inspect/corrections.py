@@ -206,7 +206,7 @@ def _other_signs(rig: Rig) -> list[dict[str, object]]:
         turned.insert(0, {f"log.{key}": -getattr(rig.log, key)})
     if rig.drive.kind == "none":
         turned = []
-    if rig.axis.kind == "linear":
+    if rig.axis.kind == "linear" or not isinstance(rig.log.angle_zero, str):
         return turned
     other: dict[str, object] = {"log.angle_zero": "down" if rig.log.angle_zero == "up" else "up"}
     return [*turned, other, *({**one, **other} for one in turned)]

@@ -19,6 +19,7 @@ from swingid.model.rig import Rig
 from swingid.preparation.encoders import corrected
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.zero import HARMLESS, centre_of
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording
 from swingid.study.inspect import extra_columns as small
@@ -34,9 +35,6 @@ FEWEST = 20
 
 MOST_ROWS = 120_000
 """Rows of a log that these checks look at; more rows add little."""
-
-HARMLESS = 5e-3
-"""Zero (rad) up to which the inertia of swings to both sides is wrong by less than 0.01 %."""
 
 CLEAR = 5e-3
 """Uncertainty (rad) of the angle's zero beside encoder errors up to which the two are distinguished."""
@@ -94,7 +92,11 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     turn = float(rig.log.wheel_scale) if rig.drive.kind == "reaction-wheel" else 1.0
     extras = small.extras(fits, balance.signals, balance.scale, turn) if fits else {}
     if "zero" in extras:
-        found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals, balance.scale)))
+        centre = centre_of(balance.signals.motion.turning_angles) if rig.drive.kind == "none" else None
+        if centre is None:
+            found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals, balance.scale)))
+        else:
+            found.append(_zero(replace(extras["zero"], value=centre[0], uncertainty=centre[1]), None))
     if "latency" in extras:
         found.append(_latency(extras["latency"], balance, rig))
     found += _voltage(fits, balance, rig)

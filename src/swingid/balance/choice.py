@@ -20,6 +20,7 @@ from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
+from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.uncertainty.significance import DETECTED
@@ -118,9 +119,13 @@ def _with_memory(
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
-    most = REVERSAL * signals.motion.half_period * abs(plain.value("coulomb"))
-    seen = found > DETECTED * spread and (scale.drive != "none" or found < most)
+    seen = found > DETECTED * spread and impulse_possible(scale, signals.motion, found, plain.value("coulomb"))
     return (remembered if seen or memory == "on" else tried), impulse_left(impulse, found, spread)
+
+
+def impulse_possible(scale: Scale, motion: Motion, impulse: float, dry: float) -> bool:
+    """Whether dry friction (N m or N) can have made an impulse of this size at each reversal, see `REVERSAL`."""
+    return scale.drive != "none" or impulse < REVERSAL * motion.half_period * abs(dry)
 
 
 def impulse_left(prior: float, found: float, spread: float) -> float:

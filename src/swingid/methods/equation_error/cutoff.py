@@ -5,8 +5,14 @@ where white noise of the angle puts 1e-5 of the signal's power into the accelera
 biases the inertia of least squares by the same share; never below four times the motion's frequency, so that the third
 harmonic, which distinguishes Coulomb from viscous friction, passes; never above a fifth of the sampling rate. The
 motion's frequency is that below which 99 % of the power of the smoothed speed lies; the noise is the declared or the
-measured one, whichever is more. (Gautier 1997, "Dynamic identification of robots with power model"; Janot, Vandanjon
-and Gautier 2014, "A generic instrumental variable approach for industrial robot identification".)
+measured one, whichever is more.
+
+That frequency is too high where noise has a share of the speed's power, and angles of a camera or a fused sensor have
+more noise than sixth differences show. So of the cut-offs from the rule down to four times the frequency of the swings
+(from the turning points) the one with the least *relative* uncertainty of the inertia is taken, among about equal ones
+the highest (`estimate.choose_lower`): attenuation lowers the estimate and its scatter alike, but not their ratio.
+(Gautier 1997, "Dynamic identification of robots with power model"; Janot, Vandanjon and Gautier 2014, "A generic
+instrumental variable approach for industrial robot identification".)
 """
 
 from __future__ import annotations
@@ -40,11 +46,17 @@ class Cutoff:
 
     frequency: float
     reason: str
+    given: bool = False
 
     def beside(self, rate: float) -> list[Cutoff]:
         """A lower and a higher cut-off, for comparison, where the sampling rate (1/s) allows them."""
         both = self.frequency / BESIDE, self.frequency * BESIDE
         return [Cutoff(frequency, self.reason) for frequency in both if frequency <= 2 * HIGHEST * rate]
+
+    def down_to(self, least: float) -> list[Cutoff]:
+        """Itself and lower cut-offs, a factor `BESIDE` apart, none below `least` (Hz)."""
+        steps = int(np.log(max(self.frequency / least, 1.0)) / np.log(BESIDE) + 1e-9)
+        return [Cutoff(self.frequency / BESIDE**k, self.reason) for k in range(steps + 1)]
 
 
 def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: object) -> Cutoff:
@@ -66,7 +78,7 @@ def choose_cutoff(speed: Speed, start: float, stop: float, noise: Noise, given: 
                 "give a higher one, or leave it out.",
                 code="bad-cutoff",
             )
-        return Cutoff(float(given), "as given")
+        return Cutoff(float(given), "as given", given=True)
     motion, power = motion_frequency(speed, start, stop)
     # white noise through a perfect low-pass and two derivatives: ∫ 2hσ² (2πf)⁴ df
     allowed = 5 * NOISE_SHARE * power / (2 * noise.step * (2 * np.pi) ** 4 * max(noise.angle, 1e-150) ** 2)

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from swingid.balance.choice import impulse_left
+from swingid.balance.choice import FLAT, impulse_left, impulse_possible
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
 from swingid.balance.friction_laws import EXACT
 from swingid.balance.rows import Rows, Signals
-from swingid.methods.equation_error.cutoff import SETTLING, Cutoff
-from swingid.methods.equation_error.fit import best_lag, fit_rows
+from swingid.checks.consistency import DISAGREES
+from swingid.errors import UnanswerableError
+from swingid.methods.equation_error.cutoff import AT_LEAST, SETTLING, Cutoff
+from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, best_lag, fit_rows
 from swingid.methods.equation_error.grid import Grid, even_grid
 from swingid.methods.equation_error.laws import Law, Laws, LawTable
 from swingid.methods.equation_error.rows import RowFilter, filtered_rows
@@ -31,6 +34,12 @@ EARLIER = 0.75
 
 LAGS = 1.0
 """Range, in periods of the motion, in which the lag of the instruments is sought."""
+
+RICHEST = 8
+"""Unknowns of the richest model: inertia, gravity torque, the terms of a law, an impulse at each reversal."""
+
+LOWEST = 2.0
+"""Lowest cut-off with which the chosen one is compared, in frequencies of the swings: the first harmonic passes."""
 
 PASSES = 4
 """Most iterations between friction law and turning points."""
@@ -68,7 +77,8 @@ class Selection:
 
     laws: fits with the other possible laws, and their probabilities. cutoffs: by name. impulse: standard uncertainty
     (N m s or N s) of the impulse at each reversal that the correction of the turning points leaves. memory: column of
-    such an impulse in the rows.
+    such an impulse in the rows. from_momentum: dark uncertainty of the inertia by the difference to modulating
+    functions.
     """
 
     chosen: Fitted
@@ -78,6 +88,7 @@ class Selection:
     impulse: float
     memory: Array
     motion: Motion
+    from_momentum: float = 0.0
 
     @property
     def between_laws(self) -> float:
@@ -93,8 +104,9 @@ class Selection:
         if "memory" not in self.chosen.fit.unknowns:
             effect = float(self.chosen.fit.fit.influence[0] @ self.memory)
             found["timing of the turning points"] = abs(effect) * self.impulse
-        for name, other in self.cutoffs.items():
-            found[f"disagreement: {name}"] = self.chosen.contradicted(other, self.motion)
+        # the cut-offs have the same noise and lack of fit, so their differences are one error
+        apart = [self.chosen.contradicted(other, self.motion) for other in self.cutoffs.values()]
+        found |= {"drift with the cut-off": max(apart, default=0.0), DISAGREES: self.from_momentum}
         entries = [(systematic(source), "inertia", spread) for source, spread in found.items()]
         for name in self.chosen.scale.unknown:
             own = self.chosen.common(self.motion, name)
@@ -109,7 +121,10 @@ def estimate(
 
     Raises UnanswerableError for too short a log.
     """
-    row_filter = RowFilter.of(part.grid, cutoff, part.closed)
+    if cutoff.given or instruments:  # which have no attenuation
+        row_filter = RowFilter.of(part.grid, cutoff, part.closed)
+    else:
+        row_filter = choose_lower(part, scale, cutoff)
     law, laws, late = _law(part, signals, scale, row_filter, given)
     part = replace(part, motion=part.motion.earlier(late))
     others = [(other, weight) for other, weight in laws.likely if other.name != law.name]
@@ -117,18 +132,51 @@ def estimate(
     memory = _fit(part, scale, row_filter, law, ("memory",), instruments, plain.lag)
     # dynamic friction is part of the model where its impulse at each reversal is significant
     spread, size = memory.spread("memory", part.motion), abs(memory.fit.value("memory"))
-    seen = size > DETECTED * spread
-    impulse = impulse_left(impulse_of(late, law.torque, dry_levels(signals, plain.fit)), size, spread)
+    levels = dry_levels(signals, plain.fit)
+    dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
+    dry += float(np.abs(np.mean(levels)))
+    seen = size > DETECTED * spread and impulse_possible(scale, part.motion, size, dry)
+    impulse = impulse_left(impulse_of(late, law.torque, levels), size, spread)
     chosen, more = (memory, ("memory",)) if seen else (plain, ())
     fits = [(other, _fit(part, scale, row_filter, other, more, instruments, plain.lag), w) for other, w in others]
-    cutoffs = {
-        f"cut-off {beside.frequency:.3g} Hz": _fit(
-            part, scale, RowFilter.of(part.grid, beside, part.closed), law, more, instruments
-        )
-        for beside in cutoff.beside(1 / part.grid.step)
-    }
+    cutoff = row_filter.cutoff
+    others_of = {*cutoff.beside(1 / part.grid.step), *cutoff.down_to(LOWEST / (2 * part.motion.half_period))[1:]}
+    cutoffs = {}
+    for other in sorted(others_of, key=lambda one: -one.frequency):
+        with suppress(UnanswerableError):  # too low for so short a log
+            filtered = RowFilter.of(part.grid, other, part.closed)
+            cutoffs[f"cut-off {other.frequency:.3g} Hz"] = _fit(part, scale, filtered, law, more, instruments)
     column = memory.rows.friction["memory"]
     return Selection(chosen, law, tuple(fits), cutoffs, impulse, column, part.motion), laws
+
+
+def choose_lower(part: OnGrid, scale: Scale, rule: Cutoff) -> RowFilter:
+    """The filter of the highest cut-off, from the rule downwards, with about the least relative uncertainty of a11.
+
+    Raises UnanswerableError where the log is too short for every one.
+    """
+    tried: list[tuple[float, RowFilter]] = []
+    for cutoff in rule.down_to(AT_LEAST / (2 * part.motion.half_period)):
+        row_filter = RowFilter.of(part.grid, cutoff, part.closed)
+        if tried and row_filter.usable.sum() < ROWS_PER_UNKNOWN * RICHEST:
+            break
+        tried.append((_plain(part, scale, row_filter).relative(part.motion), row_filter))
+    least = min(relative for relative, _ in tried)
+    row_filter = next(one for relative, one in tried if relative <= FLAT * least)
+    if row_filter.cutoff.frequency == rule.frequency:
+        return row_filter
+    reason = f"least relative uncertainty of the inertia below the {rule.frequency:.3g} Hz of the rule"
+    return replace(row_filter, cutoff=Cutoff(row_filter.cutoff.frequency, reason))
+
+
+def _plain(part: OnGrid, scale: Scale, row_filter: RowFilter) -> Fitted:
+    """The fit with Coulomb and viscous friction."""
+    terms = ("coulomb", "viscous")
+    rows = filtered_rows(row_filter, part.motion, terms, scale)
+    reach = part.reach(row_filter.row_step, len(rows.windows))
+    fit = fit_rows(rows, scale, terms, row_filter.usable, reach, 0)
+    b = fit.value("gravity_torque") if scale.b is None else scale.b
+    return Fitted(fit, row_filter, rows, 0, reach, 0.0 if scale.linear else b, scale, part.noise)
 
 
 def _law(

@@ -26,6 +26,8 @@ from swingid.preparation.scale import Scale
 ROBUST = 5.0
 """Robust standard deviations of a residual beyond which its row weighs less (Huber)."""
 
+ROWS_PER_UNKNOWN = 5
+
 ROUNDS = 4
 
 LAGS_TRIED = 40
@@ -51,7 +53,7 @@ def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, re
     unknowns, columns = columns_of(rows, scale, terms)
     target = known_side(rows, scale)
     instruments, usable = lagged(columns, usable, lag, unknowns)
-    if usable.sum() < 5 * len(unknowns):
+    if usable.sum() < ROWS_PER_UNKNOWN * len(unknowns):
         raise UnanswerableError(
             f"{usable.sum()} filtered rows are left, too few for {len(unknowns)} unknowns; record a longer run, "
             "or give a higher cutoff.",

@@ -20,11 +20,11 @@ from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, unverified_reading
-from swingid.checks.consistency import CLOSE
-from swingid.checks.stated import check_gravity
+from swingid.checks.consistency import CLOSE, against_momentum
+from swingid.checks.stated import check_gravity, check_zero
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.answer import answer, details
-from swingid.methods.equation_error.cutoff import Cutoff, choose_cutoff
+from swingid.methods.equation_error.cutoff import choose_cutoff
 from swingid.methods.equation_error.estimate import OnGrid, Selection, estimate
 from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import Grid
@@ -37,6 +37,11 @@ from swingid.preparation.scale import Scale
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
 from swingid.uncertainty.budget import Parameter
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.significance import INDICATED
+
+SHARES = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
+"""Half-lengths, in swings, of the modulating functions with which the estimate is compared."""
 
 
 def equation_error(
@@ -71,13 +76,22 @@ def equation_error(
     cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
     selected, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
     chosen = selected.chosen
+    windows, apart = _from_momentum(selected, signals)
+    selected = replace(selected, from_momentum=apart)
     found = answer(selected, rig, scale)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
     checked = check_answer(found.parameters, found.budget, _as_windows(chosen), amplitude, rig)
-    how = _how(on_grid.grid, cut, selected, laws, given=friction != "auto")
+    how = _how(on_grid.grid, selected, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
     warnings = [*checked.warnings, *_unlikely(selected, laws, scale), *inconsistent, *motor.warnings]
-    options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": cut.frequency}
+    if windows is not None:
+        inertia = found.parameters["inertia"]
+        without = float(np.sqrt(max((inertia.standard_uncertainty or 0.0) ** 2 - apart**2, 0.0)))
+        cause = "noise in the acceleration or friction that does not depend on the speed alone"
+        warnings += against_momentum(inertia, without, windows, cause)
+        warnings += check_zero(windows, signals, inertia.standard_uncertainty or without)
+    used = chosen.row_filter.cutoff.frequency
+    options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": used}
     covariance = _covariance(chosen.fit) if scale.b is None else {}
     drawn = details(selected, scale, span)
     return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
@@ -121,8 +135,31 @@ def _consistency(
     return warnings, check_motor(balance, signals, method="this method", unverified=unverified)
 
 
-def _how(grid: Grid, cutoff: Cutoff, selected: Selection, laws: Laws, *, given: bool) -> list[Message]:
+def _from_momentum(selected: Selection, signals: Signals) -> tuple[WindowFit | None, float]:
+    """The fit on modulating functions with the least relative uncertainty, and the dark uncertainty by the difference.
+
+    They differentiate no angle, and long ones have less noise and attenuation than filtered rows.
+    """
+    chosen = selected.chosen
+    terms = (*BASIS, "memory") if "memory" in chosen.fit.unknowns else BASIS
+    halves = [share * signals.motion.half_period for share in SHARES]
+    tried = [
+        fit_windows(rows_of(signals.suited(half), law_windows(signals, half)), chosen.scale, chosen.noise, terms)
+        for half in halves
+    ]
+    fits = [fit for fit in tried if fit is not None]
+    if not fits:
+        return None, 0.0
+    other = min(fits, key=lambda fit: fit.relative(fit.u))
+    own = chosen.variance(np.eye(len(chosen.fit.unknowns))[0])
+    # a difference of `CLOSE` is not worth a warning
+    variance = own + other.u**2 + (CLOSE / INDICATED * other.a11) ** 2
+    return other, dark_uncertainty(other.a11 - chosen.fit.a11, variance, float(np.sqrt(own)))
+
+
+def _how(grid: Grid, selected: Selection, laws: Laws, *, given: bool) -> list[Message]:
     """Notes on what was done to the log."""
+    cutoff = selected.chosen.row_filter.cutoff
     text = f"low-pass at {cutoff.frequency:.3g} Hz ({cutoff.reason}), zero phase, every term alike."
     notes = [Message("cutoff", text)]
     law = f"the friction law was taken as {selected.law.name}"

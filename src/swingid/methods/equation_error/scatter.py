@@ -153,11 +153,19 @@ class Fitted:
         grid = rms(self.grid_effects(motion, unknown)) if self.noise.resolution > 0 else 0.0
         return float(np.hypot(np.sqrt(self.variance(own)), grid))
 
+    def relative(self, motion: Motion) -> float:
+        """Standard uncertainty of a11 by the sensors, lack of fit and attenuation, as a share of its magnitude."""
+        own = abs(self.fit.a11)
+        return float(np.hypot(self.spread("inertia", motion), own * self.attenuation)) / max(own, 1e-300)
+
     def contradicted(self, other: Fitted, motion: Motion) -> float:
-        """Dark uncertainty by the difference to another fit of the same log, beyond what the sensors explain of it."""
-        variance = self.variance_of_difference(other, motion)
-        own = float(np.sqrt(self.variance(np.eye(len(self.fit.unknowns))[0])))
-        return dark_uncertainty(other.fit.a11 - self.fit.a11, variance, own)
+        """Dark uncertainty by the difference to another fit of the same log, beyond what explains it.
+
+        That is the noise of the sensors, or the difference of the variances (Hausman 1978), which has the lack of fit.
+        """
+        own, others = (one.variance(np.eye(len(one.fit.unknowns))[0]) for one in (self, other))
+        variance = max(self.variance_of_difference(other, motion), abs(own - others))
+        return dark_uncertainty(other.fit.a11 - self.fit.a11, variance, float(np.sqrt(own)))
 
     def variance_of_difference(self, other: Fitted, motion: Motion) -> float:
         """Variance of the difference of a11 to another fit of the same log, from the sensors.

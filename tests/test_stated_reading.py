@@ -59,6 +59,25 @@ def test_a_grid_that_contradicts_the_rig_file_is_a_warning(tmp_path, channel, un
     assert message.startswith("column 'q1' (angle)" if channel == "angle" else "column 'q2' (wheel angle)")
 
 
+def test_a_coarse_grid_shows_though_rows_are_a_step_apart_at_most(tmp_path):
+    angle = on_grid(LOG.angle, 500)
+    assert np.abs(np.diff(angle)).max() < 1.5 * TURN / 500
+    rig = rig_with(sensors="counts_per_turn = 1000\n[sensors.wheel]\nresolution = 1e-9")
+    (message,) = grids(tmp_path / "log.csv")(rig, angle, LOG.wheel_angle)
+    assert "500 in a turn, but [sensors] states 1000" in message
+
+
+@pytest.mark.parametrize("counts", [1200, 2400, 4096])
+def test_a_row_for_each_edge_of_the_encoder_shows_its_step(tmp_path, counts):
+    filled = np.arange(0.0, LOG.time[-1], 1e-4)
+    dense = on_grid(np.interp(filled, LOG.time, LOG.angle), counts)
+    edges = np.flatnonzero(np.diff(dense)) + 1
+    assert np.allclose(np.abs(np.diff(dense[edges])), TURN / counts)
+    rig = rig_with("none", sensors=f"counts_per_turn = {counts}")
+    path = write_columns(tmp_path / "log.csv", {"t": filled[edges], "q1": dense[edges]})
+    assert [one for one in Recording.load(path, rig).findings if one.code == GRID] == []
+
+
 @pytest.mark.parametrize("unit", UNITS)
 def test_a_grid_that_is_as_stated_is_none(tmp_path, unit):
     rng = np.random.default_rng(3)

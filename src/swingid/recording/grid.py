@@ -113,6 +113,10 @@ SAME_COUNTS, SAME_RESOLUTION = 1e-3, 0.05
 """Relative difference up to which a step is the stated one: counts per turn are whole (4096 and 4100 differ by this),
 a resolution is often written with two digits."""
 
+STRIDES = (1, 7, 63)
+"""Rows between the values that are compared: where each row is at most a step from the next, no multiple shows. Odd,
+for where each row is one step (a log of the encoder's edges) an even number of rows is an even number of steps."""
+
 GRID = "encoder-grid"
 
 
@@ -133,7 +137,8 @@ def check_grids(table: Table, conventions: Conventions, rig: Rig) -> list[Findin
         if column is None or used not in UNITS:
             continue
         values = table.numbers(column)[0]
-        step = grid_of(values[np.isfinite(values)])
+        values = values[np.isfinite(values)]
+        step = next((step for rows in STRIDES if (step := grid_of(values[::rows]))), 0.0)
         if step == 0.0 or is_decimal(step):
             continue
         encoder = rig.sensors.of(which)

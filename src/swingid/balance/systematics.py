@@ -178,6 +178,7 @@ def place_fits(law: WindowFit, signals: Signals) -> list[PlaceFit]:
     if bare is None or std == 0.0:
         return []
     declared = [effect.item for effect in law.declared if effect.item.calibrates]
+    passed = [effect.item for effect in law.declared if not effect.item.calibrates]
     plain = with_fitted(bare, declared, ROUNDS)
     found, first, grid = [], 0, grid_spread(signals, plain, "inertia") ** 2
     for kind in kinds:
@@ -190,6 +191,8 @@ def place_fits(law: WindowFit, signals: Signals) -> list[PlaceFit]:
             continue  # so large a torque is known: the residuals have another cause, as the distortion of a camera
         prior = sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
         variance = abs(more.u**2 - plain.u**2) + prior + grid + grid_spread(signals, more, "inertia") ** 2
+        change = more.fit.influence[0] - plain.fit.influence[0]
+        variance += sum((float(change @ item.rows) * item.std) ** 2 for item in passed)
         found.append(PlaceFit(more, plain, float(variance)))
     return found
 

@@ -45,7 +45,7 @@ from swingid.preparation.prepared import Part, Prepared
 from swingid.recording.findings import Kind
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
-from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, joined, systematic
+from swingid.uncertainty.budget import Evaluated, Parameter, Scatter, Source, evaluate, joined, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
 
 CONFLICT = "conflict of the gravity torque with the log"
@@ -96,10 +96,13 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     estimate = _estimate(choice, rig)
     check_sign(estimate.law, prepared.log.source.path or "the log")
     found = _answer(estimate, rig, signals)
-    parameters = found.parameters
+    parameters, u = found.parameters, found.parameters["inertia"].standard_uncertainty or 0.0
+    # what contradicts the rig file is named, and neither makes an answer hopeless nor hides its causes
+    shared = estimate.common[CONFLICT] ** 2 + estimate.common[PLACE] ** 2
+    alone = Parameter.of(estimate.law.inertia, max(u**2 - shared, 0.0) ** 0.5, scale.unit)
     amplitude = float(np.max(np.abs(signals.motion.turning_angles)))
     try:
-        checked = check_answer(parameters, found.budget, estimate.law, amplitude, rig)
+        checked = check_answer(parameters | {"inertia": alone}, found.budget, estimate.law, amplitude, rig)
         warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
     except NotIdentifiableError as error:
         if not prepared.one_of_several or scale.b is not None:
@@ -112,11 +115,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     if lost is not None:
         extra["loss_unexplained"] = lost
     notes = [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes()]
-    u = parameters["inertia"].standard_uncertainty or 0.0
-    # a wrong zero is one cause of the conflict, which therefore must not hide it
-    off = check_zero(
-        estimate.law, signals, max(u**2 - estimate.common[CONFLICT] ** 2 - estimate.common[PLACE] ** 2, 0.0) ** 0.5
-    )
+    off = check_zero(estimate.law, signals, alone.standard_uncertainty or 0.0)
     if not off:  # a wrong zero changes the gravity torque, too
         off = check_gravity(estimate.law, estimate.tried.values(), signals, rig)
     off += check_encoders(estimate.law, rig, signals)

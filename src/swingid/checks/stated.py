@@ -151,7 +151,12 @@ def _freed(fit: WindowFit, signals: Signals, rig: Rig) -> tuple[WindowFit, float
 
 
 def check_place(law: WindowFit, fits: Sequence[PlaceFit]) -> list[Message]:
-    """A warning where a torque that depends on the angle, which no term of the rig has, biases the inertia."""
+    """A warning where a torque that depends on the angle, which no term of the rig has, biases the inertia.
+
+    Not where gravity is unknown as well, which at one frequency takes the part of a spring.
+    """
+    if law.scale.b is None:
+        return []
     found = max(fits, key=lambda one: abs(one.difference) / max(one.variance, 1e-300) ** 0.5, default=None)
     if found is None:
         return []

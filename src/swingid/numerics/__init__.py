@@ -1,1 +1,1 @@
-"""Mathematics independent of the rig: splines, quadrature, test functions, regression."""
+"""Mathematics independent of the rig: splines, quadrature, modulating functions, regression."""

@@ -175,7 +175,7 @@ def _compared(
     gaps = {name: abs(own[name] / parameter.value - 1) for name, parameter in clear.items()}
     worst = max(gaps, key=lambda name: gaps[name])
     text = (
-        f"test functions (±{first.half:.3g} s) and output error ({len(refined.shots)} shots) differ by "
+        f"modulating functions (±{first.half:.3g} s) and output error ({len(refined.shots)} shots) differ by "
         f"{100 * gaps[worst]:.2g} % at most, in {worst}."
     )
     residual = f"the simulated wheel differs from the logged angle by {max(refined.levels):.3g} rad (RMS)."
@@ -184,7 +184,7 @@ def _compared(
     if not serious:
         return [], notes
     text = (
-        f"test functions and output error disagree on {', '.join(serious)} by up to "
+        f"modulating functions and output error disagree on {', '.join(serious)} by up to "
         f"{100 * max(gaps[name] for name in serious):.2g} %: equation (II) does not describe the motor; check for "
         "other friction, a voltage that is not held, a latency."
     )

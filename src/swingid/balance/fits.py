@@ -191,11 +191,11 @@ def fit_with_prior(fit: WindowFit, extra: Sequence[Array], rounds: int = 2) -> t
 
 
 def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
-    """The fit with the effect of every declared imperfection; the gravity torque and errors of encoders are fitted.
+    """The fit with the effect of every declared imperfection; nonlinearities and latencies of encoders are fitted.
 
-    Nonlinearities, latencies and the gravity torque beside a drive enter the rows linearly and their standard
-    deviations are declared, so they are unknowns with that prior, of which the log determines what it can (THEORY 4
-    and 7). Other constants are no unknowns: their declared uncertainty is propagated.
+    These enter the rows linearly and their standard deviations are declared, so their amplitudes are unknowns with that
+    prior, of which the log determines what it can (THEORY 4, self-calibration). Constants are no unknowns: their
+    declared uncertainty is propagated.
     """
     items = imperfections(rig, signals, fit.rows, fit.a11, fit.b)
     fit = with_fitted(fit, [item for item in items if item.calibrates])

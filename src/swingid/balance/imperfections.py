@@ -7,7 +7,7 @@ coefficient of every parameter to every declared imperfection without a second f
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -95,27 +95,13 @@ def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
         yield known("log.torque_gain", gain, rows.torque / gain.value, 0.0)
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str):
-        item = known("axis.gravity_torque", gravity, -rows.gravity, 0.0)
-        # the drive is the scale reference: without one, or with a worse one, the fit would only shrink every term
-        yield replace(item, calibrates=rig.drive.kind != "none" and _share(gravity) >= _drive_share(rig))
+        yield known("axis.gravity_torque", gravity, -rows.gravity, 0.0)
     for term in rig_terms(rig):
         if term.value is not None:
             yield known(term.term.key, term.value, -rows.further[term.name], 0.0)
             if term.shift.std:
                 effect = -term.value.value * rows.further[shifted(term.name)]
                 yield known(term.term.shift, term.shift, effect, 0.0)
-
-
-def _share(quantity: Quantity) -> float:
-    """Relative standard uncertainty; infinite for a value of 0."""
-    return (quantity.std or 0.0) / abs(quantity.value) if quantity.value else np.inf
-
-
-def _drive_share(rig: Rig) -> float:
-    """Relative standard uncertainty of the drive's scale: the torque gain, or the inertia of the wheel."""
-    if rig.drive.kind == "direct":
-        return _share(rig.log.torque_gain)
-    return 0.0 if rig.drive.wheel is None else _share(rig.drive.wheel.inertia)
 
 
 def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:

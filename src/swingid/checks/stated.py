@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.fits import (
-    GRAVITY,
     LAG,
     WindowFit,
     columns_of,
@@ -124,8 +123,6 @@ def check_gravity(
     if not free.b > 0 or free.a11 <= 0:
         return []
     apart = abs(free.a11 - law.a11)
-    if any(effect.item.source == GRAVITY and effect.item.calibrates for effect in law.declared):
-        apart = free.a11 * abs(1 - stated.value / free.b)  # between both cases, for the prior has moved law.a11
     if apart <= max(MATTERS * law.total, least * law.a11):
         return []
     drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"

@@ -78,7 +78,7 @@ def rehearse(
     gains: Annotated[Gains | None, typer.Option(help="Of the controller; default: the paper's experiment.")] = None,
     method: Methods = None,
     fault: Annotated[
-        list[str] | None, typer.Option(metavar="NAME: GRADE", help="Something wrong that nobody knows; repeatable.")
+        list[str] | None, typer.Option(metavar="NAME: GRADE", help="An undeclared fault; repeatable.")
     ] = None,
     json: Json = None,
 ) -> None:

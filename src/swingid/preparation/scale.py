@@ -98,7 +98,7 @@ LATEST = 0.1
 def require_channels(log: Recording, rig: Rig) -> None:
     """Raise InputError where the log lacks what the rig's drive needs, has another drive, or is too short.
 
-    UnanswerableError where nobody stated what sets the scale.
+    UnanswerableError where the scale reference is not stated.
     """
     unstated = next((found for found in log.findings if found.kind is Kind.NO_SCALE), None)
     if unstated is not None:

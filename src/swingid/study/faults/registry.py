@@ -1,4 +1,4 @@
-"""The registry of faults: what rigs, rig files and logs of labs have that nobody states, one record each.
+"""The registry of faults: what rigs, rig files and logs of labs have and nothing declares, one record each.
 
 A record says how a fault is called, its grades from mild to severe, and what it does: to the constants of the twin, to
 the conventions by which the log is written, to the rig file that the methods get, to the columns, or as a torque.

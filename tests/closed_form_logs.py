@@ -113,6 +113,16 @@ def free_log(friction: Friction, time: Array, initial_angle: float = 1.2) -> Rec
     return Recording(time=time, angle=made.y[0])
 
 
+def filmed_log(friction: Friction, band: tuple[float, float], seed: int) -> Recording:
+    """A free decay at 120 rows/s whose angle has noise of 3 mrad in a band (Hz), as of a camera."""
+    from scipy.signal import butter, sosfilt
+
+    time = np.arange(0, 30, 1 / 120)
+    noise = np.random.default_rng(seed).standard_normal(len(time))
+    error = sosfilt(butter(4, band, btype="band", fs=120, output="sos"), noise)
+    return Recording(time=time, angle=free_log(friction, time, 0.6).angle + 3e-3 * error / error.std())
+
+
 def encoded(log: Recording, step: float = ENCODER) -> Recording:
     """The log as encoders of the paper's resolution read it."""
     from dataclasses import replace

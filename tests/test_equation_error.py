@@ -16,6 +16,7 @@ from closed_form_logs import (
     direct_rig,
     encoded,
     exact_rig,
+    filmed_log,
     free_log,
     free_rig,
     wheel_log,
@@ -290,26 +291,16 @@ def test_the_cutoff_rule():
 def test_correlated_noise_of_the_angle_does_not_attenuate_the_estimate(seed, band, within):
     # as of a camera: sixth differences show little of it, and it has a share of the speed's power. At the cut-off of
     # the rule the estimate is a third too low, or refused
-    result = solved(as_filmed(band, seed), free_rig())
+    result = solved(filmed_log(viscous, band, seed), free_rig())
     assert result.inertia.value == pytest.approx(INERTIA, rel=within)
     low, high = result.inertia.interval95
     assert low <= INERTIA <= high
     assert "drift with the cut-off" in {entry.source for entry in result.budget}
 
 
-def as_filmed(band, seed):
-    """A free swing whose angle has noise of 3 mrad in this band (Hz)."""
-    from scipy.signal import butter, sosfilt
-
-    time = np.arange(0, 30, 1 / 120)
-    noise = np.random.default_rng(seed).standard_normal(len(time))
-    error = sosfilt(butter(4, band, btype="band", fs=120, output="sos"), noise)
-    return Recording(time=time, angle=free_log(viscous, time, 0.6).angle + 3e-3 * error / error.std())
-
-
 def test_a_difference_to_modulating_functions_is_in_the_budget():
     # at a cut-off of 20 Hz the estimate is a third too low
-    high = solved(as_filmed((0.5, 6.0), 1), free_rig(), cutoff=20.0)
+    high = solved(filmed_log(viscous, (0.5, 6.0), 1), free_rig(), cutoff=20.0)
     found, clean = (
         {e.source: e.standard_uncertainty for e in one.budget} for one in (high, solved(*CASES["free"](TIME)))
     )

@@ -14,6 +14,7 @@ from closed_form_logs import (
     direct_rig,
     encoded,
     exact_rig,
+    filmed_log,
     free_log,
     free_rig,
     wheel_log,
@@ -299,6 +300,17 @@ def test_a_wrong_friction_law_is_doubted():
     right = identify(log, GIVEN, "output-error", law="stribeck")
     assert right.status == "ok"
     assert abs(error(right)) < abs(error(result))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_correlated_noise_is_a_poor_fit_whose_interval_holds_the_truth(seed):
+    # the momentum balance of windows of a few rows is attenuated by such noise; that of long ones is not
+    result = identify(filmed_log(lambda v: 1e-3 * v, (0.5, 6.0), seed), free_rig(), "output-error")
+    assert result.status == "ok"
+    assert "poor-fit" in codes(result.notes)
+    low, high = result.inertia.interval95
+    assert low <= INERTIA <= high
+    assert high - low < 0.02 * INERTIA
 
 
 def test_a_robust_loss_bears_outliers(viscous_log):

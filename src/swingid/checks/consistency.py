@@ -4,10 +4,12 @@ motor.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.balance.choice import FLAT, impulse_possible
 from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.motor import MotorBalance, motor_balance
 from swingid.balance.rows import Signals, rows_of
@@ -25,7 +27,7 @@ from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.provenance import exact_constants
 from swingid.result.result import Message
-from swingid.uncertainty.budget import Evaluated, Parameter
+from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter, combined
 from swingid.uncertainty.significance import INDICATED
 from swingid.units import Quantity
 
@@ -41,6 +43,9 @@ FEWEST_PER_SWING = 10
 """Rows per swing below which the bias of smoothed speeds is some per cent, which the interval does not contain."""
 
 MOTOR_KEYS = ("drive.motor.torque_per_volt", "drive.motor.efficiency", "drive.wheel.inertia", "drive.motor.gear_ratio")
+
+SHARES = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
+"""Half-lengths, in swings, of the windows that are compared."""
 
 SWINGS = 12
 """Swings from which a wrong sign or wrong motor constants are detected."""
@@ -74,20 +79,37 @@ def consistency_check(
     quickest = quantile(np.abs(speed.acceleration(speed.grid)), 0.99)
     length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
     longest = min(length, log.duration / 20)
-    fit, shorter = (
-        fit_rows(rows_of(signals, law_windows(signals, half)), scale, noise, (*BASIS, "memory"))
-        for half in (longest, longest / np.sqrt(2))
-    )
+    terms: tuple[str, ...] = (*BASIS, "memory")
+    fit = best_windows(signals, scale, noise, terms, longest)
+    if fit is not None and not impulse_possible(scale, motion, abs(fit.value("memory")), fit.value("coulomb")):
+        terms = BASIS
+        fit = best_windows(signals, scale, noise, terms, longest)
     where = log.source.path or "the log"
     if fit is None:
         return Consistency(signals, None, None)
     check_sign(fit, where)
+    shorter = fit_rows(rows_of(signals, law_windows(signals, fit.half / np.sqrt(2))), scale, noise, terms)
     balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
     if balance is not None and (reversed_sign := wrong_sign(balance)):
         text = f"{where}: voltage has {reversed_sign}; set voltage_sign = -1 under [log], or +1 if it is -1 already."
         raise InputError(text, code="wrong-sign")
     others = () if shorter is None else (shorter,)
     return Consistency(signals, fit, balance, tuple(check_gravity(fit, others, signals, rig, least=CLOSE)))
+
+
+def best_windows(
+    signals: Signals, scale: Scale, noise: Noise, terms: tuple[str, ...], first: float | None = None
+) -> WindowFit | None:
+    """The fit with about the least relative uncertainty of a11 on windows of several lengths; None for too few swings.
+
+    Noise attenuates short windows, the lack of fit of the friction biases long ones. first: the half-length (s) that
+    is taken if its uncertainty is about the least.
+    """
+    halves = [*([] if first is None else [first]), *(share * signals.motion.half_period for share in SHARES)]
+    fits = [fit_rows(rows_of(signals.suited(half), law_windows(signals, half)), scale, noise, terms) for half in halves]
+    seen = [fit for fit in fits if fit is not None and np.isfinite(fit.u)]
+    least = min((fit.relative(fit.u) for fit in seen), default=0.0)
+    return next((fit for fit in seen if fit.relative(fit.u) <= FLAT * least), None)
 
 
 def check_energy(
@@ -157,6 +179,11 @@ def against_momentum(
         f"swings gives; the likely cause is {cause}, on which the momentum method depends less."
     )
     return [Message("disagrees-with-momentum", text)]
+
+
+def without_momentum(budget: Sequence[BudgetEntry]) -> float:
+    """Standard uncertainty of the inertia by all sources but the disagreement with the momentum balance."""
+    return combined([entry for entry in budget if entry.source != DISAGREES], "inertia")
 
 
 def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Parameter) -> str:

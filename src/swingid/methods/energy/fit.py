@@ -68,19 +68,30 @@ def within_blocks(values: Array) -> Array:
     return result.reshape(*values.shape[:-2], -1)
 
 
-def fit_nodes(states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = BASIS) -> NodeFit:
-    """Least squares over all nodes with these terms of friction."""
-    return fit_columns(columns_at(states, scale, terms), states.known(rig, scale))
+def fit_nodes(
+    states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = BASIS, *, instruments: bool = False
+) -> NodeFit:
+    """Fit over all nodes with these terms of friction, see `fit_columns`."""
+    return fit_columns(columns_at(states, scale, terms), states.known(rig, scale), instruments=instruments)
 
 
-def fit_columns(columns: dict[str, Array], known: Array) -> NodeFit:
+def fit_columns(columns: dict[str, Array], known: Array, *, instruments: bool = False) -> NodeFit:
     """Least squares over all nodes; columns and known side (blocks, nodes).
 
-    The covariance is from the scatter of blocks, of which neighbours may be correlated.
+    instruments: the squared speed of the next turning point, at the same depths, is the instrument of that of each.
+    Noise of the speeds lowers the inertia of least squares by its share of the power of the squared speed; it is
+    independent from swing to swing, so not that of instrumental variables (Söderström and Stoica 1983). The covariance
+    is from the scatter of blocks, of which neighbours may be correlated.
     """
     matrix = within_blocks(np.array(list(columns.values()))).T
     target = within_blocks(known)
-    influence = influence_of(matrix)
+    if instruments:
+        next_one = np.append(np.arange(1, len(known)), len(known) - 2)
+        others = matrix.copy()
+        others[:, 0] = matrix[:, 0].reshape(known.shape)[next_one].ravel()
+        influence = np.linalg.pinv(others.T @ matrix, rcond=1e-12) @ others.T
+    else:
+        influence = influence_of(matrix)
     values = influence @ target
     residuals = target - matrix @ values
     scores = (influence * residuals).reshape(len(columns), len(known), -1).sum(axis=2)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swingid.balance.choice import FLAT
 from swingid.checks.consistency import (
     CLOSE,
     DISAGREES,
@@ -20,6 +21,7 @@ from swingid.checks.consistency import (
     check_energy,
     check_saturation,
     consistency_check,
+    without_momentum,
 )
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, with_chain
@@ -93,7 +95,8 @@ def energy(
     answer = energy_answer(estimate, rig, scale)
     parameters = answer.parameters
     # without a motor the difference to the momentum balance is in the budget
-    compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else estimate.fit.u()
+    unknown = parameters["inertia"].standard_uncertainty is None
+    compared = None if unknown else without_momentum(answer.budget)
     warnings, notes = check_energy(answer, consistency, rig, scale, part.motion, compared)
     if jitter.spread > 0 and not how.chain.observers:
         other = _estimate(part, rig, scale, how, jittery=False)
@@ -152,15 +155,28 @@ def _estimate(part: Part, rig: Rig, scale: Scale, how: _How, *, jittery: bool) -
     passes = _passes(part, LEVELS)
     states = states_at(course, passes.instants, linear=scale.linear)
     fit = fit_nodes(states, rig, scale, BASIS)
+    instruments = False
+    if scale.drive != "reaction-wheel":  # whose wheel has a kinetic energy, too, with errors of its own
+        other = fit_nodes(states, rig, scale, BASIS, instruments=True)
+        # both are consistent but for attenuation, which lowers least squares (Hausman 1978)
+        apart, spread = other.a11 - fit.a11, abs(other.u() ** 2 - fit.u() ** 2) ** 0.5
+        better = FLAT * other.u() * abs(fit.a11) < fit.u() * abs(other.a11)
+        instruments = apart > CLOSE * abs(fit.a11) and (better or apart > INDICATED * spread)
+        fit = other if instruments else fit
     # nodes within two thirds of each half swing, counted in time from the turning point
     cut = len(LEVELS) // 3
     inner = states.each(lambda values: values[:, cut:-cut])
+    linear = tuple(term for term in BASIS if term != "quadratic")
     others = {
-        "without the quadratic term": fit_nodes(states, rig, scale, tuple(t for t in BASIS if t != "quadratic")),
-        "nodes near the turning points": fit_nodes(inner, rig, scale, BASIS),
+        "without the quadratic term": fit_nodes(states, rig, scale, linear, instruments=instruments),
+        "nodes near the turning points": fit_nodes(inner, rig, scale, BASIS, instruments=instruments),
     }
     sensor = sensor_variance(fit, states, course, rig)
-    return EnergyEstimate("better", fit, course, states, passes.turning, passes.sides, others, {}, sensor, None, ())
+    notes: tuple[Message, ...] = ()
+    if instruments:
+        text = "noise attenuates the estimate by least squares; squared speeds of the next swing are its instruments."
+        notes = (Message("instruments", text),)
+    return EnergyEstimate("better", fit, course, states, passes.turning, passes.sides, others, {}, sensor, None, notes)
 
 
 def _passes(part: Part, depths: Array) -> Passes:

@@ -20,7 +20,7 @@ from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, unverified_reading
-from swingid.checks.consistency import CLOSE, against_momentum
+from swingid.checks.consistency import CLOSE, against_momentum, best_windows, without_momentum
 from swingid.checks.stated import check_gravity, check_zero
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.answer import answer, details
@@ -36,12 +36,9 @@ from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import Scale
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
-from swingid.uncertainty.budget import Parameter
+from swingid.uncertainty.budget import Parameter, combined
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
-
-SHARES = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
-"""Half-lengths, in swings, of the modulating functions with which the estimate is compared."""
 
 
 def equation_error(
@@ -86,10 +83,9 @@ def equation_error(
     warnings = [*checked.warnings, *_unlikely(selected, laws, scale), *inconsistent, *motor.warnings]
     if windows is not None:
         inertia = found.parameters["inertia"]
-        without = float(np.sqrt(max((inertia.standard_uncertainty or 0.0) ** 2 - apart**2, 0.0)))
         cause = "noise in the acceleration or friction that does not depend on the speed alone"
-        warnings += against_momentum(inertia, without, windows, cause)
-        warnings += check_zero(windows, signals, inertia.standard_uncertainty or without)
+        warnings += against_momentum(inertia, without_momentum(found.budget), windows, cause)
+        warnings += check_zero(windows, signals, combined(found.budget, "inertia"))
     used = chosen.row_filter.cutoff.frequency
     options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": used}
     covariance = _covariance(chosen.fit) if scale.b is None else {}
@@ -142,15 +138,9 @@ def _from_momentum(selected: Selection, signals: Signals) -> tuple[WindowFit | N
     """
     chosen = selected.chosen
     terms = (*BASIS, "memory") if "memory" in chosen.fit.unknowns else BASIS
-    halves = [share * signals.motion.half_period for share in SHARES]
-    tried = [
-        fit_windows(rows_of(signals.suited(half), law_windows(signals, half)), chosen.scale, chosen.noise, terms)
-        for half in halves
-    ]
-    fits = [fit for fit in tried if fit is not None]
-    if not fits:
+    other = best_windows(signals, chosen.scale, chosen.noise, terms)
+    if other is None:
         return None, 0.0
-    other = min(fits, key=lambda fit: fit.relative(fit.u))
     own = chosen.variance(np.eye(len(chosen.fit.unknowns))[0])
     # a difference of `CLOSE` is not worth a warning
     variance = own + other.u**2 + (CLOSE / INDICATED * other.a11) ** 2

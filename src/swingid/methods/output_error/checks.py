@@ -8,7 +8,7 @@ import numpy as np
 
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
 from swingid.checks.answer import Fault, check_answer, check_motor
-from swingid.checks.consistency import against_momentum, motor_sensitivities
+from swingid.checks.consistency import against_momentum, motor_sensitivities, without_momentum
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
 from swingid.methods.output_error.answer import Estimate
@@ -27,6 +27,10 @@ from swingid.uncertainty.significance import DETECTED
 
 POOR = 2.0
 """Ratio of the residual to what noise and declared imperfections explain, from which on the fit is poor."""
+
+FEW = 2.0
+"""Degrees of freedom of an uncertainty up to which it is itself uncertain by half (JCGM 100 E.4.3), and Student's
+distribution has no variance."""
 
 SETTLED = 0.2
 """Remaining step of the inertia, in standard uncertainties, up to which a search counts as converged."""
@@ -50,7 +54,8 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
     excess = _excess(estimate)
     motor = check_motor(consistency.balance, consistency.signals, method="this fit", uses_motor=under_voltage)
     whole = inertia.standard_uncertainty or spread
-    if excess and (spread > HOPELESS * inertia.value or whole > inertia.value):
+    low, _ = inertia.interval95 or (0.0, 0.0)
+    if excess and (spread > HOPELESS * inertia.value or low <= 0.0):
         share = percent(whole / inertia.value) if whole < inertia.value else "more than its value"
         measured = "the voltage is not held from row to row (state log.drive_held = false if it was measured)"
         cause = measured if motor.held else excess
@@ -65,8 +70,9 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
             f"{seen.scaled_to(spread).combination(values)}; {advice(seen)}, or leave fewer constants free.",
             code="not-identifiable",
         )
-    warnings = [*_poor_fit(setup, excess), *_inconsistent_constants(estimate), *_not_converged(estimate)]
+    warnings = [*_inconsistent_constants(estimate), *_not_converged(estimate)]
     notes = exact_constants([key for key in setup.rig.constants_without_uncertainty() if key in sensitivities])
+    differs: list[Message] | None = None
     if consistency.windows is not None:
         amplitude = float(np.max(np.abs(setup.part.motion.turning_angles), initial=0.0))
         scattered = parameters | {"inertia": Parameter.of(inertia.value, spread, inertia.unit)}
@@ -76,8 +82,16 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
         if not estimate.robust:
             shift = shift_of_momentum(setup, estimate.searched)
             cause = "wrong motor constants" if under_voltage else "friction that is not of this law"
-            warnings += against_momentum(inertia, spread, consistency.windows, cause, shift)
-    notes += [_conditioning(seen, unknowns), _search_note(estimate), *_zero_note(estimate)]
+            compared = without_momentum(answer.budget)
+            differs = against_momentum(inertia, compared, consistency.windows, cause, shift)
+    # the covariance contains the lack of fit, and the momentum balance shows what that does to the inertia; it does
+    # not test the motor's equation (II)
+    poor = _poor_fit(setup, excess)
+    if under_voltage or differs is None or differs or inertia.degrees_of_freedom <= FEW:
+        warnings += poor
+        poor = []
+    warnings += differs or []
+    notes += [*poor, _conditioning(seen, unknowns), _search_note(estimate), *_zero_note(estimate)]
     warnings += consistency.gravity
     notes += motor.notes
     warnings, notes = (motor.held + warnings, notes) if under_voltage else (warnings, notes + motor.held)
@@ -168,9 +182,10 @@ def _poor_fit(setup: Setup, excess: str) -> list[Message]:
     elif setup.source == "torque":
         causes.append("the timing or the gain of the torque")
     text = (
-        f"{excess}, so the model is not that of this rig: check {' and '.join(causes)}; the interval does not contain "
+        f"{excess}, so the model is not that of this rig: check {' and '.join(causes)}; the interval contains the "
+        "lack of fit as far as it changes from swing to swing and shows in the momentum balance."
     )
-    return [Message("poor-fit", f"{text}that error.")]
+    return [Message("poor-fit", text)]
 
 
 def _not_converged(estimate: Estimate) -> list[Message]:

@@ -22,6 +22,7 @@ from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.solver import solve
 from swingid.preparation.prepared import Prepared
 from swingid.result.result import Result
+from swingid.uncertainty.dark import dark_uncertainty
 
 SHORTEST = 48
 """Rows of the shortest segment."""
@@ -125,15 +126,17 @@ def _rough_fit(setup: Setup, law: str) -> tuple[Problem, Searched]:
         length /= 2 if found.fit.converged else 4
         if setup.segment is not None or not is_poor(found, problem) or length * setup.part.log.rate < SHORTEST:
             break
-    best = 0
-    if len(tried) > 1:
-        spread = [type_a(setup, problem, found) for problem, found in tried]
-        best = int(np.argmin(np.where(np.isfinite(spread), spread, np.inf)))
+    if len(tried) == 1:
+        return problem, replace(found, law=law)
+    spread = np.array([type_a(setup, problem, found) for problem, found in tried])
+    best = int(np.argmin(np.where(np.isfinite(spread), spread, np.inf)))
     problem, found = tried[best]
-    found = replace(found, law=law)
-    if best > 0 and np.isfinite(tried[best - 1][1].fit.cost):
-        found = replace(found, drift=abs(float(found.fit.values[0] - tried[best - 1][1].fit.values[0])))
-    return problem, found
+    drift = 0.0
+    if best > 0 and np.isfinite(spread[best - 1]):
+        # of the same readings, so the variance of the difference is that of the variances (Hausman 1978)
+        change = float(found.fit.values[0] - tried[best - 1][1].fit.values[0])
+        drift = dark_uncertainty(change, float(spread[best - 1] ** 2 - spread[best] ** 2), float(spread[best]))
+    return problem, replace(found, law=law, drift=drift)
 
 
 def _final_fit(setup: Setup, problem: Problem, rough: Searched, law: str) -> Searched:
@@ -145,6 +148,8 @@ def _final_fit(setup: Setup, problem: Problem, rough: Searched, law: str) -> Sea
     unknowns = setup.unknowns(choice.law).with_zero_of(rough.unknowns)
     begin = np.array([choice.values[name] for name in unknowns.names])
     fit = solve(problem, unknowns, begin, rough.fit.states, setup.loss)
+    if not np.isfinite(fit.cost):  # values by a linear change of the motion, which may have a negative friction
+        fit = search(problem, unknowns, first_values(setup, unknowns), setup.loss, 1).fit
     spread = choice.spread if law == "auto" else 0.0
     return replace(rough, unknowns=unknowns, fit=fit, candidates=choice.candidates, law=choice.law, spread=spread)
 

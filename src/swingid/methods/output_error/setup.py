@@ -86,7 +86,9 @@ class Setup:
         """The linear fit of equation (I). Raises UnanswerableError without one."""
         if self.consistency.windows is None:
             raise UnanswerableError(
-                "the log holds too few swings for initial estimates; record at least five swings.", code="too-short"
+                "the used part of the log has too few rows or swings for initial estimates; record a longer motion, or "
+                "take the momentum method.",
+                code="too-short",
             )
         return self.consistency.windows
 

@@ -24,7 +24,7 @@ def test_a_real_free_pendulum(data_dir):
     """Published: 0.003331 kg m². Its friction is no law tried here, which is said."""
     result = real(data_dir / "free_pendulum" / "free_swing.csv", "free_pendulum.toml")
     assert result.inertia.value == pytest.approx(0.003331, rel=0.0035)
-    assert "poor-fit" in {warning.code for warning in result.warnings}
+    assert "poor-fit" in {note.code for note in result.notes}
 
 
 @pytest.mark.long
@@ -34,7 +34,7 @@ def test_emps(data_dir):
     assert result.inertia.value == pytest.approx(95.1, rel=0.01)
     assert result.parameters["viscous_positive"].value == pytest.approx(166.7, rel=0.03)
     assert result.parameters["viscous_negative"].value == pytest.approx(240.4, rel=0.03)
-    assert "poor-fit" in {warning.code for warning in result.warnings}
+    assert "poor-fit" in {note.code for note in result.notes}
 
 
 @pytest.mark.long

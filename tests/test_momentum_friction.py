@@ -12,6 +12,7 @@ from swingid.balance.delays import late_reversals, lateness, share_seen
 from swingid.balance.friction_laws import FrictionRows, law_columns, stribeck_slope
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
+from swingid.control.references import parse_reference
 from swingid.identification import identify
 from swingid.numerics.spline import kinked_slopes
 from swingid.numerics.test_functions import phi
@@ -195,3 +196,23 @@ def test_the_curve_is_less_certain_where_likely_laws_differ():
     truth = TRUE["coulomb + viscous"](curve.speeds)
     assert np.sqrt(np.mean(((curve.torques - truth) / curve.uncertainties) ** 2)) < 2
     assert curve.uncertainties.max() < 0.3 * truth.max()
+
+
+# friction beyond the basis
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [
+        {"viscous": 5e-4, "coulomb": 2e-3, "static": 4e-3, "stribeck_speed": 1.0},
+        {"viscous": 3e-4, "coulomb": 1e-3, "cubic": 2e-5},
+    ],
+    ids=["peak at rest", "cubic"],
+)
+def test_fine_encoders_show_friction_beyond_the_basis_and_nothing_else(friction):
+    """Without these terms the cubic law biases by 1.4e-5, and the peak looks like nonlinear encoders."""
+    changed = {"axis.friction": None} | {f"axis.friction.{name}": value for name, value in friction.items()}
+    rig = twin(counts_per_turn=None).changed(changed)
+    found = identify(simulate(rig, parse_reference("sine 0.5 rad 12 rad/s"), duration=12.0), given(rig))
+    assert found.inertia.value == pytest.approx(rig.axis.inertia.value, rel=1e-6)
+    assert not found.warnings

@@ -11,9 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
-from swingid.balance.fits import BASIS, WindowFit, fit_rows, with_declared
+from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
-from swingid.balance.friction_laws import TERMS
+from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
+from swingid.balance.imperfections import axis_bends, late_channel, wheel_bends
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
 from swingid.balance.systematics import grid_spread
 from swingid.balance.windows import law_windows
@@ -68,6 +69,13 @@ class Choice(NamedTuple):
     friction: FrictionLaw
 
 
+FURTHER = {(*NEAR_REST,): 21.1, ("cubic",): 15.1, (*NEAR_REST, "cubic"): 23.5}
+"""Terms of friction that are tried together beside BASIS, each with the fall of −2 log likelihood from which on it is
+taken: χ² with 3, 1 and 4 degrees of freedom, 1e-4, one test per log, for it changes the model of the fit."""
+
+TINY = 1e-300
+"""Least sum of squares, whose logarithm is finite."""
+
 MEMORY = ("auto", "on", "off")
 """Whether an impulse at each reversal is fitted: where it is significant, in any case, or not."""
 
@@ -87,6 +95,7 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise, memory: str =
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
         tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels), memory)
+        tried = _with_further(corrected, tried)
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
         least = min(fit.relative(fit.total) for fit in tried.values())
         within = [fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least]
@@ -121,6 +130,57 @@ def _with_memory(
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
     seen = found > DETECTED * spread and impulse_possible(scale, signals.motion, found, plain.value("coulomb"))
     return (remembered if seen or memory == "on" else tried), impulse_left(impulse, found, spread)
+
+
+def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
+    """The fits with the terms of friction beyond BASIS that the log shows: peaks near rest, a cubic term.
+
+    What BASIS leaves of them biases the inertia by some 1e-5 and looks like a wrong gravity torque, a late channel or a
+    nonlinear encoder. The last two are as likely: the best explanation of the residuals by the Bayesian criterion is
+    taken.
+    """
+    plain = min(tried.values(), key=lambda fit: fit.relative(fit.u))
+    independent = len(plain.rows.windows) / (LAG / 2)
+    fits = {}
+    for terms, level in FURTHER.items():
+        fit = _beside(plain, signals, terms)
+        if fit is not None and _dissipates(fit) and independent * np.log(_lost(plain) / _lost(fit)) > level:
+            fits[terms] = fit
+    if not fits:
+        return tried
+    score = {terms: independent * np.log(_lost(fit)) + len(terms) * np.log(independent) for terms, fit in fits.items()}
+    terms = min(score, key=lambda one: score[one])
+    for columns in _errors_of_angles(plain, signals):
+        left = max(float(np.sum(residuals_beside(plain, columns) ** 2)), TINY)
+        if independent * np.log(left) + columns.shape[1] * np.log(independent) < score[terms]:
+            return tried
+    found = {half: _beside(fit, signals, terms) for half, fit in tried.items()}
+    return {half: fit for half, fit in found.items() if fit is not None}
+
+
+def _beside(fit: WindowFit, signals: Signals, terms: tuple[str, ...]) -> WindowFit | None:
+    """The fit with further terms of friction."""
+    rows = with_near_rest(signals, fit.rows)
+    return fit_rows(rows, fit.scale, fit.noise, (*fit.friction, *terms))
+
+
+def _dissipates(fit: WindowFit) -> bool:
+    """Whether friction at rest is positive, and no less than where its peak has passed."""
+    peaks = [fit.value(name) for name in NEAR_REST if name in fit.unknowns]
+    return not peaks or (fit.value("coulomb") > 0 and sum(peaks) > 0)
+
+
+def _lost(fit: WindowFit) -> float:
+    """Sum of the squared residuals."""
+    return max(float(np.sum(fit.fit.residuals**2)), TINY)
+
+
+def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
+    """Columns of a once-per-turn nonlinearity of the encoders, and of a late channel, where the balance has them."""
+    rows, a12 = fit.rows, fit.scale.a12
+    bends = [*axis_bends(signals, rows, fit.a11, fit.b).values(), *wheel_bends(signals, rows, a12).values()]
+    found = [np.column_stack(bends)] if bends else []
+    return found if fit.scale.drive == "none" else [*found, late_channel(signals, rows, a12)[:, None]]
 
 
 def impulse_possible(scale: Scale, motion: Motion, impulse: float, dry: float) -> bool:

@@ -11,7 +11,7 @@ functions serves every f.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -53,6 +53,10 @@ DIRECTIONS: dict[str, tuple[str, ...]] = {
 STRIBECK_SHARES = np.geomspace(0.01, 0.3, 8)
 """Stribeck speeds tried, as shares of the highest speed."""
 
+
+NEAR_REST = {"near_rest_slow": 0.02, "near_rest_medium": 0.06, "near_rest_fast": 0.18}
+"""Stribeck's peaks that are fitted together, with their speeds as shares of the highest one: any peak near rest is
+nearly a sum of them, so no search for its speed is necessary beside the inertia."""
 
 EXACT = tuple(TERMS)
 """Terms with a column of their own."""
@@ -155,6 +159,16 @@ class FrictionRows:
     def function(self, values: Array, above: float, below: float) -> Array:
         """Weights of a function with `values` at the knots and the limits `above` and `below` rest."""
         return _function_weights(self.knots, values, above, below)
+
+
+def with_near_rest(signals: Signals, rows: Rows) -> Rows:
+    """Rows of "law" windows, of one length, with the columns of `NEAR_REST`."""
+    friction = FrictionRows.of(signals, rows)
+    peaks = {
+        name: friction.columns @ friction.law(("stribeck",), share * friction.fastest)[:, 0]
+        for name, share in NEAR_REST.items()
+    }
+    return replace(rows, friction=rows.friction | peaks)
 
 
 @cache

@@ -271,7 +271,7 @@ def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
 
 def residuals_beside(fit: WindowFit, more: Array) -> Array:
     """Residuals of a fit with these columns (rows, m) added, without a prior; quick, without their values."""
-    columns = fit.columns
+    columns, more = fit.columns, more / np.maximum(np.linalg.norm(more, axis=0), 1e-300)
     free = more - columns @ np.linalg.lstsq(columns, more, rcond=1e-10)[0]
     left: Array = fit.fit.residuals - free @ np.linalg.lstsq(free, fit.fit.residuals, rcond=1e-10)[0]
     return left

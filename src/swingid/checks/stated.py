@@ -68,7 +68,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
         return []
     declared = signals.declaring(Encoders.of(rig.changed({"sensors.nonlinearity": WIDE})))
     bent = with_declared(replace(law, declared=()), rig, declared)
-    before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (law, bent))
+    before, after = (float(np.mean(residuals_beside(fit, _uncertain(law)) ** 2)) for fit in (law, bent))
     if not _shows(law, before, after):
         return []
     if max(abs(bent.a11 - law.a11), bent.total) < max(MATTERS * law.total, LEAST * law.a11):
@@ -93,8 +93,15 @@ def _may_show(law: WindowFit, signals: Signals) -> bool:
     """Whether the residuals would fall enough without a prior of the amplitudes: quick, and a necessary condition."""
     bends = [*axis_bends(signals, law.rows, law.a11, law.b).values()]
     bends += wheel_bends(signals, law.rows, law.scale.a12).values()
-    left = residuals_beside(law, np.column_stack(bends))
-    return _shows(law, float(np.mean(law.fit.residuals**2)), float(np.mean(left**2)))
+    constants = _uncertain(law)
+    before, after = (residuals_beside(law, more) for more in (constants, np.column_stack([constants, *bends])))
+    return _shows(law, float(np.mean(before**2)), float(np.mean(after**2)))
+
+
+def _uncertain(law: WindowFit) -> Array:
+    """Columns (rows, n) of the constants that are stated with an uncertainty, which explain residuals as well."""
+    columns = [effect.item.rows for effect in law.declared if not effect.item.calibrates]
+    return np.array(columns).reshape(len(columns), len(law.rows.windows)).T
 
 
 def check_gravity(

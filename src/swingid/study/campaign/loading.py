@@ -17,7 +17,7 @@ from swingid.study.campaign.plan import Plan, Point, levels_of
 from swingid.study.campaign.tables import MOST_TRIALS, PlanTables
 from swingid.system import read_file
 
-READY = ("coverage", "efficiency", "friction-laws", "imperfections", "gains", "paper-variants", "trust")
+READY = ("coverage", "efficiency", "friction-laws", "imperfections", "gains", "paper-variants", "trust", "clean")
 """Names of the ready plans; the file of each is plans/NAME.toml."""
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+import re
 import subprocess
 import sys
 
@@ -168,3 +169,55 @@ def test_pint_waits_for_a_foreign_unit() -> None:
         "p('3 ms', 's', 'k'); assert 'pint' in sys.modules"
     )
     subprocess.run([sys.executable, "-c", script], check=True)
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value", "std"),
+    [
+        ("0.107 kg * 9.81 m/s^2 * 0.23 m", "N*m", 0.107 * 9.81 * 0.23, None),
+        ("0.1 ± 0.001 kg * 10 m/s² * 0.2 ± 0.001 m", "N*m", 0.2, math.hypot(0.01, 0.005) * 0.2),
+        ("(0.5 ± 0.01) kg * (10 cm)^2 / 12", "kg*m^2", 0.005 / 12, 1e-4 / 12),
+        ("1/2 * 0.3 kg * (5 ± 0.1 % cm)^2", "kg*m^2", 3.75e-4, 7.5e-7),
+        ("0.98 ± 0.03 m - 50 ± 4 cm", "m", 0.48, 0.05),
+        ("2 * 30 deg", "rad", math.pi / 3, None),
+        ("1 / 0.2 s", "rad/s", 5.0, None),
+        ("3 * 5 %", "", 0.15, None),
+        ("2·3 × 4", "", 24.0, None),
+    ],
+)
+def test_a_calculation_with_quantities(text, unit, value, std):
+    found = parse_quantity(text, unit, "key")
+    assert found.value == pytest.approx(value, rel=1e-12)
+    assert found.std == (None if std is None else pytest.approx(std, rel=1e-9))
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "said"),
+    [
+        ("1 kg * 2", "kg*m^2", "in kg, but is expected in kg*m^2"),
+        ("3 kg + 2 m", "kg", "adds kg and m"),
+        ("0.98 - 0.5 m", "m", "adds pure numbers and m"),
+        ("1/0", "", "divides by zero"),
+        ("(2 * 3", "", "cannot be read at its end"),
+        ("2 * 3 )", "", "cannot be read at"),
+        ("1e200 * 1e200 kg", "kg", "finite"),
+        ("2 * 20 degC", "kg", "another zero"),
+        ("2 * 3 parsnips", "kg", "unknown unit 'parsnips'"),
+        ("3 * 5 Hz", "rad/s", "angular speed"),
+        ("0.5 ± -1 kg * 2", "kg", "not negative"),
+        ("2026-11-22", "", "pure number"),
+    ],
+)
+def test_what_is_no_calculation_is_one_sentence(text, unit, said):
+    with pytest.raises(InputError, match=re.escape(said)) as raised:
+        parse_quantity(text, unit, "axis.gravity_torque")
+    assert str(raised.value).startswith("axis.gravity_torque ")
+
+
+@given(st.text(alphabet="0123456789.eE+-*/^()± kgms", max_size=40))
+def test_any_text_is_a_quantity_or_an_error_of_input(text):
+    try:
+        found = parse_quantity(text, "kg", "k")
+    except InputError:
+        return
+    assert math.isfinite(found.value)

@@ -2,6 +2,8 @@
 
 Value, ± and unit are split here; pint sees the unit alone (it reads "1134 ± 5" as a product), and is imported
 only when there is a unit that differs from the expected one. Only at the door: inside, everything is SI.
+
+Products, quotients, powers and sums of such numbers are read as well: "0.107 ± 0.001 kg * 9.81 m/s^2 * 0.23 m".
 """
 
 from __future__ import annotations
@@ -23,9 +25,13 @@ _QUANTITY = re.compile(
     r"(?(open)\))\s*(?P<unit>.*)",
     re.DOTALL,
 )
+_TERM = re.compile(rf"\s*(?P<value>{_NUMBER})\s*(?:(?:±|\+/-|\+-)\s*(?P<std>{_NUMBER})\s*(?P<percent>%)?)?\s*")
+_OPERATOR = re.compile(r"[*/]\s*\(?\s*\.?[0-9]|\s[+-]\s|\)\s*[*/^]")
 # Names, integer powers, products and quotients: pint would also evaluate 9^9^9^9, so it never sees other text.
 _NAME = r"(?:[A-Za-zµμΩ]+(?: ?(?:\^|\*\*) ?\(?[+-]?[1-9]\)?)?)"
 _UNIT = re.compile(rf"(?:1 ?/ ?)?\(?{_NAME}(?:(?: ?[*/] ?| )\(?{_NAME}\)?)*\)?")
+_HERTZ = re.compile(r"Hz|hertz")
+_NO_FREQUENCY = "is given in {}, but is an angular speed; write rad/s, deg/s or turns/s"
 _LONGEST = 200
 
 
@@ -47,9 +53,10 @@ def parse_quantity(raw: object, unit: str, key: str) -> Quantity:
     """The SI Quantity that `raw` states, where `unit` is the SI unit expected ("" for a pure number).
 
     `raw` is a number (SI already), text such as "1134 ± 5 g*cm^2" (also "+/-" and "+-", "(1134 ± 5) g*cm^2",
-    and "78e-3 ± 0.5 % N*m", where the uncertainty is relative to the value), a table {value=, std=, unit=}
-    (std in the same unit), or a Quantity. What follows ± is one standard uncertainty. Pure numbers take "%" as
-    a unit, angles rad, deg (°) and turns.
+    and "78e-3 ± 0.5 % N*m", where the uncertainty is relative to the value), a calculation with such numbers, all
+    independent, as "0.107 ± 0.001 kg * 9.81 m/s^2 * 0.23 m" (sums with blanks around + and -), a table
+    {value=, std=, unit=} (std in the same unit), or a Quantity. What follows ± is one standard uncertainty. Pure
+    numbers take "%" as a unit, angles rad, deg (°) and turns.
 
     Raises InputError that names `key`, for text that is no quantity, for values that are not finite, negative
     uncertainties, and units that are unknown or of another dimension. With key "" its message is the predicate
@@ -71,6 +78,8 @@ class _UnusableError(Exception):
 
 
 def _read(raw: object, unit: str) -> Quantity:
+    if isinstance(raw, str) and _is_calculation(raw):
+        return _Calculation(raw).result(unit)
     if isinstance(raw, Quantity):
         value, std, given = raw.value, raw.std, ""
     elif isinstance(raw, str):
@@ -90,6 +99,148 @@ def _read(raw: object, unit: str) -> Quantity:
     if not math.isfinite(value) or (std is not None and not math.isfinite(std)):
         raise _UnusableError("not-finite", f"must be finite in {unit or 'its unit'}, not {shown(raw)}")
     return Quantity(value, std)
+
+
+def _is_calculation(text: str) -> bool:
+    """Whether a text is more than one number with its uncertainty and unit."""
+    text = _plain(text) if len(text) <= _LONGEST else ""
+    match = _QUANTITY.fullmatch(text)
+    simple = match is not None and (match["unit"].strip() == "" or _UNIT.fullmatch(match["unit"].strip()) is not None)
+    return not simple and _OPERATOR.search(text) is not None
+
+
+@dataclass(frozen=True)
+class _Factor:
+    """Value in the base units of `unit` (pint), its standard uncertainty, and whether one was stated."""
+
+    value: float
+    std: float
+    unit: Any
+    stated: bool
+
+    def times(self, other: _Factor, power: int = 1) -> _Factor:
+        """Product with a power of another, which is independent of it."""
+        if other.value == 0.0 and power < 0:
+            raise _UnusableError("not-finite", "divides by zero")
+        factor = other.value**power
+        slope = power * other.value ** (power - 1) if power != 1 else 1.0
+        std = math.hypot(self.std * factor, self.value * slope * other.std)
+        return _Factor(self.value * factor, std, self.unit * other.unit**power, self.stated or other.stated)
+
+    def plus(self, other: _Factor, sign: int) -> _Factor:
+        """Sum or difference with another, which is independent of it."""
+        if self.unit.dimensionality != other.unit.dimensionality:
+            raise _UnusableError(
+                "wrong-unit", f"adds {self.unit:~P} and {other.unit:~P}".replace("  ", " pure numbers ")
+            )
+        std = math.hypot(self.std, other.std)
+        return _Factor(self.value + sign * other.value, std, self.unit, self.stated or other.stated)
+
+
+class _Calculation:
+    """A sum of products of quantities, read by recursive descent; all numbers in it are independent (GUM 5.1.2)."""
+
+    def __init__(self, text: str) -> None:
+        self.shown, self.text, self.at = shown(text), _plain(text), 0
+
+    def result(self, expected: str) -> Quantity:
+        """The Quantity in the expected SI unit. Raises _UnusableError."""
+        registry = _registry()
+        try:
+            found = self._sum()
+        except OverflowError:
+            raise _UnusableError("not-finite", f"must be finite, not {self.shown}") from None
+        if self.at < len(self.text):
+            raise self._unreadable()
+        target = registry.parse_units(expected or "dimensionless")
+        if "rad" in expected and _HERTZ.search(self.text):
+            raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(self.shown))
+        if found.unit.dimensionality != target.dimensionality:
+            given = f"{found.unit:~P}" or "a pure number"
+            raise _UnusableError(
+                "wrong-unit", f"is {self.shown}, which is in {given}, but is expected in {expected or 'no unit'}"
+            )
+        factor = float(registry.convert(1.0, found.unit, target))
+        value, std = found.value * factor, found.std * factor
+        if not (math.isfinite(value) and math.isfinite(std)):
+            raise _UnusableError("not-finite", f"must be finite, not {self.shown}")
+        return Quantity(value, std if found.stated else None)
+
+    def _unreadable(self) -> _UnusableError:
+        rest = self.text[self.at :][:30]
+        where = f"at {rest!r}" if rest else "at its end"
+        return _UnusableError(
+            "not-a-quantity", f"is {self.shown}, which cannot be read {where}; write 2 * 3.1 ± 0.1 kg * 9.81 m/s^2"
+        )
+
+    def _took(self, pattern: str) -> str | None:
+        """The text that matches here, which is passed, without blanks around it."""
+        match = re.compile(pattern).match(self.text, self.at)
+        if match is None:
+            return None
+        self.at = match.end()
+        return match[0].strip()
+
+    def _sum(self) -> _Factor:
+        found = self._product()
+        while sign := self._took(r" [+-] "):
+            found = found.plus(self._product(), 1 if sign == "+" else -1)
+        return found
+
+    def _product(self) -> _Factor:
+        found = self._power()
+        while operator := self._took(r" ?[*/] ?"):
+            found = found.times(self._power(), 1 if operator == "*" else -1)
+        return found
+
+    def _power(self) -> _Factor:
+        found = self._atom()
+        exponent = self._took(r" ?(?:\^|\*\*) ?-?[1-9]")
+        if exponent is None:
+            return found
+        one = _Factor(1.0, 0.0, _registry().parse_units("dimensionless"), stated=False)
+        return one.times(found, int(exponent.lstrip("^* ")))
+
+    def _atom(self) -> _Factor:
+        if self._took(r" ?\( ?") is not None:
+            found = self._sum()
+            if self._took(r" ?\)") is None:
+                raise self._unreadable()
+            return found.times(self._with_unit(1.0, None))
+        match = _TERM.match(self.text, self.at)
+        if match is None:
+            raise self._unreadable()
+        self.at = len(self.text[: match.end()].rstrip())
+        value, std = float(match["value"]), None if match["std"] is None else float(match["std"])
+        if match["percent"] and std is not None:
+            std *= abs(value) / 100
+        return self._with_unit(value, std)
+
+    def _with_unit(self, value: float, std: float | None) -> _Factor:
+        """A number with the unit that follows here, if any, in base units."""
+        import pint
+
+        if std is not None and std < 0:
+            raise _UnusableError("negative-uncertainty", f"has the uncertainty {std:g}; give one that is not negative")
+        if self._took(r" ?%") is not None:
+            value, std = value / 100, None if std is None else std / 100
+        text = self._took(rf" ?{_NAME}(?:(?: ?[*/] ?| ){_NAME})*") or "dimensionless"
+        registry = _registry()
+        try:
+            unit = registry.parse_units(text)
+            zero, scaled = (registry.Quantity(x, unit).to_base_units() for x in (0.0, 1.0))
+        except (pint.errors.PintError, AttributeError, ValueError, TypeError):
+            raise _UnusableError("wrong-unit", f"is {self.shown}, which has the unknown unit {text!r}") from None
+        if float(zero.magnitude) != 0.0:
+            raise _UnusableError("wrong-unit", f"is {self.shown}, where {text} has another zero than its base unit")
+        factor = float(scaled.magnitude)
+        return _Factor(value * factor, (std or 0.0) * factor, scaled.units, std is not None)
+
+
+def _plain(text: str) -> str:
+    """A text with the signs and powers of units as pint reads them, and single blanks."""
+    text = re.sub(r"°(?![CF])", "deg", text.replace("·", "*").replace("⋅", "*").replace("−", "-").replace("×", "*"))
+    return " ".join(text.replace("²", "^2").replace("³", "^3").split())
 
 
 def _split(text: str, unit: str) -> tuple[float, float | None, str]:
@@ -140,14 +291,11 @@ def _factor(given: str, expected: str) -> float:
         if given == "%":
             return 0.01
         raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is a pure number without a unit")
-    text = re.sub(r"°(?![CF])", "deg", given.replace("·", "*").replace("⋅", "*"))
-    text = " ".join(text.replace("²", "^2").replace("³", "^3").split())
+    text = _plain(given)
     if _UNIT.fullmatch(text) is None or text.count("(") != text.count(")"):
         raise _UnusableError("wrong-unit", f"has the unreadable unit {given[:40]!r}; expected is {expected}")
-    if "rad" in expected and re.search(r"Hz|hertz", text):
-        raise _UnusableError(
-            "wrong-unit", f"is given in {given!r}, but is an angular speed; write rad/s, deg/s or turns/s"
-        )
+    if "rad" in expected and _HERTZ.search(text):
+        raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(repr(given)))
     return _ask_pint(text, given, expected)
 
 

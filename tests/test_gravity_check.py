@@ -66,3 +66,20 @@ def test_one_tone_that_tells_no_gravity_gives_no_warning(tmp_path):
     rig = twin("viscous")
     result = identify(logged(rig, tmp_path), RIG.changed({"drive.wheel.inertia": 11.34e-5 * 1.001}))
     assert warning(result) is None
+
+
+@pytest.mark.parametrize(
+    ("method", "options"), [("energy", {}), ("equation-error", {}), ("output-error", {"input": "wheel"})]
+)
+def test_every_method_names_a_wheel_that_is_stated_wrong(log, method, options):
+    result = identify(log, RIG.changed({"drive.wheel.inertia": 11.34e-5 * 0.97}), method, **options)
+    assert result.status == "warning"
+    assert warning(result) is not None
+    assert warning(identify(log, RIG, method, **options)) is None
+
+
+def test_a_conflict_widens_the_interval_of_equation_error(log):
+    stated = RIG.changed({"drive.wheel.inertia": 11.34e-5 * 0.97})
+    wrong = identify(log, stated, "equation-error").inertia
+    assert wrong.interval95[0] < INERTIA < wrong.interval95[1]
+    assert identify(log, RIG, "equation-error").inertia.standard_uncertainty < 0.01 * wrong.standard_uncertainty

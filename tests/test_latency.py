@@ -57,6 +57,17 @@ def test_a_latency_that_nobody_declared_is_named(log, delay):
     assert float(message.split("(")[1].split(" ±")[0]) == pytest.approx(1e3 * delay, abs=0.1)
 
 
+@pytest.mark.parametrize("method", ["equation-error", "output-error"])
+def test_every_method_names_a_late_channel_as_momentum_does(log, method):
+    known = without(late(log, 5e-3), "calibrate")
+    message, same = (
+        next(one.message for one in identify(known, exact_rig(), which).warnings if one.code == "late-channel")
+        for which in (method, "momentum")
+    )
+    assert message == same
+    assert "late-channel" not in codes(identify(log, exact_rig(), method).warnings)
+
+
 def test_a_late_angle_of_a_direct_drive():
     delay = 5e-3
     log = replace(direct_log(TWO_TONES, friction, TIME), angle=TWO_TONES(TIME + delay))

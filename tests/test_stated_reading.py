@@ -12,11 +12,15 @@ import pytest
 
 from recording_cases import columns_of, rig_with, swing, write_columns
 from swingid import Recording, identify
+from swingid.control.references import Multisine, Sine
 from swingid.errors import UnanswerableError
 from swingid.recording.findings import Finding
 from swingid.recording.grid import GRID
+from twin_logs import INERTIA, given, logged, twin
 
 LOG = swing()
+ONE_TONE = Sine(0.8, 8.5)
+TWO_TONES = Multisine((Sine(0.5, 5.0), Sine(0.3, 8.5)))
 TURN = 2 * np.pi
 UNITS = {"rad": TURN, "deg": 360.0, "turns": 1.0}
 
@@ -147,7 +151,7 @@ def wheel_log(path, *, absolute, **log):
     return Recording.load(path, rig), rig
 
 
-@pytest.mark.parametrize("method", ["momentum", "equation-error"])
+@pytest.mark.parametrize("method", ["momentum", "equation-error", "output-error"])
 def test_a_wheel_angle_whose_reading_is_neither_stated_nor_verified_gives_both_numbers(tmp_path, method):
     log, rig = wheel_log(tmp_path / "log.csv", absolute=True)
     found = identify(log, rig, method)
@@ -158,6 +162,29 @@ def test_a_wheel_angle_whose_reading_is_neither_stated_nor_verified_gives_both_n
     found = identify(log, rig, method)
     assert found.inertia.value == pytest.approx(1e-3, rel=0.01)
     assert "wheel-angle-reading" not in {one.code for one in found.warnings}
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+@pytest.mark.parametrize("tones", [TWO_TONES, ONE_TONE], ids=["two tones", "one tone"])
+def test_a_voltage_ranks_the_readings_without_motor_constants(tmp_path, absolute, tones):
+    """Two tones reject the wrong reading; one leaves too little of either, so both numbers stay."""
+    run = logged(twin("viscous"), tmp_path, tones, duration=12.0)
+    constants = ("torque_per_volt", "back_emf", "viscous", "coulomb", "efficiency", "dead_zone")
+    rig = given(twin("viscous")).changed({f"drive.motor.{key}": None for key in constants})
+    columns = {"t": run.time, "q1": run.angle, "q2": run.wheel_angle + absolute * run.angle, "u": run.voltage}
+    found = identify(Recording.from_columns(columns, rig), rig)
+    messages = [one.message for one in found.warnings if one.code == "wheel-angle-reading"]
+    if tones is TWO_TONES and not absolute:
+        assert messages == []
+        assert any("taken as relative" in one.message for one in found.notes)
+        return
+    likelier = "absolute" if absolute else "relative"
+    assert f"makes {likelier} the likelier" in messages[0]
+    numbers = found.inertia.value, found.inertia.value + rig.drive.a12
+    assert numbers[absolute] == pytest.approx(INERTIA, rel=1e-3)
+    assert all(f"{1e3 * value:.3f}e-3 kg m²" in messages[0] for value in numbers)
+    stated = rig.changed({"log.wheel_angle_is": likelier})
+    assert identify(Recording.from_columns(columns, stated), stated).status == "ok"
 
 
 def test_what_happened_outside_of_the_used_rows_is_a_note(tmp_path):

@@ -82,7 +82,7 @@ def test_a_torque_that_depends_on_the_angle_is_seen(
     rig = PAPER if make is driven else FREE
     result = sw.identify(make(rig.changed(fault)), rig)
     assert missed(result) < 1
-    assert codes(result) <= {"place-torque", "gravity-torque-disagrees", "encoder-nonlinearity"}
+    assert codes(result) <= {"place-torque", "angle-scale", "gravity-torque-disagrees", "encoder-nonlinearity"}
 
 
 @pytest.mark.parametrize("law", [{}, {"viscous": 2e-4, "coulomb": 3e-4, "static": 5e-4, "stribeck_speed": 0.3}])

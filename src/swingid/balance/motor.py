@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.balance.windows import law_windows
 from swingid.format import left
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
@@ -36,6 +37,9 @@ RESTLESS = 0.05
 """Share of the typical row that friction at rest may be in a window that determines the motor's constants."""
 
 FEWEST_ROWS = 12
+
+QUARTER = 1 / 4
+"""Half-length, in swings, of the windows on which the readings are compared without motor constants."""
 
 SWINGS = 16
 """Swings at the start of a log that are used: no check of a reading needs more."""
@@ -83,6 +87,17 @@ class MotorBalance:
             "unless the angles are read half a row late or early"
         )
         return [Message("drive-held", f"{text}; {harm}.")]
+
+
+@dataclass(frozen=True)
+class FreeBalance:
+    """Relative residuals of equation (II) with all constants of the motor fitted: wheel angle as stated, and otherwise.
+
+    At least those by the sensors' noise.
+    """
+
+    as_stated: float
+    otherwise: float
 
 
 @dataclass(frozen=True)
@@ -186,6 +201,47 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
         refitted_otherwise=other.refitted(used, expected) if enough else None,
         rests=float(np.mean(np.abs(wheel_speed) < slow)),
     )
+
+
+def free_balance(rig: Rig, signals: Signals, noise: Noise) -> FreeBalance | None:
+    """Residuals of equation (II) over the first swings with all constants of the motor fitted, for both readings.
+
+    Its right side is then k u − d q2' − f sgn q2' − h sgn u − c (a dead zone acts as h and c). Windows in which the
+    wheel rests determine nothing. None without voltage, and with too few windows.
+    """
+    log, wheel = signals.source[0], signals.wheel
+    if wheel is None or signals.wheel_values is None or log.voltage is None or not np.any(np.diff(log.voltage)):
+        return None
+    turning = signals.motion.turning_times
+    nodes = signals.nodes.until(turning[SWINGS]) if len(turning) > SWINGS else signals.nodes
+    blocks, stamps = len(nodes.rows) - 1, nodes.stamps
+    windows = law_windows(signals, QUARTER * signals.motion.half_period)
+    windows = windows.select(windows.centres + windows.half <= nodes.time[-1])
+    if len(windows) < FEWEST_ROWS:
+        return None
+    speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
+    middles, late = (stamps[1:] + stamps[:-1]) / 2, signals.encoders.angle.latency.value
+    rate, voltage = speed.at(middles), _voltage(log, late, middles, held=log.drive_held)
+    sign = -1.0 if rig.log.wheel_angle_is == "relative" else 1.0
+    other = rate + sign * signals.motion.speed.at(middles)
+    slow, other_slow = SLOW * speed.noise, SLOW * float(np.hypot(speed.noise, signals.motion.speed.noise))
+    shared = np.stack([voltage, np.sign(voltage), np.ones_like(voltage)])
+    own = np.stack([rate, np.sign(rate), np.abs(rate) < slow, other, np.sign(other), np.abs(other) < other_slow])
+    held = nodes.held(np.vstack([shared, own]))
+    columns = [(signals.angle[:blocks], 2), (wheel[:blocks], 2), *((x, 0) for x in held)]
+    part = project(nodes, columns, windows.centres, windows.half)
+    used = np.maximum(part[:, 7], part[:, 10]) < RESTLESS * windows.half
+    if np.count_nonzero(used) < FEWEST_ROWS:
+        return None
+    a12, a22, (angle, turn) = rig.drive.a12, rig.drive.a22, part[:, :2].T
+    none = np.zeros(len(windows))
+    power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
+    expected = power * CURVATURE_POWER * float(np.mean(windows.half**-3.0))
+    readings = (
+        _Reading(a12 * angle + a22 * moved, none, none, np.hstack([part[:, 2:5], part[:, k : k + 2]]))
+        for moved, k in ((turn, 5), (turn + sign * angle, 8))
+    )
+    return FreeBalance(*(one.refitted(used, expected) for one in readings))
 
 
 def _voltage(log: Recording, late: float, middles: Array, *, held: bool) -> Array:

@@ -9,15 +9,15 @@ import numpy as np
 
 from swingid.balance.fits import WindowFit
 from swingid.balance.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
-from swingid.balance.motor import MotorBalance
+from swingid.balance.motor import MotorBalance, free_balance
 from swingid.balance.rows import Signals
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, units_on
 from swingid.numerics.regression import fit_linear
+from swingid.preparation.noise import Noise
 from swingid.recording.findings import Kind
-from swingid.recording.recording import Recording
 from swingid.result.result import BudgetEntry, Message, Parameter
 from swingid.uncertainty.significance import INDICATED, MATTERS
 from swingid.units import Quantity
@@ -30,6 +30,10 @@ LEAST = 1e-4
 
 BAD_MOTOR = 0.1
 """Relative residual of equation (II) above which motor constants or wheel angle are inconsistent with the log."""
+
+FORM = 0.01
+"""Relative residual of equation (II) that the form of its right side may leave with every constant of the motor
+fitted; a reading that leaves more, and far more than the other, is not the sensor's."""
 
 LARGEST_SWING = 2.5
 """Amplitude in rad up to which the first correction of the free swing's frequency is used."""
@@ -240,19 +244,19 @@ def check_motor(
     *,
     method: str = "momentum",
     uses_motor: bool = False,
-    unverified: Message | None = None,
+    unstated: MotorCheck | None = None,
 ) -> MotorCheck:
     """Check the wheel angle by equation (II). Never refuses.
 
     An absolute wheel angle taken for a relative one is consistent with equation (I), but not with (II). Errors of some
     per cent of the motor constants leave equal residuals, so the readings are compared with these fitted too. method:
-    its name in messages; uses_motor: whether its inertia depends on the motor's constants. unverified: what to
-    warn of where (II) cannot be evaluated.
+    its name in messages; uses_motor: whether its inertia depends on the motor's constants. unstated: the
+    result where (II) cannot be evaluated, see `unstated_reading`.
     """
     if signals.wheel is None:
         return MotorCheck()
-    if balance is None and unverified is not None:
-        return MotorCheck(Fault.READING, [unverified])
+    if balance is None and unstated is not None:
+        return unstated
     if balance is None:
         text = "wheel_angle was taken as [log] states; without voltage and motor constants this is not checked."
         return MotorCheck(notes=[Message("wheel-angle-reading", text)])
@@ -276,24 +280,39 @@ def check_motor(
     return MotorCheck(notes=[Message("wheel-angle-reading", text)], held=held)
 
 
-def unverified_reading(log: Recording, rig: Rig, inertia: Parameter) -> Message | None:
-    """A warning where the rig file does not state how the wheel's angle of a file is read, and it matters; else None.
+def unstated_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -> MotorCheck | None:
+    """What to say where the rig file does not state how the wheel's angle is read, and it matters; else None.
 
-    An angle against the room that is taken for one against the pendulum gives a11 − a12 in the place of a11. A log of
-    the twin has metadata, and is as its rig.
+    An angle against the room that is taken for one against the pendulum gives a11 − a12 in the place of a11, with the
+    same residuals of equation (I). Where there is a voltage, equation (II) with every constant of the motor fitted
+    compares the readings. A log of the twin has metadata, and is as its rig.
     """
-    if rig.drive.kind != "reaction-wheel":
+    log = signals.source[0]
+    if rig.drive.kind != "reaction-wheel" or "wheel_angle_is" in rig.log.model_fields_set:
         return None
-    other = inertia.value + rig.drive.a12
-    stated = "wheel_angle_is" in rig.log.model_fields_set or log.metadata or log.source.path is None
-    if stated or rig.drive.a12 <= MATTERS * (inertia.standard_uncertainty or 0.0):
+    if log.metadata or not log.source.read or rig.drive.a12 <= MATTERS * (inertia.standard_uncertainty or 0.0):
         return None
+    free = free_balance(rig, signals, noise)
+    found, prefers, rejected = "", "", 0.0
+    if free is not None:
+        found = (
+            "the residual of the motor's balance with its constants fitted is "
+            f"{left(free.as_stated)} if it is relative and {left(free.otherwise)} if it is absolute"
+        )
+        rejected = max(free.as_stated, free.otherwise)
+        if min(free.as_stated, free.otherwise) < CLEARLY * rejected:
+            prefers = "relative" if free.as_stated < free.otherwise else "absolute"
+    if prefers == "relative" and rejected > FORM:
+        return MotorCheck(
+            notes=[Message("wheel-angle-reading", f"wheel_angle taken as relative to the pendulum: {found}.")]
+        )
     text = (
         "wheel_angle_is is not stated under [log] and cannot be verified without voltage and motor constants: the "
         f"inertia is {number(inertia.value, inertia.unit)} if the wheel's angle is relative to the pendulum, as "
-        f"assumed, and {number(other, inertia.unit)} if it is absolute; state which."
+        f"assumed, and {number(inertia.value + rig.drive.a12, inertia.unit)} if it is absolute; "
     )
-    return Message("wheel-angle-reading", text)
+    text += f"{found}, which makes {prefers} the likelier; state which." if prefers else "state which."
+    return MotorCheck(Fault.READING, [Message("wheel-angle-reading", text)])
 
 
 def wrong_sign(balance: MotorBalance) -> str:

@@ -15,7 +15,7 @@ from swingid.balance.motor import MotorBalance, motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, wrong_sign
-from swingid.checks.stated import check_gravity, check_zero
+from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.model.terms import stated_at
@@ -53,15 +53,11 @@ SWINGS = 12
 
 @dataclass(frozen=True)
 class Consistency:
-    """Equations (I) and (II) on modulating functions, more sensitive to signs and motor constants than energies are.
-
-    gravity: warnings where the balance contradicts the stated gravity torque, see `check_gravity`.
-    """
+    """Equations (I) and (II) on modulating functions, more sensitive to signs and motor constants than energies are."""
 
     signals: Signals
     windows: WindowFit | None
     balance: MotorBalance | None
-    gravity: tuple[Message, ...] = ()
 
 
 def consistency_check(
@@ -79,22 +75,18 @@ def consistency_check(
     quickest = quantile(np.abs(speed.acceleration(speed.grid)), 0.99)
     length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
     longest = min(length, log.duration / 20)
-    terms: tuple[str, ...] = (*BASIS, "memory")
-    fit = best_windows(signals, scale, noise, terms, longest)
+    fit = best_windows(signals, scale, noise, (*BASIS, "memory"), longest)
     if fit is not None and not impulse_possible(scale, motion, abs(fit.value("memory")), fit.value("coulomb")):
-        terms = BASIS
-        fit = best_windows(signals, scale, noise, terms, longest)
+        fit = best_windows(signals, scale, noise, BASIS, longest)
     where = log.source.path or "the log"
     if fit is None:
         return Consistency(signals, None, None)
     check_sign(fit, where)
-    shorter = fit_rows(rows_of(signals, law_windows(signals, fit.half / np.sqrt(2))), scale, noise, terms)
     balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
     if balance is not None and (reversed_sign := wrong_sign(balance)):
         text = f"{where}: voltage has {reversed_sign}; set voltage_sign = -1 under [log], or +1 if it is -1 already."
         raise InputError(text, code="wrong-sign")
-    others = () if shorter is None else (shorter,)
-    return Consistency(signals, fit, balance, tuple(check_gravity(fit, others, signals, rig, least=CLOSE)))
+    return Consistency(signals, fit, balance)
 
 
 def best_windows(
@@ -119,10 +111,12 @@ def check_energy(
     scale: Scale,
     motion: Motion,
     compared: float | None,
+    rig_file: RigFileCheck | None,
 ) -> tuple[list[Message], list[Message]]:
     """Warnings and notes; raises UnanswerableError where the data do not determine the inertia.
 
     compared: standard uncertainty with which the inertia is compared with the momentum balance, None where it is not.
+    rig_file: the balance of all swings.
     """
     inertia, sensitivities = answer.parameters["inertia"], answer.sensitivities
     per_swing = motion.half_period / median(np.diff(consistency.signals.nodes.stamps))
@@ -138,18 +132,20 @@ def check_energy(
             "the signs and scales under [log] and the motor's constants, or use the momentum method.",
             code="not-identifiable",
         )
-    warnings = list(consistency.gravity)
+    warnings = rig_file.warnings(inertia) if rig_file else []
     notes = exact_constants([key for key in rig.constants_without_uncertainty() if key in sensitivities])
     only_resonance = False
     if consistency.windows is not None and inertia.standard_uncertainty is not None:
         amplitude = float(np.max(np.abs(motion.turning_angles), initial=0.0))
-        checked = check_answer(answer.parameters, answer.budget, consistency.windows, amplitude, rig)
+        alone = rig_file.alone(inertia) if rig_file else inertia
+        checked = check_answer(
+            answer.parameters | {"inertia": alone}, answer.budget, consistency.windows, amplitude, rig
+        )
         wheel = scale.drive == "reaction-wheel"
         cause = "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
         differs = [] if compared is None else against_momentum(inertia, compared, consistency.windows, cause)
         warnings += checked.warnings + differs
         notes += [checked.identifiability, *checked.notes]
-        warnings += check_zero(consistency.windows, consistency.signals, inertia.standard_uncertainty)
         only_resonance = checked.near_resonance and not differs
     motor = check_motor(consistency.balance, consistency.signals, uses_motor=True)
     notes += motor.notes

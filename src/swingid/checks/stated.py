@@ -105,12 +105,15 @@ def _uncertain(law: WindowFit) -> Array:
 
 
 def check_gravity(
-    law: WindowFit, tried: Iterable[WindowFit], signals: Signals, rig: Rig, *, least: float = LEAST
+    law: WindowFit,
+    tried: Iterable[WindowFit],
+    signals: Signals,
+    rig: Rig,
+    uncertainty: float | None = None,
 ) -> list[Message]:
     """A warning where the balance contradicts `axis.gravity_torque` by so much that the inertia is biased.
 
-    tried: the same fit at other lengths of windows. least: relative change of the inertia that is worth a warning, for
-    methods that take a rougher fit as a consistency check.
+    tried: the same fit at other lengths of windows. uncertainty: of the inertia, if not that of `law`.
     """
     stated, scale = rig.axis.gravity_torque, law.scale
     if not isinstance(stated, Quantity) or not scale.b or scale.drive == "none" or signals.linear:
@@ -130,7 +133,7 @@ def check_gravity(
     if not free.b > 0 or free.a11 <= 0:
         return []
     apart = abs(free.a11 - law.a11)
-    if apart <= max(MATTERS * law.total, least * law.a11):
+    if apart <= max(MATTERS * (law.total if uncertainty is None else uncertainty), LEAST * law.a11):
         return []
     drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"
     by_drive, by_gravity = (

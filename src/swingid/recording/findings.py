@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from typing import TYPE_CHECKING, Literal
 
@@ -51,10 +51,14 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """Where a recording came from: path as given, SHA-256 of the file; None for data made in memory."""
+    """Where a recording came from: path as given, SHA-256 of the file; None for data made in memory.
+
+    read: whether its channels are columns that were read by the conventions of a rig file.
+    """
 
     path: str | None = None
     sha256: str | None = None
+    read: bool = field(default=False, compare=False)
 
 
 REPAIRS: dict[str, str] = {

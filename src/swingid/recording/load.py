@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +69,7 @@ def contents_of(
         "drive_held": reading.held,
         "metadata": metadata if isinstance(metadata, dict) else {},
         "findings": tuple(reading.findings),
-        "source": source,
+        "source": replace(source, read=True),
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.balance.motor import MotorBalance
+from swingid.checks.rig_file import CONFLICT
 from swingid.methods.backstepping.curve import BANDS, Curve, Run, mean_over, scatter_of_mean
 from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
@@ -15,11 +16,11 @@ POINTS = 600
 """Points of the curve that the result keeps."""
 
 
-def answer(run: Run, others: dict[str, Run], declared: list[Declared], scale: Scale) -> Evaluated:
+def answer(run: Run, others: dict[str, Run], declared: list[Declared], scale: Scale, conflict: float) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
     others: runs with another law or other velocities, by name; the difference to them is an uncertainty, as with the
-    right model and without delays there would be none.
+    right model and without delays there would be none. conflict: uncertainty by `checks.rig_file`.
     """
     settled = run.settled
     values = run.estimates(settled.first, settled.last)
@@ -32,6 +33,7 @@ def answer(run: Run, others: dict[str, Run], declared: list[Declared], scale: Sc
     # the standard uncertainty accounts for few swings, see `scatter_of_mean`
     scattered = Scatter("scatter of the last part of the curve", matrix, np.full(2, np.inf))
     common = [(systematic("way left to the end of the curve"), "inertia", settled.drift or 0.0)]
+    common.append((systematic(CONFLICT), "inertia", conflict))
     for name, other in others.items():
         if settled.converged and other.settled.converged:
             apart = abs(mean_over(other.inertia, settled.first, settled.last) - values[0])

@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from swingid.checks.consistency import check_energy, consistency_check
+from swingid.checks.rig_file import RigFileCheck
 from swingid.control.observer import VelocityObserver
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.backstepping import signals
@@ -82,10 +83,12 @@ def backstepping(
         own = channels if changed_log is used else channels_of(changed_log, widths)
         return _run(own, changed_rig, motion, gains).estimates(run.settled.first, run.settled.last)
 
-    answered = answer(run, others, effects(used, rig, part.encoders, again), scale)
+    rig_file = RigFileCheck.of(prepared)
+    conflict = rig_file.conflict if rig_file else 0.0
+    answered = answer(run, others, effects(used, rig, part.encoders, again), scale, conflict)
     parameters = answered.parameters
     compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else None
-    warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared)
+    warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared, rig_file)
     unsettled, more = _messages(run, gains, widths, parameters["inertia"])
     warnings, notes = [*unsettled, *warnings], [part.note, *more, *notes]
     options: dict[str, object] = {"law": law, "velocities": velocities}

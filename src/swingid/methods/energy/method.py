@@ -23,6 +23,7 @@ from swingid.checks.consistency import (
     consistency_check,
     without_momentum,
 )
+from swingid.checks.rig_file import CONFLICT, RigFileCheck
 from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.answer import EnergyEstimate, energy_answer, energy_details, with_chain
 from swingid.methods.energy.balance import Course, states_at
@@ -89,6 +90,9 @@ def energy(
         plain = _estimate(part, rig, scale, replace(how, chain=Chain()), jittery=jitter.spread > 0)
         estimate, more = with_chain(estimate, plain, how.chain, scale)
     estimate = _with_disagreement(estimate, consistency, scale)
+    rig_file = RigFileCheck.of(prepared)
+    if rig_file is not None:
+        estimate = replace(estimate, common=estimate.common | {("inertia", CONFLICT): rig_file.conflict})
     symmetry = _symmetry(plain, part, rig, scale)
     if symmetry is not None:
         estimate = replace(estimate, common=estimate.common | symmetry.entry())
@@ -97,7 +101,7 @@ def energy(
     # without a motor the difference to the momentum balance is in the budget
     unknown = parameters["inertia"].standard_uncertainty is None
     compared = None if unknown else without_momentum(answer.budget)
-    warnings, notes = check_energy(answer, consistency, rig, scale, part.motion, compared)
+    warnings, notes = check_energy(answer, consistency, rig, scale, part.motion, compared, rig_file)
     if jitter.spread > 0 and not how.chain.observers:
         other = _estimate(part, rig, scale, how, jittery=False)
         jittery, jitter_notes = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)

@@ -13,6 +13,7 @@ from swingid.balance.delays import dry_levels, impulse_of, late_reversals
 from swingid.balance.friction_laws import EXACT
 from swingid.balance.rows import Rows, Signals
 from swingid.checks.consistency import DISAGREES
+from swingid.checks.rig_file import CONFLICT
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.cutoff import AT_LEAST, SETTLING, Cutoff
 from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, best_lag, fit_rows
@@ -78,7 +79,7 @@ class Selection:
     laws: fits with the other possible laws, and their probabilities. cutoffs: by name. impulse: standard uncertainty
     (N m s or N s) of the impulse at each reversal that the correction of the turning points leaves. memory: column of
     such an impulse in the rows. from_momentum: dark uncertainty of the inertia by the difference to modulating
-    functions.
+    functions. conflict: that of the stated gravity torque with the log.
     """
 
     chosen: Fitted
@@ -89,6 +90,7 @@ class Selection:
     memory: Array
     motion: Motion
     from_momentum: float = 0.0
+    conflict: float = 0.0
 
     @property
     def between_laws(self) -> float:
@@ -107,6 +109,7 @@ class Selection:
         # the cut-offs have the same noise and lack of fit, so their differences are one error
         apart = [self.chosen.contradicted(other, self.motion) for other in self.cutoffs.values()]
         found |= {"drift with the cut-off": max(apart, default=0.0), DISAGREES: self.from_momentum}
+        found[CONFLICT] = self.conflict
         entries = [(systematic(source), "inertia", spread) for source, spread in found.items()]
         for name in self.chosen.scale.unknown:
             own = self.chosen.common(self.motion, name)

@@ -19,9 +19,9 @@ from swingid.balance.friction_laws import law_terms
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, unverified_reading
+from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, unstated_reading
 from swingid.checks.consistency import CLOSE, against_momentum, best_windows, without_momentum
-from swingid.checks.stated import check_gravity, check_zero
+from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import UnanswerableError
 from swingid.methods.equation_error.answer import answer, details
 from swingid.methods.equation_error.cutoff import choose_cutoff
@@ -36,7 +36,7 @@ from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.scale import Scale
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
-from swingid.uncertainty.budget import Parameter, combined
+from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
 
@@ -68,24 +68,26 @@ def equation_error(
         message = "the used part of the log contains no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    inconsistent, motor = _consistency(part, signals, rig, scale, noise)
+    motor = _consistency(part, signals, rig, scale, noise)
     span = float(part.log.time[0]), float(part.log.time[-1])
     cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
     selected, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
     chosen = selected.chosen
     windows, apart = _from_momentum(selected, signals)
-    selected = replace(selected, from_momentum=apart)
+    rig_file = RigFileCheck.of(prepared)
+    selected = replace(selected, from_momentum=apart, conflict=rig_file.conflict if rig_file else 0.0)
     found = answer(selected, rig, scale)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
-    checked = check_answer(found.parameters, found.budget, _as_windows(chosen), amplitude, rig)
+    inertia = found.parameters["inertia"]
+    alone = rig_file.alone(inertia) if rig_file else inertia
+    checked = check_answer(found.parameters | {"inertia": alone}, found.budget, _as_windows(chosen), amplitude, rig)
     how = _how(on_grid.grid, selected, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
-    warnings = [*checked.warnings, *_unlikely(selected, laws, scale), *inconsistent, *motor.warnings]
+    warnings = [*checked.warnings, *_unlikely(selected, laws, scale), *motor.warnings]
     if windows is not None:
-        inertia = found.parameters["inertia"]
         cause = "noise in the acceleration or friction that does not depend on the speed alone"
         warnings += against_momentum(inertia, without_momentum(found.budget), windows, cause)
-        warnings += check_zero(windows, signals, combined(found.budget, "inertia"))
+    warnings += rig_file.warnings(inertia) if rig_file else []
     used = chosen.row_filter.cutoff.frequency
     options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": used}
     covariance = _covariance(chosen.fit) if scale.b is None else {}
@@ -107,28 +109,20 @@ def _as_windows(one: Fitted) -> WindowFit:
     return WindowFit(one.fit.unknowns, fit, one.fit.covariance, one.rows.select(used), one.scale, one.noise, half)
 
 
-def _consistency(
-    part: Part, signals: Signals, rig: Rig, scale: Scale, noise: Noise
-) -> tuple[list[Message], MotorCheck]:
-    """Check signs and gravity by equation (I) on modulating functions, and the wheel angle by (II).
+def _consistency(part: Part, signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> MotorCheck:
+    """Check signs by equation (I) on modulating functions, and the wheel angle by (II).
 
     Raises InputError for a wrong sign. Windows over half a swing have little noise where filtered rows may have much.
     """
     windows = law_windows(signals, part.motion.half_period / 4)
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
-    warnings: list[Message] = []
     if fit is not None:
         check_sign(fit, part.log.source.path or "the log")
-        # with an impulse at each reversal: without it dynamic friction looks like another gravity torque
-        lengths = (part.motion.half_period / 4, part.motion.half_period / 6)
-        terms = (*BASIS, "memory")
-        fits = [fit_windows(rows_of(signals, law_windows(signals, half)), scale, noise, terms) for half in lengths]
-        longest, *others = [one for one in fits if one is not None] or [fit]
-        warnings = check_gravity(longest, others, signals, rig, least=CLOSE)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
-    rough = None if fit is None else Parameter.of(fit.inertia, fit.u, scale.unit)
-    unverified = None if rough is None else unverified_reading(part.log, rig, rough)
-    return warnings, check_motor(balance, signals, method="this method", unverified=unverified)
+    unstated = None
+    if balance is None and fit is not None:
+        unstated = unstated_reading(rig, signals, noise, Parameter.of(fit.inertia, fit.u, scale.unit))
+    return check_motor(balance, signals, method="this method", unstated=unstated)
 
 
 def _from_momentum(selected: Selection, signals: Signals) -> tuple[WindowFit | None, float]:

@@ -32,11 +32,13 @@ from swingid.balance.systematics import (
     timing_spread,
 )
 from swingid.balance.windows import even_windows, swing_windows
-from swingid.checks.answer import check_answer, check_motor, check_sign, unverified_reading
-from swingid.checks.stated import check_encoders, check_gravity, check_place, check_zero
+from swingid.checks.angle_scale import SCALE
+from swingid.checks.answer import check_answer, check_motor, check_sign, unstated_reading
+from swingid.checks.latency import check_latency, with_latency
+from swingid.checks.rig_file import CONFLICT, contradictions
+from swingid.checks.stated import check_encoders, check_place
 from swingid.errors import NotIdentifiableError, UsageError
 from swingid.format import plus_minus
-from swingid.methods.momentum.latency import check_latency, with_latency
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, units_on
 from swingid.numerics.arrays import Array, median
@@ -47,9 +49,6 @@ from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Parameter, Scatter, Source, evaluate, joined, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
-
-CONFLICT = "conflict of the gravity torque with the log"
-"""Source of `gravity_conflict` in the budget."""
 
 PLACE = "torque that depends on the angle"
 """Source of `place_torque` in the budget."""
@@ -109,17 +108,17 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, part.noise)
-    motor = check_motor(balance, signals, unverified=unverified_reading(prepared.log, rig, parameters["inertia"]))
+    unstated = None if balance else unstated_reading(rig, signals, part.noise, parameters["inertia"])
+    motor = check_motor(balance, signals, unstated=unstated)
     extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
     lost = _loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
     if lost is not None:
         extra["loss_unexplained"] = lost
     notes = [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes()]
-    off = check_zero(estimate.law, signals, alone.standard_uncertainty or 0.0)
-    if not off:  # a wrong zero changes the gravity torque, too
-        off = check_gravity(estimate.law, estimate.tried.values(), signals, rig)
+    off = contradictions(choice, part, alone.standard_uncertainty or 0.0)
     off += check_encoders(estimate.law, rig, signals)
-    off = off or check_place(estimate.law, estimate.place)  # which errors of the angle seem to be, too
+    if all(one.code == SCALE for one in off):  # errors of the angle seem to be such a torque, too
+        off += check_place(estimate.law, estimate.place)
     off += check_latency(choice, part, u, memory)
     notes += [*moved.notes, *_impulse(estimate.law)]
     warnings = [*warnings, *off, *moved.warnings, *motor.warnings]

@@ -10,6 +10,7 @@ import numpy as np
 
 from swingid.balance.friction_laws import TERMS, stribeck_peak, stribeck_slope
 from swingid.checks.consistency import DISAGREES
+from swingid.checks.rig_file import CONFLICT
 from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
 from swingid.methods.output_error.problem import Problem
 from swingid.methods.output_error.search import Searched
@@ -192,6 +193,8 @@ def answer_of(estimate: Estimate) -> Evaluated:
         type_a = math.sqrt(estimate.covariance[0, 0] + sum(u**2 for _, name, u in common if name == "inertia"))
         dark = dark_uncertainty(float(estimate.values[0]) - balance, type_a**2 + windows.u**2, type_a)
         common.append((systematic(DISAGREES), "inertia", dark))
+    if setup.rig_file is not None:
+        common.append((systematic(CONFLICT), "inertia", setup.rig_file.conflict))
     declared = [replace(one, slopes=own @ one.slopes) for one in estimate.declared]
     matrix = own @ estimate.covariance @ own.T
     unknown = [name for k, name in enumerate(values) if matrix[k, k] <= 0]

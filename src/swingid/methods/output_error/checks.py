@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
-from swingid.checks.answer import Fault, check_answer, check_motor
+from swingid.checks.answer import Fault, check_answer, check_motor, unstated_reading
 from swingid.checks.consistency import against_momentum, motor_sensitivities, without_momentum
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
@@ -52,7 +52,9 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
     _require_identifiable(estimate)
     spread = math.sqrt(estimate.covariance[0, 0])
     excess = _excess(estimate)
-    motor = check_motor(consistency.balance, consistency.signals, method="this fit", uses_motor=under_voltage)
+    signals, noise = consistency.signals, setup.part.noise
+    unstated = None if consistency.balance else unstated_reading(setup.rig, signals, noise, inertia)
+    motor = check_motor(consistency.balance, signals, method="this fit", uses_motor=under_voltage, unstated=unstated)
     whole = inertia.standard_uncertainty or spread
     low, _ = inertia.interval95 or (0.0, 0.0)
     if excess and (spread > HOPELESS * inertia.value or low <= 0.0):
@@ -92,7 +94,7 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
         poor = []
     warnings += differs or []
     notes += [*poor, _conditioning(seen, unknowns), _search_note(estimate), *_zero_note(estimate)]
-    warnings += consistency.gravity
+    warnings += setup.rig_file.warnings(inertia) if setup.rig_file else []
     notes += motor.notes
     warnings, notes = (motor.held + warnings, notes) if under_voltage else (warnings, notes + motor.held)
     # constants that do not fit show in the residuals, or the motor is not used; another reading of the wheel too

@@ -10,6 +10,7 @@ import numpy as np
 
 from swingid.balance.fits import WindowFit
 from swingid.checks.consistency import Consistency, consistency_check
+from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.methods.output_error.constants import uncertain_constants
 from swingid.methods.output_error.problem import FEWEST_ROWS, Input, Problem, problem_of
@@ -29,14 +30,15 @@ MOST_LOST = 1e-3
 class Setup:
     """What every fit of one log shares.
 
-    consistency: the momentum balance of the first swings. moves: whether constants and sensors with a stated
-    uncertainty are estimated, with the stated value as prior.
+    consistency: the momentum balance of the first swings; rig_file: of all. moves: whether constants and sensors with
+    a stated uncertainty are estimated, with the stated value as prior.
     """
 
     prepared: Prepared
     part: Part
     source: Input
     consistency: Consistency
+    rig_file: RigFileCheck | None
     free: tuple[str, ...]
     loss: str
     starts: int
@@ -63,7 +65,7 @@ class Setup:
         source = input_of(wanted, prepared.log, rig, scale)
         part = prepared.part()
         found = consistency_check(part.log, rig, part.motion, scale, part.noise, part.encoders)
-        return cls(prepared, part, source, found, names, loss, starts, segment)
+        return cls(prepared, part, source, found, RigFileCheck.of(prepared), names, loss, starts, segment)
 
     @property
     def rig(self) -> Rig:

@@ -202,12 +202,16 @@ def solve(
 def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
     prediction = problem.fitted(unknowns, values, states)
     residuals = (problem.measured - prediction.outputs) / problem.sigma
+    empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))
+    diverged = Fit(values, states, prediction, residuals, residuals, np.inf, empty, converged=False)
     if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
-        empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))
-        return Fit(values, states, prediction, residuals, residuals, np.inf, empty, converged=False)
+        return diverged
     cost, weights = loss_of(residuals, loss)
     cost += float(unknowns.power @ values**2) / len(residuals)
-    reduced = informed(reduce(problem, prediction.slopes, residuals, weights), unknowns, values)
+    with np.errstate(over="ignore", invalid="ignore"):  # squares of sensitivities that are finite may not be
+        reduced = informed(reduce(problem, prediction.slopes, residuals, weights), unknowns, values)
+    if not (np.isfinite(cost) and np.isfinite(reduced.matrix).all() and np.isfinite(reduced.right).all()):
+        return diverged
     return Fit(values, states, prediction, residuals, weights, cost, reduced, converged=False)
 
 

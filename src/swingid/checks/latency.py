@@ -24,7 +24,7 @@ from swingid.preparation.encoders import Channel, Correction
 from swingid.preparation.prepared import Part
 from swingid.recording.findings import Kind
 from swingid.result.result import Message
-from swingid.uncertainty.significance import BETTER, CERTAIN, MATTERS
+from swingid.uncertainty.significance import BETTER, DETECTED, MATTERS
 
 LATEST = 0.01
 """Prior standard deviation (s) of an undeclared latency: ten times that of a usual rig, so hardly informative."""
@@ -97,7 +97,7 @@ def with_latency(part: Part, memory: str = "auto") -> tuple[Choice, Moved]:
 def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = "auto") -> list[Message]:
     """A warning where the balance shows a latency that the rig file does not declare, and the inertia is biased by it.
 
-    uncertainty: the inertia's, with all declared imperfections.
+    uncertainty: the inertia's, with all declared imperfections and without the lack of fit by the latency.
     """
     rig, scale = part.rig, part.scale
     if scale.drive == "none" or _declared_spread(part) or not _may_show(choice, rig):
@@ -112,7 +112,7 @@ def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = 
     found = latency_of(law, signals, rig)
     moved += found.value
     u = float(np.hypot(found.u, _scatter(best.tried.values(), signals, rig)))
-    if abs(moved) < CERTAIN * u:
+    if abs(moved) < DETECTED * u:
         return []
     # the lack of fit by a latency widens the interval as well, which would then contain its effect
     if abs(law.a11 - choice.law.a11) < MATTERS * min(uncertainty, law.u):

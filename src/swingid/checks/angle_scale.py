@@ -1,0 +1,154 @@
+"""The scale of the angle from the shape of gravity: counts per turn, unit, or a gear between axis and encoder.
+
+Gravity is b sin q of the true angle q = s q_m, which no other scale of a logged angle q_m turns into a sine. With
+a11 s q_m'' + b sin(s q_m) + F = −a12 q2'' (or the torque) and b free, s depends on the scales of neither drive nor
+gravity; in a free decay, a11 q_m'' + b sin(s q_m)/s + F/s = 0, it is what the period's dependence on the amplitude
+shows. Small swings do not determine s.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, sensor_variance
+from swingid.balance.rows import Signals
+from swingid.balance.systematics import place_fits
+from swingid.checks.answer import CLEARLY, LEAST
+from swingid.checks.stated import AS_GOOD, AS_SHARP
+from swingid.format import number, percent, plus_minus
+from swingid.numerics.arrays import Array
+from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.numerics.test_functions import project
+from swingid.preparation.scale import Scale
+from swingid.result.result import Message
+from swingid.uncertainty.significance import CERTAIN, DETECTED, MATTERS
+
+SCALE = "angle-scale"
+
+ROUNDS = 12
+"""Gauss–Newton steps, each at most by a factor of two: enough for degrees that are stated for radians."""
+
+SETTLED = 0.1
+"""Of the standard uncertainty: a step that ends the search."""
+
+
+@dataclass(frozen=True)
+class AngleScale:
+    """True angle over logged angle with its standard uncertainty, the inertia a11 with it, and the residuals.
+
+    a11: with the gravity torque as stated. left: root mean square of the residuals; plain: of those with the scale 1.
+    """
+
+    value: float
+    u: float
+    a11: float
+    left: float
+    plain: float
+
+    @property
+    def relative(self) -> float:
+        """Relative standard uncertainty."""
+        return self.u / self.value
+
+
+def check_angle_scale(
+    law: WindowFit, tried: Iterable[WindowFit], signals: Signals, uncertainty: float
+) -> list[Message]:
+    """A warning where the shape of gravity contradicts the scale of the angle, and the inertia is biased by it.
+
+    tried: fits of windows of every length. uncertainty: the inertia's, without conflicts with the rig file. Not where
+    a torque that depends on the angle describes the rows clearly better.
+    """
+    if signals.linear or not law.b:
+        return []
+    every = [(one, fit) for fit in tried if (one := angle_scale(fit, signals)) is not None]
+    if not every:
+        return []
+    found, sharpest = min(every, key=lambda pair: pair[0].relative)
+    for one, _ in every:
+        level = CERTAIN if one is found else DETECTED
+        off = (one.value - 1) * np.sign(found.value - 1)
+        if one.relative < AS_SHARP * found.relative and off <= level * one.u:
+            return []
+    if abs(found.a11 - law.a11) <= max(MATTERS * uncertainty, LEAST * law.a11):
+        return []
+    if found.left > CLEARLY * found.plain:  # friction that no term describes leaves 0.55 and more (foreign logs)
+        return []
+    if any(AS_GOOD * _rms(one.more) < found.left for one in place_fits(sharpest, signals)):
+        return []
+    text = (
+        f"gravity has the shape of the sine of {plus_minus(found.value, found.u)} times the angle as read, with which "
+        f"the residuals of the balance fall to {percent(found.left / found.plain)} and the inertia would be "
+        f"{number(found.a11 - law.scale.carried, law.scale.unit)}: angle_unit under [log], sensors.counts_per_turn or "
+        "a gear between axis and encoder is wrong, or a torque that depends on the angle, as of a cable, a spring or "
+        "magnets, has this shape; correct the one, or state the other."
+    )
+    return [Message(SCALE, text)]
+
+
+def angle_scale(fit: WindowFit, signals: Signals) -> AngleScale | None:
+    """The scale of the angle by the windows of a fit; None where they do not determine one."""
+    s, spread = 1.0, np.inf
+    for k in range(ROUNDS):
+        step, spread = _step(fit, signals, s)
+        if not np.isfinite(step + spread):
+            return None
+        s += float(np.clip(step, -s / 2, s))
+        if abs(step) < (1.0 if k == 0 else SETTLED) * spread:
+            break
+    else:
+        return None
+    free = replace(fit.scale, b=None) if _is_driven(fit) else fit.scale
+    before, after = (_solved(fit, free, _sine(fit, signals, at)[0], at).residuals for at in (1.0, s))
+    stated = _solved(fit, fit.scale, _sine(fit, signals, s)[0], s)
+    a11 = float(stated.values[0]) / (s if _is_driven(fit) else 1.0)
+    plain, left = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
+    return AngleScale(s, spread, a11, left, plain) if left <= plain else None
+
+
+def _step(fit: WindowFit, signals: Signals, s: float) -> tuple[float, float]:
+    """Gauss–Newton step of the scale from s, and its standard uncertainty."""
+    sine, slope = _sine(fit, signals, s)
+    b, free = fit.b, fit.scale
+    if _is_driven(fit):
+        free = replace(free, b=None)
+        b = float(_solved(fit, free, sine, s).values[1])  # without the slope (Kaufman 1975), for far from s both mix
+    else:
+        slope = slope / s - sine / s**2
+    if b <= 0:
+        return np.nan, np.nan
+    solved = _solved(fit, free, sine, s, slope)
+    # at least by noise of the sensors: residuals may be smaller, as of a log that is prescribed
+    sensor, _ = sensor_variance(fit.rows, solved.influence[-1], fit.a11, b, fit.scale, fit.noise)
+    spread = float(np.sqrt(max(float(solved.covariance(LAG)[-1, -1]), sensor)))
+    return float(solved.values[-1]) / b, spread / b
+
+
+def _is_driven(fit: WindowFit) -> bool:
+    return fit.scale.drive != "none"
+
+
+def _sine(fit: WindowFit, signals: Signals, s: float) -> Array:
+    """∫φ sin(s q) and its derivative by s, (2, windows)."""
+    angle, windows = s * signals.angle, fit.rows.windows
+    columns = [(np.sin(angle), 0), (signals.angle * np.cos(angle), 0)]
+    return project(signals.nodes, columns, windows.centres, windows.half).T
+
+
+def _solved(fit: WindowFit, scale: Scale, sine: Array, s: float, more: Array | None = None) -> LinearFit:
+    """The windows fitted with this sine in the place of that of the angle; more: a further regressor, the last.
+
+    The first value is a11 s under a drive and a11 in a free decay, whose equation is divided by s.
+    """
+    rows = replace(fit.rows, gravity=sine if _is_driven(fit) else sine / s)
+    _, columns = columns_of(rows, scale, fit.friction)
+    # what the fit explains by declared imperfections remains theirs
+    declared = fit.columns @ fit.fit.values + fit.fit.residuals - fit.known
+    return fit_linear(columns if more is None else np.column_stack([columns, more]), known_side(rows, scale) + declared)
+
+
+def _rms(fit: WindowFit) -> float:
+    return float(np.sqrt(np.mean(fit.fit.residuals**2)))

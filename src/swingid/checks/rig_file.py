@@ -1,0 +1,73 @@
+"""What the momentum balance of a log contradicts in the rig file: one consistency check for every method.
+
+Angles alone determine whether the zero and the scale of the angle, the gravity torque against the drive's scale, and
+the timing of the channels are as stated, whatever a method computes of the same log.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from swingid.balance.choice import Choice
+from swingid.balance.systematics import gravity_conflict
+from swingid.checks.angle_scale import check_angle_scale
+from swingid.checks.latency import check_latency, with_latency
+from swingid.checks.stated import check_gravity, check_zero
+from swingid.errors import UnanswerableError
+from swingid.preparation.prepared import Part, Prepared
+from swingid.result.result import Message
+from swingid.uncertainty.budget import Parameter
+from swingid.uncertainty.significance import MATTERS
+
+CONFLICT = "conflict of the gravity torque with the log"
+"""Source of `gravity_conflict` in a budget."""
+
+WORTH = 0.003
+"""Relative change of the inertia that is worth a warning whatever the interval of the method."""
+
+
+@dataclass(frozen=True)
+class RigFileCheck:
+    """The momentum balance of a log for the check of another method; conflict: standard uncertainty of a11."""
+
+    choice: Choice
+    part: Part
+    conflict: float
+
+    @classmethod
+    def of(cls, prepared: Prepared) -> RigFileCheck | None:
+        """The balance with its windows chosen as momentum does; None where momentum has no answer."""
+        try:
+            part = prepared.part(reread=True)
+            choice, _ = with_latency(part)
+        except UnanswerableError:
+            return None
+        return cls(choice, part, gravity_conflict(choice.law, prepared.rig, choice.signals))
+
+    def alone(self, inertia: Parameter) -> Parameter:
+        """The inertia without the conflict, which is named, and neither makes an estimate hopeless nor hides causes."""
+        u = max((inertia.standard_uncertainty or 0.0) ** 2 - self.conflict**2, 0.0) ** 0.5
+        return Parameter.of(inertia.value, u, inertia.unit)
+
+    def warnings(self, inertia: Parameter) -> list[Message]:
+        """The contradictions that matter for this inertia."""
+        law = self.choice.law
+        alone = self.alone(inertia).standard_uncertainty or 0.0
+        # what is wrong in the rig file widens the interval by its lack of fit, too, and would hide itself
+        limit = min(alone, max(law.total, WORTH / MATTERS * law.a11))
+        found = contradictions(self.choice, self.part, limit, limit)
+        return found + check_latency(self.choice, self.part, limit)
+
+
+def contradictions(choice: Choice, part: Part, uncertainty: float, for_gravity: float | None = None) -> list[Message]:
+    """The first contradiction of angle or gravity torque that matters, for each changes the gravity torque.
+
+    uncertainty: the inertia's, without what contradicts the rig file; for_gravity: without the disagreement of windows
+    as well, which a wrong scale causes, if not that of the chosen windows.
+    """
+    law, signals, tried = choice.law, choice.signals, choice.tried.values()
+    return (
+        check_zero(law, signals, uncertainty)
+        or check_angle_scale(law, tried, signals, uncertainty)
+        or check_gravity(law, tried, signals, part.rig, for_gravity)
+    )

@@ -1,0 +1,128 @@
+"""The scale of the angle from the shape of gravity: found where it is wrong, and nothing else taken for it."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from closed_form_logs import INERTIA, TWO_TONES, direct_log, direct_rig, exact_rig, free_log, free_rig, wheel_log
+from swingid.balance.choice import choose
+from swingid.balance.rows import Signals
+from swingid.checks.angle_scale import angle_scale, check_angle_scale
+from swingid.identification import identify
+from swingid.methods.output_error.problem import Prediction
+from swingid.methods.output_error.solver import solve
+from swingid.preparation.prepared import prepare
+from swingid.recording.recording import Recording
+
+TIME = np.arange(12_001) / 1000
+NOISE = 3e-4
+METHODS = ("momentum", "equation-error", "output-error")
+
+
+def friction(v):
+    return 5e-4 * v + 2e-4 * np.sign(v)
+
+
+def with_noise(log: Recording) -> Recording:
+    rng = np.random.default_rng(4)
+    return replace(log, angle=log.angle + rng.normal(0, NOISE, len(log)))
+
+
+@pytest.fixture(scope="module")
+def logs():
+    return {
+        "wheel": (with_noise(wheel_log(exact_rig(), TWO_TONES, friction, TIME)), exact_rig()),
+        "direct": (with_noise(direct_log(TWO_TONES, friction, TIME)), direct_rig()),
+        "free": (with_noise(free_log(friction, TIME)), free_rig()),
+    }
+
+
+def scaled(log: Recording, factor: float) -> Recording:
+    return replace(log, angle=factor * log.angle)
+
+
+def warnings(result) -> dict[str, str]:
+    return {one.code: one.message for one in result.warnings}
+
+
+def fits_of(log, rig):
+    prepared = prepare(log, rig)
+    part = prepared.part(reread=True)
+    signals = Signals.of(part.log, rig, part.motion, part.encoders)
+    return choose(signals, rig, prepared.scale, part.noise)
+
+
+@pytest.mark.parametrize("kind", ["wheel", "direct", "free"])
+@pytest.mark.parametrize("factor", [2.0, 0.5, 4.0, 4096 / 4000, np.pi / 180])
+def test_a_wrong_scale_is_named_with_its_value(logs, kind, factor):
+    log, rig = logs[kind]
+    message = warnings(identify(scaled(log, factor), rig))["angle-scale"]
+    found = re.search(r"sine of \(?([\d.]+)(?: ± [\d.]+\))?(e-3)? ?(?:± [\d.]+ )?times", message)
+    assert found is not None, message
+    value = float(found[1]) * (1e-3 if found[2] else 1.0)
+    assert value == pytest.approx(1 / factor, rel=0.01)
+    inertia = float(re.search(r"inertia would be ([\d.]+)e-3 kg", message)[1]) * 1e-3
+    assert inertia == pytest.approx(INERTIA, rel=5e-3)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("kind", ["wheel", "direct", "free"])
+def test_a_right_scale_is_none(logs, kind, method):
+    assert "angle-scale" not in warnings(identify(*logs[kind], method))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_names_it(logs, method):
+    log, rig = logs["direct"]
+    assert "angle-scale" in warnings(identify(scaled(log, 2.0), rig, method))
+
+
+@pytest.mark.parametrize("kind", ["wheel", "direct", "free"])
+def test_the_scale_is_within_its_uncertainty(logs, kind):
+    choice = fits_of(*logs[kind])
+    found = [one for fit in choice.tried.values() if (one := angle_scale(fit, choice.signals)) is not None]
+    best = min(found, key=lambda one: one.relative)
+    assert abs(best.value - 1) < 4 * best.u
+    assert best.u < 3e-3
+
+
+def test_a_wrong_scale_of_drive_or_gravity_is_no_scale_of_the_angle(logs):
+    log, rig = logs["wheel"]
+    for changes in ({"drive.wheel.inertia": 11.34e-5 * 1.1}, {"axis.gravity_torque": 78e-3 * 1.1}):
+        found = warnings(identify(log, rig.changed(changes)))
+        assert "gravity-torque-disagrees" in found
+        assert "angle-scale" not in found
+
+
+def test_small_swings_determine_no_scale():
+    small = with_noise(free_log(lambda v: 5e-4 * v, TIME, initial_angle=0.03))
+    choice = fits_of(small, free_rig())
+    assert check_angle_scale(choice.law, choice.tried.values(), choice.signals, choice.law.total) == []
+
+
+def test_magnets_that_a_scale_does_not_describe_are_none(logs):
+    """A torque with sin 3q; one with sin 2q has the shape of another scale, and the message names both."""
+    log, rig = logs["direct"]
+    found = warnings(identify(replace(log, torque=log.torque + 2e-3 * np.sin(3 * log.angle)), rig))
+    assert found
+    assert "angle-scale" not in found
+    message = warnings(identify(replace(log, torque=log.torque + 2e-3 * np.sin(2 * log.angle)), rig))["angle-scale"]
+    assert "or a torque that depends on the angle" in message
+
+
+def test_sensitivities_whose_squares_overflow_are_a_motion_that_diverges():
+    """As of degrees that are stated for radians; they were no system of equations that can be solved."""
+    slopes, none = np.full((8, 3), 1e200), np.zeros(8)
+    prediction = Prediction(outputs=none, slopes=slopes, rates=none, finite=True)
+    problem = SimpleNamespace(
+        measured=none + 1, sigma=none + 1, states=1, rows=np.array([0, 8]), fitted=lambda *_: prediction
+    )
+    unknowns = SimpleNamespace(power=np.zeros(2), bounds=(np.full(2, -1.0), np.full(2, 1.0)), names=("inertia", "b"))
+    found = solve(problem, unknowns, np.zeros(2), np.zeros((1, 1)), "linear")
+    assert not np.isfinite(found.cost)
+    assert not found.converged

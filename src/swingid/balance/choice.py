@@ -73,6 +73,10 @@ FURTHER = {(*NEAR_REST,): 21.1, ("cubic",): 15.1, (*NEAR_REST, "cubic"): 23.5}
 """Terms of friction that are tried together beside BASIS, each with the fall of −2 log likelihood from which on it is
 taken: χ² with 3, 1 and 4 degrees of freedom, 1e-4, one test per log, for it changes the model of the fit."""
 
+SLIGHT = 1e-6
+"""Residuals as a share of the known side (RMS) below which no term is missing: they bias the inertia by about as much,
+and a latency that was corrected to first order leaves as much."""
+
 TINY = 1e-300
 """Least sum of squares, whose logarithm is finite."""
 
@@ -140,6 +144,8 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
     taken.
     """
     plain = min(tried.values(), key=lambda fit: fit.relative(fit.u))
+    if _lost(plain) < SLIGHT**2 * float(plain.known @ plain.known):
+        return tried
     independent = len(plain.rows.windows) / (LAG / 2)
     fits = {}
     for terms, level in FURTHER.items():

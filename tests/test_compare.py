@@ -50,6 +50,18 @@ def test_both_methods_answer_and_agree(comparison):
     assert comparison.verdicts[0].apart == ()
 
 
+def test_a_crash_of_one_method_leaves_the_others_rows(monkeypatch):
+    def crash(*_, **__):
+        raise np.linalg.LinAlgError("SVD did not converge")
+
+    monkeypatch.setitem(METHODS, "energy", replace(METHODS["energy"], load=lambda: crash))
+    found = compare(rotary_log(), rotary_rig(), ["momentum", "energy"])
+    assert found.trials[0].result.status != "refused"
+    assert found.trials[1].result.error.code == "bug-LinAlgError"
+    assert "a bug of swingid, LinAlgError" in found.summary()
+    assert json.loads(found.to_json())["results"][1]["status"] == "refused"
+
+
 def test_text_and_json_hold_every_method(comparison):
     text = comparison.summary()
     assert "verdict: all methods agree with momentum" in text

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from swingid.errors import InputError, UnanswerableError
+from swingid.errors import SwingidError, UnanswerableError, UsageError
 from swingid.format import number, percent, plus_minus
 from swingid.identification import identify
 from swingid.methods.table import METHODS
@@ -148,8 +148,8 @@ class Comparison(Study):
 def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[str] | None = None) -> Comparison:
     """Put every method, or the named ones, on the same logs.
 
-    A method that refuses a log is a trial with its reason, not an error. Raises UsageError for an unknown method,
-    UnanswerableError where every method refuses every log.
+    A method that refuses a log, or crashes on it, is a trial with its reason, not an error. Raises UsageError for an
+    unknown method, UnanswerableError where every method refuses every log.
     """
     several = [logs] if isinstance(logs, Recording) else list(logs)
     trials: list[Trial] = []
@@ -177,13 +177,24 @@ def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:
         begin = time.perf_counter()
         try:
             result = identify(log, rig, method)
-        except (UnanswerableError, InputError) as error:
+        except UsageError:
+            raise
+        except SwingidError as error:
             result = refusal(method, error)
+        except Exception as error:  # a bug of one method, which concerns it alone
+            result = refusal(method, _bug(method, error))
         seconds = min(seconds, time.perf_counter() - begin)
         if seconds > LONG and _kernels() == compiled:
             break
     assert result is not None
     return result, seconds
+
+
+def _bug(method: str, error: Exception) -> SwingidError:
+    kind = type(error).__name__
+    what = f"this is a bug of swingid, {kind} ({error})"
+    text = f"{what}; swingid identify --method {method} writes a file to report it with."
+    return SwingidError(" ".join(text.split()), code=f"bug-{kind}")
 
 
 def _kernels() -> int:

@@ -92,9 +92,10 @@ def test_effects_on_the_inertia_are_those_of_the_closed_form(fault: str, kind: s
 
 def test_lost_rows_shorten_the_log_and_leave_its_rate() -> None:
     faulty = with_faults(experiment_on("none"), [parse_fault("lost rows: 3 %")])
-    log = faulty.read(faulty.log(3))
+    log = faulty.log(3)
     assert 0.015 * 5001 < 5001 - len(log) < 0.05 * 5001
     assert np.allclose(np.diff(log.time), 1e-3)
+    assert faulty.read(log).duration == pytest.approx(5.0, rel=0.01)  # which reading restores
 
 
 def test_two_faults_at_once_do_both() -> None:

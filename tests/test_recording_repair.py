@@ -297,7 +297,7 @@ def test_a_clean_log_costs_a_few_milliseconds(tmp_path):
         start = clock.process_time()
         Recording.load(path, rig)
         times.append(clock.process_time() - start)
-    assert min(times) < 0.05
+    assert min(times) < 0.1
 
 
 def test_real_logs_load_clean(data_dir):

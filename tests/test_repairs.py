@@ -42,6 +42,9 @@ def faulty(folder, fault: str):
         columns["q2"] = (columns["q2"] + np.pi) % (2 * np.pi) - np.pi
     elif fault == "spikes":
         columns["q1"][[800, 2500]] += [0.5, -0.7]
+    elif fault == "lost-rows":
+        rows = np.delete(rows, [1500, 2600, 2601, 4030])
+        columns["t"][rows] = LOG.time[: len(rows)]
     return write_columns(folder / f"{fault}.csv", {name: column[rows] for name, column in columns.items()})
 
 

@@ -68,6 +68,7 @@ REPAIRS: dict[str, str] = {
     "clock": "stamps that scatter about a constant rate are replaced by that rate",
     "unwrap": "angles logged within one turn are made continuous",
     "spikes": "single samples that fit neither neighbour are left out",
+    "lost-rows": "stamps made of the row number are moved by the rows that the motion shows to be missing",
     "limit": "commanded voltages beyond the rig's voltage_limit are taken as the limit",
     "encoders": "the encoders' nonlinearity that the rig file states is corrected in the angles that a method uses",
     "calibrate": "undeclared encoder nonlinearity and latency are estimated from the log (momentum)",

@@ -66,6 +66,11 @@ def _refined(changes: Array, step: float) -> float:
     return step
 
 
+def step_of(values: Array) -> float:
+    """As `grid_of`, also of a motion that is slow or all of single steps: between rows that are farther apart."""
+    return next((step for rows in STRIDES if (step := grid_of(values[::rows]))), 0.0)
+
+
 def is_decimal(step: float) -> bool:
     """Whether a step is 1, 2 or 5 times a power of ten, as of written digits rather than of an encoder."""
     if step < np.finfo(np.float64).tiny:  # below, a double has fewer digits, and its power of ten may be 0
@@ -138,7 +143,7 @@ def check_grids(table: Table, conventions: Conventions, rig: Rig) -> list[Findin
             continue
         values = table.numbers(column)[0]
         values = values[np.isfinite(values)]
-        step = next((step for rows in STRIDES if (step := grid_of(values[::rows]))), 0.0)
+        step = step_of(values)
         if step == 0.0 or is_decimal(step):
             continue
         encoder = rig.sensors.of(which)

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.recording.continuity import find_jumps, find_spikes, is_wrapped, unwrap
-from swingid.recording.rows import even_clock, few, rows_in_order, take
+from swingid.recording.lost_rows import find_lost
+from swingid.recording.rows import even_clock, even_places, few, rows_in_order, take
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
 ANGLES = ("angle", "wheel_angle")
 SMOOTH = (*ANGLES, "wheel_speed")  # channels in which a single odd sample is a fault
 PASSES = 3  # a spike beside another shows when the first one is gone
+PLACE = "place"  # of a row on an even clock, as a channel, so that rows are left out of it, too
+CLOSE = 1e-4  # of the time: as well as the clock of a log may be known at all
 
 
 def repair(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Channels:
@@ -33,9 +36,14 @@ def repair(logged: Channels, texts: Mapping[str, str], reading: Reading) -> Chan
     one run of rows in time with a few slips, but something else, and where it cannot be used without a repair that is
     off.
     """
-    channels = on_even_clock(rows_in_order(logged, texts, reading), reading)
-    channels, spikes = made_continuous(channels, reading)
-    return limited(without_spikes(channels, spikes, reading), reading)
+    channels = rows_in_order(logged, texts, reading)
+    places = even_places(channels["time"], reading.conventions.rate)
+    channels, spikes = made_continuous(on_even_clock(channels, reading), reading)
+    channels = without_spikes({**channels, **({} if places is None else {PLACE: places})}, spikes, reading)
+    report_gaps(channels["time"], reading)
+    channels = with_lost_rows(channels, reading)
+    warn_of_jumps(channels, reading)
+    return limited(channels, reading)
 
 
 def on_even_clock(channels: Channels, reading: Reading) -> Channels:
@@ -80,7 +88,7 @@ def made_continuous(channels: Channels, reading: Reading) -> tuple[Channels, Boo
 
 
 def without_spikes(channels: Channels, spikes: Bools, reading: Reading, rows: int = 1) -> Channels:
-    """The last part of `repair`: single samples that fit neither neighbour; jumps and gaps are reported.
+    """The fourth part of `repair`: single samples that fit neither neighbour are left out.
 
     spikes: those that are known already. rows: of the log that each row is the mean of.
     """
@@ -107,12 +115,38 @@ def without_spikes(channels: Channels, spikes: Bools, reading: Reading, rows: in
             # a row less here and there changes nothing; many may be no spikes but another fault of the channel
             level: Literal["note", "warning"] = "note" if few(found.size, count) else "warning"
             reading.found("spikes", message, level, "spikes", at=found)
-    _warn_of_jumps(channels, reading, rows)
-    _note_gaps(channels["time"], reading)
     return channels
 
 
-def _warn_of_jumps(channels: Channels, reading: Reading, rows: int) -> None:
+def with_lost_rows(channels: Channels, reading: Reading) -> Channels:
+    """The fifth part of `repair`: stamps made of the row number, later by the rows that the motion shows to be missing.
+
+    channels: with the place of each row on an even clock, where that is what the stamps show; it is taken out.
+    """
+    channels = dict(channels)
+    places, time = channels.pop(PLACE, None), channels["time"]
+    if places is None or time.size < 2:
+        return channels
+    lost = find_lost(places.astype(np.int64), [channels[name] for name in ANGLES if name in channels])
+    if lost is None:
+        return channels
+    count, unsure = int(lost.before.sum()), lost.spread / time.size
+    text = f"the angles jump along the motion, by whole rows, at {np.count_nonzero(lost.before)} of {time.size} rows:"
+    text += f" {count} rows ({count / (time.size + count):.2g} of all) were lost, and the time does not show it"
+    if "lost-rows" in reading.off:
+        text += "; it was left so. Log the time of each row"
+        reading.found("lost-rows", f"{text}.", "warning", at=time[lost.before > 0])
+        return channels
+    step = float((time[-1] - time[0]) / (places[-1] - places[0]))
+    text += f"; it was restored, with {lost.hidden.sum():.2g} more where the motion is too slow to show them"
+    text += f", to {unsure:.1g} of the time. Log the time of each row"
+    level: Literal["note", "warning"] = "note" if unsure < CLOSE else "warning"
+    reading.found("lost-rows", f"{text}.", level, "lost-rows", at=time[lost.before > 0])
+    return {**channels, "time": time + step * np.cumsum(lost.before + lost.hidden)}
+
+
+def warn_of_jumps(channels: Channels, reading: Reading, rows: int = 1) -> None:
+    """A warning of jumps that are no lost rows; rows: of the log that each value is the mean of."""
     for channel in ANGLES:
         jumps = find_jumps(channels["time"], channels[channel], rows) if channel in channels else []
         if not jumps:
@@ -123,7 +157,8 @@ def _warn_of_jumps(channels: Channels, reading: Reading, rows: int) -> None:
         reading.found("jumps", message, "warning", at=[channels["time"][row] for row, _ in jumps])
 
 
-def _note_gaps(time: Array, reading: Reading) -> None:
+def report_gaps(time: Array, reading: Reading) -> None:
+    """A note of steps that are longer than others."""
     steps = np.diff(time)
     if steps.size == 0:
         return

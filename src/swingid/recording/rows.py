@@ -60,6 +60,20 @@ def even_clock(time: Array, angles: Sequence[Array]) -> Clock | None:
     return clock
 
 
+def even_places(time: Array, rate: float | None) -> Array | None:
+    """The place of each row on the even clock that rising stamps (s) show, by which no row is missing; else None.
+
+    rate: at which stamps were made of the row number; rows of those may have been left out since.
+    """
+    if rate is not None:
+        return np.asarray(np.round((time - time[0]) * rate))
+    places = np.arange(time.size, dtype=np.float64)
+    if time.size < FEWEST or np.ptp(time) > ABSURD:
+        return None
+    clock = _fitted(time, places)
+    return places if np.abs(time - clock.time).max() < LASTING * clock.step else None
+
+
 def rounded_clock(time: Array) -> Clock | None:
     """The constant rate behind stamps that were rounded so that some repeat, where no row is missing; else None.
 

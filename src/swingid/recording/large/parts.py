@@ -21,7 +21,14 @@ from swingid.recording.conventions import Reading, gather
 from swingid.recording.findings import Finding, Source
 from swingid.recording.load import check_motion, unreadable_rows
 from swingid.recording.recording import Recording
-from swingid.recording.repair import limited, made_continuous, on_even_clock, without_spikes
+from swingid.recording.repair import (
+    limited,
+    made_continuous,
+    on_even_clock,
+    report_gaps,
+    warn_of_jumps,
+    without_spikes,
+)
 from swingid.recording.rows import few, rows_in_order, take
 
 if TYPE_CHECKING:
@@ -170,6 +177,8 @@ def _recording(part: _Part, reading: Reading) -> Recording | SwingidError:
         with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused
             channels = on_even_clock(channels, reading)
             channels = without_spikes(channels, np.zeros(channels["time"].size, dtype=bool), reading, part.block)
+            report_gaps(channels["time"], reading)
+            warn_of_jumps(channels, reading, part.block)
             model = reading.conventions.to_model(channels)
             check_motion(model, reading)
         source = Source(reading.name, None)

@@ -23,6 +23,7 @@ CLIPPED = 0.01
 MOSTLY = 0.5
 USER: dict[str, tuple[Level, str]] = {
     "jumps": ("advice", "use the part of the log on one side of the jump (--part FROM:TO)"),
+    "lost-rows": ("advice", "log the time of each row"),
     "wheel-still": ("advice", "check the wheel's encoder"),
     "ambiguous-turns": ("advice", "log the angles faster, or continuous over turns"),
     "slow-rows": ("repair", 'set time_unit = "ms" under [log] if the clock counts ms'),
@@ -36,6 +37,7 @@ OWN = {
     "clock": "stamps that scatter",
     "unwrap": "angles within one turn",
     "spikes": "spikes",
+    "lost-rows": "rows lost where the time is made of the row number",
     "limit": "commands beyond the voltage limit",
     "zero": "the zero of a free decay",
     "push": "external disturbance torques (pushes)",

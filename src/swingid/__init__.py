@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from swingid import errors as errors
+    from swingid.body import tensor as tensor
     from swingid.calibration.encoders import calibrate_encoders as calibrate_encoders
     from swingid.calibration.motor import calibrate as calibrate
     from swingid.control.backstepping import Backstepping as Backstepping
@@ -53,6 +54,7 @@ _HOMES = {
     "parse_reference": "swingid.control.references",
     "rehearse": "swingid.study.rehearse",
     "simulate": "swingid.simulation",
+    "tensor": "swingid.body",
     "validate": "swingid.study.validate",
 }
 

@@ -18,6 +18,7 @@ from swingid.cli.logs import convert, datasets, init, inspect
 from swingid.cli.output import flush
 from swingid.cli.results import compare, difference, validate
 from swingid.cli.simulate import simulate
+from swingid.cli.tensor import tensor
 
 app = typer.Typer(
     name="swingid",
@@ -28,7 +29,7 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, compare, convert, datasets, difference, design, rehearse),
-    *(reproduce, validate),
+    *(reproduce, tensor, validate),
 ):
     app.command()(command)
 

@@ -16,7 +16,8 @@ from swingid.units import Quantity
 
 
 @cache
-def _versions() -> dict[str, str]:
+def versions() -> dict[str, str]:
+    """Versions of swingid and of what computes for it."""
     return {"swingid": version("swingid"), "numpy": version("numpy"), "python": platform.python_version()}
 
 
@@ -36,7 +37,7 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
             if found.repair is not None
         ],
         "constants": constants(rig),
-        "versions": _versions(),
+        "versions": versions(),
     }
 
 

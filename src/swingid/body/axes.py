@@ -1,0 +1,393 @@
+"""From what is stated of an axis to the inertia about its parallel through the centre of mass, source by source.
+
+J_axis = nᵀ J n + m d² (Huygens–Steiner). d is stated, or follows from a point on the axis and the centre of mass,
+d² = |r|² − (n·r)², or from the gravity torque of a horizontal axis, d = b/(m g). Sources that several axes share (the
+wheel's inertia, mass, fixture, mounting) have one identity and so correlate the axes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from swingid.body.directions import hemisphere
+from swingid.body.tables import ANY_GRAVITY, Axes, AxisTable
+from swingid.errors import InputError
+from swingid.numerics.arrays import Array
+from swingid.pooling.runs import GRAVITY, constant
+from swingid.pooling.shares import Estimate, Identity, Share, estimate_of, scatter_covariance, sum_of
+from swingid.result.file import load_result
+from swingid.result.result import Message, Result
+from swingid.uncertainty.budget import BudgetEntry, Source, scatter, stated
+from swingid.units import Quantity
+
+TARE = " (tare)"
+"""End of the names of sources that a result of `difference` has from the run without the body."""
+
+SECOND_ORDER = "second order of lever and tilt"
+
+
+@dataclass
+class Identities:
+    """Which entries of the budgets of several results are one physical quantity, as `difference` decides it.
+
+    A source that states a shared quantity and the sign of its effect is one with that of another result where value
+    and standard uncertainty are alike; all others, also those of type A without a sign, are each result's own.
+    """
+
+    known: dict[str, list[tuple[float | None, float]]] = field(default_factory=dict)
+    keys: set[str] = field(default_factory=set)
+
+    def of(self, result: Result, name: str) -> Identity:
+        """The identity of each entry of a result."""
+        tare = result.provenance.get("tare")
+        run = str(tare.get("log_sha256") or tare.get("result")) if isinstance(tare, dict) else None
+
+        def key(entry: BudgetEntry) -> str:
+            if run is not None and entry.source.endswith(TARE):
+                return f"{run}: {entry.source}"
+            if entry.shared_id is None or not entry.sensitivity:
+                return f"{name}: {entry.source}"
+            value = constant(result, entry.shared_id)
+            found = f"{entry.shared_id} #{self._index(entry, None if value is None else value[0])}"
+            self.keys.add(found)
+            return found
+
+        return key
+
+    def _index(self, entry: BudgetEntry, value: float | None) -> int:
+        """Number of the quantity among those of one shared id."""
+        std = entry.standard_uncertainty / abs(entry.sensitivity or 1.0)
+        known = self.known.setdefault(str(entry.shared_id), [])
+        for k, (other, spread) in enumerate(known):
+            same = value is None or other is None or math.isclose(value, other, rel_tol=1e-6)
+            if same and math.isclose(std, spread, rel_tol=1e-6):
+                return k
+        known.append((value, std))
+        return len(known) - 1
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One axis: unit vector (3,); inertia about it without the fixture, and about its parallel through the centre.
+
+    across (3, 3): what the tensor about a point of the axis has beyond the one about the centre of mass, where the
+    lever follows from a point (else 0). tilt (rad), and mounting with the standard uncertainty of its rotation (rad).
+    """
+
+    name: str
+    direction: Array
+    about_axis: Estimate
+    central: Estimate
+    across: Array
+    tilt: float
+    mounting: str | None = None
+    rotation: float = 0.0
+
+    def tilted(self, tensor: Array) -> Estimate:
+        """The central inertia with the uncertainty of the direction, for a tensor (3, 3).
+
+        To first order a change δn of the direction changes the inertia by 2 nᵀ J δn, which is 0 about a principal
+        axis; the second order δnᵀ (J − nᵀJn) δn is an entry of its own (JCGM 100 5.1.2, note).
+        """
+        n, whole = self.direction, tensor + self.across
+        gradient = 2 * whole @ n
+        first, second = _perpendicular(n)
+        shares = {
+            f"{self.name}: tilt {k}": Share(stated("tilt of the axes", None), float(gradient @ e) * self.tilt)
+            for k, e in enumerate((first, second))
+        }
+        if self.mounting is not None:
+            source = stated(f"rotation of the mounting {self.mounting}", f"mounting.{self.mounting}")
+            turned = np.cross(np.eye(3), n) @ gradient * self.rotation
+            shares |= {f"mounting {self.mounting} {k}": Share(source, float(u)) for k, u in enumerate(turned)}
+        plane = np.stack([first, second])
+        bend = self.tilt**2 * (plane @ whole @ plane.T - float(n @ whole @ n) * np.eye(2))
+        shares[f"{self.name}: second order"] = _second_order(bend)
+        return replace(self.central, shares=self.central.shares | {k: s for k, s in shares.items() if s.u})
+
+
+def tilt_variances(tensor: Array, tilt: float) -> Array:
+    """Variance (TRIED,) that a tilt (rad) gives the inertia about each direction of `hemisphere()`."""
+    n = hemisphere()
+    gradient = n @ tensor
+    along = np.sum(gradient * n, axis=1)
+    found: Array = 4 * tilt**2 * (np.sum(gradient**2, axis=1) - along**2)
+    return found
+
+
+def read_axes(axes: Axes, results: Sequence[Result | str | Path] = ()) -> tuple[list[Axis], Identities, list[Message]]:
+    """The axes with their inertias; which sources results share; warnings and notes of the results as messages.
+
+    results: for the axes that name none, in their order. Raises InputError that names file, axis and key.
+    """
+    loaded, identities = _results(axes, results), Identities()
+    body = _BodyValues.of(axes)
+    messages: list[Message] = []
+    found = []
+    for k, table in enumerate(axes.tables):
+        result, name = loaded[k], axes.names[k]
+        values = _Reading(axes, k, result, identities)
+        about = values.inertia()
+        central, across = _central(axes, k, about, values, body)
+        rotation = axes.mountings.get(table.mounting or "", 0.0)
+        direction = axes.directions[k]
+        found.append(Axis(name, direction, about, central, across, table.tilt or 0.0, table.mounting, rotation))
+        if result is not None:
+            messages += [Message(m.code, f"{name}: {m.message}", m.kind) for m in result.warnings]
+    return found, identities, messages
+
+
+def _results(axes: Axes, results: Sequence[Result | str | Path]) -> list[Result | None]:
+    """The result of each axis, None where it states its inertia itself."""
+    empty = [k for k, table in enumerate(axes.tables) if table.result is None and table.inertia is None]
+    if len(empty) != len(results):
+        raise InputError(
+            f"{axes.source} has {len(empty)} axes without result or inertia, but {len(results)} results were given; "
+            "give one for each, in the order of the file",
+            code="count",
+        )
+    by_axis: dict[int, Result | str | Path] = dict(zip(empty, results, strict=True))
+    by_axis |= {k: axes.folder / table.result for k, table in enumerate(axes.tables) if table.result is not None}
+    found: list[Result | None] = []
+    logs: dict[str, str] = {}
+    for k in range(len(axes.tables)):
+        source = by_axis.get(k)
+        result = None if source is None else _usable(source, axes.place(k))
+        found.append(result)
+        for log in () if result is None else _logs(result):
+            if log in logs:
+                message = f"{axes.place(k)}: result is of the same log as {logs[log]}; each axis needs its own"
+                raise InputError(message, code="same-log")
+            logs[log] = axes.names[k]
+    return found
+
+
+def _usable(source: Result | str | Path, place: str) -> Result:
+    """A result with a rotary inertia and its uncertainty."""
+    try:
+        result = source if isinstance(source, Result) else load_result(source)
+    except InputError as error:
+        raise InputError(f"{place}: {error.message}", code=error.code) from None
+    words = "the result" if isinstance(source, Result) else str(source)
+    if result.status == "refused" or "inertia" not in result.parameters:
+        reason = f": {result.error.message.rstrip('.')}" if result.error else ""
+        raise InputError(
+            f"{place}: {words} has no inertia{reason}; identify a log that gives one", code="refused-result"
+        )
+    if result.inertia.unit.replace("*", " ") != "kg m^2":
+        message = f"{place}: {words} is of a linear axis, in {result.inertia.unit}; give one of a rotary axis"
+        raise InputError(message, code="different-units")
+    if not result.inertia.standard_uncertainty:
+        message = f"{place}: the inertia of {words} has no uncertainty, so it has no weight; identify the log again"
+        raise InputError(message, code="no-uncertainty")
+    return result
+
+
+def _logs(result: Result) -> set[str]:
+    """Hashes of the logs with the body."""
+    loaded = result.provenance.get("loaded")
+    own = loaded if isinstance(loaded, dict) else result.provenance
+    several = own.get("logs_sha256")
+    hashes = several if isinstance(several, list) else [own.get("log_sha256")]
+    return {text for text in hashes if isinstance(text, str)}
+
+
+@dataclass(frozen=True)
+class _BodyValues:
+    """Mass, gravity and centre of mass, one quantity for all axes; None where not stated."""
+
+    mass: Estimate | None
+    gravity: Estimate
+    centre: tuple[Estimate, ...] | None
+
+    @classmethod
+    def of(cls, axes: Axes) -> _BodyValues:
+        body = axes.body
+        centre = body.centre_of_mass
+        return cls(
+            None if body.mass is None else shared(body.mass, "body.mass"),
+            shared(body.gravity or ANY_GRAVITY, "body.gravity"),
+            None if centre is None else tuple(
+                shared(part, f"body.centre_of_mass.{name}") for part, name in zip(centre, "xyz", strict=True)
+            ),
+        )  # fmt: skip
+
+
+def shared(quantity: Quantity, key: str) -> Estimate:
+    """A stated quantity that is one and the same for all axes."""
+    std = quantity.std or 0.0
+    return Estimate(quantity.value, {key: Share(stated(key, key), std, std)} if std else {})
+
+
+def _own(quantity: Quantity, key: str, source: str) -> Estimate:
+    """A quantity that is stated of one axis."""
+    std = quantity.std or 0.0
+    return Estimate(quantity.value, {key: Share(stated(source, None), std)} if std else {})
+
+
+def changed(value: float, parts: Sequence[tuple[Estimate, float]]) -> Estimate:
+    """A value with the shares Σ slope · estimate, to first order."""
+    return replace(sum_of([one for one, _ in parts], [slope for _, slope in parts]), value=value)
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """What the result of an axis, or the file, states of it."""
+
+    axes: Axes
+    k: int
+    result: Result | None
+    identities: Identities
+
+    @property
+    def table(self) -> AxisTable:
+        return self.axes.tables[self.k]
+
+    def inertia(self) -> Estimate:
+        """About the axis, less the fixture."""
+        name, table = self.axes.names[self.k], self.table
+        if self.result is not None:
+            whole = _inertia_of(self.result, self.identities.of(self.result, name), name)
+        else:
+            assert table.inertia is not None
+            whole = _own(table.inertia, f"{name}: inertia", "stated inertia about an axis")
+        fixture = self._fixture()
+        if fixture is None:
+            return whole
+        found = sum_of([whole, fixture[0]], [1.0, -1.0])
+        if found.value <= 0:
+            message = f"{self.axes.place(self.k)}: fixture has no less inertia than the axis with the body; check both"
+            raise InputError(message, code="fixture")
+        return found
+
+    def _fixture(self) -> tuple[Estimate, Result | None, str] | None:
+        """Inertia of the fixture, its result, and how it is called in keys."""
+        given = self.table.fixture
+        if given is None:
+            return None
+        if isinstance(given, Quantity):
+            # one number stated for several axes is one quantity
+            return shared(given, f"fixture {given.value!r} {given.std!r}"), None, ""
+        path = self.axes.folder / given
+        result = _usable(path, f"{self.axes.place(self.k)}: fixture")
+        name = f"fixture {given}"
+        return _inertia_of(result, self.identities.of(result, name), name), result, name
+
+    def gravity_torque(self) -> Estimate:
+        """Of the body about the axis, less the fixture's."""
+        given, name = self.table.gravity_torque, self.axes.names[self.k]
+        if isinstance(given, Quantity):
+            return _own(given, f"{name}: gravity torque", "gravity torque of an axis")
+        assert self.result is not None
+        whole = self._torque_of(self.result, name)
+        fixture = self._fixture()
+        if fixture is None or fixture[1] is None:
+            return whole
+        return sum_of([whole, self._torque_of(fixture[1], fixture[2])], [1.0, -1.0])
+
+    def _torque_of(self, result: Result, name: str) -> Estimate:
+        """The gravity torque identified in a result, else the one that its rig file states."""
+        identity = self.identities.of(result, name)
+        found = result.parameters.get("gravity_torque")
+        if found is not None and found.standard_uncertainty is not None:
+            return _identified_torque(result, identity, name)
+        known = constant(result, GRAVITY)
+        if known is None:
+            raise InputError(
+                f'{self.axes.place(self.k)}: gravity_torque is "result", but {name} neither identifies nor states one; '
+                "write the torque in N*m, or give distance or point",
+                code="missing-key",
+            )
+        value, std = known
+        entry = BudgetEntry(stated(GRAVITY, GRAVITY), "inertia", std, 1.0)
+        return Estimate(value, {identity(entry): Share(entry.origin, std, std)} if std else {})
+
+
+def _inertia_of(result: Result, identity: Identity, name: str) -> Estimate:
+    """Inertia with its sources; a result without a budget has one of its own."""
+    found = estimate_of(result, "inertia", identity)
+    if found.shares:
+        return found
+    own = result.inertia
+    source = scatter("scatter", own.degrees_of_freedom)
+    return Estimate(own.value, {f"{name}: scatter": Share(source, own.standard_uncertainty or 0.0)})
+
+
+def _identified_torque(result: Result, identity: Identity, name: str) -> Estimate:
+    """The gravity torque of a result; its scatter is correlated with that of the inertia as the result states it."""
+    torque = estimate_of(result, "gravity_torque", identity)
+    inertia = estimate_of(result, "inertia", identity)
+    joint = scatter_covariance(result, ("inertia", "gravity_torque"))
+    own = {key: share for key, share in torque.shares.items() if share.source.type == "A"}
+    spread = math.sqrt(sum(share.u**2 for share in own.values()))
+    of_inertia = {key: share for key, share in inertia.shares.items() if share.source.type == "A"}
+    size = math.sqrt(sum(share.u**2 for share in of_inertia.values()))
+    r = 0.0 if joint is None or not size * spread else float(np.clip(joint[0, 1] / (size * spread), -1.0, 1.0))
+    shares = {key: share for key, share in torque.shares.items() if share.source.type == "B"}
+    shares |= {key: replace(share, u=r * spread * share.u / size) for key, share in of_inertia.items() if r}
+    left = scatter(
+        "scatter of the gravity torque", min((s.source.degrees_of_freedom for s in own.values()), default=math.inf)
+    )
+    shares[f"{name}: gravity torque alone"] = Share(left, spread * math.sqrt(1 - r * r))
+    return Estimate(torque.value, shares)
+
+
+def _central(axes: Axes, k: int, about: Estimate, values: _Reading, body: _BodyValues) -> tuple[Estimate, Array]:
+    """The inertia about the parallel through the centre of mass, and `across` of the axis."""
+    table, name, n = axes.tables[k], axes.names[k], axes.directions[k]
+    across = np.zeros((3, 3))
+    if body.mass is None:
+        return about, across
+    mass = body.mass
+    m = mass.value
+    if table.distance is not None:
+        d = _own(table.distance, f"{name}: distance", "distance of an axis")
+        lever, parts = m * d.value**2, [(mass, d.value**2), (d, 2 * m * d.value)]
+        spread = np.array([[m * d.u**2]])
+    elif table.point is not None:
+        assert body.centre is not None
+        points = [_own(part, f"{name}: point {i}", "place of an axis") for i, part in enumerate(table.point)]
+        r = np.array([c.value - p.value for c, p in zip(body.centre, points, strict=True)])
+        off = r - n * float(n @ r)
+        across = m * (float(r @ r) * np.eye(3) - np.outer(r, r))
+        lever = m * float(off @ off)
+        parts = [(mass, float(off @ off))]
+        parts += [(c, 2 * m * float(o)) for c, o in zip(body.centre, off, strict=True)]
+        parts += [(p, -2 * m * float(o)) for p, o in zip(points, off, strict=True)]
+        plane = np.stack(_perpendicular(n))
+        both = np.diag([c.u**2 + p.u**2 for c, p in zip(body.centre, points, strict=True)])
+        spread = m * plane @ both @ plane.T
+    else:
+        b, g = values.gravity_torque(), body.gravity
+        weight = m * g.value**2
+        lever = b.value**2 / weight
+        parts = [(b, 2 * b.value / weight), (mass, -lever / m), (g, -2 * lever / g.value)]
+        spread = np.array([[b.u**2 / weight]])
+    central = changed(about.value - lever, [(about, 1.0), *((one, -slope) for one, slope in parts)])
+    if central.value <= 0:
+        raise InputError(
+            f"{axes.place(k)}: m d^2 = {lever:.4g} kg m^2 is more than the inertia about the axis, "
+            f"{about.value:.4g} kg m^2; check mass, units and the distance of the centre of mass",
+            code="parallel-axis",
+        )
+    further = _second_order(spread)
+    return replace(central, shares=central.shares | ({f"{name}: lever": further} if further.u else {})), across
+
+
+def _second_order(spread: Array) -> Share:
+    """Share of a quadratic form of normal quantities with mean tr A and variance 2 tr A², about 0."""
+    u = math.sqrt(2 * float(np.sum(spread * spread)) + float(np.trace(spread)) ** 2)
+    return Share(Source(SECOND_ORDER, "B"), u)
+
+
+def _perpendicular(n: Array) -> tuple[Array, Array]:
+    """Two unit vectors across a unit vector, right-handed with it."""
+    start = np.eye(3)[int(np.argmin(np.abs(n)))]
+    first = start - n * float(n @ start)
+    first = first / np.linalg.norm(first)
+    return first, np.cross(n, first)

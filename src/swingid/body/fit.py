@@ -1,0 +1,155 @@
+"""Generalised least squares: six elements of the tensor from the inertias about n axes.
+
+y = H x + e, H the rows h(n_i). The covariance V of y is that of all sources; the directions' part depends on the tensor
+itself, hence a few passes. Weights are the inverse of V without the constants that all results have in common (the
+wheel's inertia): these change the tensor as a whole, and as their effects are known from measured values only, they
+would let scatter move the estimate (Peelle 1987; Chiba and Smith 1991, ANL/NDM-121). The covariance of the elements,
+G V Gᵀ with x = G y, has everything. Without such constants this is the estimate of least variance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from swingid.body.axes import Axis
+from swingid.body.directions import matrix_of, rows_of
+from swingid.numerics.arrays import Array
+from swingid.pooling.shares import Estimate, covariance, sum_of
+from swingid.uncertainty.budget import Parameter
+from swingid.uncertainty.significance import family_level
+
+PASSES = 4
+"""Passes over the tensor in the uncertainty of the directions; its change moves weights only, so two suffice."""
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """Inertia of one axis less what the others give, its standard uncertainty; None where they do not determine it."""
+
+    axis: int
+    value: float
+    u: float
+
+    @property
+    def normalised(self) -> float:
+        """In standard uncertainties."""
+        return self.value / self.u if self.u else math.copysign(math.inf, self.value)
+
+
+@dataclass(frozen=True)
+class AxisRow:
+    """One axis of the fit: direction (3,), inertia about it and about its parallel through the centre of mass.
+
+    fitted: by the tensor. deviation: measured less what the other axes give, in standard uncertainties, None where
+    these do not determine it.
+    """
+
+    name: str
+    direction: Array
+    about_axis: Parameter
+    central: Parameter
+    fitted: float
+    deviation: float | None
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Elements of the tensor as sums of sources, values (6,), covariance (6, 6) whole and without common constants.
+
+    measured: the central inertias with all their sources. residuals (n,): measured less fitted. chi_square of the
+    residuals with `freedom` degrees of freedom, 0 of six axes.
+    """
+
+    elements: tuple[Estimate, ...]
+    values: Array
+    covariance: Array
+    reducible: Array
+    measured: tuple[Estimate, ...]
+    residuals: Array
+    chi_square: float
+    freedom: int
+
+    @property
+    def matrix(self) -> Array:
+        """The tensor, (3, 3)."""
+        return matrix_of(self.values)
+
+
+def fit(axes: Sequence[Axis], common: frozenset[str] = frozenset()) -> Fit:
+    """The tensor of axes whose directions have rank 6; `common`: keys of constants of results."""
+    rows = rows_of(np.stack([axis.direction for axis in axes]))
+    y = np.array([axis.central.value for axis in axes])
+    values: Array = np.linalg.lstsq(rows, y, rcond=None)[0]
+    for _ in range(PASSES):
+        measured = [axis.tilted(matrix_of(values)) for axis in axes]
+        gain = gain_of(rows, measured, common)
+        values = gain @ y
+    elements = tuple(sum_of(measured, weights) for weights in gain)
+    whole = covariance(elements)
+    own = covariance([_without(one, common) for one in elements])
+    residuals = y - rows @ values
+    maker = np.eye(len(y)) - rows @ gain
+    spread = maker @ (covariance(measured) + floor(measured)) @ maker.T
+    chi_square, freedom = _chi_square(residuals, spread, len(y) - 6)
+    return Fit(elements, values, whole, own, tuple(measured), residuals, chi_square, freedom)
+
+
+def gain_of(rows: Array, measured: Sequence[Estimate], common: frozenset[str]) -> Array:
+    """G (6, n) with x = G y, for rows (n, 6) of rank 6; constants of `common` that all axes have are not weighed."""
+    everywhere = frozenset(key for key in common if all(key in one.shares for one in measured))
+    matrix = covariance([_without(one, everywhere) for one in measured]) + floor(measured)
+    scale = np.sqrt(np.diag(matrix))
+    root = np.linalg.cholesky(matrix / np.outer(scale, scale))
+    whitened = np.linalg.solve(root, rows / scale[:, None])
+    found: Array = np.linalg.pinv(whitened) @ np.linalg.solve(root, np.diag(1 / scale))
+    return found
+
+
+def floor(measured: Sequence[Estimate]) -> Array:
+    """Variance of the rounding of the values, (n, n): no axis is better than that."""
+    found: Array = np.diag([max((1e-9 * one.value) ** 2, 1e-300) for one in measured])
+    return found
+
+
+def deviations(axes: Sequence[Axis], found: Fit, common: frozenset[str]) -> list[Deviation | None]:
+    """Each axis against the tensor of the others (leave one out), common sources cancelled; None for lack of rank."""
+    rows = rows_of(np.stack([axis.direction for axis in axes]))
+    result: list[Deviation | None] = []
+    for k, own in enumerate(found.measured):
+        others = [j for j in range(len(axes)) if j != k]
+        rest = rows[others]
+        sizes = np.linalg.svd(rest, compute_uv=False)
+        if len(others) < 6 or sizes[-1] < 1e-6 * sizes[0]:
+            result.append(None)
+            continue
+        measured = [found.measured[j] for j in others]
+        weights = rows[k] @ gain_of(rest, measured, common)
+        gap = sum_of([own, *measured], [1.0, *(-weights)])
+        result.append(Deviation(k, gap.value, math.hypot(gap.u, 1e-9 * own.value)))
+    return result
+
+
+def disagreeing(tested: Sequence[Deviation | None]) -> Deviation | None:
+    """The axis that disagrees most with the others, where it does beyond chance; one false finding in a hundred."""
+    known = [one for one in tested if one is not None]
+    if not known:
+        return None
+    worst = max(known, key=lambda one: abs(one.normalised))
+    return worst if abs(worst.normalised) > family_level(len(known)) else None
+
+
+def _without(estimate: Estimate, keys: frozenset[str]) -> Estimate:
+    return Estimate(estimate.value, {key: share for key, share in estimate.shares.items() if key not in keys})
+
+
+def _chi_square(residuals: Array, spread: Array, freedom: int) -> tuple[float, int]:
+    """Quadratic form of the residuals in their covariance, which has the rank `freedom`."""
+    if freedom < 1:
+        return 0.0, 0
+    powers, vectors = np.linalg.eigh(spread)
+    parts = vectors[:, -freedom:].T @ residuals
+    return float(np.sum(parts**2 / powers[-freedom:])), freedom

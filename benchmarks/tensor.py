@@ -25,7 +25,9 @@ import swingid as sw
 from swingid.body.axes import _perpendicular
 from swingid.body.directions import NAMES, elements_of
 from swingid.body.tables import axes_from_text
-from swingid.body.twin import inertia_about, rig_about
+from swingid.body.twin import STANDARD_GRAVITY, inertia_about, rig_about
+from swingid.control.compensator import Compensator
+from swingid.control.references import Sine
 from swingid.errors import UnanswerableError
 from swingid.numerics.arrays import Array
 from swingid.result.result import Parameter, Result, combined
@@ -105,9 +107,7 @@ def drawn(rng: np.random.Generator, case: Case, tensor: Array) -> tuple[str, lis
         n = np.array(direction, dtype=float) / np.linalg.norm(direction)
         true = tilted(rng, n, case.tilt) + np.cross(turn, n)
         lever = 0.02 * rng.uniform() if case.levers else 0.0
-        inertia, d = inertia_about(
-            tensor, MASS, [0, 0, lever], true, lever * (np.array([0, 0, 1]) - _perpendicular(n)[0])
-        )
+        inertia, d = inertia_about(tensor, MASS, lever * _perpendicular(n)[0], true, np.zeros(3))
         value = inertia * (1 + wheel + case.u * rng.normal())
         lines += ["[[axis]]", f"direction = {list(map(float, direction))}"]
         if case.levers:
@@ -172,19 +172,22 @@ def end_to_end(seed: int = 3) -> None:
     plant = sw.Rig.load("paper").changed({"axis.friction": {"viscous": 1e-3, "coulomb": 1e-3}})
 
     def identified(rig: sw.Rig, seed: int) -> Result:
-        reference = sw.parse_reference("sine 0.8 rad 8.5 rad/s")
-        log = sw.simulate(rig, reference, sw.Compensator.experiment(), duration=25.0, seed=seed)
-        return sw.identify(log, rig)
+        controller = Compensator.paper(rig, sample_time=1e-3)
+        log = sw.simulate(rig, Sine(0.6, 7.0), controller, duration=25.0, seed=seed)
+        torque = rig.axis.gravity_torque.value
+        stated = f"{torque * (1 + 3e-4 * rng.normal())!r} ± {3e-4 * torque!r} N*m"
+        known = rig.changed({"axis.inertia": None, "axis.friction": None, "axis.gravity_torque": stated})
+        return sw.identify(log, known)
 
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "empty.json").write_text(identified(plant, 100).to_json(), encoding="utf-8")
-        lines = ["[body]", f'mass = "{MASS} kg"', 'gravity = "9.80665 m/s^2"', "[every_axis]", 'tilt = "0.05 deg"',
-                 'fixture = "empty.json"', 'gravity_torque = "result"']  # fmt: skip
+        lines = ["[body]", f'mass = "{MASS} kg"', f'gravity = "{STANDARD_GRAVITY} m/s^2"']
+        lines += ["[every_axis]", 'tilt = "0.05 deg"', 'fixture = "empty.json"', 'gravity_torque = "result"']
         results = []
         for k, direction in enumerate(NINE):
             n = np.array(direction, dtype=float) / np.linalg.norm(direction)
-            across = _perpendicular(n)[0]
-            rig = rig_about(plant, tensor, MASS, 0.003 * across, tilted(rng, n, 0.05))
+            off = 0.003 * _perpendicular(n)[0]
+            rig = rig_about(plant, tensor, MASS, off, tilted(rng, n, 0.05))
             results.append(identified(rig, k))
             lines += ["[[axis]]", f"direction = {direction}"]
         found = sw.tensor(axes_from_text("\n".join(lines), "nine.toml", Path(folder), 9), results)

@@ -18,7 +18,8 @@ PACKAGE = Path(sw.__file__).parent
 ORDERS = {
     "modules first": "import swingid.identification, swingid.simulation, swingid.simulation.twin, "
     "swingid.study.compare, swingid.study.design, swingid.study.rehearse, swingid.study.validate, "
-    "swingid.calibration.motor, swingid.calibration.encoders, swingid.pooling.difference, swingid.recursive",
+    "swingid.calibration.motor, swingid.calibration.encoders, swingid.pooling.difference, swingid.recursive, "
+    "swingid.body.tensor",
     "names first": "import swingid as sw\nfor name in sw.__all__: getattr(sw, name)\nimport swingid.cli.app, "
     "swingid.identification, swingid.simulation.twin, swingid.study.compare, swingid.pooling.difference",
     "names backwards": "import swingid as sw\nfor name in reversed(sw.__all__): getattr(sw, name)",

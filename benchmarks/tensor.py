@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 import swingid as sw
-from swingid.body.axes import _perpendicular
+from swingid.body.axes import perpendicular
 from swingid.body.directions import NAMES, elements_of
 from swingid.body.tables import axes_from_text
 from swingid.body.twin import STANDARD_GRAVITY, inertia_about, rig_about
@@ -89,7 +89,7 @@ def turned(rng: np.random.Generator, moments: Sequence[float]) -> Array:
 
 def tilted(rng: np.random.Generator, n: Array, tilt: float) -> Array:
     """A direction off by `tilt` (deg) about each of two lines across it."""
-    first, second = _perpendicular(n)
+    first, second = perpendicular(n)
     off = n + math.radians(tilt) * (rng.normal() * first + rng.normal() * second)
     return off / np.linalg.norm(off)
 
@@ -107,7 +107,7 @@ def drawn(rng: np.random.Generator, case: Case, tensor: Array) -> tuple[str, lis
         n = np.array(direction, dtype=float) / np.linalg.norm(direction)
         true = tilted(rng, n, case.tilt) + np.cross(turn, n)
         lever = 0.02 * rng.uniform() if case.levers else 0.0
-        inertia, d = inertia_about(tensor, MASS, lever * _perpendicular(n)[0], true, np.zeros(3))
+        inertia, d = inertia_about(tensor, MASS, lever * perpendicular(n)[0], true, np.zeros(3))
         value = inertia * (1 + wheel + case.u * rng.normal())
         lines += ["[[axis]]", f"direction = {list(map(float, direction))}"]
         if case.levers:
@@ -186,7 +186,7 @@ def end_to_end(seed: int = 3) -> None:
         results = []
         for k, direction in enumerate(NINE):
             n = np.array(direction, dtype=float) / np.linalg.norm(direction)
-            off = 0.003 * _perpendicular(n)[0]
+            off = 0.003 * perpendicular(n)[0]
             rig = rig_about(plant, tensor, MASS, off, tilted(rng, n, 0.05))
             results.append(identified(rig, k))
             lines += ["[[axis]]", f"direction = {direction}"]

@@ -163,6 +163,29 @@ def test_a_stated_gravity_torque_of_the_result_is_the_source_of_its_inertia() ->
     assert axes[0].central.u == pytest.approx(math.hypot(1e-9, expected, second), rel=1e-9)
 
 
+def test_an_identified_gravity_torque_is_correlated_with_its_inertia() -> None:
+    """Scatter of both by their covariance: u² = u_J² + s² u_b² − 2 s r u_J u_b with s = 2 b/(m g²)."""
+    mass, g, b, u_j, u_b, r = 1.5, 9.81, 0.3, 1e-6, 2e-5, 0.8
+    budget = (
+        BudgetEntry(scatter("scatter"), "inertia", u_j),
+        BudgetEntry(scatter("scatter"), "gravity_torque", u_b),
+    )
+    parameters = {
+        "inertia": Parameter.of(3e-3, u_j, "kg m^2"),
+        "gravity_torque": Parameter.of(b, u_b, "N m"),
+    }
+    correlation = {
+        "inertia": {"inertia": 1.0, "gravity_torque": r},
+        "gravity_torque": {"inertia": r, "gravity_torque": 1.0},
+    }
+    one = Result("momentum", "ok", parameters, budget=budget, correlation=correlation)
+    head = f'[body]\nmass = {mass}\ngravity = {g}\n[every_axis]\ntilt = 0\ngravity_torque = "result"\n'
+    axes, _, _ = read_axes(axes_from_text(text_of([[1, 0, 0]], head), results=1), [one])
+    s = 2 * b / (mass * g**2)
+    expected = u_j**2 + (s * u_b) ** 2 - 2 * s * r * u_j * u_b
+    assert axes[0].central.u == pytest.approx(math.sqrt(expected), rel=1e-3)
+
+
 def test_a_fixture_is_subtracted_and_its_error_is_common(tmp_path: Path) -> None:
     empty = made(1e-3, 1e-6)
     (tmp_path / "empty.json").write_text(empty.to_json(), encoding="utf-8")

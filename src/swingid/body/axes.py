@@ -96,7 +96,7 @@ class Axis:
         """
         n, whole = self.direction, tensor + self.across
         gradient = 2 * whole @ n
-        first, second = _perpendicular(n)
+        first, second = perpendicular(n)
         shares = {
             f"{self.name}: tilt {k}": Share(stated("tilt of the axes", None), float(gradient @ e) * self.tilt)
             for k, e in enumerate((first, second))
@@ -359,7 +359,7 @@ def _central(axes: Axes, k: int, about: Estimate, values: _Reading, body: _BodyV
         parts = [(mass, float(off @ off))]
         parts += [(c, 2 * m * float(o)) for c, o in zip(body.centre, off, strict=True)]
         parts += [(p, -2 * m * float(o)) for p, o in zip(points, off, strict=True)]
-        plane = np.stack(_perpendicular(n))
+        plane = np.stack(perpendicular(n))
         both = np.diag([c.u**2 + p.u**2 for c, p in zip(body.centre, points, strict=True)])
         spread = m * plane @ both @ plane.T
     else:
@@ -385,7 +385,7 @@ def _second_order(spread: Array) -> Share:
     return Share(Source(SECOND_ORDER, "B"), u)
 
 
-def _perpendicular(n: Array) -> tuple[Array, Array]:
+def perpendicular(n: Array) -> tuple[Array, Array]:
     """Two unit vectors across a unit vector, right-handed with it."""
     start = np.eye(3)[int(np.argmin(np.abs(n)))]
     first = start - n * float(n @ start)

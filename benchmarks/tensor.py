@@ -165,7 +165,7 @@ def row(case: Case, draws: int) -> str:
     )
 
 
-def end_to_end(seed: int = 3) -> None:
+def end_to_end(seed: int) -> None:
     """The twin swings a body about nine axes; identified, and the empty fixture subtracted."""
     rng = np.random.default_rng(seed)
     tensor = turned(rng, (3e-3, 2.2e-3, 1.5e-3))
@@ -207,7 +207,8 @@ def main() -> None:
     for case in CASES:
         print(row(case, options.draws), flush=True)
     if options.end_to_end:
-        end_to_end()
+        for seed in (3, 11, 12, 13, 14):
+            end_to_end(seed)
 
 
 if __name__ == "__main__":

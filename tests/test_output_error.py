@@ -26,7 +26,7 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.methods.output_error import method
 from swingid.methods.output_error.problem import problem_of
-from swingid.methods.output_error.solver import loss_of, reduce
+from swingid.methods.output_error.solver import loss_of, reduce, solve
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
@@ -164,6 +164,21 @@ def test_eliminating_initial_values_solves_the_whole_system(viscous_log):
     assert step == pytest.approx(solution[2 * segments :], rel=1e-9)
     assert reduced.states(step).ravel() == pytest.approx(solution[: 2 * segments], rel=1e-8, abs=1e-12)
     assert len(unknowns) == m
+
+
+def test_a_motion_whose_slopes_overflow_in_products_counts_as_divergent(viscous_log, monkeypatch):
+    problem, unknowns = problem_and_unknowns(viscous_log, GIVEN, "wheel", "coulomb + viscous")
+    values = np.array([INERTIA, 1e-3, 1e-3])
+    assert np.isfinite(solve(problem, unknowns, values, problem.starts, "linear").cost)
+
+    fitted = type(problem).fitted
+
+    def steep(self, unknowns, values, states):
+        prediction = fitted(self, unknowns, values, states)
+        return replace(prediction, slopes=1e200 * prediction.slopes)
+
+    monkeypatch.setattr(type(problem), "fitted", steep)
+    assert solve(problem, unknowns, values, problem.starts, "linear").cost == np.inf
 
 
 def test_robust_losses_are_quadratic_within_and_linear_beyond():
@@ -518,3 +533,18 @@ def test_a_model_whose_simulated_motion_diverges_is_refused(viscous_log, monkeyp
 def test_an_input_belongs_to_a_wheel():
     with pytest.raises(UsageError, match="reaction wheel"):
         identify(free_log(lambda v: 3e-4 * v, TIME), free_rig(), "output-error", input="wheel")
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_intervals_allow_for_a_peak_of_friction_that_is_too_sharp_to_be_seen(seed):
+    """The law of least criterion has no peak; the variances of those that have one are in the budget."""
+    rig = twin("sharp Stribeck")
+    draw = np.random.default_rng([7, seed])
+    zero = tuple(draw.uniform(-0.5, 0.5, 2) * 2 * np.pi / 16384)
+    motion = Sine(float(draw.uniform(0.4, 1.2)), float(draw.uniform(6, 10)))
+    log = simulate(rig, motion, Compensator.paper(rig), duration=15.0, rate=1000.0, seed=seed, encoder_zero=zero)
+    result = identify(log, given(rig), "output-error")
+    assert "stribeck" not in result.provenance["options"]["law"]
+    low, high = result.inertia.interval95
+    assert low <= INERTIA <= high
+    assert high - low < 2e-5 * INERTIA

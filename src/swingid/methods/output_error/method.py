@@ -100,6 +100,8 @@ def _best_fit(setup: Setup, law: str) -> tuple[Setup, Problem, Searched]:
 def _fit(setup: Setup, law: str) -> tuple[Problem, Searched]:
     # Stribeck's peak has minima of its own, so its speed is sought about a motion without it
     problem, rough = _rough_fit(setup, RICHEST if law == "auto" or "stribeck" in law else law)
+    if not np.isfinite(rough.fit.cost):
+        return problem, rough
     return problem, _final_fit(setup, problem, rough, law)
 
 

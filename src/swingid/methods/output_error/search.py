@@ -142,14 +142,18 @@ class Choice:
 
 @dataclass(frozen=True)
 class _Trial:
-    """Bayesian and Akaike information criterion of a law (up to the same constant), and its values to first order."""
+    """Bayesian and Akaike information criterion of a law (up to the same constant), and its values to first order.
+
+    variance: of the inertia.
+    """
 
     bayes: float
     akaike: float
     values: dict[str, float]
+    variance: float
 
 
-_NO_TRIAL = _Trial(np.inf, np.inf, {})
+_NO_TRIAL = _Trial(np.inf, np.inf, {}, np.inf)
 
 
 def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float, law: str) -> Choice:
@@ -157,7 +161,8 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
 
     unknowns, fit: those of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
     the best one is fitted again. independent: effective number of independent readings. The spread is that of the
-    inertia over all laws with Akaike's weights (Burnham and Anderson 2002, 4.3), which do not favour the smaller laws.
+    inertia over all laws with Akaike's weights (Burnham and Anderson 2002, 4.3), which do not favour the smaller laws:
+    what their variances are above that of the best law, and their distances from it.
     """
     tried: dict[str, _Trial] = {}
     for share in PEAKS:
@@ -177,7 +182,8 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
     weights = np.exp([-0.5 * (trial.akaike - least) for trial in tried.values()])
     best = tried[ranked[0]]
     off = np.array([trial.values["inertia"] for trial in tried.values()]) - best.values["inertia"]
-    spread = float(np.sqrt(weights @ off**2 / weights.sum()))
+    more = np.array([trial.variance for trial in tried.values()]) - best.variance
+    spread = float(np.sqrt(max(weights @ (off**2 + more) / weights.sum(), 0.0)))
     scores = {name: tried[name].bayes - best.bayes for name in ranked} if law == "auto" else {}
     return Choice(ranked[0], best.values, scores, spread)
 
@@ -256,4 +262,5 @@ def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _T
     for name in ("coulomb", "viscous"):
         named[f"{name}_negative"] = named.get(name, 0.0)
         named[f"{name}_positive"] = named.get(name, 0.0) + named.get(f"{name}_positive", 0.0)
-    return _Trial(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named)
+    variance = float(spread[own.index(columns.names.index("inertia"))] ** 2)
+    return _Trial(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named, variance)

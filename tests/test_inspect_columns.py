@@ -19,6 +19,7 @@ from swingid.recording.grid import TURN, grid_of, is_decimal
 from swingid.recording.inspect import describe, guess_roles, log_table
 from swingid.recording.inspect.candidates import unit_of
 from swingid.recording.inspect.columns import unit_of_steps
+from swingid.recording.inspect.rig_text import counts_of
 from swingid.study.inspect import inspect_log, inspect_table
 
 TIME = np.arange(6000) / 500
@@ -270,3 +271,7 @@ def test_error_of_reading_is_a_fault_and_no_exception() -> None:
     found = inspect_table(Table({"t": TIME[::-1].copy(), "theta": ANGLE}))
     assert found.verdict.status == "unusable"
     assert not isinstance(found, SwingidError)
+
+
+def test_counts_over_a_range_without_end_are_those_of_a_counter() -> None:
+    assert [counts_of(span) for span in (0.0, 4095.0, 4096.0, np.inf)] == [4, 4096, 8192, 2**32]

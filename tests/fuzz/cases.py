@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fuzz.answers import answer_case
 from fuzz.corpus import FILES, csv_files, motions, parquet_files, result_files, rig_files, rig_for, rigs
 from fuzz.mutations import mutated, mutated_columns, mutated_rig
 from swingid.errors import SwingidError
@@ -20,9 +21,10 @@ from swingid.recording.recording import Recording
 SPARE, TIMES = 96 << 20, 40
 """Memory (bytes, and multiples of the file) that reading one more file may take."""
 
-TARGETS = (*FILES, "pieces", "inspect", "rig", "result", "columns", "identify")
+TARGETS = (*FILES, "pieces", "inspect", "rig", "result", "columns", "identify", "answers")
 """What is fuzzed: the readers of logs by format, reading in parts, inspect, rig files, result files; and what comes
-after a file was read: columns with faults, repaired, and identified by some method."""
+after a file was read: columns with faults, repaired, and identified by some method; and rigs and logs, both drawn, with
+every method, `inspect`, `validate` and `compare`."""
 
 METHODS = ("momentum", "momentum", "momentum", "energy", "equation-error")
 
@@ -30,7 +32,7 @@ METHODS = ("momentum", "momentum", "momentum", "energy", "equation-error")
 def content_of(target: str, seed: int) -> tuple[bytes, str]:
     """The mutated file of a case, and its name."""
     draw = random.Random(f"{target} {seed}")
-    if target in ("columns", "identify"):
+    if target in ("columns", "identify", "answers"):
         return f"{target} {seed}".encode(), "columns"
     if target == "rig":
         return mutated_rig(draw.choice(rig_files()), rig_files(), draw), "rig.toml"
@@ -73,12 +75,14 @@ def failure_of(target: str, seed: int) -> str | None:
             warnings.simplefilter("ignore")
             read_case(target, content, name, draw)
     except SwingidError as error:
-        if error.exit_code not in (3, 4) or not error.message.strip() or "Traceback" in error.message:
+        # a drawn option may be one that the rig has no use for
+        documented = (2, 3, 4) if target == "answers" else (3, 4)
+        if error.exit_code not in documented or not error.message.strip() or "Traceback" in error.message:
             return f"an error that is none of the documented: {error!r}"
     except BaseException:
         return traceback.format_exc()
     grown = _memory() - before
-    if grown > SPARE + TIMES * len(content):
+    if grown > SPARE + TIMES * len(content) and target != "answers":  # whose first cases compile kernels
         return f"{grown / 1e6:.0f} MB more memory for a file of {len(content)} bytes"
     return None
 
@@ -90,6 +94,8 @@ def read_case(target: str, content: bytes, name: str, draw: random.Random) -> No
         _read_result(content)
     elif target in ("columns", "identify"):
         _read_columns(random.Random(content.decode()), identified=target == "identify")
+    elif target == "answers":
+        answer_case(random.Random(content.decode()))
     elif target == "pieces":
         _read_pieces(content, name, draw)
     elif target == "inspect":

@@ -75,7 +75,8 @@ class LawChoice:
     def scores(self) -> dict[str, float]:
         """Criterion of every law above the best."""
         least = self.trials[self.best].score
-        return {name: trial.score - least for name, trial in self.trials.items()}
+        # of exact fits the least is minus infinity
+        return {name: trial.score - least if trial.score > least else 0.0 for name, trial in self.trials.items()}
 
     @property
     def weights(self) -> dict[str, float]:

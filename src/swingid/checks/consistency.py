@@ -97,6 +97,8 @@ def best_windows(
     Noise attenuates short windows, the lack of fit of the friction biases long ones. first: the half-length (s) that
     is taken if its uncertainty is about the least.
     """
+    if len(signals.motion.turning_times) < 2:  # no swing, whose half-period would be the measure
+        return None
     halves = [*([] if first is None else [first]), *(share * signals.motion.half_period for share in SHARES)]
     fits = [fit_rows(rows_of(signals.suited(half), law_windows(signals, half)), scale, noise, terms) for half in halves]
     seen = [fit for fit in fits if fit is not None and np.isfinite(fit.u)]

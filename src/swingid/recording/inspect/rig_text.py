@@ -111,8 +111,8 @@ def _counts_of_sensors(roles: Roles, columns: Mapping[str, Column]) -> str:
 
 
 def counts_of(span: float) -> int:
-    """Counts per turn of an encoder that logs counts over `span`: a power of two."""
-    return int(2 ** np.ceil(np.log2(max(span, 2.0) + 1)))
+    """Counts per turn of an encoder that logs counts over `span`: a power of two, at most 2³² as of a counter."""
+    return int(2 ** np.ceil(np.log2(min(max(span, 2.0) + 1, 2.0**32))))
 
 
 WHEEL_ONLY = ("[drive.wheel]", "[drive.motor]")

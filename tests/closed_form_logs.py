@@ -18,6 +18,9 @@ INERTIA = 302.2e-5
 
 ENCODER = 2 * np.pi / 16384
 
+EXACT: dict[str, object] = {"axis.tilt": 0, "axis.model_uncertainty": 0, "log.clock": 0}
+"""Keys of a rig without a wheel of which nothing is uncertain that it does not name."""
+
 
 class Sines:
     """q(t) = Σ a sin(ω t + p) with its derivatives and the instants at which it reverses."""
@@ -86,7 +89,7 @@ def wheel_log(rig: Rig, motion: Sines, friction: Friction, time: Array) -> Recor
 def direct_rig(linear: bool = False, **changes: object) -> Rig:
     """An axis with a known torque (force) on it: the paper's, or a balanced linear one."""
     kind = 'kind = "linear"' if linear else "gravity_torque = 78e-3"
-    return Rig.from_text(f'name = "driven"\n[axis]\n{kind}\n[drive]\nkind = "direct"\n').changed(changes)
+    return Rig.from_text(f'name = "driven"\n[axis]\n{kind}\n[drive]\nkind = "direct"\n').changed(EXACT | changes)
 
 
 def direct_log(motion: Sines, friction: Friction, time: Array, inertia: float = INERTIA, b: float = 78e-3) -> Recording:
@@ -98,7 +101,7 @@ def direct_log(motion: Sines, friction: Friction, time: Array, inertia: float = 
 def free_rig(**changes: object) -> Rig:
     """The paper's axis without its wheel."""
     text = 'name = "free"\n[axis]\ngravity_torque = 78e-3\n[drive]\nkind = "none"\n'
-    return Rig.from_text(text).changed(changes)
+    return Rig.from_text(text).changed(EXACT | changes)
 
 
 def free_log(friction: Friction, time: Array, initial_angle: float = 1.2) -> Recording:

@@ -34,6 +34,9 @@ _HERTZ = re.compile(r"Hz|hertz")
 _NO_FREQUENCY = "is given in {}, but is an angular speed; write rad/s, deg/s or turns/s"
 _LONGEST = 200
 
+SHARES = {"%": 0.01, "ppm": 1e-6}
+"""Units of pure numbers."""
+
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
@@ -288,8 +291,8 @@ def _factor(given: str, expected: str) -> float:
     if given in ("", expected):
         return 1.0
     if expected == "":
-        if given == "%":
-            return 0.01
+        if given in SHARES:
+            return SHARES[given]
         raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is a pure number without a unit")
     text = _plain(given)
     if _UNIT.fullmatch(text) is None or text.count("(") != text.count(")"):
@@ -330,6 +333,16 @@ def _registry() -> Any:
 
 def _advice(unit: str) -> str:
     return f'write a number, or text like "1.2 ± 0.1{" " + unit if unit else ""}"'
+
+
+def time_power(unit: str) -> int:
+    """Power of the time in an SI unit as parameters have it: −2 of "N m", −1 of "N m s", 0 of "kg m^2"."""
+    over, _, under = unit.partition("/")
+    powers = [0]
+    for side, sign in ((over, 1), (under, -1)):
+        for name, _, power in (factor.partition("^") for factor in side.split()):
+            powers.append(sign * {"N": -2, "s": 1}.get(name, 0) * int(power or 1))
+    return sum(powers)
 
 
 def shown(raw: object) -> str:

@@ -12,13 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.rows import Rows, Signals, shifted
+from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
 from swingid.model.rig import Rig
-from swingid.model.terms import rig_terms, stated_stiffness
+from swingid.model.terms import TERMS, rig_terms, stated_at, stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
 from swingid.preparation.encoders import Channel, Encoders
 from swingid.uncertainty.budget import Declared, stated
-from swingid.units import Quantity
+from swingid.units import Quantity, time_power
+
+CLOCK = "log.clock"
+"""Key of the deviation of the log's clock."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +30,7 @@ class Imperfection:
     """A declared uncertainty: standard deviation, its effect ρ on the rows per unit, and on J1 directly per unit.
 
     shared_id: the physical quantity. calibrates: whether it is an unknown of the fit with its declared value as prior.
-    constant: whether it is a constant of the model, not an error of a sensor.
+    constant: whether it is a constant of the model, not an error of a sensor. of_time: see `Declared`.
     """
 
     source: str
@@ -36,11 +40,12 @@ class Imperfection:
     shared_id: str | None
     calibrates: bool = False
     constant: bool = False
+    of_time: bool = False
 
     def on(self, slopes: Array) -> Declared:
         """For the budget; slopes (n,): change per unit of the parameters, the inertia of the whole axis first."""
         of_parameters = np.append(slopes[:1] + self.direct, slopes[1:])
-        return Declared(stated(self.source, self.shared_id), self.std, of_parameters, self.constant)
+        return Declared(stated(self.source, self.shared_id), self.std, of_parameters, self.constant, self.of_time)
 
 
 def of_sensor(
@@ -68,7 +73,11 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
 
     a11, b: inertia of the axis and gravity torque, as known or as identified.
     """
-    found = [*constants(rig, rows), *_encoders(rig, signals, rows, a11, b), *_latencies(rig, signals, rows)]
+    found = [
+        *with_rig(rig, constants(rig, rows)),
+        *_encoders(rig, signals, rows, a11, b),
+        *_latencies(rig, signals, rows),
+    ]
     return [item for item in found if item.std > 0]
 
 
@@ -84,24 +93,77 @@ def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
         return Imperfection(key, quantity.std or 0.0, effect, direct, key, constant=True)
 
     if rig.drive.wheel is not None:
-        yield known("drive.wheel.inertia", rig.drive.wheel.inertia, -rows.wheel, -1.0)
+        along = rig.drive.wheel.along.value
+        wheel = along * rows.wheel
+        yield known("drive.wheel.inertia", rig.drive.wheel.inertia, -wheel, -along)
         motor = rig.drive.motor
         if motor is not None:
             gear, rotor = motor.gear_ratio, motor.rotor_inertia
-            yield known("drive.motor.rotor_inertia", rotor, -gear.value * rows.wheel, -1.0)
-            yield known("drive.motor.gear_ratio", gear, -rotor.value * rows.wheel, 0.0)
+            yield known("drive.motor.rotor_inertia", rotor, -gear.value * wheel, -along)
+            yield known("drive.motor.gear_ratio", gear, -rotor.value * wheel, 0.0)
+        yield wheel_tilt(rig, rows.wheel)
     if rig.drive.kind == "direct":
         gain = rig.log.torque_gain
         yield known("log.torque_gain", gain, rows.torque / gain.value, 0.0)
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str):
-        yield known("axis.gravity_torque", gravity, -rows.gravity, 0.0)
+        yield known("axis.gravity_torque", gravity, -rig.axis.along.value * rows.gravity, 0.0)
     for term in rig_terms(rig):
         if term.value is not None:
             yield known(term.term.key, term.value, -rows.further[term.name], 0.0)
             if term.shift.std:
                 effect = -term.value.value * rows.further[shifted(term.name)]
                 yield known(term.term.shift, term.shift, effect, 0.0)
+
+
+def wheel_tilt(rig: Rig, coupled: Array) -> Imperfection:
+    """The tilt of the wheel's axis, as a relative deviation of its cosine; coupled: effect of −a12 per unit."""
+    assert rig.drive.wheel is not None
+    return Imperfection(
+        WHEEL_TILT, relative(rig.drive.wheel.along), -rig.drive.a12 * coupled, -rig.drive.carried, WHEEL_TILT
+    )
+
+
+def relative(quantity: Quantity) -> float:
+    """Relative standard uncertainty."""
+    return (quantity.std or 0.0) / quantity.value
+
+
+def with_rig(rig: Rig, found: Iterable[Imperfection]) -> Iterator[Imperfection]:
+    """The constants, and what follows from their effects: those of the tilt of the axis and of the log's clock."""
+    constants = {item.source: item for item in found}
+    yield from constants.values()
+    for key, std, weights in rig_deviations(rig):
+        own = [(weight, constants[source]) for source, weight in weights.items() if source in constants]
+        none = np.zeros(len(next(iter(constants.values())).rows))
+        rows = sum((weight * item.rows for weight, item in own), none)
+        yield Imperfection(key, std, rows, sum(w * item.direct for w, item in own), key, of_time=key == CLOCK)
+
+
+def declared_with_rig(rig: Rig, found: Iterable[Declared]) -> Iterator[Declared]:
+    """As `with_rig`, where the effects on the parameters are known and there are no rows."""
+    constants = {one.source.name: one for one in found}
+    yield from constants.values()
+    for key, std, weights in rig_deviations(rig):
+        own = [weight * constants[source].slopes for source, weight in weights.items() if source in constants]
+        if own:
+            yield Declared(stated(key, key), std, np.sum(own, axis=0), of_time=key == CLOCK)
+
+
+def rig_deviations(rig: Rig) -> Iterator[tuple[str, float, dict[str, float]]]:
+    """The tilt's cosine and the clock: standard uncertainty, and the change of each constant that is equivalent.
+
+    A tilt is a relative change of the gravity torque. A clock that is fast by c makes all times too long by that share,
+    which is the same as constants with the power n of the time in their unit larger by n c: the gravity torque by
+    −2 c. What they cannot change is the unit of the parameters (`Declared.of_time`).
+    """
+    gravity = rig.axis.gravity_torque
+    if isinstance(gravity, Quantity) and gravity.value:
+        yield AXIS_TILT, relative(rig.axis.along), {"axis.gravity_torque": gravity.value}
+    powers = {term.key: time_power(term.unit) for term in TERMS.values() if term.key} | {"log.torque_gain": -2}
+    values = {key: stated_at(rig, key) for key, power in powers.items() if power}
+    weights = {key: powers[key] * value.value for key, value in values.items() if isinstance(value, Quantity)}
+    yield CLOCK, rig.log.clock.std or 0.0, weights
 
 
 def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:

@@ -38,7 +38,6 @@ from swingid.preparation.zero import centre_of
 from swingid.recording.findings import Kind
 from swingid.result.result import Message
 from swingid.uncertainty.significance import BETTER, CERTAIN, CERTAIN_RATIO, DETECTED, INDICATED, MATTERS
-from swingid.units import Quantity
 
 WIDE = 0.5 * np.pi / 180
 """Prior standard deviation (rad) of a nonlinearity where nothing is declared."""
@@ -115,8 +114,8 @@ def check_gravity(
 
     tried: the same fit at other lengths of windows. uncertainty: of the inertia, if not that of `law`.
     """
-    stated, scale = rig.axis.gravity_torque, law.scale
-    if not isinstance(stated, Quantity) or not scale.b or scale.drive == "none" or signals.linear:
+    stated, scale = rig.axis.acting_gravity, law.scale
+    if stated is None or not scale.b or scale.drive == "none" or signals.linear:
         return []
     found = _freed(law, signals, rig)
     if found is None:

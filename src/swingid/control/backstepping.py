@@ -150,10 +150,10 @@ class Backstepping(SampledController):
         Raises UsageError for a rig that is no reaction wheel pendulum, or without gravity torque or motor constants,
         which (21) depends on.
         """
-        motor, wheel, gravity = rig.drive.motor, rig.drive.wheel, rig.axis.gravity_torque
+        motor, wheel, gravity = rig.drive.motor, rig.drive.wheel, rig.axis.acting_gravity
         if rig.drive.kind != "reaction-wheel" or motor is None or wheel is None or rig.axis.kind == "linear":
             raise refused(cls, f"rig {rig.name!r} is no reaction wheel pendulum with a motor, which (21) is made for")
-        if isinstance(gravity, str) or gravity.value <= 0.0 or motor.torque_per_volt.value <= 0.0:
+        if gravity is None or gravity.value <= 0.0 or motor.torque_per_volt.value <= 0.0:
             raise refused(
                 cls, f"rig {rig.name!r} must state axis.gravity_torque and drive.motor.torque_per_volt above 0"
             )
@@ -164,7 +164,7 @@ class Backstepping(SampledController):
             gravity_torque=gravity.value,
             a12=a12,
             a22=a22,
-            carried=wheel.inertia.value + motor.rotor_inertia.value,
+            carried=rig.drive.carried,
             c4=ratio * eta * c1,
             c7=ratio * (c2 * eta + motor.viscous.value * n),
             law=law,

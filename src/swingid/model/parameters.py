@@ -57,6 +57,10 @@ PLACES: dict[str, tuple[int, ...]] = {
 """Places that grow with a term's coefficient, one for one; "stribeck" is the static less the Coulomb friction."""
 
 
+TILTS = AXIS_TILT, WHEEL_TILT = "axis.tilt", "drive.wheel.tilt"
+"""Keys of the tilts (rad)."""
+
+
 def constants(rig: Rig) -> dict[str, Quantity]:
     """Every constant of the rig that moves it, by its rig.toml key, in a fixed order.
 
@@ -91,6 +95,10 @@ def constants(rig: Rig) -> dict[str, Quantity]:
                 raise _no_motion(rig, key, quantity, "unknown-term")
             if quantity is not None:
                 found[key] = quantity
+    for key in TILTS:
+        tilt = stated_at(rig, key)
+        if isinstance(tilt, Quantity) and (tilt.value or tilt.std):
+            found[key] = tilt
     return found
 
 
@@ -113,7 +121,7 @@ def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> Array:
     """
     p = np.zeros(SIZE)
     p[A11] = values["axis.inertia"]
-    p[B] = values.get("axis.gravity_torque", 0.0)
+    p[B] = values.get("axis.gravity_torque", 0.0) * math.cos(values.get(AXIS_TILT, 0.0))
     p[DIRECT] = float(drive == "direct")
     p[A22], p[GEAR], p[ETA], p[WHEEL_STATIC] = 1.0, 0.0, 1.0, math.inf
     if drive == "reaction-wheel":
@@ -136,8 +144,9 @@ def _motor(values: Mapping[str, float], p: Array) -> None:
     j2 = values["drive.wheel.inertia"]
     jr = values.get("drive.motor.rotor_inertia", 0.0)
     gear = values.get("drive.motor.gear_ratio", 1.0)
-    p[A11] += j2 + jr
-    p[A12], p[A22], p[GEAR] = j2 + gear * jr, j2 + gear**2 * jr, gear
+    along = math.cos(values.get(WHEEL_TILT, 0.0))
+    p[A11] += (j2 + jr) * along
+    p[A12], p[A22], p[GEAR] = (j2 + gear * jr) * along, j2 + gear**2 * jr, gear
     p[C1] = values.get("drive.motor.torque_per_volt", 0.0)
     p[C2] = values.get("drive.motor.back_emf", 0.0)
     p[ETA] = values.get("drive.motor.efficiency", 1.0)

@@ -168,9 +168,9 @@ def _alike(one: float, other: float) -> bool:
 
 LEVERS = {
     TORQUE: ("eta c1", "torque_per_volt", "N m/V", (TORQUE, EFFICIENCY)),
-    WHEEL: ("a12", "wheel_inertia", "kg m^2", (WHEEL, ROTOR, GEAR)),
+    WHEEL: ("a12", "wheel_inertia", "kg m^2", (WHEEL, ROTOR, GEAR, "drive.wheel.tilt")),
     GAIN: (GAIN, "torque_gain", "", (GAIN,)),
-    GRAVITY: (GRAVITY, "axis_gravity_torque", "N m", (GRAVITY,)),
+    GRAVITY: (GRAVITY, "axis_gravity_torque", "N m", (GRAVITY, "axis.tilt")),
 }
 """Constants that can be the scale reference, the first that applies: name, parameter, unit, keys of its errors."""
 

@@ -18,7 +18,7 @@ from swingid.preparation.scale import Scale, require_channels
 from swingid.preparation.segment import longest_run, part_of
 from swingid.preparation.zero import centred
 from swingid.recording.recording import Recording
-from swingid.result.provenance import add_findings, provenance
+from swingid.result.provenance import add_findings, defaults_taken, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated
 
@@ -116,7 +116,7 @@ class Prepared:
 
         found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
         """
-        warnings, notes = list(warnings), list(notes)
+        warnings, notes = list(warnings), [*notes, *defaults_taken(self.rig)]
         add_findings(self.log, warnings, notes, used=(part.start, part.stop))
         decided = {
             "corrections": [one.as_dict() for one in (*self.corrections, *found)],

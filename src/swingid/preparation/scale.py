@@ -22,7 +22,7 @@ class Scale:
     """Known constants of equation (I).
 
     a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, the part of a11 beside J1; b the gravity torque
-    (N m), None where it is to be identified. further: the rig's further terms (`model.terms`).
+    (N m) as it acts, None where it is to be identified. further: the rig's further terms (`model.terms`).
     """
 
     drive: Literal["reaction-wheel", "direct", "none"]
@@ -45,8 +45,8 @@ class Scale:
     @classmethod
     def of(cls, rig: Rig) -> Scale:
         """Scale of a rig. Raises UnanswerableError where there is no scale reference."""
-        gravity = rig.axis.gravity_torque
-        b = None if isinstance(gravity, str) else gravity.value
+        gravity = rig.axis.acting_gravity
+        b = None if gravity is None else gravity.value
         linear = rig.axis.kind == "linear"
         further = rig_terms(rig)
         held = any(term.value is not None and term.value.value and term.term.is_conservative for term in further)
@@ -59,9 +59,7 @@ class Scale:
             )
         a12 = carried = 0.0
         if rig.drive.kind == "reaction-wheel":
-            assert rig.drive.wheel is not None
-            rotor = 0.0 if rig.drive.motor is None else rig.drive.motor.rotor_inertia.value
-            a12, carried = rig.drive.a12, rig.drive.wheel.inertia.value + rotor
+            a12, carried = rig.drive.a12, rig.drive.carried
             if a12 == 0:
                 raise UnanswerableError(
                     f"rig {rig.name}: drive.wheel.inertia is 0, but the wheel's inertia sets the scale; give it.",

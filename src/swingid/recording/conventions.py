@@ -119,7 +119,7 @@ class Conventions:
             zero = -log.angle_sign * unit * log.angle_zero
         angle = Scale(log.angle_sign * unit, zero, turn)
         scales = {"angle": angle, "reference": Scale(angle.factor, zero, turn)}
-        scales["time"] = Scale(SECONDS[log.time_unit])
+        scales["time"] = Scale(SECONDS[log.time_unit] / (1 + log.clock.value))
         scales["voltage"] = Scale(float(log.voltage_sign))
         scales["torque"] = Scale(log.torque_gain.value * log.torque_sign)
         if kind == "reaction-wheel":
@@ -139,7 +139,8 @@ class Conventions:
             keys["torque_gain"] = log.torque_gain.value
         wheel: Literal["wheel_angle", "wheel_speed"] = "wheel_angle" if log.wheel_speed is None else "wheel_speed"
         mean = log.wheel_speed_is == "mean"
-        return cls(columns, scales, log.rate, absolute, log.drive_held, kind, stated, keys, wheel, mean)
+        rate = None if log.rate is None else log.rate * (1 + log.clock.value)
+        return cls(columns, scales, rate, absolute, log.drive_held, kind, stated, keys, wheel, mean)
 
     def scale(self, channel: str) -> Scale:
         """The convention of a channel; as it is where none is stated."""

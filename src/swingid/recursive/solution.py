@@ -249,9 +249,10 @@ class SwingEstimate:
 
 @dataclass
 class Reporter:
-    """From solutions to estimates, with the scatter of single swings."""
+    """From solutions to estimates, with the scatter of single swings; relative: as in `evaluate`."""
 
     scale: Scale
+    relative: float
     swings: int = 0
     _squares: float = field(default=0.0)
 
@@ -267,7 +268,7 @@ class Reporter:
         if solution.covariance is not None:
             freedom = np.full(len(at), solution.freedom)
             scattered = Scatter(SCATTER, solution.covariance[np.ix_(at, at)], freedom)
-        found = evaluate(values, scattered, (), declared, unknown=() if known else values)
+        found = evaluate(values, scattered, (), declared, () if known else values, self.relative)
         self.swings += 1
         alone = self._alone(block, solution)
         self._squares += (alone - values["inertia"][0]) ** 2

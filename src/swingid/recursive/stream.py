@@ -51,7 +51,7 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
     UnanswerableError where the stream ends without enough swings.
     """
     swings = _Swings(rig, method)
-    reporter = Reporter(swings.scale)
+    reporter = Reporter(swings.scale, rig.axis.model_uncertainty)
     recursion: Recursion | None = None
     waiting: list[Block] = []
     for block in swings.blocks(samples):
@@ -78,7 +78,7 @@ def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[
     The batch form, for comparison: it stores every swing, and its cost grows with their square. Raises as `online`.
     """
     swings = _Swings(rig, method)
-    reporter = Reporter(swings.scale)
+    reporter = Reporter(swings.scale, rig.axis.model_uncertainty)
     kept: list[Block] = []
     estimates = []
     for block in swings.blocks([log]):

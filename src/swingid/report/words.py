@@ -27,6 +27,9 @@ RIG = {
     "drive.motor.dead_zone": Word("motor dead zone", "d₂ … d₁", "N m"),
     "drive.motor.voltage_limit": Word("voltage limit", "", "V"),
     "log.torque_gain": Word("gain of the logged torque"),
+    "axis.tilt": Word("tilt of the axis against the horizontal", "", "rad"),
+    "drive.wheel.tilt": Word("tilt of the wheel's axis against that of the body", "", "rad"),
+    "axis.model_uncertainty": Word("relative uncertainty for what is not modelled"),
 }
 
 CALIBRATED = {

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import platform
 from functools import cache
 from importlib.metadata import version
 
 from swingid.model.rig import Rig
+from swingid.model.rig.fields import Table, stated
 from swingid.model.terms import further_terms, rig_terms
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
@@ -99,3 +101,20 @@ def exact_constants(keys: list[str]) -> list[Message]:
         return []
     text = f"taken as exact, because the rig states no uncertainty: {', '.join(keys)}."
     return [Message("exact-constants", text)]
+
+
+def defaults_taken(rig: Rig) -> list[Message]:
+    """The note that names what the rig does not state of itself and what that is taken as."""
+    taken: dict[str, tuple[Table, str]] = {"log.clock": (rig.log, f"0 ± {1e6 * (rig.log.clock.std or 0.0):g} ppm")}
+    b, wheel = rig.axis.gravity_torque, rig.drive.wheel
+    if isinstance(b, Quantity) and b.value:
+        taken["axis.tilt"] = rig.axis, _tilt(rig.axis.tilt)
+    if wheel is not None:
+        taken["drive.wheel.tilt"] = wheel, _tilt(wheel.tilt)
+    taken["axis.model_uncertainty"] = rig.axis, f"{100 * rig.axis.model_uncertainty:g} %"
+    texts = [f"{key} = {text}" for key, (table, text) in taken.items() if not stated(table, key.rpartition(".")[2])]
+    return [Message("defaults-taken", f"not stated, taken as: {', '.join(texts)}.")] if texts else []
+
+
+def _tilt(tilt: Quantity) -> str:
+    return f"0 ± {math.degrees(tilt.std or 0.0):g} deg"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from swingid.model.parameters import constants
+from swingid.model.parameters import TILTS, constants
 from swingid.model.sensors import Encoder
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 STREAMS = ("constants", "nonlinearity", "latency", "jitter", "noise", "dropouts")
-SIGNED = ("axis.gravity_torque", "axis.friction.offset")
+SIGNED = ("axis.gravity_torque", "axis.friction.offset", *TILTS)
 CHANNELS: tuple[Literal["angle"], Literal["wheel"]] = ("angle", "wheel")
 
 

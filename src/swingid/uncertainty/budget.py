@@ -8,15 +8,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from swingid.numerics.arrays import Array
 from swingid.uncertainty.freedom import coverage_factor, effective_freedom
+from swingid.units import time_power
 
 Distribution = Literal["normal", "rectangular"]
+
+
+UNMODELLED = "what is not modelled"
+"""Source of `axis.model_uncertainty`: no quantity of the rig, so it does not cancel in a difference of two runs."""
 
 
 @dataclass(frozen=True)
@@ -164,13 +169,15 @@ class Declared:
     """A quantity that the rig file states, with its standard uncertainty `std` (0: exact).
 
     slopes (n,): sensitivity coefficients, change of each parameter per unit. constant: whether it is a constant of the
-    model, not of a sensor.
+    model, not of a sensor. of_time: whether it is a relative deviation of a clock that is fast, so that each parameter
+    changes besides by what its own unit has of the time.
     """
 
     source: Source
     std: float
     slopes: Array
     constant: bool = False
+    of_time: bool = False
 
 
 @dataclass(frozen=True)
@@ -192,12 +199,14 @@ def evaluate(
     common: Iterable[tuple[Source, str, float]] = (),
     declared: Iterable[Declared] = (),
     unknown: Iterable[str] = (),
+    relative: float = 0.0,
 ) -> Evaluated:
     """Budget, combined uncertainties, degrees of freedom and correlations of jointly estimated parameters.
 
     values: value and unit by name, in the order of the arrays. common: errors that the scatter does not contain, as
     (source, parameter, standard uncertainty); they count as uncorrelated between parameters, and those of 0 are
-    omitted. unknown: parameters whose uncertainty is not determined.
+    omitted. unknown: parameters whose uncertainty is not determined. relative: standard uncertainty of each parameter,
+    as a share of it, that the rig file states for what the model does not contain.
     """
     names, matrix = list(values), np.zeros((len(values), len(values)))
     budget: list[BudgetEntry] = []
@@ -206,7 +215,8 @@ def evaluate(
         for k, name in enumerate(names):
             origin = scatter(scattered.name, float(scattered.degrees_of_freedom[k]))
             budget.append(BudgetEntry(origin, name, math.sqrt(max(float(scattered.covariance[k, k]), 0.0))))
-    for source, name, u in common:
+    unmodelled = [(stated(UNMODELLED, None), name, relative * abs(value)) for name, (value, _) in values.items()]
+    for source, name, u in (*common, *unmodelled):
         if u > 0 and name in values:
             matrix[names.index(name), names.index(name)] += u**2
             budget.append(BudgetEntry(source, name, u))
@@ -215,6 +225,9 @@ def evaluate(
         if one.constant:
             sensitivities[one.source.name] = float(one.slopes[0])
         if one.std > 0:
+            if one.of_time:
+                own = [-value * time_power(unit) for value, unit in values.values()]
+                one = replace(one, slopes=one.slopes + own)
             shifts = one.slopes * one.std
             matrix += np.outer(shifts, shifts)
             slopes = zip(names, one.slopes.tolist(), strict=True)

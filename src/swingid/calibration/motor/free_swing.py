@@ -9,6 +9,7 @@ import numpy as np
 
 from swingid.calibration.outcome import Found
 from swingid.methods.momentum.method import momentum
+from swingid.model.parameters import AXIS_TILT
 from swingid.model.rig import Rig
 from swingid.preparation.prepared import prepare
 from swingid.recording.findings import Kind
@@ -35,11 +36,11 @@ def free_swing(log: Recording, rig: Rig) -> Found:
 
     Errors as `momentum`.
     """
-    found = momentum(prepare(log, _without_drive(rig)))
-    b = None if isinstance(rig.axis.gravity_torque, str) else rig.axis.gravity_torque.value
+    alone = _without_drive(rig)
+    found, b = momentum(prepare(log, alone)), alone.axis.acting_gravity
     inertia = found.inertia.value
-    ratio = (1.0 if b is None else b) / inertia
-    own = [e for e in found.budget if e.parameter == "inertia" and e.shared_id != GRAVITY]
+    ratio = (1.0 if b is None else b.value) / inertia
+    own = [e for e in found.budget if e.parameter == "inertia" and e.shared_id not in (GRAVITY, AXIS_TILT)]
     slopes = [None if e.sensitivity is None else -e.sensitivity * ratio / inertia for e in own]
     budget = [
         BudgetEntry(e.origin, RATIO, e.standard_uncertainty * ratio / inertia, slope)
@@ -47,7 +48,7 @@ def free_swing(log: Recording, rig: Rig) -> Found:
     ]
     parameters = {RATIO: Parameter.of(ratio, combined(budget, RATIO), "1/s^2", freedom_of(budget, RATIO))}
     evaluated = Evaluated(parameters, budget)
-    if b is not None:
+    if rig.axis.acting_gravity is not None:
         evaluated = _with_torques(evaluated, found, rig)
     name = log.source.path or "the log"
     text = f"{name}: nothing drives the axis and the wheel rests on the rod: a free swing."

@@ -16,11 +16,14 @@ POINTS = 600
 """Points of the curve that the result keeps."""
 
 
-def answer(run: Run, others: dict[str, Run], declared: list[Declared], scale: Scale, conflict: float) -> Evaluated:
+def answer(
+    run: Run, others: dict[str, Run], declared: list[Declared], scale: Scale, conflict: float, relative: float
+) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
     others: runs with another law or other velocities, by name; the difference to them is an uncertainty, as with the
-    right model and without delays there would be none. conflict: uncertainty by `checks.rig_file`.
+    right model and without delays there would be none. conflict: uncertainty by `checks.rig_file`. relative: as in
+    `evaluate`.
     """
     settled = run.settled
     values = run.estimates(settled.first, settled.last)
@@ -40,7 +43,7 @@ def answer(run: Run, others: dict[str, Run], declared: list[Declared], scale: Sc
             common.append((systematic(f"disagreement: {name}"), "inertia", apart))
     unknown = [name for name in units if settled.drift is None or not (name == "inertia" or settled.converged)]
     named = {name: (float(value), unit) for (name, unit), value in zip(units.items(), values, strict=True)}
-    return evaluate(named, scattered, common, declared, unknown)
+    return evaluate(named, scattered, common, declared, unknown, relative)
 
 
 def details(run: Run, others: dict[str, Run], law: str, motion: Motion, balance: MotorBalance | None) -> Details:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from swingid.balance.imperfections import of_sensor
+from swingid.balance.imperfections import declared_with_rig, of_sensor, relative
+from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Channel, Encoders, moved
@@ -28,9 +30,10 @@ Again = Callable[[Recording, Rig], Array]
 def effects(log: Recording, rig: Rig, encoders: Encoders, again: Again) -> list[Declared]:
     """Effects of all constants that the model contains and of all declared imperfections."""
     plain = again(log, rig)
-    return [
+    found = (
         replace(one, slopes=(again(*changed) - plain) / step) for one, step, changed in _changes(log, rig, encoders)
-    ]
+    )
+    return list(declared_with_rig(rig, found))
 
 
 def _changes(log: Recording, rig: Rig, encoders: Encoders) -> Iterator[tuple[Declared, float, tuple[Recording, Rig]]]:
@@ -45,6 +48,10 @@ def _changes(log: Recording, rig: Rig, encoders: Encoders) -> Iterator[tuple[Dec
             yield source, step, (replace(log, torque=log.torque * (1 + step / quantity.value)), rig)
         else:
             yield source, step, (log, rig.changed({key: quantity.value + step}))
+    if rig.drive.wheel is not None:
+        along = rig.drive.wheel.along
+        tilted = rig.changed({WHEEL_TILT: math.acos(along.value * (1 - STEP))})
+        yield Declared(stated(WHEEL_TILT, WHEEL_TILT), relative(along), np.empty(0)), -STEP, (log, tilted)
     channels: tuple[tuple[Channel, str, Array | None], ...]
     channels = ("angle", "angle", log.angle), ("wheel", "wheel_angle", log.wheel_angle)
     for channel, name, values in channels:

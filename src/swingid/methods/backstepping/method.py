@@ -85,7 +85,8 @@ def backstepping(
 
     rig_file = RigFileCheck.of(prepared)
     conflict = rig_file.conflict if rig_file else 0.0
-    answered = answer(run, others, effects(used, rig, part.encoders, again), scale, conflict)
+    declared = effects(used, rig, part.encoders, again)
+    answered = answer(run, others, declared, scale, conflict, rig.axis.model_uncertainty)
     parameters = answered.parameters
     compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else None
     warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared, rig_file)

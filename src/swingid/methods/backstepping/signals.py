@@ -20,7 +20,6 @@ from swingid.numerics.quadrature import held_between
 from swingid.numerics.spline import spline_at, spline_slopes
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.preparation.speed import NARROWEST, SHARE, SPACING, narrowed, smooth_speed, speed_on_grid
 from swingid.recording.recording import Recording
 
@@ -146,8 +145,8 @@ def signals_of(channels: Channels, rig: Rig, *, sooner: bool = False) -> Signals
     that compensates friction reacts to a reversal within a row, after half of one on average; smoothing does not
     resolve that, and whether the controller compensates is unknown.
     """
-    gravity = rig.axis.gravity_torque
-    assert not isinstance(gravity, str)
+    gravity = rig.axis.acting_gravity
+    assert gravity is not None
     sine = np.sin(channels.angle)
     phi = -sine
     if rig.drive.kind == "direct":
@@ -180,16 +179,16 @@ def _ahead(channels: Channels, rig: Rig) -> Array:
 
 def inertia_of(alpha2: Array, rig: Rig) -> Array:
     """J1^ (kg m²) of (22) for estimates of α2 (1/s²); without a wheel b/α2."""
-    gravity = rig.axis.gravity_torque
-    assert not isinstance(gravity, str)
+    gravity = rig.axis.acting_gravity
+    assert gravity is not None
     whole = gravity.value / alpha2
     if rig.drive.kind != "reaction-wheel":
         return whole
-    return whole + rig.drive.a12**2 / rig.drive.a22 - Scale.of(rig).carried
+    return whole + rig.drive.a12**2 / rig.drive.a22 - rig.drive.carried
 
 
 def viscous_of(alpha2: Array, alpha3: Array, rig: Rig) -> Array:
     """f1^ N (N m s) of (22), with a wheel or without."""
-    gravity = rig.axis.gravity_torque
-    assert not isinstance(gravity, str)
+    gravity = rig.axis.acting_gravity
+    assert gravity is not None
     return alpha3 * gravity.value / alpha2

@@ -64,7 +64,7 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> Evaluated
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
     if fit.covariance is None:
         noise = scatter("sensor noise"), "inertia", float(np.sqrt(estimate.sensor))
-        return evaluate(values, None, [noise, *common], declared, unknown=values)
+        return evaluate(values, None, [noise, *common], declared, unknown=values, relative=rig.axis.model_uncertainty)
     widening = max(1.0, estimate.sensor / max(fit.covariance[0, 0], 1e-300)) if estimate.sensor > 0 else 1.0
     u = fit.u() * np.sqrt(widening)
     for name, other in estimate.others.items():  # of the same log, so the variances differ by that of the difference
@@ -75,7 +75,7 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> Evaluated
     scattered = Scatter(
         "scatter of the swings and sensor noise", own @ fit.covariance @ own.T * widening, np.array(freedom)
     )
-    return evaluate(values, scattered, common, declared)
+    return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
 
 
 def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array], dict[str, str]]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from swingid.balance.imperfections import Imperfection, of_sensor
+from swingid.balance.imperfections import Imperfection, of_sensor, wheel_tilt, with_rig
 from swingid.balance.motor import motor_drag, motor_torque
 from swingid.methods.energy.balance import MOTOR, Course, States
 from swingid.methods.energy.fit import NodeFit
@@ -36,11 +36,11 @@ def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit
     found = [*_gravity(rig, states), *_axis_sensor(rig, course, states, fit, b), *_wheel_sensor(rig, course, states)]
     motor = rig.drive.motor
     if scale.drive == "reaction-wheel" and motor is not None:
-        found = [*_inertias(rig, motor, states), *_motor(motor, states), *found]
+        found = [*_inertias(rig, motor, states), *_motor(rig, motor, states), *found]
     elif scale.drive == "direct":
         gain = rig.log.torque_gain
         found = [_constant("log.torque_gain", gain, states.work / gain.value), *found]
-    return [item for item in found if item.std > 0 or item.constant]
+    return [item for item in with_rig(rig, found) if item.std > 0 or item.constant]
 
 
 def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) -> Imperfection:
@@ -50,19 +50,20 @@ def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) 
 def _gravity(rig: Rig, states: States) -> Iterator[Imperfection]:
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str) and rig.axis.kind == "rotary":
-        yield _constant("axis.gravity_torque", gravity, states.height)
+        yield _constant("axis.gravity_torque", gravity, states.height * rig.axis.along.value)
 
 
 def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
     """J2 and Jr, which are also the difference of a11 and J1."""
     assert rig.drive.wheel is not None
-    n, v2 = motor.gear_ratio.value, states.wheel_speed
-    product = states.speed * v2
-    yield _constant("drive.wheel.inertia", rig.drive.wheel.inertia, -product - 0.5 * v2**2, -1.0)
-    yield _constant("drive.motor.rotor_inertia", motor.rotor_inertia, -n * product - 0.5 * n**2 * v2**2, -1.0)
+    n, v2, along = motor.gear_ratio.value, states.wheel_speed, rig.drive.wheel.along.value
+    product = along * states.speed * v2
+    yield _constant("drive.wheel.inertia", rig.drive.wheel.inertia, -product - 0.5 * v2**2, -along)
+    yield _constant("drive.motor.rotor_inertia", motor.rotor_inertia, -n * product - 0.5 * n**2 * v2**2, -along)
+    yield wheel_tilt(rig, (states.speed * v2).ravel())
 
 
-def _motor(motor: Motor, states: States) -> Iterator[Imperfection]:
+def _motor(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
     """N, c1, eta, c2, f2 and f3: partial derivatives of the work and, for N, of a12 and a22."""
     n, c1, c2 = motor.gear_ratio.value, motor.torque_per_volt.value, motor.back_emf.value
     eta, jr = motor.efficiency.value, motor.rotor_inertia.value
@@ -72,7 +73,8 @@ def _motor(motor: Motor, states: States) -> Iterator[Imperfection]:
     yield _constant("drive.motor.back_emf", motor.back_emf, -n * eta * back)
     yield _constant("drive.motor.viscous", motor.viscous, -(n**2) * squares)
     yield _constant("drive.motor.coulomb", motor.coulomb, -n * path)
-    kinetic = -jr * states.wheel_speed * (states.speed + n * states.wheel_speed)
+    assert rig.drive.wheel is not None
+    kinetic = -jr * states.wheel_speed * (rig.drive.wheel.along.value * states.speed + n * states.wheel_speed)
     work = states.work / n - n * motor.viscous.value * squares
     yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
 

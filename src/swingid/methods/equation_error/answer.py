@@ -8,7 +8,7 @@ import numpy as np
 
 from swingid.balance.fits import columns_of, known_side
 from swingid.balance.friction_laws import law_columns, parameter_weights, stribeck_slope
-from swingid.balance.imperfections import Imperfection, constants, of_sensor, propagated
+from swingid.balance.imperfections import Imperfection, constants, of_sensor, propagated, with_rig
 from swingid.methods.equation_error.estimate import Selection
 from swingid.methods.equation_error.grid import curvature, slope
 from swingid.methods.equation_error.scatter import Fitted
@@ -42,7 +42,7 @@ def answer(found: Selection, rig: Rig, scale: Scale) -> Evaluated:
     scale_of = spread / np.sqrt(np.maximum(np.diag(scatters), 1e-300))
     freedom = np.array([chosen.freedom(row) for row in own])
     scattered = Scatter(SCATTER, scatters * np.outer(scale_of, scale_of), freedom)
-    return evaluate(values, scattered, found.common, declared)
+    return evaluate(values, scattered, found.common, declared, relative=rig.axis.model_uncertainty)
 
 
 def _effects(rig: Rig, chosen: Fitted) -> Iterator[Imperfection]:
@@ -51,7 +51,7 @@ def _effects(rig: Rig, chosen: Fitted) -> Iterator[Imperfection]:
     A channel read δ later than its stamp shows q + q' δ; a late angle is equivalent to an early drive. An encoder's
     nonlinearity is measured = q + α cos q + β sin q.
     """
-    yield from constants(rig, chosen.rows)
+    yield from with_rig(rig, constants(rig, chosen.rows))
     row_filter, grid, encoders = chosen.row_filter, chosen.row_filter.grid, chosen.row_filter.grid.encoders
     q, wheel, shapes = grid.angle, grid.wheel, (("cosine", np.cos), ("sine", np.sin))
     if encoders.angle.nonlinearity and rig.axis.kind == "rotary":

@@ -210,7 +210,8 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     for item in imperfections(rig, signals, friction.rows, law.a11, law.b):
         of_body = effects[item.source].shifts[body] / item.std
         declared.append(item.on(np.concatenate([of_body, own @ friction.influence @ item.rows])))
-    return evaluate(values, _scatter(law, friction, body, own), _common(estimate), declared)
+    scattered = _scatter(law, friction, body, own)
+    return evaluate(values, scattered, _common(estimate), declared, relative=rig.axis.model_uncertainty)
 
 
 def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array) -> Scatter:

@@ -198,7 +198,9 @@ def answer_of(estimate: Estimate) -> Evaluated:
     declared = [replace(one, slopes=own @ one.slopes) for one in estimate.declared]
     matrix = own @ estimate.covariance @ own.T
     unknown = [name for k, name in enumerate(values) if matrix[k, k] <= 0]
-    return evaluate(values, Scatter(SCATTER, matrix, np.full(len(own), estimate.freedom)), common, declared, unknown)
+    scattered = Scatter(SCATTER, matrix, np.full(len(own), estimate.freedom))
+    relative = setup.rig.axis.model_uncertainty
+    return evaluate(values, scattered, common, declared, unknown, relative)
 
 
 def _grid(estimate: Estimate, weights: dict[str, Array]) -> Iterator[tuple[Source, str, float]]:

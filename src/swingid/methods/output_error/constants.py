@@ -25,7 +25,7 @@ def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
     """Places of every constant of rig.toml that acts on the motion, by its key; derivatives at the stated values."""
     found: dict[str, Places] = {}
     if not scale.linear:
-        found["axis.gravity_torque"] = ((at.B, 1.0),)
+        found["axis.gravity_torque"] = ((at.B, rig.axis.along.value),)
     for term, place in zip(scale.further, slots(scale), strict=True):
         if term.value is not None:
             found[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
@@ -36,10 +36,11 @@ def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
         return found
     motor = rig.drive.motor
     gear, rotor = motor.gear_ratio.value, motor.rotor_inertia.value
+    along = 1.0 if rig.drive.wheel is None else rig.drive.wheel.along.value
     found |= {
-        "drive.wheel.inertia": ((at.A11, 1.0), (at.A12, 1.0), (at.A22, 1.0)),
-        "drive.motor.rotor_inertia": ((at.A11, 1.0), (at.A12, gear), (at.A22, gear**2)),
-        "drive.motor.gear_ratio": ((at.A12, rotor), (at.A22, 2 * gear * rotor), (at.GEAR, 1.0)),
+        "drive.wheel.inertia": ((at.A11, along), (at.A12, along), (at.A22, 1.0)),
+        "drive.motor.rotor_inertia": ((at.A11, along), (at.A12, along * gear), (at.A22, gear**2)),
+        "drive.motor.gear_ratio": ((at.A12, along * rotor), (at.A22, 2 * gear * rotor), (at.GEAR, 1.0)),
         "drive.motor.torque_per_volt": ((at.C1, 1.0),),
         "drive.motor.back_emf": ((at.C2, 1.0),),
         "drive.motor.viscous": ((at.F2, 1.0),),
@@ -47,6 +48,11 @@ def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
         "drive.motor.efficiency": ((at.ETA, 1.0),),
     }
     return found
+
+
+def tilt_places(scale: Scale) -> Places:
+    """Places that a relative deviation of the cosine of the wheel's tilt moves."""
+    return (at.A11, scale.carried), (at.A12, scale.a12)
 
 
 def slots(scale: Scale) -> list[int]:

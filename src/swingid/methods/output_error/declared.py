@@ -7,12 +7,28 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.imperfections import Imperfection, imperfections, of_sensor, propagated
-from swingid.methods.output_error.constants import SCALE, TORQUES, Places, constant_places, constant_value, is_felt
+from swingid.balance.imperfections import (
+    Imperfection,
+    declared_with_rig,
+    imperfections,
+    of_sensor,
+    propagated,
+    relative,
+)
+from swingid.methods.output_error.constants import (
+    SCALE,
+    TORQUES,
+    Places,
+    constant_places,
+    constant_value,
+    is_felt,
+    tilt_places,
+)
 from swingid.methods.output_error.problem import Problem, problem_of
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.solver import inverse_of
+from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools
 from swingid.preparation.encoders import Channel
@@ -24,7 +40,8 @@ def declared_effects(setup: Setup, problem: Problem, searched: Searched, influen
     rates = searched.fit.prediction.rates
     sensors = [*_encoders(setup, problem, searched), *_latencies(problem, rates)]
     sensors = [replace(item, rows=item.rows / problem.sigma) for item in sensors if item.std > 0]
-    return (*_constants(setup, problem, searched, influence), *propagated(sensors, influence))
+    constants = declared_with_rig(setup.rig, _constants(setup, problem, searched, influence))
+    return (*constants, *propagated(sensors, influence))
 
 
 def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
@@ -69,6 +86,8 @@ def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Ar
         for key, own in constant_places(rig, setup.scale).items()
         if own not in sought and is_felt(key, problem.input)
     }
+    if setup.scale.drive == "reaction-wheel":
+        places[WHEEL_TILT] = tilt_places(setup.scale)
     if not places:
         return
     entries = unknowns.entries(problem.states, list(places.values()))
@@ -77,7 +96,10 @@ def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Ar
     own = slopes[:, problem.states + len(unknowns) :] / problem.sigma[:, None]
     shifts = -influence @ own
     for key, shift in zip(places, shifts.T, strict=True):
-        yield _constant(key, constant_value(rig, key)[1], shift)
+        if key == WHEEL_TILT and rig.drive.wheel is not None:
+            yield Declared(stated(key, key), relative(rig.drive.wheel.along), shift)
+        else:
+            yield _constant(key, constant_value(rig, key)[1], shift)
 
 
 def _constant(key: str, std: float | None, shifts: Array) -> Declared:

@@ -8,6 +8,7 @@ unknown too: its deviation from the stated value, with prior.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,7 +19,17 @@ from swingid.balance.friction_laws import law_terms
 from swingid.errors import UsageError
 from swingid.methods.output_error import constants
 from swingid.methods.output_error.constants import SCALE, Places, constant_places, constant_value, free_key
-from swingid.model.parameters import A11, AXIS_STICKS, COEFFICIENT, PLACES, SIZE, add_term, can_stick, vector
+from swingid.model.parameters import (
+    A11,
+    AXIS_STICKS,
+    COEFFICIENT,
+    PLACES,
+    SIZE,
+    WHEEL_TILT,
+    add_term,
+    can_stick,
+    vector,
+)
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array, Ints
@@ -223,6 +234,8 @@ def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
             stated[key] = constant_value(rig, key)[0]
     if rig.drive.motor is not None:
         stated["drive.motor.dead_zone.negative"], stated["drive.motor.dead_zone.positive"] = rig.drive.motor.dead_zone
+    if rig.drive.wheel is not None:
+        stated[WHEEL_TILT] = math.acos(rig.drive.wheel.along.value)
     base = vector(stated, scale.drive)
     base[A11] -= 1.0
     for term in scale.further:

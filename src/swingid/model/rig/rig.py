@@ -229,7 +229,7 @@ class Rig(Table):
         """a11 a22 > a12²: the kinetic energy (4) of any motion is positive."""
         if self.axis.inertia is None or self.drive.wheel is None or self.drive.motor is None:
             return
-        a12, a22 = self.drive.a12, self.drive.a22
+        a12, a22 = self.drive.a12 / self.drive.wheel.along.value, self.drive.a22
         a11 = self.axis.inertia.value + self.drive.wheel.inertia.value + self.drive.motor.rotor_inertia.value
         if not a12 * a12 < a11 * a22:
             refuse(

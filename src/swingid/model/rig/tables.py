@@ -5,6 +5,7 @@ Units in comments are those of a rotary axis; a linear axis takes kg, N, m in pl
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, PlainValidator, ValidationInfo, model_validator
@@ -30,6 +31,21 @@ Force = Annotated[Quantity, quantity("N*m", "N", least=0)]
 AnyForce = Annotated[Quantity, quantity("N*m", "N")]
 Viscous = Annotated[Quantity, quantity("N*m*s", "N*s/m", least=0)]
 Torque = Annotated[Quantity, quantity("N*m", least=0)]
+Tilt = Annotated[Quantity, quantity("rad", "rad", above=-math.pi / 2, below=math.pi / 2)]
+
+NOT_LEVEL = Quantity(0.0, math.radians(0.5))
+"""Tilt of an axis about which nothing is stated: what a look at it would not show."""
+
+
+def cosine(tilt: Quantity) -> Quantity:
+    """Mean and standard uncertainty of the cosine of an angle (rad) that is normally distributed.
+
+    Both are of second order in the uncertainty of a small angle, and the cosine is never above 1 (GUM F.2.4.4).
+    """
+    variance = (tilt.std or 0.0) ** 2
+    mean = math.cos(tilt.value) * math.exp(-variance / 2)
+    spread = -math.expm1(-variance) * (1 - math.exp(-variance) * math.cos(2 * tilt.value)) / 2
+    return Quantity(mean, math.sqrt(spread))
 
 
 class Lugre(Table):
@@ -122,7 +138,8 @@ def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
 class Axis(TermTable):
     """What swings: its kind, gravity's amplitude b (N m; 0: balanced), and what only the twin uses.
 
-    `inertia` is the paper's J1 with a wheel, the whole axis without.
+    `inertia` is the paper's J1 with a wheel, the whole axis without. tilt (rad): of the axis against the horizontal.
+    model_uncertainty: relative standard uncertainty of every parameter for what no equation here contains.
     """
 
     path: ClassVar[str] = "axis"
@@ -131,9 +148,26 @@ class Axis(TermTable):
     inertia: Inertia | None = None
     friction: Friction = Friction()
     cogging: Cogging | None = None
+    tilt: Tilt = NOT_LEVEL
+    model_uncertainty: Annotated[float, plain_number("", least=0, below=1)] = 5e-5
+
+    @property
+    def along(self) -> Quantity:
+        """The share of the gravity torque that acts about an axis with this tilt."""
+        return cosine(self.tilt)
+
+    @property
+    def acting_gravity(self) -> Quantity | None:
+        """The gravity torque that acts about the tilted axis, without the uncertainty of the tilt; None: unknown."""
+        b = self.gravity_torque
+        if isinstance(b, str):
+            return None
+        return Quantity(b.value * self.along.value, None if b.std is None else b.std * self.along.value)
 
     @model_validator(mode="after")
     def _linear_has_no_gravity(self) -> Self:
+        if self.kind == "linear" and stated(self, "tilt") and (self.tilt.value or self.tilt.std):
+            refuse("contradiction", "has no meaning on a linear axis, which has no gravity torque", "tilt")
         if self.kind == "linear" and self.gravity_torque != Quantity(0.0):
             refuse(
                 "contradiction",
@@ -144,9 +178,15 @@ class Axis(TermTable):
 
 
 class Wheel(Table):
-    """The reaction wheel: its central inertia J2."""
+    """The reaction wheel: its central inertia J2, and the tilt (rad) of its axis against that of the body."""
 
     inertia: Annotated[Quantity, quantity("kg*m^2", above=0)]
+    tilt: Tilt = NOT_LEVEL
+
+    @property
+    def along(self) -> Quantity:
+        """The share of the wheel's angular momentum that is along the axis of the body."""
+        return cosine(self.tilt)
 
 
 def _dead_zone(raw: object, info: ValidationInfo) -> tuple[float, float]:
@@ -205,15 +245,28 @@ class Drive(Table):
 
     @property
     def a12(self) -> float:
-        """J2 + N Jr in kg m², the coupling in (I); InputError without a wheel."""
+        """J2 + N Jr in kg m², the coupling in (I), as far as it is along the axis; InputError without a wheel."""
         wheel, rotor, gear = self._inertias()
-        return wheel + gear * rotor
+        return (wheel + gear * rotor) * self._along
+
+    @property
+    def carried(self) -> float:
+        """J2 + Jr in kg m², their part of a11; InputError without a wheel.
+
+        A thin disc has J2 (1 − sin² γ / 2) about an axis at the angle γ to its own: to second order J2 cos γ.
+        """
+        wheel, rotor, _ = self._inertias()
+        return (wheel + rotor) * self._along
 
     @property
     def a22(self) -> float:
         """J2 + N² Jr in kg m², the wheel's side of (II); InputError without a wheel."""
         wheel, rotor, gear = self._inertias()
         return wheel + gear**2 * rotor
+
+    @property
+    def _along(self) -> float:
+        return 1.0 if self.wheel is None else self.wheel.along.value
 
     def _inertias(self) -> tuple[float, float, float]:
         if self.wheel is None or self.motor is None:
@@ -241,7 +294,8 @@ class LogConventions(Table):
     `angle_zero` as a number is the logged angle, in its unit, at which the body hangs (a linear axis: that is 0).
     `wheel_scale` is wheel turns per logged turn. `wheel_speed` replaces the wheel's angle where only the speed was
     logged: the speed at the row, or ("mean") the turn since the row before, divided by the time.
-    Torque (force) = torque_sign * torque_gain * column.
+    Torque (force) = torque_sign * torque_gain * column. clock: relative deviation of the log's clock, positive where
+    it is fast.
     """
 
     time: Column = "t"
@@ -266,6 +320,7 @@ class LogConventions(Table):
     torque_sign: Sign = 1
     reference: Column = "ym"
     drive_held: bool = True
+    clock: Annotated[Quantity, quantity("", above=-0.5, below=1)] = Quantity(0.0, 1e-4)
 
     @model_validator(mode="before")
     @classmethod

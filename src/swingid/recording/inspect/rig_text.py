@@ -33,6 +33,9 @@ def log_table(roles: Roles) -> str:
         lines.append(_column("time", time))
         if time.unit != "s":
             lines.append(_line(f'time_unit = "{time.unit}"', "of the clock"))
+    lines.append(
+        _line('# clock = "0 ± 100 ppm"', "by how much the clock is fast; this is taken where it is not stated")
+    )
     angle = roles.found.get("angle")
     if angle is not None:
         lines.append(_column("angle", angle))
@@ -118,6 +121,7 @@ def counts_of(span: float) -> int:
 WHEEL_ONLY = ("[drive.wheel]", "[drive.motor]")
 LINEAR = """[axis]
 kind = "linear"                       # kg, N, m: "inertia" is the moving mass
+# model_uncertainty = "0.005 %"       # of every result, for what no equation has: soft base, filters, backlash
 
 """
 HEAD = "[log]"

@@ -30,7 +30,7 @@ from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
-from swingid.uncertainty.budget import BudgetEntry, Declared, Parameter, Scatter, combined, evaluate, stated
+from swingid.uncertainty.budget import BudgetEntry, Parameter, Scatter, combined, evaluate
 
 DRAWS = 100
 """Places of the encoders' grids that are tried; the standard deviation is then known to 7 %."""
@@ -85,8 +85,8 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
         raise UnanswerableError("the motion is too short for its slowest swing.", code="too-short")
     assert expected.axis.inertia is not None
     a11 = expected.axis.inertia.value + scale.carried
-    b = expected.axis.gravity_torque
-    gravity = 0.0 if isinstance(b, str) else b.value
+    b = expected.axis.acting_gravity
+    gravity = 0.0 if b is None else b.value
     items = imperfections(rig, signals, rows, a11, gravity)
     power = ((a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2) * noise.step / half**3
     row_noise = float(np.sqrt(2 * power * CURVATURE_POWER))
@@ -103,11 +103,9 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
         values["gravity_torque"] = gravity, units["gravity_torque"]
     count, declared = len(values), []
     for item, effect in zip(items, effects.T, strict=True):
-        slopes = effect[:count] / item.std
-        slopes[0] += item.direct
-        declared.append(Declared(stated(item.source, item.shared_id), item.std, slopes))
+        declared.append(item.on(effect[:count] / item.std))
     noise_of = Scatter("sensor noise and resolution", covariance[:count, :count], np.full(count, np.inf))
-    found = evaluate(values, noise_of, (), declared)
+    found = evaluate(values, noise_of, (), declared, relative=rig.axis.model_uncertainty)
     sensitivity = abs(float(influence[0] @ rows.gravity)) * gravity / a11
     return Prediction(found.parameters, tuple(found.budget), half, sensitivity, seen)
 

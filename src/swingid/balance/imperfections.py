@@ -83,7 +83,7 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
 
 def sensitivities(rig: Rig, rows: Rows, influence: Array) -> dict[str, float]:
     """Change of J1 per unit of every constant, by its key, exact ones too; influence: row of a11."""
-    return {item.source: float(influence @ item.rows) + item.direct for item in constants(rig, rows)}
+    return {item.source: float(influence @ item.rows) + item.direct for item in constants(rig, rows) if item.constant}
 
 
 def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
@@ -146,8 +146,8 @@ def declared_with_rig(rig: Rig, found: Iterable[Declared]) -> Iterator[Declared]
     yield from constants.values()
     for key, std, weights in rig_deviations(rig):
         own = [weight * constants[source].slopes for source, weight in weights.items() if source in constants]
-        if own:
-            yield Declared(stated(key, key), std, np.sum(own, axis=0), of_time=key == CLOCK)
+        none = np.zeros(len(next(iter(constants.values())).slopes))
+        yield Declared(stated(key, key), std, sum(own, none), of_time=key == CLOCK)
 
 
 def rig_deviations(rig: Rig) -> Iterator[tuple[str, float, dict[str, float]]]:

@@ -22,7 +22,7 @@ from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from twin_logs import GIVEN, INERTIA, given, logged, twin
 
-DIRECT = Rig.from_text('[axis]\ngravity_torque = 0.05\n[drive]\nkind = "direct"\n')
+DIRECT = Rig.from_text('[axis]\ngravity_torque = 0.05\ntilt = 0\n[drive]\nkind = "direct"\n')
 A11 = 2e-3
 
 

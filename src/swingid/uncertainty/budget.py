@@ -21,7 +21,7 @@ Distribution = Literal["normal", "rectangular"]
 
 
 UNMODELLED = "what is not modelled"
-"""Source of `axis.model_uncertainty`: no quantity of the rig, so it does not cancel in a difference of two runs."""
+"""Source of `axis.model_uncertainty`: one of each parameter, alike in logs of one rig, of unknown sign."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,10 @@ def evaluate(
         for k, name in enumerate(names):
             origin = scatter(scattered.name, float(scattered.degrees_of_freedom[k]))
             budget.append(BudgetEntry(origin, name, math.sqrt(max(float(scattered.covariance[k, k]), 0.0))))
-    unmodelled = [(stated(UNMODELLED, None), name, relative * abs(value)) for name, (value, _) in values.items()]
+    unmodelled = [
+        (stated(UNMODELLED, f"axis.model_uncertainty.{name}"), name, relative * abs(value))
+        for name, (value, _) in values.items()
+    ]
     for source, name, u in (*common, *unmodelled):
         if u > 0 and name in values:
             matrix[names.index(name), names.index(name)] += u**2

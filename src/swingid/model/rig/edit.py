@@ -107,6 +107,8 @@ def with_values(document: Mapping[str, Any], values: Mapping[str, object]) -> di
     """A copy of the tables with `values` at dotted keys; None takes a key away. InputError for a key inside a value."""
     tables = _copied(document)
     for dotted, value in values.items():
+        if value is None and not _there(tables, dotted):
+            continue
         *path, key = dotted.split(".")
         table = tables
         for part in path:

@@ -147,8 +147,8 @@ def wheel_log(path, *, absolute, **log):
     speed = np.concatenate([[0.0], np.cumsum((torque[1:] + torque[:-1]) / 2 * steps)]) / -wheel
     turned = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * steps)])
     write_columns(path, {"t": time, "q1": angle, "q2": turned + (angle if absolute else 0.0)})
-    level = {"axis.tilt": 0, "drive.wheel.tilt": 0}
-    rig = rig_with(**log).changed({"drive.wheel.inertia": wheel, "drive.motor": None, **level})
+    exact = dict.fromkeys(("axis.tilt", "drive.wheel.tilt", "axis.model_uncertainty", "log.clock"), 0)
+    rig = rig_with(**log).changed({"drive.wheel.inertia": wheel, "drive.motor": None, **exact})
     return Recording.load(path, rig), rig
 
 

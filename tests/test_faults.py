@@ -16,6 +16,7 @@ from swingid.study.campaign.loading import plan_from_text
 from swingid.study.campaign.trust import Trust, trust_tables
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import FAULTS, Fault, every_fault, parse_fault, with_faults
+from swingid.study.faults.effects import YIELDS, Scene, hysteresis
 from swingid.study.rehearse import rehearse
 
 NO_WHEEL = {"log.wheel_angle": None, "log.voltage": None, "log.reference": None}
@@ -88,6 +89,18 @@ def test_effects_on_the_inertia_are_those_of_the_closed_form(fault: str, kind: s
     found = identify(faulty.read(faulty.log(3)), faulty.stated, "momentum").inertia.value
     assert faulty.twin.axis.inertia is not None
     assert found / faulty.twin.axis.inertia.value - 1 == pytest.approx(error, rel=0.05)
+
+
+def test_a_cable_with_hysteresis_loses_what_its_parts_slip() -> None:
+    """Each part loses 4 (A − w) times its torque per turn between ± A: it does not slip over 2 w after a reversal."""
+    time = np.linspace(0.0, 3.0, 30001)
+    angle = 0.6 * np.sin(2 * np.pi * time)
+    scene = Scene(time, angle, np.gradient(angle, time), Rig.load("paper"), 0, 0.6)
+    torque = hysteresis(scene, 0.05)
+    lost = -np.trapezoid(torque[20000:], angle[20000:])
+    slipping = sum(4 * max(0.6 - width, 0.0) for width in YIELDS) / len(YIELDS)
+    assert lost == pytest.approx(0.05 * scene.scale * slipping, rel=1e-3)
+    assert np.max(np.abs(torque)) < 0.05 * scene.scale
 
 
 def test_lost_rows_shorten_the_log_and_leave_its_rate() -> None:

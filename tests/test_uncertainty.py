@@ -161,6 +161,19 @@ def test_joint_covariance_of_a_closed_form_fit() -> None:
     assert (scale.standard_uncertainty, scale.sensitivity) == (pytest.approx(0.05), -0.5)
 
 
+def test_one_more_error_widens_as_if_it_had_been_there() -> None:
+    values, matrix = {"inertia": (1.0, "kg m^2"), "viscous": (2.0, "N m s")}, np.array([[4.0, 1.0], [1.0, 9.0]])
+    scattered = Scatter("scatter", matrix, np.array([5.0, 7.0]))
+    source = systematic("more")
+    whole = evaluate(values, scattered, [(source, "inertia", 1.5)])
+    later = evaluate(values, scattered).widened(source, "inertia", 1.5)
+    assert later.parameters == whole.parameters
+    assert sorted(map(str, later.budget)) == sorted(map(str, whole.budget))
+    assert later.correlation["viscous"]["inertia"] == pytest.approx(whole.correlation["inertia"]["viscous"])
+    assert later.correlation["inertia"]["inertia"] == 1.0
+    assert later.widened(source, "inertia", 0.0) == later
+
+
 def test_what_is_unknown_has_no_interval_and_no_correlation() -> None:
     values = {"a": (1.0, ""), "b": (2.0, ""), "c": (3.0, "")}
     found = evaluate(values, Scatter("scatter", np.eye(3), np.full(3, INFINITE)), unknown=["b"])

@@ -176,6 +176,27 @@ class Signals:
         """Results that depend on angle and speed only and are needed again, by name and number."""
         return {}
 
+    @cached_property
+    def edge_angles(self) -> Array:
+        """Angle at the turning points, and at the start of the log before them."""
+        stamps, values = self.nodes.stamps, self.angle_values
+        return spline_at(stamps, values, spline_slopes(stamps, values), self.edges[:-1], 0)
+
+    def stopped(self, width: float) -> Array:
+        """Stop operator at the nodes: the way since a reversal (rad or m), up to ± `width`, where a cable slips."""
+        held = [0.0]
+        for way in np.diff(self.edge_angles):
+            held.append(min(max(held[-1] + float(way), -width), width))
+        place = self.since
+        whole = np.array(held)[place] + self.angle.ravel() - self.edge_angles[place]
+        return np.clip(whole, -width, width).reshape(self.angle.shape)
+
+    @cached_property
+    def since(self) -> Ints:
+        """For every node, flattened, which of the edges is the last before it."""
+        after = np.searchsorted(self.edges, self.nodes.flat[0], side="right") - 1
+        return np.clip(after, 0, len(self.directions) - 1)
+
     def grid_errors(self, resolution: float) -> Array:
         """Errors of the angle on grids of this step shifted by eighths of it, times the nodes' weights: (8, nodes)."""
         key = ("grid errors", resolution)
@@ -305,10 +326,9 @@ def _dry(signals: Signals, windows: Windows) -> dict[str, Array]:
     for term in signals.further:
         if not term.term.is_dry:
             continue
-        stamps, edges, directions = signals.nodes.stamps, signals.edges, signals.directions
-        at_edges = spline_at(stamps, signals.angle_values, spline_slopes(stamps, signals.angle_values), edges[:-1], 0)
-        steps = np.cumsum(np.diff(directions, prepend=0.0) * term.term.of_angle(at_edges, *term.at))
-        place = np.clip(np.searchsorted(edges, signals.nodes.flat[0], side="right") - 1, 0, len(directions) - 1)
+        edges, directions = signals.edges, signals.directions
+        steps = np.cumsum(np.diff(directions, prepend=0.0) * term.term.of_angle(signals.edge_angles, *term.at))
+        place = signals.since
         whole = directions[place] * term.term.of_angle(signals.angle, *term.at).ravel()
         left = (whole - steps[place]).reshape(signals.angle.shape)
         smooth = project(signals.nodes, [(left, 0)], windows.centres, windows.half)[:, 0]

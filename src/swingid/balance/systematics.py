@@ -7,12 +7,12 @@ compared, and what their uncertainties do not explain is dark uncertainty.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import GRAVITY, WindowFit, fit_rows, with_fitted, with_gravity_free
+from swingid.balance.fits import GRAVITY, WindowFit, fit_rows, residuals_beside, with_fitted, with_gravity_free
 from swingid.balance.imperfections import Imperfection
 from swingid.balance.rows import Signals, Windows
 from swingid.model.rig import Rig
@@ -33,6 +33,9 @@ ROUNDS = 6
 PLACE_SHARE = 0.05
 """Prior standard deviation of each torque that depends on the angle, as a share of gravity or of the torque of the
 inertia: larger ones are seen by eye."""
+
+SLIPS = 0.1, 0.5
+"""Ways after a reversal, as shares of the motion's reach, at which two parts of a cable with hysteresis slip."""
 
 SHORTEST, COMPARED_LENGTHS = 0.49, 4.0
 """Shortest windows that are compared, in lengths of the chosen ones, for attenuation is theirs alone; and the ratio of
@@ -145,9 +148,10 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
 class PlaceFit:
     """The windows fitted with a torque of one kind that depends on the angle, and without it.
 
-    variance: of the difference of a11 by noise, by the prior and by the grid phase of the encoder.
+    variance: of the difference of a11 by noise, by the prior, by the grid phase of the encoder and by attenuation.
     """
 
+    kind: str
     more: WindowFit
     plain: WindowFit
     variance: float
@@ -158,43 +162,91 @@ class PlaceFit:
         return self.more.a11 - self.plain.a11
 
 
-def place_fits(law: WindowFit, signals: Signals) -> list[PlaceFit]:
-    """One fit for each kind of torque that depends on the angle: a spring, detents or cogging of order 2 and 3.
+def attenuation(fit: WindowFit) -> float:
+    """By how much a11 is lower than that of the reverse regression: all residuals are errors in its column.
+
+    A torque that is nearly gravity leaves little of that column to a free decay: no inertia, and a spring that cancels
+    gravity, fit any log, and errors draw the fit there.
+    """
+    influence = fit.fit.influence[0]
+    return float(fit.fit.residuals @ fit.fit.residuals) * float(influence @ influence) / max(abs(fit.a11), 1e-300)
+
+
+def _place_columns(signals: Signals) -> dict[str, list[Array]]:
+    """At the nodes, the torques of each kind that depends on the angle; of a linear axis the powers of its place."""
+    angle = signals.angle
+    reach = float(np.max(np.abs(angle - np.mean(angle)))) or 1.0
+    lagging = [signals.stopped(share * reach) / (share * reach) for share in SLIPS]
+    if signals.linear:
+        place = (angle - np.mean(angle)) / reach
+        return {"spring": [place], "square": [place**2], "cubic": [place**3], "hysteresis": lagging}
+    waves = {f"order {n}": [np.sin(n * angle), np.cos(n * angle)] for n in (2, 3)}
+    return {"spring": [angle], "cubic": [angle**3], **waves, "hysteresis": lagging}
+
+
+def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()) -> list[PlaceFit]:
+    """One fit for each kind of torque that depends on the angle: spring, cubic spring, order 2 and 3, hysteresis.
 
     Inertia and gravity are even under q' → −q' as any torque T(q) is, so no symmetry removes it. Each kind alone, for
-    together they replace the gravity torque, which is the scale of a free decay; and under a prior. A linear axis: the
-    first powers of the position.
+    together they replace the gravity torque, which is the scale of a free decay; and under a prior. Each on the windows
+    of `law` and on those that seem to distinguish it best: where such a torque acts and is not fitted short ones have
+    the least uncertainty, and may determine it 60 times worse (a spring in a free decay).
     """
-    angle = signals.angle
-    if signals.linear:
-        reach = float(np.max(np.abs(angle - np.mean(angle)))) or 1.0
-        kinds = [[((angle - np.mean(angle)) / reach) ** n] for n in (1, 2, 3)]
-    else:
-        kinds = [[angle], *([np.sin(n * angle), np.cos(n * angle)] for n in (2, 3))]
-    windows = law.rows.windows
-    columns = project(signals.nodes, [(x, 0) for kind in kinds for x in kind], windows.centres, windows.half)
-    bare = fit_rows(law.rows, law.scale, law.noise, law.friction)
-    std = PLACE_SHARE * (abs(law.b) or float(np.max(np.abs(law.a11 * law.rows.inertia))) / float(windows.middle))
+    kinds = _place_columns(signals)
+    shapes = [(x, 0) for kind in kinds.values() for x in kind]
+    best: dict[str, tuple[float, WindowFit, Array]] = {}
+    found: list[PlaceFit | None] = []
+    for fit in (law, *(one for one in tried if one is not law)):
+        if fit.half < SHORTEST * law.half:
+            continue
+        columns = project(signals.nodes, shapes, fit.rows.windows.centres, fit.rows.windows.half)
+        left = columns - fit.columns @ np.linalg.lstsq(fit.columns, columns, rcond=1e-10)[0]
+        change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(np.linalg.norm(left, axis=0), 1e-300)
+        change *= float(np.sqrt(np.mean(fit.fit.residuals**2))) / max(abs(fit.a11), 1e-300)
+        first = 0
+        for kind, own in kinds.items():
+            at = slice(first, first + len(own))
+            first += len(own)
+            uncertain = float(np.sum(change[at]))
+            if kind not in best or uncertain < best[kind][0]:
+                best[kind] = uncertain, fit, columns[:, at]
+            if fit is law:
+                found.append(_place_fit(kind, fit, columns[:, at], signals))
+    found += [_place_fit(kind, fit, own, signals) for kind, (_, fit, own) in best.items() if fit is not law]
+    return [one for one in found if one is not None]
+
+
+def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
+    """Least mean square of the residuals with a torque of one kind that depends on the angle, without a prior.
+
+    beside: columns (rows, n) that are fitted as well.
+    """
+    windows, found = law.rows.windows, []
+    for shapes in _place_columns(signals).values():
+        columns = project(signals.nodes, [(x, 0) for x in shapes], windows.centres, windows.half)
+        found.append(float(np.mean(residuals_beside(law, np.column_stack([beside, columns])) ** 2)))
+    return min(found)
+
+
+def _place_fit(kind: str, fit: WindowFit, columns: Array, signals: Signals) -> PlaceFit | None:
+    """None where the windows are too few, or the torque would be so large that it is known."""
+    bare = fit_rows(fit.rows, fit.scale, fit.noise, fit.friction)
+    std = PLACE_SHARE * (abs(fit.b) or float(np.max(np.abs(fit.a11 * fit.rows.inertia))) / float(fit.half))
     if bare is None or std == 0.0:
-        return []
-    declared = [effect.item for effect in law.declared if effect.item.calibrates]
-    passed = [effect.item for effect in law.declared if not effect.item.calibrates]
-    plain = with_fitted(bare, declared, ROUNDS)
-    found, first, grid = [], 0, grid_spread(signals, plain, "inertia") ** 2
-    for kind in kinds:
-        own = columns[:, first : first + len(kind)]
-        first += len(kind)
-        items = [Imperfection("place", std, column, 0.0, None, calibrates=True) for column in own.T]
-        more = with_fitted(bare, [*declared, *items], ROUNDS)
-        own_effects = more.declared[len(declared) :]
-        if any(abs(effect.value) > INDICATED for effect in own_effects):
-            continue  # so large a torque is known: the residuals have another cause, as the distortion of a camera
-        prior = sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
-        variance = abs(more.u**2 - plain.u**2) + prior + grid + grid_spread(signals, more, "inertia") ** 2
-        change = more.fit.influence[0] - plain.fit.influence[0]
-        variance += sum((float(change @ item.rows) * item.std) ** 2 for item in passed)
-        found.append(PlaceFit(more, plain, float(variance)))
-    return found
+        return None
+    declared = [effect.item for effect in fit.declared if effect.item.calibrates]
+    passed = [effect.item for effect in fit.declared if not effect.item.calibrates]
+    items = [Imperfection("place", std, column, 0.0, None, calibrates=True) for column in columns.T]
+    plain, more = with_fitted(bare, declared, ROUNDS), with_fitted(bare, [*declared, *items], ROUNDS)
+    own_effects = more.declared[len(declared) :]
+    if any(abs(effect.value) > INDICATED for effect in own_effects):
+        return None  # the residuals have another cause, as the distortion of a camera
+    variance = abs(more.u**2 - plain.u**2) + sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
+    variance += sum(grid_spread(signals, one, "inertia") ** 2 for one in (plain, more))
+    variance += (attenuation(more) - attenuation(plain)) ** 2
+    change = more.fit.influence[0] - plain.fit.influence[0]
+    variance += sum((float(change @ item.rows) * item.std) ** 2 for item in passed)
+    return PlaceFit(kind, more, plain, float(variance))
 
 
 def place_torque(fits: Sequence[PlaceFit], u: float) -> float:

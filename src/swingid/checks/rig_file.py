@@ -9,14 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from swingid.balance.choice import Choice
-from swingid.balance.systematics import gravity_conflict
-from swingid.checks.angle_scale import check_angle_scale
+from swingid.balance.systematics import PlaceFit, gravity_conflict, place_fits, place_torque
+from swingid.checks.angle_scale import SCALE, check_angle_scale
 from swingid.checks.latency import check_latency, with_latency
+from swingid.checks.place import PLACE, check_place, spring_note
 from swingid.checks.stated import check_gravity, check_zero
 from swingid.errors import UnanswerableError
 from swingid.preparation.prepared import Part, Prepared
 from swingid.result.result import Message
-from swingid.uncertainty.budget import Parameter
+from swingid.uncertainty.budget import Evaluated, Parameter, systematic
 from swingid.uncertainty.significance import MATTERS
 
 CONFLICT = "conflict of the gravity torque with the log"
@@ -28,11 +29,15 @@ WORTH = 0.003
 
 @dataclass(frozen=True)
 class RigFileCheck:
-    """The momentum balance of a log for the check of another method; conflict: standard uncertainty of a11."""
+    """The momentum balance of a log for the check of another method; conflict: standard uncertainty of a11.
+
+    place: fits with torques that depend on the angle and are not in the rig file.
+    """
 
     choice: Choice
     part: Part
     conflict: float
+    place: list[PlaceFit]
 
     @classmethod
     def of(cls, prepared: Prepared) -> RigFileCheck | None:
@@ -42,7 +47,9 @@ class RigFileCheck:
             choice, _ = with_latency(part)
         except UnanswerableError:
             return None
-        return cls(choice, part, gravity_conflict(choice.law, prepared.rig, choice.signals))
+        law, signals = choice.law, choice.signals
+        place = place_fits(law, signals, choice.tried.values())
+        return cls(choice, part, gravity_conflict(law, prepared.rig, signals), place)
 
     def alone(self, inertia: Parameter) -> Parameter:
         """The inertia without the conflict, which is named, and neither makes an estimate hopeless nor hides causes."""
@@ -56,7 +63,21 @@ class RigFileCheck:
         # what is wrong in the rig file widens the interval by its lack of fit, too, and would hide itself
         limit = min(alone, max(law.total, WORTH / MATTERS * law.a11))
         found = contradictions(self.choice, self.part, limit, limit)
+        if all(one.code == SCALE for one in found):  # errors of the angle seem to be such a torque, too
+            found += check_place(law, self.place, alone)
         return found + check_latency(self.choice, self.part, limit)
+
+    def notes(self, inertia: Parameter) -> list[Message]:
+        """What this inertia assumes of torques that depend on the angle."""
+        u = self.alone(inertia).standard_uncertainty or 0.0
+        return spring_note(self.choice.law, self.place, self.choice.signals, u)
+
+    def widened(self, found: Evaluated) -> Evaluated:
+        """Parameters and budget of the method with the uncertainty of the inertia by such torques."""
+        u = found.parameters["inertia"].standard_uncertainty
+        if u is None:
+            return found
+        return found.widened(systematic(PLACE), "inertia", place_torque(self.place, min(u, self.choice.law.u)))
 
 
 def contradictions(choice: Choice, part: Part, uncertainty: float, for_gravity: float | None = None) -> list[Message]:

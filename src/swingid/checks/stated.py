@@ -10,7 +10,7 @@ Zero: gravity about another zero, b sin(q1 − δ), leaves −b δ cos q1 in equ
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,7 +26,7 @@ from swingid.balance.fits import (
 )
 from swingid.balance.imperfections import axis_bends, wheel_bends
 from swingid.balance.rows import Signals
-from swingid.balance.systematics import PlaceFit
+from swingid.balance.systematics import left_by_place
 from swingid.checks.answer import LEAST
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
@@ -58,7 +58,8 @@ AS_GOOD = 1.2
 def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
     """A warning where an undeclared once-per-turn nonlinearity of the encoders is significant and biases the inertia.
 
-    Not where gravity is unknown as well, whose column is nearly that of a nonlinearity.
+    Not where gravity is unknown as well, whose column is nearly that of a nonlinearity, and not where a torque that
+    depends on the angle explains the residuals better.
     """
     scale = law.scale
     if signals.linear or scale.drive == "none" or scale.b is None or signals.encoders.angle.bent:
@@ -68,7 +69,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
     declared = signals.declaring(Encoders.of(rig.changed({"sensors.nonlinearity": WIDE})))
     bent = with_declared(replace(law, declared=()), rig, declared)
     before, after = (float(np.mean(residuals_beside(fit, _uncertain(law)) ** 2)) for fit in (law, bent))
-    if not _shows(law, before, after):
+    if not _shows(law, before, after) or after > AS_GOOD * left_by_place(law, signals, _uncertain(law)):
         return []
     if max(abs(bent.a11 - law.a11), bent.total) < max(MATTERS * law.total, LEAST * law.a11):
         return []
@@ -154,32 +155,6 @@ def _freed(fit: WindowFit, signals: Signals, rig: Rig) -> tuple[WindowFit, float
         return None
     k = free.unknowns.index("gravity_torque")
     return free, float(np.sqrt(free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)))
-
-
-def check_place(law: WindowFit, fits: Sequence[PlaceFit]) -> list[Message]:
-    """A warning where a torque that depends on the angle, which no term of the rig has, biases the inertia.
-
-    Not where gravity is unknown as well, which at one frequency takes the part of a spring.
-    """
-    if law.scale.b is None:
-        return []
-    found = max(fits, key=lambda one: abs(one.difference) / max(one.variance, 1e-300) ** 0.5, default=None)
-    if found is None:
-        return []
-    more, extra = found.more, len(found.more.declared) - len(found.plain.declared)
-    freedom = len(law.rows.windows) / (LAG / 2) - len(more.unknowns) - extra
-    before, after = (float(np.mean(fit.fit.residuals**2)) for fit in (found.plain, more))
-    if not 0 < after < BETTER**2 * before or (before / after - 1) * freedom / extra < CERTAIN_RATIO:
-        return []
-    if abs(found.difference) < max(MATTERS * law.total, LEAST * law.a11, DETECTED * found.variance**0.5):
-        return []
-    key = "axis.stiffness" if law.scale.linear else "axis.stiffness or axis.cogging"
-    text = (
-        "a torque that depends on the angle, as of a cable, a spring or magnets, would reduce the residuals of the "
-        f"balance to {np.sqrt(after / before):.0%} and make the inertia "
-        f"{plus_minus(more.inertia, more.total, law.scale.unit)}; remove it, or state {key}."
-    )
-    return [Message("place-torque", text)]
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,13 @@ class Term:
             return np.asarray(np.sin(order * q + shift))
         return np.abs(np.cos(q)) if self.kind == WEIGHT else np.ones_like(q)
 
+    def of_angle_integral(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
+        """∫g dq of a conservative term, for its potential energy; its constant is of no account."""
+        if self.kind == DISPLACEMENT:
+            return np.asarray(0.5 * (q - shift) ** 2)
+        assert self.kind == WAVE
+        return np.asarray(-np.cos(order * q + shift) / order)
+
     def angle_slope(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
         """dg/dq."""
         if self.kind == DISPLACEMENT:

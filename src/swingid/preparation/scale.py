@@ -84,7 +84,7 @@ def refuse_terms(rig: Rig, method: str) -> None:
     if keys:
         raise UnanswerableError(
             f"rig {rig.name}: {', '.join(dict.fromkeys(keys))} is no term of the balance of {method}; use the method "
-            "momentum, equation-error or output-error.",
+            "momentum, energy, equation-error or output-error.",
             code="unknown-term",
         )
 
@@ -131,11 +131,7 @@ def require_channels(log: Recording, rig: Rig) -> None:
 
 
 def require_motor(log: Recording, rig: Rig, scale: Scale, method: str) -> None:
-    """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants.
-
-    UnanswerableError also for a rig with terms that are not in these methods.
-    """
-    refuse_terms(rig, f"the method {method}")
+    """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants."""
     if scale.drive != "reaction-wheel":
         return
     if log.voltage is None:

@@ -97,7 +97,7 @@ def energy_block(
     if len(chosen) != 1:
         return None
     course = Course.of(on_stamps(log, encoders), rig, motion, noise, encoders.on_time())
-    states = states_at(course, passes.instants[chosen], linear=scale.linear)
+    states = states_at(course, passes.instants[chosen], linear=scale.linear, further=scale.further)
     named = columns_at(states, scale, ENERGY_BASIS)
     columns = np.column_stack([within_blocks(column) for column in named.values()])
     unknowns, target = tuple(named), within_blocks(states.known(rig, scale))

@@ -192,6 +192,20 @@ class Evaluated:
     correlation: dict[str, dict[str, float]] = field(default_factory=dict)
     sensitivities: dict[str, float] = field(default_factory=dict)
 
+    def widened(self, source: Source, name: str, u: float) -> Evaluated:
+        """The same with one more error of a parameter, of standard uncertainty u, that no other one has."""
+        before = self.parameters[name]
+        if not u > 0 or before.standard_uncertainty is None:
+            return self
+        budget = [*self.budget, BudgetEntry(source, name, u)]
+        after = Parameter.of(before.value, combined(budget, name), before.unit, freedom_of(budget, name))
+        share = before.standard_uncertainty / (after.standard_uncertainty or u)
+        correlation = {
+            one: {other: r if one == other or name not in (one, other) else share * r for other, r in row.items()}
+            for one, row in self.correlation.items()
+        }
+        return Evaluated(self.parameters | {name: after}, budget, correlation, self.sensitivities)
+
 
 def evaluate(
     values: Mapping[str, tuple[float, str]],

@@ -23,7 +23,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.prepared import Prepared
-from swingid.preparation.scale import Scale, require_motor
+from swingid.preparation.scale import Scale, refuse_terms, require_motor
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Parameter, Result
 
@@ -61,6 +61,7 @@ def backstepping(
         )
     rig = prepared.rig
     _require_gravity(rig, prepared.scale)
+    refuse_terms(rig, "the method backstepping")
     require_motor(prepared.log, rig, prepared.scale, "backstepping")
     # a transient feeds the adaptation, so all of the log; a free decay from its release
     part = prepared.part(whole=rig.drive.kind != "none", at_stamps=True)
@@ -90,6 +91,7 @@ def backstepping(
     parameters = answered.parameters
     compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else None
     warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared, rig_file)
+    answered = rig_file.widened(answered) if rig_file else answered
     unsettled, more = _messages(run, gains, widths, parameters["inertia"])
     warnings, notes = [*unsettled, *warnings], [part.note, *more, *notes]
     options: dict[str, object] = {"law": law, "velocities": velocities}

@@ -83,7 +83,9 @@ def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array],
     unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
     units = units_on(linear=scale.linear)
     plain: dict[str, Array] = {
-        name: unit[name] for name in ("inertia", "gravity_torque", "coulomb", "viscous", "quadratic") if name in unit
+        name: unit[name]
+        for name in ("inertia", "gravity_torque", *scale.unknown, "coulomb", "viscous", "quadratic")
+        if name in unit
     }
     if _depends_on_direction(fit, speed):
         for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):

@@ -18,11 +18,13 @@ from typing import Any
 import numpy as np
 
 from swingid.balance.motor import motor_drag, motor_torque
+from swingid.balance.rows import shifted
 from swingid.methods.energy.chain import Chain, between_rows, filtered_drive, observed_speed
 from swingid.model.rig import Rig
+from swingid.model.terms import WAVE, RigTerm
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit
-from swingid.numerics.quadrature import GaussNodes, antiderivatives, gauss_rule
+from swingid.numerics.quadrature import GaussNodes, antiderivatives, gauss_rule, running_integrals
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
@@ -109,8 +111,9 @@ class States:
     """Angles, speeds, accelerations and running integrals at the nodes of all passes; arrays (blocks, nodes).
 
     height: cos q1, by which gravity's torque b enters (0 on a linear axis). work: W. friction: ∫f(q1') q1' dt of every
-    term f of friction (`TERMS`). motor: derivatives of W by the motor's constants but for constant factors (`MOTOR`).
-    Rising over the flattened array.
+    term f of friction (`TERMS`). further: ∫f q1' dt of the rig's further terms, and under their names with "'" behind
+    ∫(∂f/∂shift) q1' dt. motor: derivatives of W by the motor's constants but for constant factors (`MOTOR`). Rising
+    over the flattened array.
     """
 
     instants: Array
@@ -123,6 +126,7 @@ class States:
     work: Array
     friction: dict[str, Array]
     motor: dict[str, Array]
+    further: dict[str, Array]
 
     def each(self, change: Callable[[Array], Array]) -> States:
         """The states with all arrays changed alike."""
@@ -133,8 +137,9 @@ class States:
         return States(**changed)
 
     def known(self, rig: Rig, scale: Scale) -> Array:
-        """The known side of the balance: W + b cos q1 − a12 q1' q2' − ½ a22 q2'² (without b cos q1 if b is sought)."""
+        """The known side of the balance: W + b cos q1 − Σ c ∫f q1' dt − a12 q1' q2' − ½ a22 q2'² with what is known."""
         side = self.work + (scale.b or 0.0) * self.height
+        side = side - sum((coefficient * self.further[name] for name, coefficient in scale.known.items()), 0.0)
         if scale.drive != "reaction-wheel":
             return side
         v1, v2 = self.speed, self.wheel_speed
@@ -198,7 +203,24 @@ def _add_powers(sums: Array, weight: float, signals: tuple[Array, ...], k: int, 
     sums[8] += np.sign(rate) * path
 
 
-def states_at(course: Course, instants: Array, *, linear: bool) -> States:
+def further_works(course: Course, instants: Array, angle: Array, terms: tuple[RigTerm, ...]) -> dict[str, Array]:
+    """∫f q1' dt of further terms at rising `instants`, where the axis is at `angle`: potential energies, or losses."""
+    found = {}
+    for term in terms:
+        if term.term.is_conservative:
+            found[term.name] = term.term.of_angle_integral(angle, *term.at)
+            # ∂g/∂shift is −1 of a displacement, and of a wave dg/dq over its order
+            wave = term.term.kind == WAVE
+            found[shifted(term.name)] = term.term.of_angle(angle, *term.at) / term.order if wave else -angle
+            continue
+        along = course.axis.angle_at(course.nodes.instants.ravel()).reshape(course.speed.shape)
+        power = term.regressor(along, course.speed, np.sign(course.speed)) * course.speed
+        (work,) = running_integrals(course.nodes, power[None], instants.ravel())
+        found[term.name] = work.reshape(instants.shape)
+    return found
+
+
+def states_at(course: Course, instants: Array, *, linear: bool, further: tuple[RigTerm, ...] = ()) -> States:
     """States at `instants` (blocks, nodes), rising when flattened and inside the log."""
     flat, shape = instants.ravel(), instants.shape
     axis = course.axis
@@ -217,4 +239,5 @@ def states_at(course: Course, instants: Array, *, linear: bool) -> States:
         work=terms[0],
         friction=dict(zip(TERMS, (*terms[1:4], angle, terms[4]), strict=True)),
         motor=dict(zip(MOTOR, terms[5:], strict=True)),
+        further=further_works(course, instants, angle, further),
     )

@@ -12,10 +12,12 @@ import numpy as np
 
 from swingid.balance.imperfections import Imperfection, of_sensor, wheel_tilt, with_rig
 from swingid.balance.motor import motor_drag, motor_torque
+from swingid.balance.rows import shifted
 from swingid.methods.energy.balance import MOTOR, Course, States
 from swingid.methods.energy.fit import NodeFit
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
+from swingid.model.terms import rig_terms
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_integrals
 from swingid.preparation.scale import Scale
@@ -33,7 +35,7 @@ def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit
     The rows of an `Imperfection` are here the nodes, flattened, in joules per unit of the source. b: gravity
     torque, as known or as identified.
     """
-    found = [*_gravity(rig, states), *_axis_sensor(rig, course, states, fit, b), *_wheel_sensor(rig, course, states)]
+    found = [*_held(rig, states), *_axis_sensor(rig, course, states, fit, b), *_wheel_sensor(rig, course, states)]
     motor = rig.drive.motor
     if scale.drive == "reaction-wheel" and motor is not None:
         found = [*_inertias(rig, motor, states), *_motor(rig, motor, states), *found]
@@ -47,10 +49,17 @@ def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) 
     return Imperfection(key, quantity.std or 0.0, effect.ravel(), direct, key, constant=True)
 
 
-def _gravity(rig: Rig, states: States) -> Iterator[Imperfection]:
+def _held(rig: Rig, states: States) -> Iterator[Imperfection]:
+    """Gravity torque, springs and cogging."""
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str) and rig.axis.kind == "rotary":
         yield _constant("axis.gravity_torque", gravity, states.height * rig.axis.along.value)
+    for term in rig_terms(rig):
+        if term.value is not None:
+            yield _constant(term.term.key, term.value, -states.further[term.name])
+            if term.shift.std:
+                effect = -term.value.value * states.further[shifted(term.name)]
+                yield _constant(term.term.shift, term.shift, effect)
 
 
 def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
@@ -88,11 +97,11 @@ def _axis_sensor(rig: Rig, course: Course, states: States, fit: NodeFit, b: floa
         along = course.axis.angle_at(instants).reshape(course.speed.shape) if driven else course.speed
         for kind, (shape, slope) in SHAPES.items():
             rates = slope(q) * v, slope(along) * course.speed
-            effect = _angle_effect(rig, course, states, fit.a11, b, shape(q), *rates)
+            effect = _angle_effect(rig, course, states, fit, b, shape(q), *rates)
             yield of_sensor(course.encoders, "angle", kind, effect)
     if sensor.latency.std:
         turning = course.axis.acceleration(instants).reshape(course.speed.shape) if driven else course.speed
-        effect = _angle_effect(rig, course, states, fit.a11, b, states.speed, states.acceleration, turning)
+        effect = _angle_effect(rig, course, states, fit, b, states.speed, states.acceleration, turning)
         yield of_sensor(course.encoders, "angle", "latency", effect - friction_power(fit, states.speed).ravel())
 
 
@@ -105,16 +114,20 @@ def friction_power(fit: NodeFit, v: Array) -> Array:
 
 
 def _angle_effect(
-    rig: Rig, course: Course, states: States, a11: float, b: float, error: Array, rate: Array, along: Array
+    rig: Rig, course: Course, states: States, fit: NodeFit, b: float, error: Array, rate: Array, along: Array
 ) -> Array:
-    """Effect of an error of the angle and its rate (and of that along the way) on gravity, kinetic terms and work.
+    """Effect of an error of the angle and its rate (and of that along the way) on potential, kinetic energy and work.
 
     That of an error of the rate on the friction's work is negligible beside these.
     """
-    momentum = a11 * states.speed
+    momentum = fit.a11 * states.speed
     if course.wheel is not None:
         momentum = momentum + rig.drive.a12 * states.wheel_speed
-    effect = -(b * np.sin(states.angle) * error + momentum * rate)
+    pull = b * np.sin(states.angle)
+    for term in rig_terms(rig):
+        coefficient = fit.value(term.name) if term.value is None else term.value.value
+        pull = pull + coefficient * term.regressor(states.angle, states.speed, np.sign(states.speed))
+    effect = -(pull * error + momentum * rate)
     if rig.drive.kind == "direct":
         effect = effect + _integrals(course, states, (course.voltage * along)[None])[0]
     result: Array = effect.ravel()

@@ -58,6 +58,7 @@ def columns_at(states: States, scale: Scale, terms: tuple[str, ...]) -> dict[str
     named = {"inertia": 0.5 * states.speed**2}
     if scale.b is None:
         named["gravity_torque"] = -states.height
+    named |= {name: states.further[name] for name in scale.unknown}
     return named | {name: states.friction[name] for name in terms}
 
 

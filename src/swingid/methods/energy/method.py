@@ -108,6 +108,9 @@ def energy(
         more += jittery
         notes += jitter_notes
     more += check_saturation(part.log, rig) if variant == "better" else []
+    if rig_file is not None:
+        notes += rig_file.notes(parameters["inertia"])
+        answer = rig_file.widened(answer)
     warnings, notes = [*more, *warnings], [part.note, *estimate.notes, *notes]
     if parameters["inertia"].standard_uncertainty is None:
         text = "one pair of passes has no scatter, so the inertia has no uncertainty; leave nodes out."
@@ -157,7 +160,7 @@ def _estimate(part: Part, rig: Rig, scale: Scale, how: _How, *, jittery: bool) -
     if how.variant == "printed":
         return _printed(part, rig, scale, course, how.nodes, how.work)
     passes = _passes(part, LEVELS)
-    states = states_at(course, passes.instants, linear=scale.linear)
+    states = states_at(course, passes.instants, linear=scale.linear, further=scale.further)
     fit = fit_nodes(states, rig, scale, BASIS)
     instruments = False
     if scale.drive != "reaction-wheel":  # whose wheel has a kinetic energy, too, with errors of its own
@@ -201,7 +204,7 @@ def _symmetry(estimate: EnergyEstimate, part: Part, rig: Rig, scale: Scale) -> S
         mirrored = mirrored_passes(part.motion, LEVELS, part.log.time, part.longest_gap)
         if len(mirrored.turning) < FEWEST_BLOCKS:
             return None
-        states = states_at(course, mirrored.instants, linear=scale.linear)
+        states = states_at(course, mirrored.instants, linear=scale.linear, further=scale.further)
     return asymmetry_bound(estimate.fit, estimate.states, course, friction_profile(course, states, rig, scale))
 
 
@@ -231,7 +234,7 @@ def _printed(
         instants = given_nodes(nodes, part.log)
         turning = (instants[:, 1] + instants[:, 2]) / 2
         sides = np.sign(course.axis.at(instants[:, 0]) - course.axis.at(instants[:, 3]))
-    states = states_of_pairs(course, instants, linear=scale.linear)
+    states = states_of_pairs(course, instants, linear=scale.linear, further=scale.further)
     notes: tuple[Message, ...] = ()
     if work == "trapezoid":
         states = replace(states, work=trapezoid_work(part.log, rig, course, instants))

@@ -19,6 +19,7 @@ from swingid.methods.energy.balance import Course, States, states_at
 from swingid.methods.energy.fit import NodeFit
 from swingid.methods.energy.passes import Passes
 from swingid.model.rig import Rig
+from swingid.model.terms import RigTerm
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import block_covariance
 from swingid.preparation.scale import Scale
@@ -55,11 +56,11 @@ def given_nodes(nodes: object, log: Recording) -> Array:
     return rows[np.argsort(rows[:, 0])]
 
 
-def states_of_pairs(course: Course, instants: Array, *, linear: bool) -> States:
+def states_of_pairs(course: Course, instants: Array, *, linear: bool, further: tuple[RigTerm, ...] = ()) -> States:
     """States at (pairs, 4) instants; pairs may overlap, so that all instants need not rise from pair to pair."""
     order = np.argsort(instants.ravel(), kind="stable")
     back = np.argsort(order)
-    sorted_states = states_at(course, instants.ravel()[order][None, :], linear=linear)
+    sorted_states = states_at(course, instants.ravel()[order][None, :], linear=linear, further=further)
 
     def again(values: Array) -> Array:
         result: Array = values.ravel()[back].reshape(instants.shape)

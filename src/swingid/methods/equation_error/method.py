@@ -92,6 +92,9 @@ def equation_error(
     options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": used}
     covariance = _covariance(chosen.fit) if scale.b is None else {}
     drawn = details(selected, scale, span)
+    if rig_file is not None:
+        notes += rig_file.notes(inertia)
+        found = rig_file.widened(found)
     return prepared.result("equation-error", found, part, warnings, notes, drawn, options, covariance=covariance)
 
 

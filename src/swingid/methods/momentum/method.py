@@ -35,8 +35,9 @@ from swingid.balance.windows import even_windows, swing_windows
 from swingid.checks.angle_scale import SCALE
 from swingid.checks.answer import check_answer, check_motor, check_sign, unstated_reading
 from swingid.checks.latency import check_latency, with_latency
+from swingid.checks.place import PLACE, check_place, spring_note
 from swingid.checks.rig_file import CONFLICT, contradictions
-from swingid.checks.stated import check_encoders, check_place
+from swingid.checks.stated import check_encoders
 from swingid.errors import NotIdentifiableError, UsageError
 from swingid.format import plus_minus
 from swingid.model.rig import Rig
@@ -49,9 +50,6 @@ from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Details, Message, Result, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Parameter, Scatter, Source, evaluate, joined, systematic
 from swingid.uncertainty.freedom import bartlett, scatter_freedom
-
-PLACE = "torque that depends on the angle"
-"""Source of `place_torque` in the budget."""
 
 NEGLIGIBLE = 1e-3
 """Share of the scatter's uncertainty below which another of type A is omitted from the budget."""
@@ -118,9 +116,10 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     off = contradictions(choice, part, alone.standard_uncertainty or 0.0)
     off += check_encoders(estimate.law, rig, signals)
     if all(one.code == SCALE for one in off):  # errors of the angle seem to be such a torque, too
-        off += check_place(estimate.law, estimate.place)
+        off += check_place(estimate.law, estimate.place, estimate.law.total)
     off += check_latency(choice, part, u, memory)
     notes += [*moved.notes, *_impulse(estimate.law)]
+    notes += spring_note(estimate.law, estimate.place, signals, alone.standard_uncertainty or 0.0)
     warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
     return prepared.result(
         "momentum",
@@ -168,7 +167,7 @@ def _estimate(choice: Choice, rig: Rig) -> _Estimate:
     if swing is not None:
         swing = with_declared(swing, rig, signals)
         swing = _with(swing, grid_spread(signals, swing, "inertia"))
-    place = place_fits(law, signals)
+    place = place_fits(law, signals, choice.tried.values())
     common = {
         "place of the encoder's grid": grid_spread(signals, law, "inertia"),
         "timing of the turning points": timing_spread(law, choice.impulse),

@@ -62,6 +62,9 @@ def output_error(
     searched = estimate.searched
     answer = answer_of(estimate)
     warnings, notes = check_fit(answer, estimate)
+    if setup.rig_file is not None:
+        notes += setup.rig_file.notes(answer.parameters["inertia"])
+        answer = setup.rig_file.widened(answer)
     options: dict[str, object] = {"input": setup.source, "law": searched.law, "loss": loss, "starts": starts}
     if setup.free:
         options["free"] = setup.free

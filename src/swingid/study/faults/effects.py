@@ -21,6 +21,9 @@ MARGIN = 0.1
 MEMORY = 0.02
 """Correlation time (s) of sensor noise with memory, as of a fused angle."""
 
+YIELDS = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""Angles (rad) after a reversal at which the parts of a cable slip, as a bundle of wires does from the outside in."""
+
 STIFF = 20.0
 """Stiffness of a stop over its severity, in units of the gravity torque per rad."""
 
@@ -182,6 +185,20 @@ def _moved(log: Recording, scene: Scene, further: Array) -> Recording:
 def cubic_spring(scene: Scene, share: float) -> Array:
     """A cable that gets stiffer: this share of the gravity torque at 1 rad, growing with the cube of the angle."""
     return -share * scene.scale * scene.angle**3
+
+
+def hysteresis(scene: Scene, share: float) -> Array:
+    """A cable with hysteresis: springs in parallel that slip at `YIELDS` (Prandtl and Ishlinskii's stop operators).
+
+    share: of the gravity torque, where all slip.
+    """
+    total = np.zeros(len(scene.angle))
+    for width in YIELDS:
+        held = 0.0
+        for k, step in enumerate(np.diff(scene.angle, prepend=scene.angle[0])):
+            held = min(max(held + step, -width), width)
+            total[k] -= held / width
+    return share * scene.scale / len(YIELDS) * total
 
 
 def stop(scene: Scene, stiffness: float) -> Array:

@@ -259,6 +259,12 @@ _RECORDS = (
         _PARTS,
         torque=effects.cubic_spring,
     ),
+    Fault(
+        "cable hysteresis",
+        "cable between body and base whose torque lags the angle, share of the gravity torque where it slips",
+        _PARTS,
+        torque=effects.hysteresis,
+    ),
     Fault("cogging", "cogging of seven periods per turn, share of the gravity torque", _PARTS, _cogging(7)),
     Fault("detent 2q", "torque with sin 2q", _PARTS, _cogging(2)),
     Fault("detent 3q", "torque with sin 3q", _PARTS, _cogging(3)),

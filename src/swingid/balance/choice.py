@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
-from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, residuals_beside, with_declared
+from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
 from swingid.balance.imperfections import axis_bends, late_channel, wheel_bends
@@ -72,10 +72,6 @@ class Choice(NamedTuple):
 FURTHER = {(*NEAR_REST,): 21.1, ("cubic",): 15.1, (*NEAR_REST, "cubic"): 23.5}
 """Terms of friction that are tried together beside BASIS, each with the fall of −2 log likelihood from which on it is
 taken: χ² with 3, 1 and 4 degrees of freedom, 1e-4, one test per log, for it changes the model of the fit."""
-
-SLIGHT = 1e-6
-"""Residuals as a share of the known side (RMS) below which no term is missing: they bias the inertia by about as much,
-and a latency that was corrected to first order leaves as much."""
 
 TINY = 1e-300
 """Least sum of squares, whose logarithm is finite."""

@@ -33,6 +33,10 @@ GRAVITY = "axis.gravity_torque"
 ROUNDING = 1e-9
 """Share of the known side below which residuals are those of the arithmetic, which no prior may be weighed by."""
 
+SLIGHT = 1e-6
+"""Residuals as a share of the known side (RMS) below which no term is missing: they bias the inertia by about as much,
+and a latency that was corrected to first order leaves as much."""
+
 LAG = 4
 """Neighbouring rows that share data (windows of length 2L, one every L/2) and therefore are correlated."""
 

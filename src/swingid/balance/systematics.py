@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.balance.fits import GRAVITY, WindowFit, fit_rows, residuals_beside, with_fitted, with_gravity_free
+from swingid.balance.fits import GRAVITY, SLIGHT, WindowFit, fit_rows, residuals_beside, with_fitted, with_gravity_free
 from swingid.balance.imperfections import Imperfection
 from swingid.balance.rows import Signals, Windows
 from swingid.model.rig import Rig
@@ -197,12 +197,13 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     best: dict[str, tuple[float, WindowFit, Array]] = {}
     found: list[PlaceFit | None] = []
     for fit in (law, *(one for one in tried if one is not law)):
-        if fit.half < SHORTEST * law.half:
+        power, left = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
+        if fit.half < SHORTEST * law.half or left < SLIGHT**2 * power:
             continue
         columns = project(signals.nodes, shapes, fit.rows.windows.centres, fit.rows.windows.half)
-        left = columns - fit.columns @ np.linalg.lstsq(fit.columns, columns, rcond=1e-10)[0]
-        change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(np.linalg.norm(left, axis=0), 1e-300)
-        change *= float(np.sqrt(np.mean(fit.fit.residuals**2))) / max(abs(fit.a11), 1e-300)
+        alone = columns - fit.columns @ np.linalg.lstsq(fit.columns, columns, rcond=1e-10)[0]
+        change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(np.linalg.norm(alone, axis=0), 1e-300)
+        change *= float(np.sqrt(left / len(columns))) / max(abs(fit.a11), 1e-300)
         first = 0
         for kind, own in kinds.items():
             at = slice(first, first + len(own))

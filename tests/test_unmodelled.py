@@ -107,7 +107,7 @@ def test_a_spring_in_a_free_decay_shows_in_the_period_against_the_amplitude() ->
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_errors_of_a_camera_are_no_torque_that_cancels_gravity(seed: int) -> None:
-    """Without the bound by reverse regression errors in variables make one of 1 % of gravity of them, with a warning."""
+    """Without the bound by reverse regression errors in variables make a torque of them, with a warning."""
     rig = FREE.changed({"sensors.counts_per_turn": None, "axis.friction.viscous": 6e-5})
     log = sw.simulate(rig, duration=30.0, rate=60.0, initial_angle=0.28, seed=seed)
     noise = np.convolve(np.random.default_rng(seed).normal(0.0, 1e-3, len(log.angle)), np.ones(4) / 2, "same")

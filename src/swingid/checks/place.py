@@ -31,7 +31,12 @@ def check_place(law: WindowFit, fits: Iterable[PlaceFit], total: float) -> list[
     """
     if law.scale.b is None:
         return []
-    found = max((one for one in fits if _is_certain(one, total)), key=lambda one: abs(one.difference), default=None)
+    sharpest: dict[str, PlaceFit] = {}
+    for one in fits:  # what windows that distinguish it better do not show is lack of fit of the friction
+        if one.kind not in sharpest or one.variance < sharpest[one.kind].variance:
+            sharpest[one.kind] = one
+    certain = (one for one in sharpest.values() if _is_certain(one, total))
+    found = max(certain, key=lambda one: abs(one.difference), default=None)
     if found is None:
         return []
     key = "axis.stiffness" if law.scale.linear else "axis.stiffness or axis.cogging"

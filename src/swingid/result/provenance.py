@@ -10,6 +10,7 @@ from importlib.metadata import version
 
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import Table, stated
+from swingid.model.rig.tables import UNKNOWN_PLACE
 from swingid.model.terms import further_terms, rig_terms
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
@@ -111,6 +112,8 @@ def defaults_taken(rig: Rig) -> list[Message]:
         taken["axis.tilt"] = rig.axis, _tilt(rig.axis.tilt)
     if wheel is not None:
         taken["drive.wheel.tilt"] = wheel, _tilt(wheel.tilt)
+    if rig.axis.mass is not None and not (stated(rig.axis, "g") or stated(rig.axis, "latitude")):
+        taken["axis.g"] = rig.axis, str(UNKNOWN_PLACE) + " m/s^2"
     taken["axis.model_uncertainty"] = rig.axis, f"{100 * rig.axis.model_uncertainty:g} %"
     texts = [f"{key} = {text}" for key, (table, text) in taken.items() if not stated(table, key.rpartition(".")[2])]
     return [Message("defaults-taken", f"not stated, taken as: {', '.join(texts)}.")] if texts else []

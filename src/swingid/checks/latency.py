@@ -24,7 +24,7 @@ from swingid.preparation.encoders import Channel, Correction
 from swingid.preparation.prepared import Part
 from swingid.recording.findings import Kind
 from swingid.result.result import Message
-from swingid.uncertainty.significance import BETTER, DETECTED, MATTERS
+from swingid.uncertainty.significance import BETTER, CERTAIN, MATTERS
 
 LATEST = 0.01
 """Prior standard deviation (s) of an undeclared latency: ten times that of a usual rig, so hardly informative."""
@@ -112,7 +112,7 @@ def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = 
     found = latency_of(law, signals, rig)
     moved += found.value
     u = float(np.hypot(found.u, _scatter(best.tried.values(), signals, rig)))
-    if abs(moved) < DETECTED * u:
+    if abs(moved) < CERTAIN * u:
         return []
     # the lack of fit by a latency widens the interval as well, which would then contain its effect
     if abs(law.a11 - choice.law.a11) < MATTERS * min(uncertainty, law.u):

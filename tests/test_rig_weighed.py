@@ -8,7 +8,7 @@ import pytest
 
 from swingid.errors import InputError
 from swingid.model.rig import Rig
-from swingid.model.rig.tables import normal_gravity
+from swingid.model.rig.gravity import normal_gravity
 
 NONE = '[drive]\nkind = "none"\n[axis]\n'
 

@@ -10,7 +10,7 @@ from importlib.metadata import version
 
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import Table, stated
-from swingid.model.rig.tables import UNKNOWN_PLACE
+from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.model.terms import further_terms, rig_terms
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording

@@ -9,7 +9,6 @@ import math
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, PlainValidator, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
 from swingid.errors import InputError
 from swingid.model.rig.fields import (
@@ -25,6 +24,7 @@ from swingid.model.rig.fields import (
     refuse,
     stated,
 )
+from swingid.model.rig.gravity import weighed
 from swingid.units import Quantity, shown
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
@@ -136,22 +136,6 @@ def _gravity_torque(raw: object, info: ValidationInfo) -> Quantity | str:
     return found
 
 
-UNKNOWN_PLACE = Quantity(9.80665, 0.015)
-"""Acceleration of free fall (m/s²) where nothing is stated of the place: on the ground it is 9.780 to 9.833."""
-
-NORMAL_GRAVITY = 1e-3
-"""Standard deviation (m/s²) of free fall from normal gravity at sea level: heights to 600 m, anomalies of 5e-4."""
-
-
-def normal_gravity(latitude: float) -> float:
-    """Normal gravity (m/s²) at a geodetic latitude (rad) and sea level, by Somigliana's formula for GRS 80.
-
-    H. Moritz, Geodetic Reference System 1980, Journal of Geodesy 74 (2000) 128.
-    """
-    square = math.sin(latitude) ** 2
-    return 9.7803267715 * (1 + 0.001931851353 * square) / math.sqrt(1 - 0.00669438002290 * square)
-
-
 class Axis(TermTable):
     """What swings: its kind, gravity's amplitude b (N m; 0: balanced), and what only the twin uses.
 
@@ -179,41 +163,7 @@ class Axis(TermTable):
     @classmethod
     def _weighed(cls, raw: object, info: ValidationInfo) -> object:
         """The gravity torque from mass, lever and free fall."""
-        weighed = (
-            [key for key in ("mass", "lever", "centre_of_mass", "g", "latitude") if key in raw]
-            if isinstance(raw, dict)
-            else []
-        )
-        if not isinstance(raw, dict) or not weighed:
-            return raw
-        for one, other in (("gravity_torque", weighed[0]), ("lever", "centre_of_mass"), ("g", "latitude")):
-            if one in raw and other in raw:
-                refuse("contradiction", f"is given beside axis.{other}; keep one", one)
-        lever = "centre_of_mass" if "centre_of_mass" in raw else "lever"
-        for key in ("mass", lever):
-            if key not in raw:
-                refuse(
-                    "missing-key",
-                    f"is missing beside {weighed[0]}: the gravity torque is mass times lever times g",
-                    key,
-                )
-        units = {"mass": "kg", lever: "m", "g": "m/s^2"}
-        try:
-            found = {key: read_quantity(raw[key], info, unit) for key, unit in units.items() if key in raw}
-            if any(one.value < 0 for one in found.values()):
-                return raw  # its own field names the key
-            if "latitude" in raw:
-                latitude = read_quantity(raw["latitude"], info, "rad").value
-                found["g"] = Quantity(normal_gravity(latitude), NORMAL_GRAVITY)
-        except PydanticCustomError:
-            return raw
-        factors = [*found.values()] if "g" in found else [*found.values(), UNKNOWN_PLACE]
-        value = math.prod(one.value for one in factors)
-        if not math.isfinite(value):
-            return raw
-        relative = math.hypot(*(one.std / one.value for one in factors if one.std is not None and one.value))
-        exact = all(one.std is None for one in factors)
-        return {**raw, "gravity_torque": Quantity(value, None if exact else abs(value) * relative)}
+        return weighed(raw, info) if isinstance(raw, dict) else raw
 
     @property
     def along(self) -> Quantity:

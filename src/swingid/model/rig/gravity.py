@@ -1,0 +1,63 @@
+"""The gravity torque of a body that was weighed: mass times lever times the acceleration of free fall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from pydantic import ValidationInfo
+from pydantic_core import PydanticCustomError
+
+from swingid.model.rig.fields import read_quantity, refuse
+from swingid.units import Quantity
+
+UNKNOWN_PLACE = Quantity(9.80665, 0.015)
+"""Acceleration of free fall (m/s²) where nothing is stated of the place: on the ground it is 9.780 to 9.833."""
+
+NORMAL_GRAVITY = 1e-3
+"""Standard deviation (m/s²) of free fall from normal gravity at sea level: heights to 600 m, anomalies of 5e-4."""
+
+
+def normal_gravity(latitude: float) -> float:
+    """Normal gravity (m/s²) at a geodetic latitude (rad) and sea level, by Somigliana's formula for GRS 80.
+
+    H. Moritz, Geodetic Reference System 1980, Journal of Geodesy 74 (2000) 128.
+    """
+    square = math.sin(latitude) ** 2
+    return 9.7803267715 * (1 + 0.001931851353 * square) / math.sqrt(1 - 0.00669438002290 * square)
+
+
+KEYS = ("mass", "lever", "centre_of_mass", "g", "latitude")
+
+
+def weighed(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str, object]:
+    """The table [axis] with the gravity torque that its mass and lever give; as it is where it states none of `KEYS`.
+
+    What has the wrong unit or sign stays, for its own field to refuse. Raises PydanticCustomError for keys that
+    contradict one another or are missing.
+    """
+    given = [key for key in KEYS if key in raw]
+    if not given:
+        return raw
+    for one, other in (("gravity_torque", given[0]), ("lever", "centre_of_mass"), ("g", "latitude")):
+        if one in raw and other in raw:
+            refuse("contradiction", f"is given beside axis.{other}; keep one", one)
+    lever = "centre_of_mass" if "centre_of_mass" in raw else "lever"
+    for key in ("mass", lever):
+        if key not in raw:
+            refuse("missing-key", f"is missing beside {given[0]}: the gravity torque is mass times lever times g", key)
+    units = {"mass": "kg", lever: "m", "g": "m/s^2"}
+    try:
+        factors = {key: read_quantity(raw[key], info, unit) for key, unit in units.items() if key in raw}
+        if "latitude" in raw:
+            latitude = read_quantity(raw["latitude"], info, "rad").value
+            factors["g"] = Quantity(normal_gravity(latitude), NORMAL_GRAVITY)
+    except PydanticCustomError:
+        return raw
+    found = [*factors.values()] if "g" in factors else [*factors.values(), UNKNOWN_PLACE]
+    value = math.prod(one.value for one in found)
+    if any(one.value < 0 for one in found) or not math.isfinite(value):
+        return raw
+    relative = math.hypot(*(one.std / one.value for one in found if one.std is not None and one.value))
+    exact = all(one.std is None for one in found)
+    return {**raw, "gravity_torque": Quantity(value, None if exact else value * relative)}

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 
 from swingid.body.directions import hemisphere
-from swingid.body.tables import ANY_GRAVITY, Axes, AxisTable
+from swingid.body.tables import Axes, AxisTable
 from swingid.errors import InputError
+from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
 from swingid.pooling.runs import GRAVITY, constant
 from swingid.pooling.shares import Estimate, Identity, Share, estimate_of, scatter_covariance, sum_of
@@ -211,7 +212,7 @@ class _BodyValues:
         centre = body.centre_of_mass
         return cls(
             None if body.mass is None else shared(body.mass, "body.mass"),
-            shared(body.gravity or ANY_GRAVITY, "body.gravity"),
+            shared(body.gravity or UNKNOWN_PLACE, "body.gravity"),
             None if centre is None else tuple(
                 shared(part, f"body.centre_of_mass.{name}") for part, name in zip(centre, "xyz", strict=True)
             ),

@@ -25,9 +25,6 @@ STEEPEST = math.radians(10)
 LARGEST = 10_000_000
 """Bytes beyond which no file of axes is read."""
 
-ANY_GRAVITY = Quantity(9.806, 0.015)
-"""Standard gravity where none is stated (m/s²): 9.780 … 9.832 on the ground anywhere, rectangular."""
-
 
 def _vector(raw: object) -> tuple[float, float, float]:
     """A direction: three finite numbers, not all zero; its length has no meaning."""

@@ -24,9 +24,10 @@ from swingid.body.directions import (
 from swingid.body.fit import AxisRow, Deviation, Fit, deviations, disagreeing, fit
 from swingid.body.physical import closest, require_physical
 from swingid.body.principal import principal
-from swingid.body.tables import ANY_GRAVITY, LEVERS, Axes, load_axes
+from swingid.body.tables import LEVERS, Axes, load_axes
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
+from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
 from swingid.result.data import Message
 from swingid.result.provenance import versions
@@ -209,7 +210,7 @@ def _notes(axes: Axes, read: Sequence[Axis], tested: Sequence[Deviation | None])
         text = f"taken as exact, because no uncertainty was given: {', '.join(exact)}."
         notes.append(Message("exact-constants", text))
     if axes.body.gravity is None and any(table.gravity_torque is not None for table in axes.tables):
-        value = f"{ANY_GRAVITY.value} ± {ANY_GRAVITY.std} m/s²"
+        value = f"{UNKNOWN_PLACE.value} ± {UNKNOWN_PLACE.std} m/s²"
         text = f"body.gravity is not stated; {value}, anywhere on the ground, is taken."
         notes.append(Message("gravity-assumed", text))
     unchecked = [axis.name for axis, test in zip(read, tested, strict=True) if test is None]

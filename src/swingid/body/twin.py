@@ -8,10 +8,8 @@ import numpy as np
 
 from swingid.errors import UsageError
 from swingid.model.rig import Rig
+from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
-
-STANDARD_GRAVITY = 9.80665
-"""m/s², by convention (CGPM 1901)."""
 
 
 def inertia_about(
@@ -35,7 +33,7 @@ def rig_about(
     centre_of_mass: Sequence[float],
     direction: Sequence[float],
     point: Sequence[float] = (0.0, 0.0, 0.0),
-    gravity: float = STANDARD_GRAVITY,
+    gravity: float = UNKNOWN_PLACE.value,
 ) -> Rig:
     """The rig with the body on its horizontal axis: what `axis` has of its own stays, as that of the fixture.
 

@@ -143,9 +143,9 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
     if _lost(plain) < SLIGHT**2 * float(plain.known @ plain.known):
         return tried
     independent = len(plain.rows.windows) / (LAG / 2)
-    fits = {}
+    rows, fits = with_near_rest(signals, plain.rows), {}
     for terms, level in FURTHER.items():
-        fit = _beside(plain, signals, terms)
+        fit = _beside(plain, rows, terms)
         if fit is not None and _dissipates(fit) and independent * np.log(_lost(plain) / _lost(fit)) > level:
             fits[terms] = fit
     if not fits:
@@ -156,13 +156,12 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
         left = max(float(np.sum(residuals_beside(plain, columns) ** 2)), TINY)
         if independent * np.log(left) + columns.shape[1] * np.log(independent) < score[terms]:
             return tried
-    found = {half: _beside(fit, signals, terms) for half, fit in tried.items()}
+    found = {half: _beside(fit, with_near_rest(signals, fit.rows), terms) for half, fit in tried.items()}
     return {half: fit for half, fit in found.items() if fit is not None}
 
 
-def _beside(fit: WindowFit, signals: Signals, terms: tuple[str, ...]) -> WindowFit | None:
-    """The fit with further terms of friction."""
-    rows = with_near_rest(signals, fit.rows)
+def _beside(fit: WindowFit, rows: Rows, terms: tuple[str, ...]) -> WindowFit | None:
+    """The fit with further terms of friction, which are columns of `rows`."""
     return fit_rows(rows, fit.scale, fit.noise, (*fit.friction, *terms))
 
 

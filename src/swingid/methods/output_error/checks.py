@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
-from swingid.checks.answer import Fault, check_answer, check_motor, unstated_reading
+from swingid.checks.answer import Fault, MotorCheck, check_answer, check_motor, unstated_reading
 from swingid.checks.consistency import against_momentum, motor_sensitivities, without_momentum
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
@@ -62,16 +62,9 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
     signals, noise = consistency.signals, setup.part.noise
     unstated = None if consistency.balance else unstated_reading(setup.rig, signals, noise, inertia)
     motor = check_motor(consistency.balance, signals, method="this fit", uses_motor=under_voltage, unstated=unstated)
-    whole = inertia.standard_uncertainty or spread
     low, high = inertia.interval95 or (0.0, 0.0)
     if excess and (spread > HOPELESS * inertia.value or low <= 0.0):
-        share = percent(whole / inertia.value) if whole < inertia.value else "more than its value"
-        measured = "the voltage is not held from row to row (state log.drive_held = false if it was measured)"
-        cause = measured if motor.held else excess
-        raise UnanswerableError(
-            f"{cause}, and the inertia is uncertain by {share}; take {setup.alternative}, or correct the rig file.",
-            code="poor-fit",
-        )
+        raise _too_poor(inertia.standard_uncertainty or spread, inertia.value, excess, motor, setup)
     if spread > HOPELESS * inertia.value:
         values = dict(zip(unknowns.names, estimate.values, strict=True))
         raise UnanswerableError(
@@ -113,6 +106,17 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
         text = f"simulated with the held voltage: {motor_sensitivities(setup.rig, sensitivities, inertia)}"
         notes.append(Message("leans-on-the-motor", f'{text}; input="wheel" needs no motor constant.'))
     return warnings, notes
+
+
+def _too_poor(u: float, inertia: float, excess: str, motor: MotorCheck, setup: Setup) -> UnanswerableError:
+    """The refusal of a fit whose residuals, by the cause `excess`, make the inertia uncertain by u (kg m² or kg)."""
+    share = percent(u / inertia) if u < inertia else "more than its value"
+    measured = "the voltage is not held from row to row (state log.drive_held = false if it was measured)"
+    cause = measured if motor.held else excess
+    return UnanswerableError(
+        f"{cause}, and the inertia is uncertain by {share}; take {setup.alternative}, or correct the rig file.",
+        code="poor-fit",
+    )
 
 
 def _require_identifiable(estimate: Estimate) -> None:

@@ -242,7 +242,9 @@ def _place_fit(kind: str, fit: WindowFit, columns: Array, signals: Signals) -> P
     own_effects = more.declared[len(declared) :]
     if any(abs(effect.value) > INDICATED for effect in own_effects):
         return None  # the residuals have another cause, as the distortion of a camera
-    variance = abs(more.u**2 - plain.u**2) + sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
+    # windows that are not the best for both fits do not make the difference of the variances that of the difference
+    noise = max(abs(more.u**2 - plain.u**2), variance_of_difference(signals, more, plain))
+    variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
     variance += sum(grid_spread(signals, one, "inertia") ** 2 for one in (plain, more))
     variance += (attenuation(more) - attenuation(plain)) ** 2
     change = more.fit.influence[0] - plain.fit.influence[0]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from recording_cases import columns_of, rig_with, swing
+from swingid.preparation.prepared import prepare
 from swingid.recording import Recording
 from swingid.recording.lost_rows import find_lost
 from swingid.recording.rows import even_places
@@ -54,6 +55,16 @@ def test_stamps_are_those_of_the_rows_that_were_kept(rig, share):
     assert abs(LOG.time[rows[-1]] - 1e-3 * (len(rows) - 1)) * 1000 >= 0.9 * lost
     assert np.abs(off).max() < 3 + 0.15 * lost
     assert np.sqrt(np.mean(off**2)) < 0.1 * lost + 1.5
+
+
+def test_the_uncertainty_of_the_restored_time_is_that_of_the_clock():
+    rows, rig = kept_rows(0.01), rig_with().changed({"log.clock": "0 ± 2e-5"})
+    loaded = read(logged(rows), rig)
+    unsure = next(finding.of_time for finding in loaded.findings if finding.code == "lost-rows")
+    lost = (len(LOG) - len(rows)) / len(rows)
+    assert 0.02 * lost < unsure < lost
+    assert prepare(loaded, rig).rig.log.clock.std == pytest.approx(np.hypot(2e-5, unsure))
+    assert prepare(read(logged(np.arange(len(LOG))), rig), rig).rig is rig
 
 
 def test_without_sensor_errors_every_row_in_motion_is_located():

@@ -6,6 +6,7 @@ part to use with its motion.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -144,6 +145,7 @@ def prepare(log: Recording, rig: Rig, *, unbroken: bool = False, one_of_several:
     unbroken: the longest run of rows without an excluded part, for methods that proceed from row to row. Raises
     InputError where the log lacks what the rig's drive needs, UnanswerableError without a scale reference.
     """
+    rig = with_restored_time(rig, log)
     log, encoders, corrections = corrected(log, rig)
     log, pushes = push_decided(log, rig)
     scale = Scale.of(rig)
@@ -151,3 +153,12 @@ def prepare(log: Recording, rig: Rig, *, unbroken: bool = False, one_of_several:
     log, zero = centred(log, rig)
     log = longest_run(log) if unbroken else log
     return Prepared(log, rig, scale, encoders, (*corrections, *pushes, *zero), one_of_several)
+
+
+def with_restored_time(rig: Rig, log: Recording) -> Rig:
+    """The rig whose clock is as uncertain as the time of the log is, where rows were lost and restored."""
+    restored = max((found.of_time for found in log.findings), default=0.0)
+    if not restored:
+        return rig
+    clock = replace(rig.log.clock, std=math.hypot(rig.log.clock.std or 0.0, restored))
+    return rig.model_copy(update={"log": rig.log.model_copy(update={"clock": clock})})

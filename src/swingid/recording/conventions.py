@@ -234,10 +234,11 @@ class Reading:
         repair: str | None = None,
         *,
         at: Iterable[float] = (),
+        of_time: float = 0.0,
     ) -> None:
-        """Add a finding; at: instants (s) where it happened."""
+        """Add a finding; at: instants (s) where it happened; of_time: see `Finding`."""
         spans = tuple((float(instant), float(instant)) for instant in at)
-        self.findings.append(Finding(code, message, level, repair, spans=spans))
+        self.findings.append(Finding(code, message, level, repair, spans=spans, of_time=of_time))
 
 
 def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:

@@ -34,6 +34,7 @@ class Finding:
     A ``"warning"`` may affect the result; a ``"note"`` states what was done or assumed. `repair` names the repair
     (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off. spans: from when to when (s) what a
     warning reports happened; where that is outside of the rows that a method used, it is a note. Empty: everywhere.
+    of_time: relative standard uncertainty of the time that a repair restored.
     """
 
     code: str
@@ -42,6 +43,7 @@ class Finding:
     repair: str | None = None
     kind: Kind | None = None
     spans: tuple[tuple[float, float], ...] = ()
+    of_time: float = 0.0
 
     def within(self, start: float, stop: float) -> Finding:
         """As it counts where only the rows from start to stop (s) are used."""

@@ -141,7 +141,7 @@ def with_lost_rows(channels: Channels, reading: Reading) -> Channels:
     text += f"; it was restored, with {lost.hidden.sum():.2g} more where the motion is too slow to show them"
     text += f", to {unsure:.1g} of the time. Log the time of each row"
     level: Literal["note", "warning"] = "note" if unsure < CLOSE else "warning"
-    reading.found("lost-rows", f"{text}.", level, "lost-rows", at=time[lost.before > 0])
+    reading.found("lost-rows", f"{text}.", level, "lost-rows", at=time[lost.before > 0], of_time=unsure)
     return {**channels, "time": time + step * np.cumsum(lost.before + lost.hidden)}
 
 

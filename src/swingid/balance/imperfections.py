@@ -24,6 +24,9 @@ from swingid.units import Quantity, time_power
 CLOCK = "log.clock"
 """Key of the deviation of the log's clock."""
 
+VOLTAGE_SCALE = "log.voltage_scale"
+"""Key of the volts per logged unit of the voltage."""
+
 
 @dataclass(frozen=True)
 class Imperfection:
@@ -77,6 +80,7 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
         *with_rig(rig, constants(rig, rows)),
         *_encoders(rig, signals, rows, a11, b),
         *_latencies(rig, signals, rows),
+        *_stated_scales(rig, signals, rows, a11, b),
     ]
     return [item for item in found if item.std > 0]
 
@@ -155,7 +159,8 @@ def rig_deviations(rig: Rig) -> Iterator[tuple[str, float, dict[str, float]]]:
 
     A tilt is a relative change of the gravity torque. A clock that is fast by c makes all times too long by that share,
     which is the same as constants with the power n of the time in their unit larger by n c: the gravity torque by
-    −2 c. What they cannot change is the unit of the parameters (`Declared.of_time`).
+    −2 c. What they cannot change is the unit of the parameters (`Declared.of_time`). The scale of the voltage is a
+    relative change of the motor's torque per volt.
     """
     gravity = rig.axis.gravity_torque
     if isinstance(gravity, Quantity) and gravity.value:
@@ -164,6 +169,9 @@ def rig_deviations(rig: Rig) -> Iterator[tuple[str, float, dict[str, float]]]:
     values = {key: stated_at(rig, key) for key, power in powers.items() if power}
     weights = {key: powers[key] * value.value for key, value in values.items() if isinstance(value, Quantity)}
     yield CLOCK, rig.log.clock.std or 0.0, weights
+    if rig.log.voltage_scale.std and rig.drive.motor is not None:
+        volts = {"drive.motor.torque_per_volt": rig.drive.motor.torque_per_volt.value}
+        yield VOLTAGE_SCALE, relative(rig.log.voltage_scale), volts
 
 
 def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
@@ -181,20 +189,53 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
         yield of_sensor(encoders, "wheel", name, effect, calibrates=name not in encoders.wheel.calibrated)
 
 
+ANGLE_SCALE, ANGLE_OFFSET, WHEEL_SCALE = "log.angle_scale", "log.angle_offset", "log.wheel_scale"
+"""Scales (errors are relative) and the zero (rad, m) of the logged angles."""
+
+
+def scale_errors(rig: Rig) -> dict[str, float]:
+    """Standard uncertainties that [log] states of the scales (relative) and the zero (rad, m) of the angles."""
+    log, wheel = rig.log, rig.drive.kind == "reaction-wheel"
+    found = {ANGLE_SCALE: relative(log.angle_scale), ANGLE_OFFSET: log.angle_offset.std or 0.0}
+    found |= {WHEEL_SCALE: relative(log.wheel_scale)} if wheel else {}
+    return {key: std for key, std in found.items() if std > 0}
+
+
+def of_scale(key: str, std: float, rows: Array) -> Imperfection:
+    """An uncertain scale or zero of a logged angle, with the effect on the rows per unit."""
+    return Imperfection(key, std, rows, 0.0, key)
+
+
+def _stated_scales(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
+    """An angle of which the log shows (1 + ε) q + δ: effects on the rows of ε and of δ."""
+    for key, std in scale_errors(rig).items():
+        if key == WHEEL_SCALE:
+            yield of_scale(key, std, -rig.drive.a12 * rows.wheel)
+        else:
+            shape = signals.angle if key == ANGLE_SCALE else np.ones_like(signals.angle)
+            yield of_scale(key, std, -angle_error(signals, rows, shape, a11, b))
+
+
+def angle_error(signals: Signals, rows: Rows, shape: Array, a11: float, b: float) -> Array:
+    """Change of the rows by an error `shape` (rad or m, at the nodes) of the angle, per unit: ∫φ'' a11 s + φ b cos q s.
+
+    That in the terms of friction is a multiple of their own columns where `shape` is the angle, else negligible.
+    """
+    pull = np.zeros_like(shape) if signals.linear else b * signals.cosine
+    if signals.further:
+        pull = pull + stated_stiffness(signals.further, signals.angle)
+    columns = [(shape, 2), (pull * shape, 0)]
+    part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
+    result: Array = a11 * part[:, 0] + part[:, 1]
+    return result
+
+
 def axis_bends(signals: Signals, rows: Rows, a11: float, b: float) -> dict[str, Array]:
     """Effect on the rows of α = 1 ("cosine") and of β = 1 ("sine") of the axis' encoder; {} for a linear axis."""
     if signals.linear:
         return {}
-    cosine, sine = signals.cosine, signals.sine
-    columns = [(cosine, 2), (cosine * cosine, 0), (sine, 2), (sine * cosine, 0)]
-    part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
-    bends = {name: -(a11 * part[:, k] + b * part[:, k + 1]) for name, k in (("cosine", 0), ("sine", 2))}
-    if signals.further:
-        pull = stated_stiffness(signals.further, signals.angle)
-        columns = [(pull * cosine, 0), (pull * sine, 0)]
-        part = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
-        bends = {name: bend - part[:, k] for k, (name, bend) in enumerate(bends.items())}
-    return bends
+    shapes = {"cosine": signals.cosine, "sine": signals.sine}
+    return {name: -angle_error(signals, rows, shape, a11, b) for name, shape in shapes.items()}
 
 
 def wheel_bends(signals: Signals, rows: Rows, a12: float) -> dict[str, Array]:

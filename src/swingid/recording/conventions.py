@@ -1,22 +1,18 @@
-"""From a rig's columns, units, zeros and signs (`rig.log`) to the model's channels, and back for saving.
-
-Units that a log states in its header, as "theta [deg]", are taken where rig.toml has none, and must agree where it has
-one. A clock that counts from an epoch (1970, ns of a ROS stamp) is counted from the first row.
-"""
+"""From a rig's columns, units, zeros and signs (`rig.log`) to the model's channels, and back for saving."""
 
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.model.rig.fields import stated
 from swingid.model.rig.tables import LogConventions
 from swingid.numerics.spline import spline_slopes
 from swingid.recording.findings import Finding
-from swingid.recording.formats.table import canonical
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -46,11 +42,15 @@ DEFAULT_COLUMNS = {
     "adaptive_gain": "k",
 }
 
-_CHANGING = ("_unit", "_zero", "_sign", "_is", "_scale", "_gain")
+
+def _plain(value: object) -> object:
+    """The value of a key without its uncertainty."""
+    return value.value if isinstance(value, Quantity) else value
+
+
+_CHANGING = ("_unit", "_zero", "_sign", "_is", "_scale", "_offset", "_gain")
 DEFAULT_KEYS: dict[str, object] = {
-    key: field.default.value if isinstance(field.default, Quantity) else field.default
-    for key, field in LogConventions.model_fields.items()
-    if key.endswith(_CHANGING)
+    key: _plain(field.default) for key, field in LogConventions.model_fields.items() if key.endswith(_CHANGING)
 }
 """Keys of [log] that change numbers, with their defaults."""
 
@@ -113,34 +113,36 @@ class Conventions:
         kind = rig.drive.kind
         columns = {name: getattr(log, name, None) or default for name, default in DEFAULT_COLUMNS.items()}
         unit, turn = _unit(rig, log.angle_unit, "angle")
-        if isinstance(log.angle_zero, str):
+        unit, turn = unit * log.angle_scale.value, None if turn is None else turn / log.angle_scale.value
+        if stated(log, "angle_offset"):
+            zero = log.angle_offset.value
+        elif isinstance(log.angle_zero, str):
             zero = np.pi if log.angle_zero == "up" else 0.0
         else:
             zero = -log.angle_sign * unit * log.angle_zero
         angle = Scale(log.angle_sign * unit, zero, turn)
         scales = {"angle": angle, "reference": Scale(angle.factor, zero, turn)}
         scales["time"] = Scale(SECONDS[log.time_unit] / (1 + log.clock.value))
-        scales["voltage"] = Scale(float(log.voltage_sign))
+        scales["voltage"] = Scale(log.voltage_sign * log.voltage_scale.value)
         scales["torque"] = Scale(log.torque_gain.value * log.torque_sign)
         if kind == "reaction-wheel":
-            sign = log.wheel_angle_sign * float(log.wheel_scale)
+            sign = log.wheel_angle_sign * log.wheel_scale.value
             unit, turn = _unit(rig, log.wheel_angle_unit, "wheel")
             scales["wheel_angle"] = Scale(sign * unit, 0.0, turn)
             scales["wheel_speed"] = Scale(sign * _speed_unit(rig, log.wheel_speed_unit))
-        stated = frozenset(log.model_fields_set)
         absolute = log.wheel_angle_is == "absolute"
         prefixes = {
             "reaction-wheel": ("time_", "angle_", "wheel_", "voltage_"),
             "direct": ("time_", "angle_", "torque_"),
             "none": ("time_", "angle_"),
         }
-        keys = {key: getattr(log, key) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
-        if "torque_gain" in keys:
-            keys["torque_gain"] = log.torque_gain.value
+        keys = {key: _plain(getattr(log, key)) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
         wheel: Literal["wheel_angle", "wheel_speed"] = "wheel_angle" if log.wheel_speed is None else "wheel_speed"
         mean = log.wheel_speed_is == "mean"
         rate = None if log.rate is None else log.rate * (1 + log.clock.value)
-        return cls(columns, scales, rate, absolute, log.drive_held, kind, stated, keys, wheel, mean)
+        return cls(
+            columns, scales, rate, absolute, log.drive_held, kind, frozenset(log.model_fields_set), keys, wheel, mean
+        )
 
     def scale(self, channel: str) -> Scale:
         """The convention of a channel; as it is where none is stated."""
@@ -312,87 +314,3 @@ def _missing(table: Table, channel: str, conventions: Conventions, name: str) ->
     if channel in ("wheel_angle", "wheel_speed", "torque"):
         message += f', or another [drive] kind than "{conventions.drive_kind}"'
     return InputError(f"{message}.", code="missing-column")
-
-
-TIMES = frozenset(SECONDS)
-ANGLES = frozenset({"rad", "deg", "turns", "counts", "m", "mm"})
-SPEEDS = frozenset({"rad/s", "deg/s", "turns/s", "rpm", "counts/s"})
-FACTORS = {"voltage": {"V": 1.0, "mV": 1e-3}, "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0}}
-
-
-def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, list[Finding]]:
-    """The rig's conventions with the units of the header, and a note for each that changes numbers.
-
-    Raises InputError where [log] states a unit that is not the header's.
-    """
-    conventions = Conventions.of(rig)
-    if table.metadata:  # swingid wrote it, in the rig's own conventions
-        return conventions, []
-    changes: dict[str, object] = {}
-    findings = []
-    for channel, key, known in (
-        ("time", "time_unit", TIMES),
-        ("angle", "angle_unit", ANGLES),
-        ("wheel_angle", "wheel_angle_unit", ANGLES),
-        ("wheel_speed", "wheel_speed_unit", SPEEDS),
-    ):
-        read = conventions.rate is None if channel == "time" else channel in conventions.channels
-        column, unit = _stated_unit(table, conventions, channel)
-        stated = canonical(unit)
-        if not read or stated not in known:
-            continue
-        used = str(getattr(rig.log, key))
-        if stated != used and key in conventions.stated:
-            raise _unit_conflict(name, column, unit, key, used)
-        if stated != used:
-            changes[f"log.{key}"] = stated
-            findings.append(_unit_note(column, unit, key))
-    if changes:
-        conventions = Conventions.of(rig.changed(changes))
-    for channel, factors in FACTORS.items():
-        column, unit = _stated_unit(table, conventions, channel)
-        factor = factors.get(canonical(unit), 1.0)
-        if factor != 1.0 and channel in conventions.channels:
-            old = conventions.scale(channel)
-            scaled = replace(old, factor=old.factor * factor)
-            conventions = replace(conventions, scales=conventions.scales | {channel: scaled})
-            findings.append(_unit_note(column, unit, None))
-    return conventions, findings
-
-
-def _stated_unit(table: Table, conventions: Conventions, channel: str) -> tuple[str, str]:
-    column = table.find(conventions.columns[channel])
-    return ("", "") if column is None else (column, table.unit(column))
-
-
-def _unit_note(column: str, unit: str, key: str | None) -> Finding:
-    stated = f"; [log] {key} may state it" if key else ""
-    return Finding("unit-of-header", f"column {column!r} is read in {unit}, as its header states{stated}.", "note")
-
-
-def _unit_conflict(name: str, column: str, unit: str, key: str, used: str) -> InputError:
-    message = f'{name}: the header of column {column!r} states {unit}, but [log] {key} = "{used}"; make them agree'
-    return InputError(f"{message}, or rename the column.", code="unit-conflict")
-
-
-EPOCH = 1e8
-"""Three years in s: no clock that was started with the rig has run so long."""
-
-LAST = 1e11
-"""No clock in s: one that counts ms, us or ns."""
-
-
-def from_first_row(table: Table, conventions: Conventions) -> tuple[Conventions, list[Finding]]:
-    """The conventions with times (s) from the first row of `table` where they count from an epoch, and a note of it."""
-    column = None if conventions.rate is not None else table.find(conventions.columns["time"])
-    if column is None:
-        return conventions, []
-    stamps, _ = table.numbers(column)
-    scale = conventions.scale("time")
-    stamps = stamps[np.isfinite(stamps)][:1]
-    begin = float(stamps[0]) * scale.factor if stamps.size else 0.0
-    if not EPOCH < abs(begin) < LAST:
-        return conventions, []
-    text = f"the times in column {column!r} count from an epoch; here they count from the first row, at {begin:.3f} s."
-    moved = Scale(scale.factor, -begin)
-    return replace(conventions, scales=conventions.scales | {"time": moved}), [Finding("from-epoch", text, "note")]

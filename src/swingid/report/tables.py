@@ -116,6 +116,10 @@ def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
     gain = getattr(rig.log, "torque_gain", None)
     if rig.drive.kind == "direct" and isinstance(gain, Quantity):
         yield "log.torque_gain", gain
+    for key in ("angle_scale", "angle_offset", "wheel_scale", "voltage_scale"):
+        value = getattr(rig.log, key)
+        if isinstance(value, Quantity) and value.std:
+            yield f"log.{key}", value
 
 
 def _leaves(model: object, path: str) -> Iterator[tuple[str, object]]:

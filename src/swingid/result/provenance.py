@@ -56,6 +56,8 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
         found |= {f"drive.motor.{name}": getattr(motor, name) for name in type(motor).model_fields}
     if rig.drive.kind == "direct":
         found["log.torque_gain"] = rig.log.torque_gain
+    scales = ("angle_scale", "angle_offset", "wheel_scale", "voltage_scale")
+    found |= {f"log.{key}": getattr(rig.log, key) for key in scales if stated(rig.log, key)}
     return {key: {"value": q.value, "std": q.std} for key, q in found.items() if isinstance(q, Quantity)}
 
 
@@ -86,6 +88,7 @@ ROW_ONE = (
     "drive.motor.rotor_inertia",
     "drive.motor.gear_ratio",
     "log.torque_gain",
+    "log.angle_scale",
 )
 """Constants of equation (I), which a method needs that does without the motor."""
 

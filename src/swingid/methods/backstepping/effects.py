@@ -9,7 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from swingid.balance.imperfections import declared_with_rig, of_sensor, relative
+from swingid.balance.imperfections import (
+    ANGLE_OFFSET,
+    WHEEL_SCALE,
+    declared_with_rig,
+    of_sensor,
+    relative,
+    scale_errors,
+)
 from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -52,6 +59,11 @@ def _changes(log: Recording, rig: Rig, encoders: Encoders) -> Iterator[tuple[Dec
         along = rig.drive.wheel.along
         tilted = rig.changed({WHEEL_TILT: math.acos(along.value * (1 - STEP))})
         yield Declared(stated(WHEEL_TILT, WHEEL_TILT), relative(along), np.empty(0)), -STEP, (log, tilted)
+    for key, std in scale_errors(rig).items():
+        angles: dict[str, Any] = {"angle": log.angle + (std if key == ANGLE_OFFSET else std * log.angle)}
+        if key == WHEEL_SCALE and log.wheel_angle is not None:
+            angles = {"wheel_angle": log.wheel_angle * (1 + std)}
+        yield Declared(stated(key, key), std, np.empty(0)), std, (replace(log, **angles), rig)
     channels: tuple[tuple[Channel, str, Array | None], ...]
     channels = ("angle", "angle", log.angle), ("wheel", "wheel_angle", log.wheel_angle)
     for channel, name, values in channels:

@@ -10,14 +10,23 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from swingid.balance.imperfections import Imperfection, of_sensor, wheel_tilt, with_rig
+from swingid.balance.imperfections import (
+    ANGLE_OFFSET,
+    ANGLE_SCALE,
+    Imperfection,
+    of_scale,
+    of_sensor,
+    scale_errors,
+    wheel_tilt,
+    with_rig,
+)
 from swingid.balance.motor import motor_drag, motor_torque
 from swingid.balance.rows import shifted
 from swingid.methods.energy.balance import MOTOR, Course, States
 from swingid.methods.energy.fit import NodeFit
 from swingid.model.rig import Rig
 from swingid.model.rig.tables import Motor
-from swingid.model.terms import rig_terms
+from swingid.model.terms import TERMS, rig_terms
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_integrals
 from swingid.preparation.scale import Scale
@@ -36,6 +45,7 @@ def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit
     torque, as known or as identified.
     """
     found = [*_held(rig, states), *_axis_sensor(rig, course, states, fit, b), *_wheel_sensor(rig, course, states)]
+    found += _stated_scales(rig, course, states, fit, b)
     motor = rig.drive.motor
     if scale.drive == "reaction-wheel" and motor is not None:
         found = [*_inertias(rig, motor, states), *_motor(rig, motor, states), *found]
@@ -105,6 +115,22 @@ def _axis_sensor(rig: Rig, course: Course, states: States, fit: NodeFit, b: floa
         yield of_sensor(course.encoders, "angle", "latency", effect - friction_power(fit, states.speed).ravel())
 
 
+def _stated_scales(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
+    """Angles of which the log shows (1 + ε) q + δ."""
+    still, moving = np.zeros_like(states.speed), np.zeros_like(course.speed)
+    for key, std in scale_errors(rig).items():
+        if key == ANGLE_SCALE:
+            effect = _angle_effect(rig, course, states, fit, b, states.angle, states.speed, course.speed)
+            for name, column in states.friction.items():
+                effect = effect - ((TERMS[name].power or 0) + 1) * fit.value(name) * column.ravel()
+        elif key == ANGLE_OFFSET:
+            effect = _angle_effect(rig, course, states, fit, b, np.ones_like(states.speed), still, moving)
+        else:
+            ones, along = np.ones_like(states.wheel_speed), np.ones_like(course.wheel_speed)
+            effect = _wheel_effect(rig, course, states, ones, along)
+        yield of_scale(key, std, effect)
+
+
 def friction_power(fit: NodeFit, v: Array) -> Array:
     """F(q1') q1' of the fitted friction, W."""
     size = np.abs(v)
@@ -136,25 +162,42 @@ def _angle_effect(
 
 def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfection]:
     """As for the axis; the motor's work depends on q2' along the way."""
-    motor, wheel, sensor = rig.drive.motor, course.wheel, course.encoders.wheel
-    if wheel is None or motor is None:
+    wheel, sensor = course.wheel, course.encoders.wheel
+    if wheel is None:
         return
-    n, rate = motor.gear_ratio.value, course.wheel_speed
-    loss = motor.efficiency.value * motor.back_emf.value * course.active + motor.viscous.value * n
-    slope = n * (motor_torque(motor, course.voltage, rate) - motor_drag(motor, rate) - loss * rate)
-    momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
     instants = course.nodes.instants.ravel()
     if sensor.nonlinearity:
         at_nodes = wheel.angle_at(states.instants.ravel()).reshape(states.instants.shape)
-        along = wheel.angle_at(instants).reshape(rate.shape)
+        along = wheel.angle_at(instants).reshape(course.wheel_speed.shape)
         for kind, (_, derivative) in SHAPES.items():
-            (work,) = _integrals(course, states, (slope * derivative(along) * rate)[None])
-            effect = (work - momentum * derivative(at_nodes) * states.wheel_speed).ravel()
+            effect = _wheel_effect(rig, course, states, derivative(at_nodes), derivative(along))
             yield of_sensor(course.encoders, "wheel", kind, effect)
     if sensor.latency.std:
-        (work,) = _integrals(course, states, (slope * wheel.acceleration(instants).reshape(rate.shape))[None])
-        effect = (work - momentum * states.wheel_acceleration).ravel()
-        yield of_sensor(course.encoders, "wheel", "latency", effect)
+        (work,) = _integrals(
+            course,
+            states,
+            _wheel_slope(rig, course) * wheel.acceleration(instants).reshape(1, *course.wheel_speed.shape),
+        )
+        momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
+        yield of_sensor(course.encoders, "wheel", "latency", (work - momentum * states.wheel_acceleration).ravel())
+
+
+def _wheel_effect(rig: Rig, course: Course, states: States, derivative: Array, along: Array) -> Array:
+    """Effect of an error s(q2) of the wheel's angle with this derivative at the nodes, and along the way."""
+    momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
+    (work,) = _integrals(course, states, (_wheel_slope(rig, course) * along * course.wheel_speed)[None])
+    result: Array = (work - momentum * derivative * states.wheel_speed).ravel()
+    return result
+
+
+def _wheel_slope(rig: Rig, course: Course) -> Array:
+    """Change of the motor's power per unit of q2'."""
+    motor = rig.drive.motor
+    assert motor is not None
+    n, rate = motor.gear_ratio.value, course.wheel_speed
+    loss = motor.efficiency.value * motor.back_emf.value * course.active + motor.viscous.value * n
+    slope: Array = n * (motor_torque(motor, course.voltage, rate) - motor_drag(motor, rate) - loss * rate)
+    return slope
 
 
 def _integrals(course: Course, states: States, signals: Array) -> Array:

@@ -8,12 +8,23 @@ import numpy as np
 
 from swingid.balance.fits import columns_of, known_side
 from swingid.balance.friction_laws import law_columns, parameter_weights, stribeck_slope
-from swingid.balance.imperfections import Imperfection, constants, of_sensor, propagated, with_rig
+from swingid.balance.imperfections import (
+    ANGLE_OFFSET,
+    ANGLE_SCALE,
+    WHEEL_SCALE,
+    Imperfection,
+    constants,
+    of_scale,
+    of_sensor,
+    propagated,
+    scale_errors,
+    with_rig,
+)
 from swingid.methods.equation_error.estimate import Selection
 from swingid.methods.equation_error.grid import curvature, slope
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
-from swingid.model.terms import rig_terms, stated_stiffness, units_on
+from swingid.model.terms import TERMS, rig_terms, stated_stiffness, units_on
 from swingid.preparation.scale import Scale
 from swingid.result.result import Details, FrictionCurve, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Scatter, evaluate
@@ -70,6 +81,28 @@ def _effects(rig: Rig, chosen: Fitted) -> Iterator[Imperfection]:
     elif grid.torque is not None:
         (effect,) = row_filter(-slope(grid.torque, grid.step))
         yield of_sensor(encoders, "angle", "latency", effect)
+    yield from _stated_scales(rig, chosen)
+
+
+def _stated_scales(rig: Rig, chosen: Fitted) -> Iterator[Imperfection]:
+    """Angles of which the log shows (1 + ε) q + δ."""
+    grid = chosen.row_filter.grid
+    q, wheel = grid.angle, grid.wheel
+    pull = chosen.stiffness * np.cos(q) + stated_stiffness(rig_terms(rig), q)
+    for key, std in scale_errors(rig).items():
+        shape = np.ones_like(q) if key == ANGLE_OFFSET else q
+        if key == WHEEL_SCALE and wheel is not None:
+            change = rig.drive.a12 * curvature(wheel, grid.step)
+        else:
+            change = chosen.fit.a11 * curvature(shape, grid.step) + pull * shape
+        (effect,) = chosen.row_filter(-change)
+        if key == ANGLE_SCALE:
+            friction = {
+                name: chosen.rows.friction[name] for name in chosen.fit.unknowns if name in chosen.rows.friction
+            }
+            powers = ((TERMS[name].power or 0) * chosen.fit.value(name) * column for name, column in friction.items())
+            effect = effect - sum(powers, np.zeros_like(effect))
+        yield of_scale(key, std, effect)
 
 
 def details(found: Selection, scale: Scale, span: tuple[float, float]) -> Details:

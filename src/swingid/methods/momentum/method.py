@@ -15,7 +15,7 @@ from swingid.balance.choice import MEMORY, Choice
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
-from swingid.balance.imperfections import imperfections, sensitivities
+from swingid.balance.imperfections import ANGLE_SCALE, imperfections, sensitivities
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
@@ -41,7 +41,7 @@ from swingid.checks.stated import check_encoders
 from swingid.errors import NotIdentifiableError, UsageError
 from swingid.format import plus_minus
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS, units_on
+from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array, median
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.prepared import Part, Prepared
@@ -208,7 +208,10 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     declared = []
     for item in imperfections(rig, signals, friction.rows, law.a11, law.b):
         of_body = effects[item.source].shifts[body] / item.std
-        declared.append(item.on(np.concatenate([of_body, own @ friction.influence @ item.rows])))
+        of_friction = own @ friction.influence @ item.rows
+        if item.source == ANGLE_SCALE:
+            of_friction -= [power_of(name) * values[name][0] for name in weights]
+        declared.append(item.on(np.concatenate([of_body, of_friction])))
     scattered = _scatter(law, friction, body, own)
     return evaluate(values, scattered, _common(estimate), declared, relative=rig.axis.model_uncertainty)
 

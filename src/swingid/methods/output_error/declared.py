@@ -8,12 +8,16 @@ from dataclasses import replace
 import numpy as np
 
 from swingid.balance.imperfections import (
+    ANGLE_OFFSET,
+    WHEEL_SCALE,
     Imperfection,
     declared_with_rig,
     imperfections,
+    of_scale,
     of_sensor,
     propagated,
     relative,
+    scale_errors,
 )
 from swingid.methods.output_error.constants import (
     SCALE,
@@ -39,6 +43,7 @@ def declared_effects(setup: Setup, problem: Problem, searched: Searched, influen
     """Change of the unknowns (m,) of a fit per unit of every constant of the rig and every imperfection declared."""
     rates = searched.fit.prediction.rates
     sensors = [*_encoders(setup, problem, searched), *_latencies(problem, rates)]
+    sensors += _stated_scales(setup, problem, searched)
     sensors = [replace(item, rows=item.rows / problem.sigma) for item in sensors if item.std > 0]
     constants = declared_with_rig(setup.rig, _constants(setup, problem, searched, influence))
     return (*constants, *propagated(sensors, influence))
@@ -119,6 +124,18 @@ def _encoders(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Im
                 assert wheel is not None
                 effect = -_other_input(setup, problem, searched, std * shape(wheel)) / std
             yield of_sensor(problem.encoders, channel, kind, effect)
+
+
+def _stated_scales(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Imperfection]:
+    """Change of the readings where the log shows (1 + ε) q + δ."""
+    for key, std in scale_errors(setup.rig).items():
+        here = problem.wheel if key == WHEEL_SCALE else ~problem.wheel
+        effect = np.where(here, 1.0 if key == ANGLE_OFFSET else problem.measured, 0.0)
+        if key == WHEEL_SCALE and problem.input == "wheel":
+            wheel = setup.part.log.wheel_angle
+            assert wheel is not None
+            effect = -_other_input(setup, problem, searched, std * wheel) / std
+        yield of_scale(key, std, effect)
 
 
 def _other_input(setup: Setup, problem: Problem, searched: Searched, error: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, NoReturn, TypedDict, Unpack
 
@@ -97,6 +98,21 @@ def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits
         return _within(found, limits).value
 
     return PlainValidator(read)
+
+
+def has_angle_unit(raw: object) -> bool:
+    """Whether a scale is stated in a unit of angle or length, as "61.3 ± 0.2 deg" and "61.3 deg/V" are."""
+    text = raw if isinstance(raw, str) else raw.get("unit") if isinstance(raw, dict) else None
+    return isinstance(text, str) and re.search(r"[^\W\d_]|°", text.replace("ppm", "")) is not None
+
+
+def per_logged_unit(raw: object, info: ValidationInfo) -> Quantity:
+    """A positive scale of a logged angle: a pure number, or an angle (m on a linear axis) per V or per logged unit."""
+    text = raw if isinstance(raw, str) else ""
+    unit = "/V" if re.search(r"/\s*m?V\s*$", text) else ""
+    if has_angle_unit(raw):
+        return _within(read_quantity(raw, info, f"rad{unit}", f"m{unit}"), {"above": 0.0})
+    return _within(read_quantity(raw, info, ""), {"above": 0.0})
 
 
 def choice_or_number(*choices: str) -> PlainValidator:

@@ -150,6 +150,8 @@ class Rig(Table):
             found["sensors.wheel.latency"] = self.sensors.wheel.latency
         if self.drive.kind == "direct":
             found["log.torque_gain"] = self.log.torque_gain
+        if stated(self.log, "angle_scale"):
+            found["log.angle_scale"] = self.log.angle_scale
         return tuple(key for key, value in found.items() if isinstance(value, Quantity) and value.std is None)
 
     @model_validator(mode="after")

@@ -17,6 +17,8 @@ from swingid.model.rig.fields import (
     TermTable,
     choice_or_number,
     given,
+    has_angle_unit,
+    per_logged_unit,
     plain_number,
     quantity,
     quantity_or_unknown,
@@ -305,11 +307,12 @@ class LogConventions(Table):
     `model_fields_set` holds what the file stated: a default column may be absent from a log, a stated one may
     not. With `rate` (rows per second) rows are evenly spaced and `time` is not read. Row k's voltage or torque
     acts from t_k to t_(k+1) if `drive_held`, else it is a measurement at t_k; angles are those at t_k.
-    `angle_zero` as a number is the logged angle, in its unit, at which the body hangs (a linear axis: that is 0).
-    `wheel_scale` is wheel turns per logged turn. `wheel_speed` replaces the wheel's angle where only the speed was
-    logged: the speed at the row, or ("mean") the turn since the row before, divided by the time.
-    Torque (force) = torque_sign * torque_gain * column. clock: relative deviation of the log's clock, positive where
-    it is fast.
+    `angle_zero` as a number is the logged value at which the body hangs (a linear axis: that is 0). `angle_scale` is
+    angle (in its unit) per logged unit, of a potentiometer in V; `angle_offset` (rad, m) the angle at the logged value
+    0, in the place of `angle_zero`. `wheel_scale` is wheel turns per logged turn, `voltage_scale` V per logged unit.
+    `wheel_speed` replaces the wheel's angle where only the speed was logged: the speed at the row, or ("mean") the turn
+    since the row before, divided by the time. Torque (force) = torque_sign * torque_gain * column. clock: relative
+    deviation of the log's clock, positive where it is fast.
     """
 
     time: Column = "t"
@@ -319,16 +322,19 @@ class LogConventions(Table):
     angle_unit: Literal["rad", "deg", "turns", "counts", "m", "mm"] = "rad"
     angle_zero: Annotated[Literal["down", "up"] | float, choice_or_number("down", "up")] = "down"
     angle_sign: Sign = 1
+    angle_scale: Annotated[Quantity, PlainValidator(per_logged_unit)] = Quantity(1.0)
+    angle_offset: Annotated[Quantity, quantity("rad", "m")] = Quantity(0.0)
     wheel_angle: Column = "q2"
     wheel_angle_unit: AngleUnit = "rad"
     wheel_angle_sign: Sign = 1
     wheel_angle_is: Literal["relative", "absolute"] = "relative"
-    wheel_scale: Annotated[float, plain_number("", above=0)] = 1.0
+    wheel_scale: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
     wheel_speed: Column | None = None
     wheel_speed_unit: Literal["rad/s", "deg/s", "turns/s", "rpm", "counts/s"] = "rad/s"
     wheel_speed_is: Literal["instant", "mean"] = "instant"
     voltage: Column = "u"
     voltage_sign: Sign = 1
+    voltage_scale: Annotated[Quantity, quantity("V", above=0)] = Quantity(1.0)
     torque: Column = "tau"
     torque_gain: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
     torque_sign: Sign = 1
@@ -344,12 +350,23 @@ class LogConventions(Table):
             refuse("wrong-value", f"must be true or false, not {shown(raw['drive_held'])}", "drive_held")
         return raw
 
+    @model_validator(mode="before")
+    @classmethod
+    def _one_unit_of_the_angle(cls, raw: Any) -> Any:
+        if isinstance(raw, dict) and "angle_unit" in raw and has_angle_unit(raw.get("angle_scale")):
+            refuse("contradiction", "is given beside an angle_scale with a unit of its own; keep one", "angle_unit")
+        return raw
+
     @model_validator(mode="after")
     def _one_source_each(self) -> Self:
         if stated(self, "rate") and stated(self, "time"):
             refuse("contradiction", "is given beside time; keep the column, or the rate of evenly spaced rows", "rate")
         if stated(self, "rate") and stated(self, "time_unit"):
             refuse("contradiction", "is given beside rate, which reads no column of the time; keep one", "time_unit")
+        if stated(self, "angle_offset") and stated(self, "angle_zero"):
+            refuse(
+                "contradiction", "is given beside angle_zero, the logged value of the same; keep one", "angle_offset"
+            )
         if stated(self, "wheel_speed") and stated(self, "wheel_angle"):
             refuse("contradiction", "is given beside wheel_angle; keep the angle", "wheel_speed")
         return self

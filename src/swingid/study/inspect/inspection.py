@@ -17,9 +17,10 @@ from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.push import without_pushes
-from swingid.recording.conventions import SECONDS, Conventions, with_header_units
+from swingid.recording.conventions import SECONDS, Conventions
 from swingid.recording.formats import read_table
 from swingid.recording.formats.table import Table, canonical
+from swingid.recording.header import with_header_units
 from swingid.recording.inspect import Check, Column, Roles, describe, guess_roles, log_table, read_clock
 from swingid.recording.inspect.check import Clock, check_clock
 from swingid.recording.inspect.rig_text import trial_rig
@@ -266,7 +267,7 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
         scale = conventions.scales.get(role)
         factor = scale.factor if scale is not None else 1.0
         if role == "wheel_angle":
-            factor /= float(rig.log.wheel_scale)  # of the encoder, whose steps are looked at
+            factor /= rig.log.wheel_scale.value  # of the encoder, whose steps are looked at
         found.append(Channel(role, columns[name], factor, units[role]))
     return found
 

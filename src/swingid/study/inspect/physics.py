@@ -89,7 +89,7 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     found = [_signs(balance, rig), *_model(balance)]
     fits = [fit for fit in balance.fits if len(fit.rows.windows) >= FEWEST]
     found += _wheel(balance, rig)
-    turn = float(rig.log.wheel_scale) if rig.drive.kind == "reaction-wheel" else 1.0
+    turn = rig.log.wheel_scale.value if rig.drive.kind == "reaction-wheel" else 1.0
     extras = small.extras(fits, balance.signals, balance.scale, turn) if fits else {}
     if "zero" in extras:
         centre = centre_of(balance.signals.motion.turning_angles) if rig.drive.kind == "none" else None

@@ -1,0 +1,104 @@
+"""Units that a log states in its header, and a clock that counts from an epoch.
+
+Units as in "theta [deg]" are taken where rig.toml has none, and must agree where it has one. A clock that counts from
+an epoch (1970, ns of a ROS stamp) is counted from the first row.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import InputError
+from swingid.recording.conventions import SECONDS, Conventions, Scale
+from swingid.recording.findings import Finding
+from swingid.recording.formats.table import canonical
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+    from swingid.recording.formats.table import Table
+
+TIMES = frozenset(SECONDS)
+ANGLES = frozenset({"rad", "deg", "turns", "counts", "m", "mm"})
+SPEEDS = frozenset({"rad/s", "deg/s", "turns/s", "rpm", "counts/s"})
+FACTORS = {"voltage": {"V": 1.0, "mV": 1e-3}, "torque": {"N m": 1.0, "mN m": 1e-3, "N": 1.0}}
+
+
+def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, list[Finding]]:
+    """The rig's conventions with the units of the header, and a note for each that changes numbers.
+
+    Raises InputError where [log] states a unit that is not the header's.
+    """
+    conventions = Conventions.of(rig)
+    if table.metadata:  # swingid wrote it, in the rig's own conventions
+        return conventions, []
+    changes: dict[str, object] = {}
+    findings = []
+    for channel, key, known in (
+        ("time", "time_unit", TIMES),
+        ("angle", "angle_unit", ANGLES),
+        ("wheel_angle", "wheel_angle_unit", ANGLES),
+        ("wheel_speed", "wheel_speed_unit", SPEEDS),
+    ):
+        read = conventions.rate is None if channel == "time" else channel in conventions.channels
+        column, unit = _stated_unit(table, conventions, channel)
+        stated = canonical(unit)
+        if not read or stated not in known:
+            continue
+        used = str(getattr(rig.log, key))
+        if stated != used and key in conventions.stated:
+            raise _unit_conflict(name, column, unit, key, used)
+        if stated != used:
+            changes[f"log.{key}"] = stated
+            findings.append(_unit_note(column, unit, key))
+    if changes:
+        conventions = Conventions.of(rig.changed(changes))
+    for channel, factors in FACTORS.items():
+        column, unit = _stated_unit(table, conventions, channel)
+        factor = factors.get(canonical(unit), 1.0)
+        if factor != 1.0 and channel in conventions.channels:
+            old = conventions.scale(channel)
+            scaled = replace(old, factor=old.factor * factor)
+            conventions = replace(conventions, scales=conventions.scales | {channel: scaled})
+            findings.append(_unit_note(column, unit, None))
+    return conventions, findings
+
+
+def _stated_unit(table: Table, conventions: Conventions, channel: str) -> tuple[str, str]:
+    column = table.find(conventions.columns[channel])
+    return ("", "") if column is None else (column, table.unit(column))
+
+
+def _unit_note(column: str, unit: str, key: str | None) -> Finding:
+    stated = f"; [log] {key} may state it" if key else ""
+    return Finding("unit-of-header", f"column {column!r} is read in {unit}, as its header states{stated}.", "note")
+
+
+def _unit_conflict(name: str, column: str, unit: str, key: str, used: str) -> InputError:
+    message = f'{name}: the header of column {column!r} states {unit}, but [log] {key} = "{used}"; make them agree'
+    return InputError(f"{message}, or rename the column.", code="unit-conflict")
+
+
+EPOCH = 1e8
+"""Three years in s: no clock that was started with the rig has run so long."""
+
+LAST = 1e11
+"""No clock in s: one that counts ms, us or ns."""
+
+
+def from_first_row(table: Table, conventions: Conventions) -> tuple[Conventions, list[Finding]]:
+    """The conventions with times (s) from the first row of `table` where they count from an epoch, and a note of it."""
+    column = None if conventions.rate is not None else table.find(conventions.columns["time"])
+    if column is None:
+        return conventions, []
+    stamps, _ = table.numbers(column)
+    scale = conventions.scale("time")
+    stamps = stamps[np.isfinite(stamps)][:1]
+    begin = float(stamps[0]) * scale.factor if stamps.size else 0.0
+    if not EPOCH < abs(begin) < LAST:
+        return conventions, []
+    text = f"the times in column {column!r} count from an epoch; here they count from the first row, at {begin:.3f} s."
+    moved = Scale(scale.factor, -begin)
+    return replace(conventions, scales=conventions.scales | {"time": moved}), [Finding("from-epoch", text, "note")]

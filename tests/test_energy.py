@@ -312,10 +312,9 @@ def test_noise_of_the_speeds_does_not_attenuate_a_free_decay(seed):
     assert low <= INERTIA <= high
 
 
-@pytest.mark.parametrize("gravity", [0.0, "unknown"])
-def test_free_decay_without_gravity_torque_has_no_scale(gravity):
+def test_free_decay_without_gravity_torque_has_no_scale():
     with pytest.raises(UnanswerableError) as caught:
-        identify(free_log(LAWS["viscous"], TIME), free_rig(**{"axis.gravity_torque": gravity}), "energy")
+        identify(free_log(LAWS["viscous"], TIME), free_rig(**{"axis.gravity_torque": 0.0}), "energy")
     assert caught.value.code == "no-scale"
 
 

@@ -103,11 +103,10 @@ def test_a_weak_second_tone_is_doubted():
         assert abs(result.inertia.value - INERTIA) < 3 * result.inertia.standard_uncertainty
 
 
-@pytest.mark.parametrize("gravity", [0, "unknown"])
-def test_a_free_decay_needs_gravity(gravity):
+def test_a_free_decay_needs_gravity():
     log = free_log(friction, TIME)
     with pytest.raises(UnanswerableError, match=r"gravity alone sets the scale; give axis\.gravity_torque") as caught:
-        identify(log, free_rig(**{"axis.gravity_torque": gravity}))
+        identify(log, free_rig(**{"axis.gravity_torque": 0}))
     assert caught.value.code == "no-scale"
     assert caught.value.exit_code == 4
 

@@ -8,7 +8,9 @@ from pathlib import Path
 
 from swingid.errors import SwingidError, UnanswerableError, UsageError
 from swingid.methods.table import DEFAULT, Method, method_of
+from swingid.methods.unscaled import in_units_of, require_method, unscaled
 from swingid.model.rig import Rig
+from swingid.preparation.reference import reference_of
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
@@ -44,13 +46,31 @@ def identify(
     UsageError
         Unknown method or option; a LargeLog for a method that does not read in parts; no log or no rig.
     UnanswerableError
-        The log does not determine the inertia: no motion, too short, not identifiable, no scale reference.
+        The log does not determine the inertia: no motion, too short, not identifiable.
+
+    Where nothing in the rig sets a scale the result has ratios to the inertia (`Result.ratios`) and no inertia.
     """
     chosen = method_of(method)
     if not isinstance(rig, Rig):
         raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")
     if isinstance(log, str | Path):
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
+    reference = reference_of(rig)
+    if reference is None:
+        return _identified(log, rig, chosen, options)
+    require_method(reference, chosen)
+    with in_units_of(reference):
+        found = _identified(log, reference.rig, chosen, options)
+    return unscaled(found, reference, rig)
+
+
+def _identified(
+    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError],
+    rig: Rig,
+    chosen: Method,
+    options: dict[str, object],
+) -> Result:
+    """`identify` with a rig in which something sets the scale, or is its unit."""
     if isinstance(log, Recording | LargeLog):
         chosen.check_options(options)
 

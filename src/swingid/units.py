@@ -52,6 +52,10 @@ class Quantity:
         return repr(self.value) if self.std is None else f"{self.value!r} ± {self.std!r}"
 
 
+class UnknownScale(Quantity):
+    """A constant that would set the scale and is "unknown": 1 in units of itself, so that what follows are ratios."""
+
+
 def parse_quantity(raw: object, unit: str, key: str) -> Quantity:
     """The SI Quantity that `raw` states, where `unit` is the SI unit expected ("" for a pure number).
 

@@ -21,6 +21,7 @@ from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
 from swingid.pooling.runs import GRAVITY, constant
 from swingid.pooling.shares import Estimate, Identity, Share, estimate_of, scatter_covariance, sum_of
+from swingid.result.data import require_scale
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
 from swingid.uncertainty.budget import BudgetEntry, Source, scatter, stated
@@ -175,6 +176,7 @@ def _usable(source: Result | str | Path, place: str) -> Result:
     except InputError as error:
         raise InputError(f"{place}: {error.message}", code=error.code) from None
     words = "the result" if isinstance(source, Result) else str(source)
+    require_scale(result, f"{place}: {words}")
     if result.status == "refused" or "inertia" not in result.parameters:
         reason = f": {result.error.message.rstrip('.')}" if result.error else ""
         raise InputError(

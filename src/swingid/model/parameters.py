@@ -66,9 +66,13 @@ def constants(rig: Rig) -> dict[str, Quantity]:
 
     Raises InputError where the axis' inertia or gravity torque is not a number: motion needs both.
     """
-    from swingid.units import Quantity
+    from swingid.units import Quantity, UnknownScale
 
-    axis = rig.axis
+    axis, wheel = rig.axis, rig.drive.wheel
+    scales = {"drive.wheel.inertia": wheel.inertia if wheel else None, "log.torque_gain": rig.log.torque_gain}
+    for key, scale in scales.items():
+        if isinstance(scale, UnknownScale):
+            raise _no_motion(rig, key, "unknown", "unknown-scale")
     if axis.inertia is None:
         message = f"rig {rig.name!r} gives no axis.inertia, without which no motion can be computed; add it"
         raise InputError(message, code="missing-inertia")

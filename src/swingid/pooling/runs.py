@@ -15,6 +15,7 @@ from pathlib import Path
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import percent
 from swingid.pooling.shares import Estimate, by_source, estimate_of, sum_of
+from swingid.result.data import require_scale
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
 from swingid.uncertainty.budget import BudgetEntry
@@ -77,6 +78,7 @@ class Runs:
 def _require_same(tare: Result, loaded: Result, names: tuple[str, str]) -> None:
     """Raise InputError where one has no inertia, or the two are not of one kind."""
     for result, name in zip((tare, loaded), names, strict=True):
+        require_scale(result, name)
         if result.status == "refused" or "inertia" not in result.parameters:
             reason = f": {result.error.message.rstrip('.')}" if result.error else ""
             raise InputError(f"{name} has no inertia{reason}; identify a log that gives one.", code="refused-result")

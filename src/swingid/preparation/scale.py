@@ -13,6 +13,7 @@ import numpy as np
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.model.terms import RigTerm, rig_terms
+from swingid.preparation.reference import refuse_without_scale
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 
@@ -50,11 +51,11 @@ class Scale:
         linear = rig.axis.kind == "linear"
         further = rig_terms(rig)
         held = any(term.value is not None and term.value.value and term.term.is_conservative for term in further)
+        refuse_without_scale(rig)
         if rig.drive.kind == "none" and not b and not held:
-            what = "unknown" if b is None else "0"
             raise UnanswerableError(
-                f"rig {rig.name}: axis.gravity_torque is {what}, but in a free decay gravity alone sets the scale; "
-                "give axis.gravity_torque, or axis.stiffness of a spring.",
+                f"rig {rig.name}: axis.gravity_torque is 0, but in a free decay gravity alone sets the scale; give "
+                'axis.gravity_torque, or axis.stiffness of a spring, a number or "unknown" (for ratios).',
                 code="no-scale",
             )
         a12 = carried = 0.0

@@ -168,7 +168,7 @@ def _unstated(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
     if canonical(table.unit(name)) in FACTORS["torque"]:
         return ()
     text = f"neither rig file nor log states the unit of column {name!r} (torque), which sets the scale; set "
-    text += 'torque_gain under [log], N m (N) per unit of the column, such as 1 or "1 ± 0.1".'
+    text += 'torque_gain under [log], N m (N) per unit of the column, such as 1 or "1 ± 0.1", or "unknown".'
     return (Finding("torque-gain-missing", text, "warning", kind=Kind.NO_SCALE),)
 
 

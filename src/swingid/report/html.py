@@ -135,7 +135,7 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
         "result": result,
         "status_words": STATUS[result.status],
         "title": _title(result, log),
-        "answer": _answer(result, linear=linear) if "inertia" in result.parameters else None,
+        "answer": _answer(result, linear=linear) if result.leading in result.parameters else None,
         "linear": linear,
         "segment": segment_text(result.details, fine=True) if result.details else "",
         "parameters": tables.parameter_rows(result, linear=linear),
@@ -174,8 +174,8 @@ def _title(result: Result, log: Recording | None) -> str:
 
 
 def _answer(result: Result, *, linear: bool) -> dict[str, str]:
-    inertia = result.inertia
-    word = parameter_word("inertia", linear=linear)
+    inertia = result.main
+    word = parameter_word(result.leading, linear=linear)
     known = inertia.standard_uncertainty is not None
     return {
         "words": word.words,
@@ -185,7 +185,7 @@ def _answer(result: Result, *, linear: bool) -> dict[str, str]:
         if inertia.interval95
         else "",
         "relative": relative(inertia, fine=True),
-        "unknown": "" if known else why_unknown(result, "inertia"),
+        "unknown": "" if known else why_unknown(result, result.leading),
     }
 
 

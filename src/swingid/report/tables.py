@@ -42,9 +42,9 @@ class Row:
 def swings_off(result: Result) -> str:
     """A sentence where the swings lie off the answer by more than its interval and their scatter allow, else ""."""
     swings = result.details.swings if result.details else None
-    if swings is None or len(swings.values) < FEWEST_SWINGS or result.inertia.interval95 is None:
+    if swings is None or len(swings.values) < FEWEST_SWINGS or result.main.interval95 is None:
         return ""
-    answer, (low, high) = result.inertia.value, result.inertia.interval95
+    answer, (low, high) = result.main.value, result.main.interval95
     middle = float(np.median(swings.values))
     scatter = 1.4826 * float(np.median(np.abs(swings.values - middle)))
     if not abs(middle - answer) > (high - low) / 2 + 3 * scatter / math.sqrt(len(swings.values)):

@@ -101,6 +101,11 @@ def parameter_word(name: str, *, linear: bool) -> Word:
         return Word("moving mass", "M") if linear else Word("moment of inertia", "J₁")
     if name == "offset" and linear:
         return Word("constant force")
+    over, slash, under = name.partition("/")
+    if slash:
+        ratio = [parameter_word(one, linear=linear) for one in (over, under)]
+        symbol = " / ".join(one.symbol for one in ratio) if all(one.symbol for one in ratio) else name
+        return Word(f"{ratio[0].words} over {ratio[1].words}", symbol)
     if name in TERMS:
         return RIG[TERMS[name].key] if TERMS[name].key else Word(TERMS[name].words)
     for table, key in ((CALIBRATED, name), (RIG, name), (RIG, f"drive.{name}")):

@@ -9,12 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
+from swingid.errors import UnanswerableError
 from swingid.numerics.arrays import Array
 from swingid.recording.findings import Kind
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
-WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "per_log")
+WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "ratios", "per_log")
 """Fields that a file has only where they hold something."""
 
 
@@ -109,7 +110,8 @@ class ResultData:
     change of the inertia per unit of each constant of the rig file, by its key, exact ones too. covariance: of type A,
     between parameters fitted together where that matters (inertia and an unknown gravity torque). correlation: of all
     parameters whose uncertainty is known, of type A and B together. per_log: the ordinary results of several logs, of
-    which this one is the common result.
+    which this one is the common result. ratios: whether nothing set the scale, so that the parameters are ratios such
+    as "gravity_torque/inertia" and there is no "inertia".
     """
 
     method: str
@@ -124,12 +126,27 @@ class ResultData:
     sensitivities: dict[str, float] = field(default_factory=dict)
     covariance: dict[str, dict[str, float]] = field(default_factory=dict)
     correlation: dict[str, dict[str, float]] = field(default_factory=dict)
+    ratios: bool = False
     per_log: tuple[ResultData, ...] = ()
 
     @property
     def inertia(self) -> Parameter:
-        """The moment of inertia J1 (without a wheel: of the whole axis), the reason for all this."""
+        """The moment of inertia J1 (without a wheel: of the whole axis), the reason for all this.
+
+        Raises UnanswerableError where nothing set the scale, so that the result has ratios only.
+        """
+        require_scale(self, "this result")
         return self.parameters["inertia"]
+
+    @property
+    def leading(self) -> str:
+        """Name of the parameter that the result is about: "inertia", or the first ratio without a scale."""
+        return next(iter(self.parameters)) if self.ratios and self.parameters else "inertia"
+
+    @property
+    def main(self) -> Parameter:
+        """The parameter that the result is about, see `leading`."""
+        return self.parameters[self.leading]
 
     def to_dict(self) -> dict[str, object]:
         """The result as plain data, schema "swingid.result/1"; NaN and infinities become null."""
@@ -142,6 +159,16 @@ class ResultData:
     def to_json(self) -> str:
         """The result as JSON text."""
         return json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def require_scale(result: ResultData, name: str) -> None:
+    """Raise UnanswerableError, with the `name` of the result, for one of ratios, where an inertia is needed."""
+    if result.ratios:
+        raise UnanswerableError(
+            f"{name} has ratios to the inertia only ({', '.join(result.parameters)}), for nothing in its rig file set "
+            "the scale; state what its note no-scale names, and identify the log again.",
+            code="no-scale",
+        )
 
 
 def plain(value: Any) -> Any:

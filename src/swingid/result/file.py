@@ -114,10 +114,11 @@ class _File(_Table):
     error: _Message | None = None
     sensitivities: dict[str, float] = {}
     correlation: dict[str, dict[str, float]] = {}
+    ratios: bool = False
 
     @model_validator(mode="after")
     def _has_an_inertia(self) -> Self:
-        if self.status != "refused" and "inertia" not in self.parameters:
+        if self.status != "refused" and "inertia" not in self.parameters and not (self.ratios and self.parameters):
             raise ValueError("has no parameters.inertia")
         return self
 
@@ -137,6 +138,7 @@ def _result(file: _File) -> Result:
         error=None if file.error is None else _message(file.error),
         sensitivities=file.sensitivities,
         correlation=file.correlation,
+        ratios=file.ratios,
     )
 
 

@@ -31,14 +31,14 @@ def plot_result(result: ResultData, ax: Axes | None = None) -> Axes:
     gap between them shows friction that depends on the direction, or an error of the angle's zero.
     Raises UsageError for a refused result, which has no number to draw.
     """
-    if "inertia" not in result.parameters:
+    if result.leading not in result.parameters:
         reason = f": {result.error.message}" if result.error else "."
         raise UsageError(f"a result without a number cannot be plotted{reason}", code="nothing-to-plot")
     if ax is None:
         import matplotlib.pyplot as plt
 
         ax = plt.subplots(figsize=(6.8, 3.6), layout="constrained")[1]
-    inertia = result.inertia
+    inertia = result.main
     exponent = common_exponent([inertia.value])
     scale = 10.0**-exponent
     _draw_estimate(ax, inertia, scale)
@@ -48,13 +48,13 @@ def plot_result(result: ResultData, ax: Axes | None = None) -> Axes:
     elif swings is not None and len(swings.times):
         draw_swing_points(ax, swings, scale)
     else:
-        ax.text(0.5, 0.9, "this method gives no inertia per swing", transform=ax.transAxes, ha="center", color=GREY)
+        ax.text(0.5, 0.9, "this method gives no number per swing", transform=ax.transAxes, ha="center", color=GREY)
         if result.details:
             ax.set_xlim(result.details.start, result.details.stop)
     unit = pretty_unit(inertia.unit)
-    quantity = "mass" if inertia.unit == "kg" else "inertia"
+    quantity = "mass" if inertia.unit == "kg" else result.leading
     ax.set_xlabel("" if result.per_log else "time, s")
-    ax.set_ylabel(f"{quantity}, {power_of_ten(exponent)} {unit}" if exponent else f"{quantity}, {unit}")
+    ax.set_ylabel(f"{quantity}, {power_of_ten(exponent)} {unit}" if exponent else f"{quantity}, {unit}".rstrip(", "))
     ax.ticklabel_format(axis="y", useOffset=False, style="plain")
     _add_deviation(ax, inertia.value * scale)
     ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, frameon=False, borderaxespad=0.2)
@@ -72,14 +72,14 @@ def _draw_estimate(ax: Axes, inertia: Parameter, scale: float) -> None:
 def _draw_logs(ax: Axes, result: ResultData, scale: float) -> None:
     """One point per log: thin bars hold everything (95 %), thick ones type A alone."""
     names = [file_label(str(one.provenance.get("log") or f"log {k + 1}")) for k, one in enumerate(result.per_log)]
-    first = next(k for k, one in enumerate(result.per_log) if "inertia" in one.parameters)
+    first = next(k for k, one in enumerate(result.per_log) if one.leading in one.parameters)
     for k, one in enumerate(result.per_log):
-        if "inertia" not in one.parameters:
+        if one.leading not in one.parameters:
             ax.annotate("refused", (k, 0.5), xycoords=("data", "axes fraction"), rotation=90, color=GREY, ha="center")
             continue
         own = [entry for entry in one.budget if entry.type == "A"]
-        value, whole = scale * one.inertia.value, one.inertia.standard_uncertainty or 0.0
-        bars = ((whole, 0.9, "a log, 95 %"), (combined(own, "inertia"), 3.0, "type A alone"))
+        value, whole = scale * one.main.value, one.main.standard_uncertainty or 0.0
+        bars = ((whole, 0.9, "a log, 95 %"), (combined(own, one.leading), 3.0, "type A alone"))
         for u, width, label in bars:
             reach, named = COVERAGE_FACTOR * u * scale, label if k == first else None
             ax.errorbar(k, value, yerr=reach, fmt="o", ms=5, color=BLUE, elinewidth=width, label=named)

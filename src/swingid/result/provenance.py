@@ -15,7 +15,7 @@ from swingid.model.terms import further_terms, rig_terms
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
-from swingid.units import Quantity
+from swingid.units import Quantity, UnknownScale
 
 
 @cache
@@ -30,9 +30,7 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
         "log": log.source.path,
         "log_sha256": log.source.sha256,
         "rows": len(log),
-        "rig": rig.name,
-        "rig_source": rig.source,
-        "rig_sha256": hashlib.sha256(rig.text.encode()).hexdigest(),
+        **of_rig(rig),
         "options": options or {},
         "repairs": [
             {"repair": found.repair, "done": found.code != "repair-off", "what": found.message}
@@ -42,6 +40,12 @@ def provenance(log: Recording, rig: Rig, options: dict[str, object] | None = Non
         "constants": constants(rig),
         "versions": versions(),
     }
+
+
+def of_rig(rig: Rig) -> dict[str, object]:
+    """What identifies a rig: name, source, hash."""
+    digest = hashlib.sha256(rig.text.encode()).hexdigest()
+    return {"rig": rig.name, "rig_source": rig.source, "rig_sha256": digest}
 
 
 def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
@@ -58,7 +62,8 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
         found["log.torque_gain"] = rig.log.torque_gain
     scales = ("angle_scale", "angle_offset", "wheel_scale", "voltage_scale")
     found |= {f"log.{key}": getattr(rig.log, key) for key in scales if stated(rig.log, key)}
-    return {key: {"value": q.value, "std": q.std} for key, q in found.items() if isinstance(q, Quantity)}
+    known = {key: q for key, q in found.items() if isinstance(q, Quantity) and not isinstance(q, UnknownScale)}
+    return {key: {"value": q.value, "std": q.std} for key, q in known.items()}
 
 
 def add_findings(

@@ -43,7 +43,7 @@ def summarise(result: ResultData) -> str:
         ("Parameters", _parameters(result)),
         ("Correlations", _correlations(result)),
         ("Logs", _logs(result)),
-        ("Uncertainty of the inertia", _budget(result)),
+        (f"Uncertainty of {named(result)}", _budget(result)),
         ("Friction", _friction(result.details)),
         ("Estimates by kind of window", _kinds(result)),
         ("Warnings", _messages(result.warnings)),
@@ -60,6 +60,11 @@ def why_unknown(result: ResultData, name: str) -> str:
     if any(entry.parameter == name for entry in result.budget):
         return "its budget is incomplete: the data do not bound every source"
     return KNOWN_REASONS.get(name, f"the {result.method} method evaluates no source of uncertainty for it")
+
+
+def named(result: ResultData) -> str:
+    """The parameter that the result is about, in a title."""
+    return "the inertia" if result.leading == "inertia" else result.leading
 
 
 def segment_text(details: Details, *, fine: bool = False) -> str:
@@ -153,7 +158,7 @@ def relative(parameter: Parameter, *, fine: bool = False) -> str:
 
 
 def _logs(result: ResultData) -> list[str]:
-    """One line per log: its inertia, how far it is from the common one, its warnings or why it was refused."""
+    """One line per log: its inertia or ratio, how far it is from the common one, its warnings or why it was refused."""
     rows = [log_row(one, result) for one in result.per_log]
     if not rows:
         return []
@@ -167,16 +172,16 @@ def _logs(result: ResultData) -> list[str]:
 def log_row(one: ResultData, common: ResultData, *, fine: bool = False) -> tuple[str, str, str, str]:
     """Of one of several logs: its name, its inertia, its deviation from the common one, its warnings."""
     name = str(one.provenance.get("log") or "made in memory")
-    if "inertia" not in one.parameters:
+    if one.leading not in one.parameters:
         return name, "no number", "", " ".join(one.error.message.split()) if one.error else ""
-    share = one.inertia.value / common.inertia.value - 1
+    share = one.main.value / common.main.value - 1
     off = percent(share if abs(share) > 1e-12 else 0.0, sign=True, fine=fine)
-    return name, value_text(one.inertia, fine=fine), off, ", ".join(message.code for message in one.warnings)
+    return name, value_text(one.main, fine=fine), off, ", ".join(message.code for message in one.warnings)
 
 
 def _budget(result: ResultData) -> list[str]:
-    inertia = result.parameters.get("inertia")
-    entries = sorted_budget(result.budget, "inertia")
+    inertia = result.parameters.get(result.leading)
+    entries = sorted_budget(result.budget, result.leading)
     if inertia is None or not entries:
         return []
     shown, rest = folded(entries, MOST_ENTRIES)
@@ -186,11 +191,13 @@ def _budget(result: ResultData) -> list[str]:
         f"    {entry.type}  {entry.source:<{width}}  {_share(entry.standard_uncertainty, inertia)}" for entry in shown
     ]
     if rest:
-        lines.append(f"       {left:<{width}}  {_share(combined(rest, 'inertia'), inertia)}")
+        lines.append(f"       {left:<{width}}  {_share(combined(rest, result.leading), inertia)}")
     totals = [(kind, [e for e in entries if e.type == kind]) for kind in ("A", "B")]
     words = {"A": "from the data", "B": "from the rig's constants"}
     text = "; ".join(
-        f"type {kind} ({words[kind]}) {_share(combined(part, 'inertia'), inertia)}" for kind, part in totals if part
+        f"type {kind} ({words[kind]}) {_share(combined(part, result.leading), inertia)}"
+        for kind, part in totals
+        if part
     )
     return [*lines, f"    {text}"]
 
@@ -231,7 +238,7 @@ def _friction(details: Details | None) -> list[str]:
 
 
 def _kinds(result: ResultData) -> list[str]:
-    details, inertia = result.details, result.parameters.get("inertia")
+    details, inertia = result.details, result.parameters.get(result.leading)
     if details is None or inertia is None or len(details.estimates) < 2:
         return []
     width = max(len(name) for name in details.estimates)

@@ -30,6 +30,7 @@ from swingid.preparation.prepared import Part, Prepared, prepare
 from swingid.preparation.scale import Scale
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
+from swingid.result.data import require_scale
 from swingid.result.provenance import constants
 from swingid.result.result import Result
 from swingid.study.output import Study, aligned, noted
@@ -255,6 +256,7 @@ def model_vector(result: Result, rig: Rig) -> Array:
 
     Raises InputError for a refused result, and for one of the other kind of axis.
     """
+    require_scale(result, "the result")
     if "inertia" not in result.parameters:
         raise InputError("the result has no inertia: it was refused; give one with a number.", code="refused-result")
     linear = rig.axis.kind == "linear"

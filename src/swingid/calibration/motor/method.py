@@ -93,7 +93,7 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     Raises
     ------
     InputError
-        A log without voltage, a rig without reaction wheel, no log at all.
+        A log without voltage, a rig with a direct drive, no log at all.
     UnanswerableError
         Nothing moves, the voltage excites too little to distinguish gain from damping, a wrong sign.
     """
@@ -102,13 +102,14 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     several = [log for log, _, _ in read]
     if not several:
         raise InputError("no log was given; calibrate needs at least one voltage test or free swing.", code="no-log")
-    if rig.drive.kind != "reaction-wheel" or rig.drive.wheel is None:
+    if rig.drive.kind == "direct":
         raise InputError(
-            f"rig {rig.name}: drive.kind is {rig.drive.kind!r}, but calibrate is for the motor of a reaction wheel; "
-            "use identify for this rig.",
+            f"rig {rig.name}: drive.kind is {rig.drive.kind!r}, but calibrate is for the motor of a reaction wheel and "
+            "for free swings; use identify for this rig.",
             code="no-wheel",
         )
-    kinds = [kind_of(log, rig) for log in several]
+    free = rig.drive.wheel is None
+    kinds = ["free swing" if free else kind_of(log, rig) for log in several]
     swings = [free_swing(log, rig) for log, kind in zip(several, kinds, strict=True) if kind == "free swing"]
     turning = [
         WheelLog.of(log, rig, kind, encoders)

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from swingid.errors import InputError
 from swingid.model.terms import Term, further_terms
-from swingid.units import Quantity, parse_quantity, shown
+from swingid.units import Quantity, UnknownScale, parse_quantity, shown
 
 if TYPE_CHECKING:
     from pydantic._internal._model_construction import ModelMetaclass
@@ -86,6 +86,17 @@ def quantity_or_unknown(
         return _within(read_quantity(raw, info, rotary, linear), limits)
 
     return read
+
+
+def scale_or_unknown(unit: str) -> PlainValidator:
+    """A validator of a positive constant that sets the scale; "unknown" gives an `UnknownScale`."""
+    read = quantity_or_unknown(unit, above=0)
+
+    def found(raw: object, info: ValidationInfo) -> Quantity:
+        value = read(raw, info)
+        return UnknownScale(1.0) if isinstance(value, str) else value
+
+    return PlainValidator(found)
 
 
 def plain_number(rotary: str, linear: str | None = None, **limits: Unpack[Limits]) -> PlainValidator:

@@ -46,6 +46,7 @@ class Rig(Table):
     log: LogConventions = Field(default_factory=LogConventions)
     _source: str = PrivateAttr("")
     _text: str = PrivateAttr("")
+    _reference: str = PrivateAttr("")
 
     @property
     def source(self) -> str:
@@ -56,6 +57,11 @@ class Rig(Table):
     def text(self) -> str:
         """The TOML text as read."""
         return self._text
+
+    @property
+    def reference(self) -> str:
+        """Key of the constant that is 1 because nothing sets the scale (`in_units_of`); "" where something does."""
+        return self._reference
 
     @classmethod
     def load(cls, path_or_builtin: str | Path) -> Rig:
@@ -126,7 +132,15 @@ class Rig(Table):
         from swingid.model.rig.edit import to_toml, with_values
 
         document = with_values(tomllib.loads(self.text.removeprefix("\ufeff")), values)
-        return self.from_text(to_toml(document), self.source, default_name=self.name)
+        rig = self.from_text(to_toml(document), self.source, default_name=self.name)
+        rig._reference = self._reference
+        return rig
+
+    def in_units_of(self, key: str, values: Mapping[str, object]) -> Rig:
+        """The rig with the constant at `key` as its unit, 1 and exact, and with `values` changed as in `changed`."""
+        rig = self.changed({**values, key: 1.0})
+        rig._reference = key
+        return rig
 
     def constants_without_uncertainty(self) -> tuple[str, ...]:
         """Dotted keys of constants that identification may depend on and that count as exact, in file order.
@@ -152,7 +166,11 @@ class Rig(Table):
             found["log.torque_gain"] = self.log.torque_gain
         if stated(self.log, "angle_scale"):
             found["log.angle_scale"] = self.log.angle_scale
-        return tuple(key for key, value in found.items() if isinstance(value, Quantity) and value.std is None)
+        return tuple(
+            key
+            for key, value in found.items()
+            if isinstance(value, Quantity) and value.std is None and key != self.reference
+        )
 
     @model_validator(mode="after")
     def _tables_fit_together(self) -> Self:

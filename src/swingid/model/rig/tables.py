@@ -24,10 +24,11 @@ from swingid.model.rig.fields import (
     quantity_or_unknown,
     read_quantity,
     refuse,
+    scale_or_unknown,
     stated,
 )
 from swingid.model.rig.gravity import weighed
-from swingid.units import Quantity, shown
+from swingid.units import Quantity, UnknownScale, shown
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
 Force = Annotated[Quantity, quantity("N*m", "N", least=0)]
@@ -194,9 +195,12 @@ class Axis(TermTable):
 
 
 class Wheel(Table):
-    """The reaction wheel: its central inertia J2, and the tilt (rad) of its axis against that of the body."""
+    """The reaction wheel: its central inertia J2, and the tilt (rad) of its axis against that of the body.
 
-    inertia: Annotated[Quantity, quantity("kg*m^2", above=0)]
+    With an unknown inertia what is identified is relative to it.
+    """
+
+    inertia: Annotated[Quantity, scale_or_unknown("kg*m^2")]
     tilt: Tilt = NOT_LEVEL
 
     @property
@@ -253,6 +257,10 @@ class Drive(Table):
         if self.kind == "reaction-wheel":
             if self.wheel is None:
                 refuse("missing-key", "is missing: kind = 'reaction-wheel' needs its inertia", "wheel")
+            rotor = self.motor is not None and self.motor.rotor_inertia.value
+            if isinstance(self.wheel.inertia, UnknownScale) and rotor:
+                problem = "is given beside an unknown wheel.inertia, which stands for wheel and rotor; leave it out"
+                refuse("contradiction", problem, "motor.rotor_inertia")
             return self
         for key in ("wheel", "motor"):
             if getattr(self, key) is not None:
@@ -336,7 +344,7 @@ class LogConventions(Table):
     voltage_sign: Sign = 1
     voltage_scale: Annotated[Quantity, quantity("V", above=0)] = Quantity(1.0)
     torque: Column = "tau"
-    torque_gain: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
+    torque_gain: Annotated[Quantity, scale_or_unknown("")] = Quantity(1.0)
     torque_sign: Sign = 1
     reference: Column = "ym"
     drive_held: bool = True

@@ -41,7 +41,7 @@ def draw_swings(result: Result) -> Figure | None:
     swings = result.details.swings if result.details else None
     if swings is None or len(swings.times) == 0:
         return None
-    inertia = result.inertia
+    inertia = result.main
     reach = COVERAGE_FACTOR * np.nan_to_num(swings.uncertainties)
     size = float(np.max(swings.values + reach) - np.min(swings.values - reach))
     hidden = inertia.interval95 is not None and inertia.interval95[1] - inertia.interval95[0] > HIDDEN * size
@@ -71,9 +71,9 @@ def draw_logs(result: Result) -> Figure | None:
 def draw_convergence(result: Result) -> Figure | None:
     """The estimate over the log, ±5 % and ±1 % of the answer, and when it stays within these."""
     curve = result.details.convergence if result.details else None
-    if curve is None or "inertia" not in result.parameters:
+    if curve is None or result.leading not in result.parameters:
         return None
-    inertia = result.inertia
+    inertia = result.main
     exponent = common_exponent([inertia.value])
     scale = 10.0**-exponent
     figure, (ax,) = new_figure(2.9)
@@ -91,7 +91,7 @@ def draw_convergence(result: Result) -> Figure | None:
     ax.set_xlim(float(curve.times[0]), float(curve.times[-1]))
     ax.set_xlabel("time, s")
     power = f"{power_of_ten(exponent)} " if exponent else ""
-    ax.set_ylabel(f"inertia, {power}{pretty_unit(inertia.unit)}")
+    ax.set_ylabel(f"{result.leading}, {power}{pretty_unit(inertia.unit)}")
     legend_above(ax)
     return figure
 
@@ -102,12 +102,12 @@ def draw_kinds(result: Result) -> Figure | None:
     The band is that part of the answer's interval which comes from the data: what the rig's constants contribute is
     common to all kinds.
     """
-    inertia = result.parameters.get("inertia")
+    inertia = result.parameters.get(result.leading)
     estimates = result.details.estimates if result.details else {}
     if inertia is None or not inertia.value or len(estimates) < 2:
         return None
     figure, (ax,) = new_figure(0.85 + 0.32 * len(estimates))
-    own = 100 * COVERAGE_FACTOR * combined((e for e in result.budget if e.type == "A"), "inertia") / inertia.value
+    own = 100 * COVERAGE_FACTOR * combined((e for e in result.budget if e.type == "A"), result.leading) / inertia.value
     if own > 0:
         ax.axvspan(-own, own, color=GREEN, alpha=0.22, lw=0, label="estimate, 95 % from the data alone")
     ax.axvline(0.0, color=GREEN, lw=1.6)
@@ -150,8 +150,8 @@ def _mark_cut_bars(ax: Axes, offs: list[float], spreads: list[float]) -> None:
 
 def draw_budget(result: Result) -> Figure | None:
     """Bars of standard uncertainty in percent of the inertia, largest first, and their sum in squares."""
-    inertia = result.parameters.get("inertia")
-    entries = sorted_budget(result.budget, "inertia")
+    inertia = result.parameters.get(result.leading)
+    entries = sorted_budget(result.budget, result.leading)
     if inertia is None or not inertia.value or not entries:
         return None
     scale = 1 / abs(inertia.value)
@@ -160,8 +160,8 @@ def draw_budget(result: Result) -> Figure | None:
     if rest:
         kinds = {entry.type for entry in rest}
         left = "A" if kinds == {"A"} else "B" if kinds == {"B"} else "both"
-        bars.append((f"{len(rest)} smaller ones", combined(rest, "inertia") * scale, left))
-    bars.append(("combined", combined(entries, "inertia") * scale, "all"))
+        bars.append((f"{len(rest)} smaller ones", combined(rest, result.leading) * scale, left))
+    bars.append(("combined", combined(entries, result.leading) * scale, "all"))
     figure, (ax,) = new_figure(0.95 + 0.3 * len(bars))
     seen: set[str] = set()
     for row, (_source, share, kind) in enumerate(bars):

@@ -41,7 +41,7 @@ def draw_forest(comparison: Comparison) -> Figure | None:
 
     None where no method answers.
     """
-    answered = [trial for trial in comparison.trials if "inertia" in trial.result.parameters]
+    answered = [trial for trial in comparison.trials if trial.result.leading in trial.result.parameters]
     if not answered:
         return None
     methods = list(dict.fromkeys(trial.method for trial in comparison.trials))
@@ -52,8 +52,8 @@ def draw_forest(comparison: Comparison) -> Figure | None:
     for trial in answered:
         k = logs.index(trial.log)
         row = methods.index(trial.method) + (k - (len(logs) - 1) / 2) * 0.6 / max(len(logs), 1)
-        off = 100 * (trial.result.inertia.value / origins[trial.log] - 1)
-        u = trial.result.inertia.standard_uncertainty
+        off = 100 * (trial.result.main.value / origins[trial.log] - 1)
+        u = trial.result.main.standard_uncertainty
         placed.append((trial, row, off, 100 * COVERAGE_FACTOR * (u or 0.0) / abs(origins[trial.log])))
     reach = _reach([off for _, _, off, _ in placed], [bar for *_, bar in placed])
     for trial, row, off, bar in placed:
@@ -79,7 +79,7 @@ def _origin(trials: tuple[Trial, ...]) -> float:
     for trial in trials:
         if trial.truth is not None:
             return trial.truth
-    return next((t.result.inertia.value for t in trials if "inertia" in t.result.parameters), 1.0)
+    return next((t.result.main.value for t in trials if t.result.leading in t.result.parameters), 1.0)
 
 
 def _reach(offsets: list[float], bars: list[float]) -> float:

@@ -171,7 +171,8 @@ class PlanTables(Table):
             refuse("missing-key", f"is missing, which the design {self.design!r} needs", "points")
         known = [name for name, term in TERMS.items() if term.key.startswith("axis.") and ".lugre." not in term.key]
         for name in self.quantities:
-            if name not in known:
+            over, slash, under = name.partition("/")
+            if over not in known or (slash and under not in known):
                 refuse("wrong-value", f"names {name!r}; choose of {', '.join(known)}", "quantities")
         if self.design not in SAMPLED and self.points is not None:
             refuse("contradiction", f"belongs to the designs {', '.join(SAMPLED)}", "points")

@@ -100,6 +100,12 @@ class Head:
         place = {"trial": trial, "point": point, "repeat": repeat, "seed": plan.seed(point, repeat)}
         return cls({**place, **plan.points[point].labels})
 
+    def _true(self, quantity: str) -> float:
+        """The true value of a parameter, or of a ratio such as "gravity_torque/inertia"; NaN where there is none."""
+        over, slash, under = quantity.partition("/")
+        value = _number(self.truth.get(over))
+        return value / _number(self.truth.get(under)) if slash else value
+
     def row(
         self,
         method: str,
@@ -119,7 +125,7 @@ class Head:
             "code": code,
             "message": message,
             "warnings": " ".join(sorted(set(warnings))),
-            "truth": _number(self.truth.get(quantity)),
+            "truth": self._true(quantity),
             **nothing,
             "bound": self.bounds.get(quantity, math.nan),
             **asdict(self.loop),

@@ -223,7 +223,7 @@ class Verdict:
 
 def verdict(log: str, trials: Sequence[Trial]) -> Verdict:
     """Compare every method with the one of fewest assumptions (the first that gives a number)."""
-    answered = [t for t in trials if "inertia" in t.result.parameters]
+    answered = [t for t in trials if t.result.leading in t.result.parameters]
     if len(answered) < 2:
         return Verdict(
             log, answered[0].method if answered else None, (), "only one method gives a number; nothing to compare."
@@ -254,16 +254,16 @@ def deviation(a: Result, b: Result) -> float | None:
     Scatter counts as independent although both saw the same noise, which errs on the side of agreement. None where an
     uncertainty is unknown.
     """
-    if a.inertia.standard_uncertainty is None or b.inertia.standard_uncertainty is None:
+    if a.main.standard_uncertainty is None or b.main.standard_uncertainty is None:
         return None
-    gap = sum_of((estimate_of(a, "inertia", _source("a")), estimate_of(b, "inertia", _source("b"))), (1.0, -1.0))
+    gap = sum_of((estimate_of(a, a.leading, _source("a")), estimate_of(b, b.leading, _source("b"))), (1.0, -1.0))
     return gap.value / gap.u if gap.u > 0 else None
 
 
 def _matters(a: Result, b: Result) -> bool:
     """Whether the difference is a good part of what either is uncertain by anyway."""
-    own = min(a.inertia.standard_uncertainty or 0.0, b.inertia.standard_uncertainty or 0.0)
-    return abs(a.inertia.value - b.inertia.value) > MATTERS * own
+    own = min(a.main.standard_uncertainty or 0.0, b.main.standard_uncertainty or 0.0)
+    return abs(a.main.value - b.main.value) > MATTERS * own
 
 
 def _source(run: str) -> Identity:
@@ -289,7 +289,8 @@ def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
 def _of_log(comparison: Comparison, log: str) -> str:
     trials = comparison.of(log)
     known = any(trial.truth is not None for trial in trials)
-    headings = ["method", "inertia", "relative", "depends on", "time", *(["error"] if known else [])]
+    about = next((trial.result.leading for trial in trials if trial.result.parameters), "inertia")
+    headings = ["method", about, "relative", "depends on", "time", *(["error"] if known else [])]
     lines = [f"[[{log}]]", *aligned([headings, *(answer_cells(trial)[: len(headings)] for trial in trials)])]
     lines += ["", *aligned([["method", "friction"], *([t.method, friction_text(t.result)] for t in trials)])]
     lines += [""] + [line for v in comparison.verdicts if v.log == log for line in _wrapped(f"verdict: {v.message}")]
@@ -301,8 +302,8 @@ def answer_cells(trial: Trial, *, fine: bool = False) -> list[str]:
     """Method, inertia, relative uncertainty, assumptions, time, error against the truth."""
     seconds = f"{1e3 * trial.seconds:.3g} ms" if trial.seconds < 1 else number(trial.seconds, "s", 3)
     value, spread, error = "refused", "", ""
-    if "inertia" in trial.result.parameters:
-        inertia = trial.result.inertia
+    if trial.result.leading in trial.result.parameters:
+        inertia = trial.result.main
         u = inertia.standard_uncertainty
         value = plus_minus(inertia.value, u, inertia.unit, fine=fine)
         spread = "" if u is None else percent(u / abs(inertia.value), fine=fine)
@@ -314,7 +315,9 @@ def answer_cells(trial: Trial, *, fine: bool = False) -> list[str]:
 
 def friction_text(result: Result, *, fine: bool = False) -> str:
     """The identified friction parameters, 'viscous 1.144e-3 ± …, coulomb …'."""
-    named = [(name, p) for name, p in result.parameters.items() if name not in ("inertia", "gravity_torque")]
+    named = [
+        (name, p) for name, p in result.parameters.items() if name not in ("inertia", "gravity_torque", result.leading)
+    ]
     friction = [
         f"{name} {plus_minus(p.value, p.standard_uncertainty, p.unit, fine=fine)}"
         for name, p in named

@@ -17,6 +17,7 @@ from swingid.errors import SwingidError
 from swingid.model.rig import Rig
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.push import without_pushes
+from swingid.preparation.reference import in_units
 from swingid.recording.conventions import SECONDS, Conventions
 from swingid.recording.formats import read_table
 from swingid.recording.formats.table import Table, canonical
@@ -145,7 +146,7 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
     by_name = {column.name: column for column in columns}
     clock, checks = _clock(table, rig, roles, by_name)
     text = log_table(roles)
-    reader = rig if rig is not None else trial_rig(roles, by_name, text)
+    reader = in_units(rig) if rig is not None else trial_rig(roles, by_name, text)
     tried: dict[str, object] = {}
     log = None
     rows = max((len(column.values) for column in columns), default=0)

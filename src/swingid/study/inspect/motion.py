@@ -156,7 +156,7 @@ def _excitation(swings: Swings, unit: str) -> Check:
         text = f"frequencies {shown}: more than one, so inertia and gravity torque are distinguishable."
     else:
         text = f"frequencies {shown or 'none'}: one motion, in which inertia and gravity torque are collinear"
-        text += "; gravity_torque has to be known."
+        text += "; where gravity_torque is unknown, their ratio alone is identifiable."
     if unit == "m":
         text = f"frequencies {shown}."
     return Check("excitation", "frequencies", "note", text, "", {"lines": [list(line) for line in swings.lines]})

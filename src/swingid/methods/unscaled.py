@@ -1,0 +1,83 @@
+"""The result of a method for a rig in which nothing sets a scale: as ratios, or by a stated gravity torque."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+from swingid.errors import SwingidError, UnanswerableError
+from swingid.methods.table import Method
+from swingid.model.rig import Rig
+from swingid.preparation.reference import WHEEL, Reference
+from swingid.result.provenance import constants, of_rig
+from swingid.result.ratios import Scaling, converted, in_words, over_inertia, scaled, transformed
+from swingid.result.result import Message, Result
+
+NO_SCALE = "no-scale"
+"""Code of the note of a result of ratios, and of refusals where something needs an inertia."""
+
+
+GRAVITY_SCALE = "scale-from-gravity"
+"""Code of the note that the inertia is proportional to the gravity torque, which is nothing to say of ratios."""
+
+
+def require_method(reference: Reference, method: Method) -> None:
+    """Raise UnanswerableError for a method that needs the motor's constants in N m beside it."""
+    if reference.key == WHEEL and method.motor == "needed":
+        raise UnanswerableError(
+            f"drive.wheel.inertia is unknown, but the {method.name} method needs it beside the motor's constants; "
+            "use the method momentum, equation-error or output-error, which give ratios to it, or state it.",
+            code=NO_SCALE,
+        )
+
+
+@contextmanager
+def in_units_of(reference: Reference) -> Iterator[None]:
+    """Errors that are raised within get their numbers in kg and N named as multiples of the unit."""
+    try:
+        yield
+    except SwingidError as error:
+        (message,) = in_words((Message(error.code, error.message),), reference.name, reference.unit)
+        error.message, error.args = message.message, (message.message,)
+        raise
+
+
+def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:
+    """A result in which `reference` is 1, as ratios to the inertia or scaled by what the rig states; rig: as stated."""
+    if not result.parameters:
+        return result
+    name, by = reference.name, reference.scaled_by
+    ratios = over_inertia(result, name) if by is None else scaled(result, name, by)
+    found = transformed(result, ratios)
+    unit = reference.unit
+    leading = next(ratio for ratio in ratios if "inertia" in ratio.powers)
+    notes = tuple(one for one in result.notes if one.code != GRAVITY_SCALE)
+    return replace(
+        found,
+        ratios=by is None,
+        warnings=in_words(result.warnings, name, unit),
+        notes=(*in_words(notes, name, unit), _note(reference, rig)),
+        details=converted(result.details, leading, result.parameters, _torque(result, by)),
+        provenance=result.provenance | of_rig(rig) | {"constants": constants(rig)},
+        per_log=tuple(unscaled(one, reference, rig) for one in result.per_log),
+    )
+
+
+def _torque(result: Result, by: Scaling | None) -> float:
+    """Factor of torques in the result: over the inertia, or by the stated constant."""
+    return 1 / result.inertia.value if by is None else by[2].value / result.parameters[by[0]].value
+
+
+def _note(reference: Reference, rig: Rig) -> Message:
+    """What sets the scale, or what to measure for one."""
+    if reference.scaled_by is not None:
+        key = reference.scaled_by[1]
+        text = f"{reference.key} is unknown, so {key} sets the scale, and {reference.name} is identified too."
+        return Message("scale", text)
+    unit = "kg" if rig.axis.kind == "linear" else "kg m^2"
+    text = (
+        f"nothing in rig {rig.name} sets the scale ({reference.key} is unknown), so the parameters are ratios; for "
+        f"{unit} {reference.remedy}."
+    )
+    return Message(NO_SCALE, text)

@@ -1,0 +1,125 @@
+"""What takes the place of a scale where a rig states none: the unit in which everything else is identified.
+
+Equation (I) is homogeneous in its constants. With one of them as the unit, which is 1 then, every method runs as it
+does with a known one; ratios to the inertia (`result.ratios`) do not depend on the choice.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from swingid.errors import UnanswerableError
+from swingid.model.rig import Rig
+from swingid.model.terms import TERMS, rig_terms
+from swingid.units import Quantity, UnknownScale
+
+WHEEL, GAIN, GRAVITY, STIFFNESS = "drive.wheel.inertia", "log.torque_gain", "axis.gravity_torque", "axis.stiffness"
+
+REMEDIES = {
+    GRAVITY: (
+        "weigh the body and measure the distance of its centre of mass from the axis (axis.mass and axis.lever), or "
+        "add a body of known inertia and use swingid difference"
+    ),
+    STIFFNESS: (
+        "state axis.stiffness, or add a body of known inertia and give both results to swingid difference --known"
+    ),
+    WHEEL: (
+        "weigh and measure the wheel (drive.wheel.inertia), or weigh the body and measure the distance of its centre "
+        "of mass from the axis (axis.mass and axis.lever) and move it at two frequencies"
+    ),
+    GAIN: (
+        "calibrate the torque (log.torque_gain, such as by a weight on a lever), or weigh the body and measure the "
+        "distance of its centre of mass from the axis (axis.mass and axis.lever)"
+    ),
+}
+"""What to measure for a result in kg m², by the key of the unit."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The constant that is the unit: its key and its name as an unknown; the rig in which it is 1.
+
+    scaled_by: name and value of an unknown that the rig file states, by which the result is scaled after all; None:
+    it stays one of ratios.
+    """
+
+    key: str
+    name: str
+    rig: Rig
+    scaled_by: tuple[str, str, Quantity] | None = None
+
+    @property
+    def unit(self) -> str:
+        """Its unit; that of the torque for a gain, whose logged unit nobody states."""
+        linear = self.rig.axis.kind == "linear"
+        return TERMS[self.name].unit_on(linear=linear) if self.name in TERMS else "N" if linear else "N m"
+
+    @property
+    def remedy(self) -> str:
+        """What to measure for a result in kg m²."""
+        return REMEDIES.get(self.key, REMEDIES[STIFFNESS])
+
+
+def reference_of(rig: Rig) -> Reference | None:
+    """The unit for a rig that states no scale reference; None where it states one.
+
+    Raises UnanswerableError where nothing acts that could be one.
+    """
+    wheel = rig.drive.wheel
+    if wheel is not None and isinstance(wheel.inertia, UnknownScale):
+        # the motor's constants are in N m, of which nothing else is
+        gear = None if rig.drive.motor is None else rig.drive.motor.gear_ratio.value
+        return _driven(rig, WHEEL, "wheel_inertia", {"drive.motor": {"gear_ratio": gear} if gear else None})
+    if rig.drive.kind == "direct" and isinstance(rig.log.torque_gain, UnknownScale):
+        return _driven(rig, GAIN, "torque_gain", {})
+    if rig.drive.kind != "none":
+        return None
+    b, held = rig.axis.gravity_torque, [term for term in rig_terms(rig) if term.term.is_conservative]
+    stated = any(term.value is not None and term.value.value for term in held)
+    if stated or (isinstance(b, Quantity) and b.value):
+        return None
+    forgotten = {"axis.inertia": None}  # not in these units
+    spring = next((term for term in held if term.term.symbol == "k" and term.value is None), None)
+    if spring is not None:
+        return Reference(spring.term.key, spring.name, rig.in_units_of(spring.term.key, forgotten))
+    if isinstance(b, str):
+        return Reference(GRAVITY, "gravity_torque", rig.in_units_of(GRAVITY, forgotten))
+    return None
+
+
+def _driven(rig: Rig, key: str, name: str, changes: dict[str, object]) -> Reference:
+    """The unit of a driven axis; a gravity torque or spring that the rig states scales the result afterwards."""
+    changes = {"axis.inertia": None, **changes}
+    b = rig.axis.acting_gravity
+    if b is not None and b.value:
+        along = rig.axis.along
+        std = math.hypot(b.std or 0.0, b.value * (along.std or 0.0) / along.value)
+        unit = rig.in_units_of(key, {**changes, GRAVITY: "unknown"})
+        return Reference(key, name, unit, ("gravity_torque", GRAVITY, Quantity(b.value, std or None)))
+    spring = next((term for term in rig_terms(rig) if term.name == "stiffness" and term.value is not None), None)
+    if spring is not None and spring.value is not None and spring.value.value:
+        unit = rig.in_units_of(key, {**changes, STIFFNESS: "unknown"})
+        return Reference(key, name, unit, ("stiffness", STIFFNESS, spring.value))
+    return Reference(key, name, rig.in_units_of(key, changes))
+
+
+def in_units(rig: Rig) -> Rig:
+    """The rig, with a constant as unit where nothing sets the scale: for what looks at ratios and shares only."""
+    found = reference_of(rig)
+    return rig if found is None else found.rig
+
+
+def refuse_without_scale(rig: Rig) -> None:
+    """Raise UnanswerableError where the rig states no scale reference, for what gives no ratios."""
+    found = None if rig.reference else reference_of(rig)
+    if found is not None and found.scaled_by is None:
+        raise UnanswerableError(
+            f"rig {rig.name}: nothing sets the scale ({found.key} is unknown), so only ratios to the inertia are "
+            f"identifiable, which swingid identify gives; for more {found.remedy}.",
+            code="no-scale",
+        )
+    if found is not None:
+        raise UnanswerableError(
+            f"rig {rig.name}: {found.key} is unknown, which only swingid identify takes; state it.", code="no-scale"
+        )

@@ -169,6 +169,7 @@ REAL_LOGS = {
     "emps.md": ("emps/DATA_EMPS.mat", "examples/rigs/emps.toml"),
     "free_pendulum.md": ("free_pendulum/free_swing.csv", "examples/rigs/free_pendulum.toml"),
     "bam_xl330.md": ("bam_xl330/2026-01-15_10h28m49.json", "examples/rigs/bam_xl330.toml"),
+    "bam_xl330_motor.md": ("bam_xl330/*.json", "examples/rigs/bam_xl330_motor.toml"),
     "dfki_pendulum.md": ("dfki_pendulum/sac.csv", "examples/rigs/dfki_pendulum.toml", "--part", "0:4.4"),
 }
 
@@ -180,7 +181,8 @@ def parameters(text: str) -> dict[str, tuple[float, float]]:
 
 
 def summary_of(log: Path, rig: str, *words: str) -> str:
-    command = ["-m", "swingid", "identify", str(log), "--rig", rig, *words]
+    logs = sorted(str(one) for one in log.parent.glob(log.name))
+    command = ["-m", "swingid", "identify", *logs, "--rig", rig, *words]
     return run_example(*command, folder=ROOT)
 
 

@@ -237,3 +237,20 @@ def test_noise_of_the_angle_does_not_attenuate_the_inertia(data_dir, name, least
     assert least < result.inertia.value < 0.16
     low, high = result.inertia.interval95
     assert low < 0.1495 < high  # geometry, ../shared/data/README.md
+
+
+# BAM's servo with its motor: published fits have J = 0.00671 to 0.00682 kg m² and back-EMF 0.037 to 0.048 N m s
+
+
+def test_the_servo_with_its_motor_from_all_logs(data_dir):
+    """One fit to three driven runs and a released one; an estimate in NumPy (examples) gives 0.00686 and 0.033."""
+    rig = Rig.load(PROJECT / "examples" / "rigs" / "bam_xl330_motor.toml")
+    logs = [Recording.load(path, rig) for path in sorted((data_dir / "bam_xl330").glob("*.json"))]
+    result = identify(logs, rig)
+    low, high = result.inertia.interval95
+    assert low < 0.00671
+    assert high > 0.00682
+    assert result.inertia.value == pytest.approx(0.00677, rel=0.03)
+    assert result.inertia.standard_uncertainty < 0.03 * result.inertia.value
+    assert result.parameters["back_emf"].interval95[1] > 0.037
+    assert result.parameters["back_emf"].value == pytest.approx(0.033, rel=0.15)

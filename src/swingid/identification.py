@@ -6,14 +6,16 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from swingid.errors import SwingidError, UnanswerableError, UsageError
+from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
 from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.methods.unscaled import in_units_of, require_method, unscaled
 from swingid.model.rig import Rig
 from swingid.preparation.reference import reference_of
+from swingid.preparation.scale import refuse_motor
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
+from swingid.units import Quantity, parse_quantity
 
 Log = Recording | LargeLog
 
@@ -39,7 +41,8 @@ def identify(
         "backstepping": the paper's alternative (section 4.2). The others are those of the field.
     options
         Keyword arguments of the method's function, such as ``variant="printed"`` for "energy". Of several logs also
-        ``friction``: "per-log" (default) or "shared".
+        ``friction``: "per-log" (default) or "shared". ``added``, of momentum: the inertia of a known body on the axis
+        beside the one sought, one per log (0: none), by which logs that differ in it are fitted together.
 
     Raises
     ------
@@ -55,6 +58,9 @@ def identify(
         raise UsageError(f"{rig!r} is no Rig; load one with sw.Rig.load(name or path).", code="no-rig")
     if isinstance(log, str | Path):
         raise UsageError(f"{log!r} is no log yet; load it with sw.Recording.load(path, rig).", code="no-log")
+    added = options.pop("added", None)
+    if rig.drive.kind == "motor" or added is not None:
+        return _together(log, rig, chosen, options, added)
     reference = reference_of(rig)
     if reference is None:
         return _identified(log, rig, chosen, options)
@@ -98,6 +104,51 @@ def _identified(
         )
 
     return _calibrated(of_all(rig), of_all, logs.values() if isinstance(logs, Mapping) else logs, rig)
+
+
+def _together(
+    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError],
+    rig: Rig,
+    method: Method,
+    options: Mapping[str, object],
+    added: object,
+) -> Result:
+    """The result of one fit to all logs: of a motor on the axis, or with known bodies that differ between the logs."""
+    from swingid.methods.momentum.together import momentum_together
+    from swingid.pooling.several import named_recordings
+    from swingid.preparation.prepared import prepare
+
+    if method.name != "momentum":
+        refuse_motor(rig, f"the method {method.name}")
+        text = f"logs with known bodies added are identified by the method momentum, not by {method.name}; choose that."
+        raise UsageError(text, code="unknown-option")
+    if options:
+        raise UsageError(f"{', '.join(options)}: no option of one fit to several logs; leave it out.", code="no-option")
+    logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
+    bodies = bodies_of(added, len(logs), rig)
+    prepared = [prepare(one, rig, together=True, scaled_elsewhere=added is not None) for one in logs.values()]
+    return momentum_together(prepared, list(logs), bodies)
+
+
+def bodies_of(added: object, count: int, rig: Rig) -> list[Quantity]:
+    """The inertias of bodies added to the axis, one per log: quantities, as text or numbers; 0 where none is given.
+
+    Raises UsageError where they are no list of one per log, or no inertias.
+    """
+    if added is None:
+        return [Quantity(0.0)] * count
+    unit = "kg" if rig.axis.kind == "linear" else "kg*m^2"
+    if isinstance(added, str | bytes) or not isinstance(added, Sequence) or len(added) != count:
+        raise UsageError(
+            f"added needs one inertia per log ({count}), 0 for a log without a known body.", code="bad-added"
+        )
+    try:
+        found = [parse_quantity(one, unit, f"added body {k + 1}") for k, one in enumerate(added)]
+    except InputError as error:
+        raise UsageError(error.message, code="bad-added") from None
+    if any(one.value < 0 for one in found):
+        raise UsageError("an added inertia is negative; give 0 for a log without a known body.", code="bad-added")
+    return found
 
 
 def _calibrated(

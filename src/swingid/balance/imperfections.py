@@ -14,7 +14,7 @@ import numpy as np
 from swingid.balance.rows import Rows, Signals, shifted
 from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS, rig_terms, stated_at, stated_stiffness
+from swingid.model.terms import TERMS, motor_terms, rig_terms, stated_at, stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
 from swingid.preparation.encoders import Channel, Encoders
@@ -109,6 +109,14 @@ def constants(rig: Rig, rows: Rows) -> Iterator[Imperfection]:
     if rig.drive.kind == "direct":
         gain = rig.log.torque_gain
         yield known("log.torque_gain", gain, rows.torque / gain.value, 0.0)
+    motor = rig.drive.motor
+    if rig.drive.kind == "motor" and motor is not None:
+        nothing, gear, rotor = np.zeros(len(rows.windows)), motor.gear_ratio, motor.rotor_inertia
+        yield known("drive.motor.rotor_inertia", rotor, nothing, -(gear.value**2))
+        yield known("drive.motor.gear_ratio", gear, nothing, -2 * gear.value * rotor.value)
+        for term in motor_terms(rig):
+            if term.value is not None:
+                yield known(term.term.key, term.value, -rows.further[term.name], 0.0)
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str):
         yield known("axis.gravity_torque", gravity, -rig.axis.along.value * rows.gravity, 0.0)

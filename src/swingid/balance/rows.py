@@ -324,16 +324,21 @@ def _dry(signals: Signals, windows: Windows) -> dict[str, Array]:
     """
     found = {}
     for term in signals.further:
-        if not term.term.is_dry:
-            continue
-        edges, directions = signals.edges, signals.directions
-        steps = np.cumsum(np.diff(directions, prepend=0.0) * term.term.of_angle(signals.edge_angles, *term.at))
-        place = signals.since
-        whole = directions[place] * term.term.of_angle(signals.angle, *term.at).ravel()
-        left = (whole - steps[place]).reshape(signals.angle.shape)
-        smooth = project(signals.nodes, [(left, 0)], windows.centres, windows.half)[:, 0]
-        found[term.name] = smooth + project_steps(edges, steps, windows.centres, windows.half)
+        if term.term.is_dry:
+            at_nodes = term.term.of_angle(signals.angle, *term.at)
+            found[term.name] = dry_column(signals, windows, at_nodes, term.term.of_angle(signals.edge_angles, *term.at))
     return found
+
+
+def dry_column(signals: Signals, windows: Windows, at_nodes: Array, at_edges: Array) -> Array:
+    """∫φ g sgn q1' of a factor g, given at the nodes and at the edges of the swings (all but the last)."""
+    edges, directions = signals.edges, signals.directions
+    steps = np.cumsum(np.diff(directions, prepend=0.0) * at_edges)
+    place = signals.since
+    left = (directions[place] * at_nodes.ravel() - steps[place]).reshape(signals.angle.shape)
+    smooth = project(signals.nodes, [(left, 0)], windows.centres, windows.half)[:, 0]
+    result: Array = smooth + project_steps(edges, steps, windows.centres, windows.half)
+    return result
 
 
 def retimed(rows: Rows, signals: Signals) -> Rows:

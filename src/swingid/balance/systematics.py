@@ -7,7 +7,7 @@ compared, and what their uncertainties do not explain is dark uncertainty.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,14 +97,19 @@ def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -
     return one.noise.step * (one.noise.angle**2 * axis + one.noise.wheel**2 * wheel)
 
 
-def drift_with_length(law: WindowFit, tried: Mapping[float, WindowFit], signals: Signals) -> float:
+def drift_with_length(
+    law: WindowFit,
+    tried: Mapping[float, WindowFit],
+    signals: Signals | None,
+    variance_between: Callable[[WindowFit, WindowFit], float] | None = None,
+) -> float:
     """Standard uncertainty of a11 from its drift with the length of the windows: half that of `law` to the longest.
 
     All lengths use the same samples, so the variance of a difference is the difference of the variances (Hausman 1978),
     or what white noise of the samples gives it, whichever is larger. Friction that the basis does not describe acts
     near the reversals, and its bias grows with the length L about as its root (on a ball screw: from 7 ms to 0.3 s). A
     difference d from windows of length L then bounds the bias at the length L0 by d / (√(L/L0) − 1), beyond 4 L0 less
-    than d.
+    than d. variance_between: of the difference of two fits by white noise of the samples, where there are no `signals`.
     """
     worst, limit = 0.0, COMPARED_LENGTHS * law.relative(law.total)
     for half, fit in tried.items():
@@ -114,7 +119,11 @@ def drift_with_length(law: WindowFit, tried: Mapping[float, WindowFit], signals:
         share = 1.0 if ratio <= 4.0 else 1.0 / (ratio**0.5 - 1.0)
         variance = abs(fit.u**2 - law.u**2)
         if share * _unexplained(law, fit, variance) > worst:  # more variance explains no less, and takes a while
-            variance = max(variance, variance_of_difference(signals, law, fit))
+            if signals is not None:
+                white = variance_of_difference(signals, law, fit)
+            else:
+                white = 0.0 if variance_between is None else variance_between(law, fit)
+            variance = max(variance, white)
             worst = max(worst, share * _unexplained(law, fit, variance))
     return worst
 

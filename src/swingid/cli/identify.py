@@ -63,6 +63,14 @@ def identify(
     part: Annotated[
         str | None, typer.Option(metavar="FROM:TO", help="Use this part of each log only, s, such as 0:4.5.")
     ] = None,
+    added: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="INERTIA",
+            help='Inertia of a known body on the axis beside the one sought, "1.2e-3 ± 1e-6 kg*m^2"; once per LOG, 0 '
+            "for none. All logs are then fitted together.",
+        ),
+    ] = None,
     without_repair: Annotated[
         list[str] | None, typer.Option(metavar="NAME", help="Leave this fault of the log as it is; may be repeated.")
     ] = None,
@@ -81,6 +89,10 @@ def identify(
         if "variant" in options:
             raise UsageError("--variant and --option variant are the same; give one of them", code="bad-option")
         options["variant"] = variant.value
+    if added:
+        if "added" in options:
+            raise UsageError("--added and --option added are the same; give one of them", code="bad-option")
+        options["added"] = added
     reading = _Reading(_part(part), dict.fromkeys(without_repair or [], False))
     source: Provenance = {"log": logs[0]} if len(logs) == 1 else {"logs": logs}
     if part is not None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
-from swingid.model.terms import FRICTION_KEYS, MOTOR_KEYS, TERMS, Term, further_terms, stated_at
+from swingid.model.terms import FRICTION_KEYS, MOTOR_KEYS, MOTOR_TERMS, TERMS, Term, further_terms, stated_at
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -22,7 +22,8 @@ if TYPE_CHECKING:
     from swingid.units import Quantity
 
 # Places in the vector (``p[A11]``), SI. Inertias of (I), (II): a11 = J1 + J2 + Jr (without a wheel J1), a12 = J2 + N Jr
-# (without 0), a22 = J2 + N² Jr (without 1, where nothing moves by it); b; 1 where the command is a torque on the axis.
+# (without 0), a22 = J2 + N² Jr (without 1, where nothing moves by it); b; torque on the axis per unit of the command
+# (1 where that is the torque, c1 of a motor on the axis, else 0).
 A11, A12, A22, B, DIRECT = 0, 1, 2, 3, 4
 # Gear N; c1, c2, η of (8); edges d1 >= 0 >= d2 of the dead zone; motor friction f2, f3.
 GEAR, C1, C2, ETA, D1, D2, F2, F3 = 5, 6, 7, 8, 9, 10, 11, 12
@@ -92,6 +93,8 @@ def constants(rig: Rig) -> dict[str, Quantity]:
         d2, d1 = rig.drive.motor.dead_zone
         found["drive.motor.dead_zone.negative"] = Quantity(d2)
         found["drive.motor.dead_zone.positive"] = Quantity(d1)
+    if rig.drive.kind == "motor":
+        found |= _motor_on_axis(rig)
     for term in further_terms():
         for key in (term.key, term.shift, term.order):
             quantity = stated_at(rig, key) if stated_at(rig, term.key) is not None and key else None
@@ -104,6 +107,16 @@ def constants(rig: Rig) -> dict[str, Quantity]:
         if isinstance(tilt, Quantity) and (tilt.value or tilt.std):
             found[key] = tilt
     return found
+
+
+def _motor_on_axis(rig: Rig) -> dict[str, Quantity]:
+    """The constants of a motor on the axis by their keys; InputError where its torque per volt is not stated."""
+    motor = rig.drive.motor
+    assert motor is not None
+    if "torque_per_volt" not in motor.model_fields_set:
+        raise _no_motion(rig, "drive.motor.torque_per_volt", "unknown", "unknown-term")
+    keys = (*MOTOR_TERMS, "rotor_inertia", "gear_ratio")
+    return {f"drive.motor.{key}": getattr(motor, key) for key in keys}
 
 
 def _no_motion(rig: Rig, key: str, stated: str, code: str) -> InputError:
@@ -119,7 +132,7 @@ def rig_vector(rig: Rig) -> Array:
 def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> Array:
     """The parameter vector (SIZE,) from plain SI values under rig.toml keys; absent keys mean "not there".
 
-    `drive` is "reaction-wheel", "direct" or "none". A direction's own coefficient (viscous_positive, ...)
+    `drive` is "reaction-wheel", "direct", "motor" or "none". A direction's own coefficient (viscous_positive, ...)
     takes the place of the two-sided one; static friction below Coulomb friction is lifted to it. Raises
     InputError for LuGre without a friction level and for a mass matrix that is not positive definite.
     """
@@ -131,6 +144,10 @@ def vector(values: Mapping[str, float], drive: str = "reaction-wheel") -> Array:
     if drive == "reaction-wheel":
         _motor(values, p)
     _friction(values, p)
+    if drive == "motor":
+        p[DIRECT] = values["drive.motor.torque_per_volt"]
+        p[A11] += values["drive.motor.gear_ratio"] ** 2 * values["drive.motor.rotor_inertia"]
+        p[[VISCOUS_P, VISCOUS_N]] += values["drive.motor.back_emf"]
     for term in further_terms():
         if term.key in values:
             add_term(p, term, values[term.key], values.get(term.order, 1.0), values.get(term.shift, 0.0))

@@ -131,11 +131,12 @@ _RECORDS = (
     Term("wheel_inertia", "drive.wheel.inertia", "wheel inertia", "kg m^2", None, "J₂"),
     Term("rotor_inertia", f"{_M}.rotor_inertia", "rotor inertia", "kg m^2", None, "Jr"),
     Term("gear_ratio", f"{_M}.gear_ratio", "rotor turns per wheel turn", "", None, "N"),
-    Term("torque_per_volt", f"{_M}.torque_per_volt", "motor torque per volt", "N m/V", None, "c₁"),
-    Term("back_emf", f"{_M}.back_emf", "motor torque lost per wheel speed", "N m s", None, "c₂"),
+    Term("torque_per_volt", f"{_M}.torque_per_volt", "motor torque per volt", "N m/V", "N/V", "c₁"),
+    Term("back_emf", f"{_M}.back_emf", "motor torque lost per speed (back-EMF)", *_VISCOUS, "c₂"),
     Term("motor_viscous", f"{_M}.viscous", "viscous friction of motor and gear", "N m s", None, "f₂"),
     Term("motor_coulomb", f"{_M}.coulomb", "Coulomb friction of motor and gear", "N m", None, "f₃"),
     Term("efficiency", f"{_M}.efficiency", "efficiency", "", None, "η"),
+    Term("gear_friction", "", "gear friction per volt at the motor", "N m/V", "N/V"),
 )
 
 _C = "axis.cogging"
@@ -172,6 +173,9 @@ NAMED = frozenset(term.name for term in _RECORDS)
 
 FRICTION_KEYS = tuple(term.name for term in _RECORDS if term.key.startswith(_F))
 """Keys of [axis.friction] that have a place of their own in the vector of constants."""
+
+MOTOR_TERMS = ("torque_per_volt", "back_emf")
+"""Constants of a motor on the axis that may be unknown."""
 
 MOTOR_KEYS = tuple(term.key.rpartition(".")[2] for term in TERMS.values() if term.key.startswith(_M))
 
@@ -256,6 +260,21 @@ def rig_terms(rig: object) -> tuple[RigTerm, ...]:
         else:
             found.append(RigTerm(term.name, term, number, shift or Quantity(0.0), value))
     return tuple(found)
+
+
+def motor_terms(rig: object) -> tuple[RigTerm, ...]:
+    """The terms that a motor on the axis adds to the left of equation (I), −c1 u + c2 q1' (+ gear friction).
+
+    Without a value where the constant is to be identified. Empty for a rig of another drive.
+    """
+    drive = getattr(rig, "drive", None)
+    motor = getattr(drive, "motor", None)
+    if motor is None or getattr(drive, "kind", "") != "motor":
+        return ()
+    stated = motor.model_fields_set
+    names = [*MOTOR_TERMS, *(("gear_friction",) if motor.gear_friction is not None else ())]
+    values = {name: getattr(motor, name) if name in stated else None for name in MOTOR_TERMS}
+    return tuple(RigTerm(name, TERMS[name], 1.0, Quantity(0.0), values.get(name)) for name in names)
 
 
 def stated_stiffness(terms: tuple[RigTerm, ...], q: Array) -> Array:

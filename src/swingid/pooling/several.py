@@ -186,6 +186,26 @@ def _by_name(
     }
 
 
+def named_recordings(logs: Sequence[Log] | Mapping[str, Log | SwingidError]) -> dict[str, Recording]:
+    """The logs by name, for one fit to all of them.
+
+    Raises the error of one that could not be read, UsageError for none, one given twice, or one to be read in parts.
+    """
+    by_name = _by_name(logs)
+    if not by_name:
+        raise UsageError("no log was given; give one or more.", code="no-log")
+    _refuse_twice(by_name)
+    found = {}
+    for name, log in by_name.items():
+        if isinstance(log, SwingidError):
+            raise log
+        if not isinstance(log, Recording):
+            text = f"{name} is too large for one fit to several logs, which are not read in parts; give --part FROM:TO."
+            raise UsageError(text, code="too-large")
+        found[name] = log
+    return dict(zip(_short(list(found)), found.values(), strict=True))
+
+
 def _short(names: Sequence[str]) -> list[str]:
     """Names for people: of files without their folders, where these differ."""
     bare = [PurePath(name).name for name in names]

@@ -15,7 +15,7 @@ from swingid.preparation.encoders import Correction, Encoders, corrected, on_sta
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
-from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.scale import Scale, refuse_motor, require_channels
 from swingid.preparation.segment import longest_run, part_of
 from swingid.preparation.zero import centred
 from swingid.recording.recording import Recording
@@ -139,16 +139,27 @@ class Prepared:
         )
 
 
-def prepare(log: Recording, rig: Rig, *, unbroken: bool = False, one_of_several: bool = False) -> Prepared:
+def prepare(
+    log: Recording,
+    rig: Rig,
+    *,
+    unbroken: bool = False,
+    one_of_several: bool = False,
+    together: bool = False,
+    scaled_elsewhere: bool = False,
+) -> Prepared:
     """Decide what is corrected in a log and excluded from it, and do it.
 
-    unbroken: the longest run of rows without an excluded part, for methods that proceed from row to row. Raises
-    InputError where the log lacks what the rig's drive needs, UnanswerableError without a scale reference.
+    unbroken: the longest run of rows without an excluded part, for methods that proceed from row to row.
+    together: for one fit to several logs, which may have a motor on the axis; scaled_elsewhere: see `Scale.of`.
+    Raises InputError where the log lacks what the rig's drive needs, UnanswerableError without a scale reference.
     """
+    if not together:
+        refuse_motor(rig, "this method")
     rig = with_restored_time(rig, log)
     log, encoders, corrections = corrected(log, rig)
     log, pushes = push_decided(log, rig)
-    scale = Scale.of(rig)
+    scale = Scale.of(rig, elsewhere=scaled_elsewhere)
     require_channels(log, rig)
     log, zero = centred(log, rig)
     log = longest_run(log) if unbroken else log

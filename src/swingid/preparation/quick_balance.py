@@ -90,7 +90,7 @@ def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
         scale = Scale.of(rig)
     except UnanswerableError:  # without a scale reference; a method raises it
         return None
-    drive = {"reaction-wheel": log.wheel_angle, "direct": log.torque, "none": None}[scale.drive]
+    drive = {"reaction-wheel": log.wheel_angle, "direct": log.torque}.get(scale.drive)
     if drive is None or len(log) < FEWEST_WINDOWS:
         return None
     step = typical_step(log.time)

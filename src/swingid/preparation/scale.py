@@ -12,7 +12,7 @@ import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
-from swingid.model.terms import RigTerm, rig_terms
+from swingid.model.terms import RigTerm, motor_terms, rig_terms
 from swingid.preparation.reference import refuse_without_scale
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
@@ -22,11 +22,12 @@ from swingid.recording.recording import Recording
 class Scale:
     """Known constants of equation (I).
 
-    a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, the part of a11 beside J1; b the gravity torque
-    (N m) as it acts, None where it is to be identified. further: the rig's further terms (`model.terms`).
+    a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, the part of a11 beside J1 (N² Jr of a motor on the
+    axis); b the gravity torque (N m) as it acts, None where it is to be identified. further: the rig's further terms
+    (`model.terms`), and those of a motor on the axis.
     """
 
-    drive: Literal["reaction-wheel", "direct", "none"]
+    drive: Literal["reaction-wheel", "direct", "motor", "none"]
     linear: bool
     a12: float
     carried: float
@@ -44,21 +45,27 @@ class Scale:
         return tuple(term.name for term in self.further if term.value is None)
 
     @classmethod
-    def of(cls, rig: Rig) -> Scale:
-        """Scale of a rig. Raises UnanswerableError where there is no scale reference."""
+    def of(cls, rig: Rig, *, elsewhere: bool = False) -> Scale:
+        """Scale of a rig. Raises UnanswerableError where there is no scale reference.
+
+        elsewhere: whether something that is no key of the rig sets the scale, as a known body added to the axis.
+        """
         gravity = rig.axis.acting_gravity
         b = None if gravity is None else gravity.value
         linear = rig.axis.kind == "linear"
-        further = rig_terms(rig)
+        further = (*rig_terms(rig), *motor_terms(rig))
         held = any(term.value is not None and term.value.value and term.term.is_conservative for term in further)
-        refuse_without_scale(rig)
-        if rig.drive.kind == "none" and not b and not held:
+        if not elsewhere:
+            refuse_without_scale(rig)
+        if rig.drive.kind == "motor" and not (b or held or elsewhere):
+            _require_torque_per_volt(rig, further)
+        if rig.drive.kind == "none" and not b and not held and not elsewhere:
             raise UnanswerableError(
                 f"rig {rig.name}: axis.gravity_torque is 0, but in a free decay gravity alone sets the scale; give "
                 'axis.gravity_torque, or axis.stiffness of a spring, a number or "unknown" (for ratios).',
                 code="no-scale",
             )
-        a12 = carried = 0.0
+        a12, carried = 0.0, rig.drive.reflected
         if rig.drive.kind == "reaction-wheel":
             a12, carried = rig.drive.a12, rig.drive.carried
             if a12 == 0:
@@ -79,6 +86,17 @@ class Scale:
         return "N" if self.linear else "N m"
 
 
+def _require_torque_per_volt(rig: Rig, terms: tuple[RigTerm, ...]) -> None:
+    """Raise UnanswerableError where nothing but the motor's torque per volt could set the scale, and it is unknown."""
+    if any(term.name == "torque_per_volt" and term.value is None for term in terms):
+        raise UnanswerableError(
+            f"rig {rig.name}: drive.motor.torque_per_volt is unknown, and so is everything else that sets the scale: "
+            "inertia and torque per volt are known as a ratio only; give drive.motor.torque_per_volt (or "
+            "torque_constant and resistance), axis.gravity_torque, or logs with and without a known body (--added).",
+            code="no-scale",
+        )
+
+
 def refuse_terms(rig: Rig, method: str) -> None:
     """Raise UnanswerableError where the rig has springs, cogging or other further terms, for a method without them."""
     keys = [term.term.key or f"axis.{term.name.partition('_')[0]}" for term in rig_terms(rig)]
@@ -87,6 +105,16 @@ def refuse_terms(rig: Rig, method: str) -> None:
             f"rig {rig.name}: {', '.join(dict.fromkeys(keys))} is no term of the balance of {method}; use the method "
             "momentum, energy, equation-error or output-error.",
             code="unknown-term",
+        )
+
+
+def refuse_motor(rig: Rig, what: str) -> None:
+    """Raise UnanswerableError where a motor is on the axis, for what does not have its terms."""
+    if rig.drive.kind == "motor":
+        raise UnanswerableError(
+            f"rig {rig.name}: drive.kind is 'motor', a motor on the axis, which {what} does not have; use identify "
+            "with the method momentum.",
+            code="unknown-drive",
         )
 
 
@@ -121,6 +149,7 @@ def require_channels(log: Recording, rig: Rig) -> None:
     needed = {
         "reaction-wheel": ("wheel_angle", log.wheel_angle, "a reaction wheel"),
         "direct": ("torque", log.torque, "direct"),
+        "motor": ("voltage", log.voltage, "a motor"),
     }
     name, values, kind = needed.get(rig.drive.kind, ("", log.angle, ""))
     if values is None:

@@ -15,6 +15,9 @@ from swingid.result.result import Message
 
 FEWEST_TURNS = 4
 
+LEAST_LEFT = 0.1
+"""Share of a log that a spin-down has at least: less is the end of a log of something else."""
+
 
 def usable_part(
     motion: Motion, drive: str, start: float, stop: float, left_out: Iterable[Iterable[float]] = ()
@@ -31,6 +34,8 @@ def usable_part(
             f"at least {FEWEST_TURNS} are needed; record a motion that swings to and fro.",
             code="no-turning-points",
         )
+    if drive == "motor":  # equation (I) with the motor's constants holds from the first row on
+        return start, stop, Message("segment", f"used the whole log from {start:.4g} to {stop:.4g} s.")
     used = _decay(motion, start, stop) if drive == "none" else _steady(motion, start, stop, left_out)
     text = f"used the part from {used[0]:.4g} to {used[1]:.4g} s of a log from {start:.4g} to {stop:.4g} s"
     reason = "the free decay" if drive == "none" else "after the transient"
@@ -143,3 +148,24 @@ def _is_free(sizes: Array, shrinks: Bools, run: tuple[int, int]) -> bool:
     if (end - begin) / min(grow / pushes, LONGEST) >= np.log2((pushes + 1) / CHANCE):
         return True
     return bool(end == len(sizes) - 1 and sizes[end] < 0.5 * np.median(sizes[: begin + 1]))
+
+
+def spin_down(motion: Motion, start: float, stop: float) -> tuple[float, float, Message]:
+    """Start and stop (s) of a body that turns freely, from its fastest instant to its rest or the end of the log.
+
+    Until then a hand, a string or a motor may act. It starts two half-widths of the smoothed speed later, which is
+    still that of the drive at the maximum. Raises UnanswerableError where too little of the log is left.
+    """
+    grid, speed = motion.speed.grid, np.abs(motion.speed.speed)
+    fastest = int(np.argmax(speed))
+    begin = float(grid[fastest]) + 2 * motion.speed.half_width if fastest > 0 else start
+    end = next((float(rest[0]) for rest in motion.rests if rest[0] > begin), stop)
+    if not end - begin > LEAST_LEFT * (stop - start):
+        raise UnanswerableError(
+            f"the body is fastest at {grid[fastest]:.4g} s of a log from {start:.4g} to {stop:.4g} s, so it hardly "
+            "turns freely in it; log until it has slowed down, or give the part to use (--part).",
+            code="no-coast-down",
+        )
+    text = f"used the part from {begin:.4g} to {end:.4g} s of a log from {start:.4g} to {stop:.4g} s"
+    whole = end - begin > 0.98 * (stop - start)
+    return begin, end, Message("segment", f"{text}." if whole else f"{text}: from the greatest speed on.")

@@ -40,6 +40,8 @@ DEFAULT_COLUMNS = {
     "torque": "tau",
     "reference": "ym",
     "adaptive_gain": "k",
+    "bridge": "bridge",
+    "supply": "supply",
 }
 
 
@@ -134,6 +136,7 @@ class Conventions:
         prefixes = {
             "reaction-wheel": ("time_", "angle_", "wheel_", "voltage_"),
             "direct": ("time_", "angle_", "torque_"),
+            "motor": ("time_", "angle_", "voltage_"),
             "none": ("time_", "angle_"),
         }
         keys = {key: _plain(getattr(log, key)) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
@@ -154,6 +157,7 @@ class Conventions:
         drive = {
             "reaction-wheel": (self.wheel, "voltage"),
             "direct": ("torque",),
+            "motor": ("voltage", *(key for key in ("bridge", "supply") if key in self.stated)),
             "none": (),
             None: ("wheel_angle", "voltage", "torque"),
         }[self.drive_kind]
@@ -170,6 +174,8 @@ class Conventions:
             for name in ("angle", "reference"):
                 if name in model and turns:
                     model[name] = model[name] - turns
+        if "supply" in model:
+            model["voltage"] = model["voltage"] * model.pop("supply")
         if "wheel_speed" in model:
             model["wheel_angle"] = self._angle_of(model["time"], model["wheel_speed"])
         if self.wheel_is_absolute and "wheel_angle" in model:
@@ -179,6 +185,8 @@ class Conventions:
     def to_log(self, model: Mapping[str, Array]) -> Channels:
         """The inverse of `to_model`: columns of a file by their names, time included where the log has it."""
         channels = dict(model)
+        if "supply" in self.channels and "voltage" in channels:
+            channels["supply"] = np.ones_like(channels["voltage"])
         if self.wheel == "wheel_speed":
             channels.pop("wheel_angle", None)
         if self.wheel_is_absolute and "wheel_angle" in channels:
@@ -257,7 +265,8 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
     for channel in wanted:
         column = table.find(conventions.columns[channel])
         if column is None:
-            if channel in ("reference", "adaptive_gain") or (channel == "voltage" and not voltage_is_due):
+            optional = channel == "voltage" and not voltage_is_due and conventions.drive_kind != "motor"
+            if channel in ("reference", "adaptive_gain") or optional:
                 continue
             raise _missing(table, channel, conventions, name)
         if channel == "adaptive_gain" and not table.metadata:

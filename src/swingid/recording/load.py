@@ -219,7 +219,7 @@ SHORTEST_STEP = 1e-7  # s
 
 #: Range of a to-and-fro motion, in turns, that gravity does not allow: a free body swings over less than one turn,
 #: a reaction wheel is too weak to throw it over the top and back time and again, a strong motor is not.
-WIDEST_SWING = {"none": 1.5, "reaction-wheel": 2.0, "direct": 10.0}
+WIDEST_SWING = {"none": 1.5, "reaction-wheel": 2.0, "direct": 10.0, "motor": 10.0}
 
 
 def check_motion(channels: Channels, reading: Reading, *, still_axis: bool = False) -> None:

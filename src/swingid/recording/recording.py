@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
     from swingid.recording.formats.table import Table
 
-CHANNELS = ("time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque", "reference", "adaptive_gain")
+CHANNELS = ("time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque", "reference", "adaptive_gain", "bridge")
 FINITE = CHANNELS[:6]
 
 __all__ = ["CHANNELS", "Finding", "Recording", "Source"]
@@ -35,7 +35,8 @@ class Recording:
     time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging,
     positive counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous.
     wheel_speed: rad/s, as logged (absolute where the rig states so), only where the rig logs it in place of the wheel's
-    angle, which then is its integral. voltage: V. torque: N m (N), what the direct drive applied. reference: as
+    angle, which then is its integral. voltage: V. torque: N m (N), what the direct drive applied. bridge: 0 while that
+    of a motor on the axis is open, and no current flows. reference: as
     angle; adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held:
     True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows
     of the log that each row is the mean of (`recording.large`). left_out (k, 2): from when to when (s) rows
@@ -59,6 +60,7 @@ class Recording:
     wheel_speed: Array | None = None
     averaged: int = 1
     left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
+    bridge: Array | None = None
 
     def __post_init__(self) -> None:
         for name in CHANNELS:

@@ -91,6 +91,7 @@ EXTRA = {
 DRIVES = {
     "reaction-wheel": "reaction wheel",
     "direct": "direct drive (torque or force known)",
+    "motor": "motor on the axis (voltage known)",
     "none": "none (free decay)",
 }
 

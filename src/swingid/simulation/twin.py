@@ -137,7 +137,7 @@ class Setup:
             time=times[kept],
             angle=log[kept, 0],
             wheel_angle=log[kept, 1] if kind == "reaction-wheel" else None,
-            voltage=log[kept, 2] if kind == "reaction-wheel" else None,
+            voltage=log[kept, 2] if kind in ("reaction-wheel", "motor") else None,
             torque=log[kept, 2] if kind == "direct" else None,
             reference=inputs[kept] if closed else None,
             adaptive_gain=log[kept, 3] if closed else None,
@@ -250,7 +250,7 @@ def _per_row(name: str, values: ArrayLike, count: int, rows: int) -> Array:
 
 def own_limit(rig: Rig) -> float:
     """The rig's voltage limit (V), infinite where it has none."""
-    motor = rig.drive.motor if rig.drive.kind == "reaction-wheel" else None
+    motor = rig.drive.motor
     return math.inf if motor is None or motor.voltage_limit is None else float(motor.voltage_limit)
 
 

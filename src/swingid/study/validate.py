@@ -27,7 +27,7 @@ from swingid.model.terms import TERMS, further_terms, values_by_key
 from swingid.numerics.arrays import Array, Ints
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared, prepare
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import Scale, refuse_motor
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.data import require_scale
@@ -140,6 +140,7 @@ def validate(
     Raises InputError for a refused result, a missing channel or one of the wrong sign, UnanswerableError for a log
     without motion.
     """
+    refuse_motor(rig, "validate")
     p = model_vector(result, rig)
     several = [
         prepare(with_found_gain(log, result, rig), rig) for log in ([logs] if isinstance(logs, Recording) else logs)

@@ -180,8 +180,11 @@ class Rig(Table):
             refuse("contradiction", f"is {self.log.angle_unit!r}, but axis.kind is 'rotary'", "log.angle_unit")
         if self.drive.kind != "reaction-wheel":
             self._check_no_wheel()
-        elif stated(self.log, "torque"):
-            refuse("contradiction", "belongs to drive.kind = 'direct'; the wheel's motor has log.voltage", "log.torque")
+        elif stated(self.log, "bridge") or stated(self.log, "supply"):
+            key = "bridge" if stated(self.log, "bridge") else "supply"
+            refuse("contradiction", "belongs to drive.kind = 'motor'; a wheel's motor has log.voltage", f"log.{key}")
+        if self.drive.kind in ("reaction-wheel", "motor") and stated(self.log, "torque"):
+            refuse("contradiction", "belongs to drive.kind = 'direct'; a motor has log.voltage", "log.torque")
         if self.drive.kind != "direct":
             for key in ("torque_gain", "torque_sign"):
                 if stated(self.log, key):
@@ -206,8 +209,9 @@ class Rig(Table):
         if self.sensors.wheel is not None:
             refuse("contradiction", f"is given, but drive.kind is {self.drive.kind!r}", "sensors.wheel")
         other = ["torque"] if self.drive.kind == "none" else []
-        of_a_wheel = [key for key in LogConventions.model_fields if key.startswith(("wheel", "voltage"))] + other
-        surplus = [key for key in of_a_wheel if stated(self.log, key)]
+        driven = ("wheel",) if self.drive.kind == "motor" else ("wheel", "voltage", "bridge", "supply")
+        of_another = [key for key in LogConventions.model_fields if key.startswith(driven)] + other
+        surplus = [key for key in of_another if stated(self.log, key)]
         if surplus:
             beside = f", as are {', '.join(surplus[1:])}" if surplus[1:] else ""
             refuse("contradiction", f"is given{beside}, but drive.kind is {self.drive.kind!r}", f"log.{surplus[0]}")
@@ -221,6 +225,8 @@ class Rig(Table):
             read += ["wheel_angle" if log.wheel_speed is None else "wheel_speed", "voltage"]
         elif self.drive.kind == "direct":
             read.append("torque")
+        elif self.drive.kind == "motor":
+            read += ["voltage", *(key for key in ("bridge", "supply") if stated(log, key))]
         if stated(log, "reference"):
             read.append("reference")
         first: dict[str, str] = {}

@@ -28,6 +28,7 @@ from swingid.model.rig.fields import (
     stated,
 )
 from swingid.model.rig.gravity import weighed
+from swingid.model.rig.windings import of_windings, without_unknown
 from swingid.units import Quantity, UnknownScale, shown
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
@@ -224,32 +225,49 @@ def _dead_zone(raw: object, info: ValidationInfo) -> tuple[float, float]:
 class Motor(Table):
     """Motor and gear of (8) and (9): M = deadzone(η (c1 u − c2 q2')), friction f2, f3; N is `gear_ratio`.
 
-    Defaults are a motor that adds nothing: massless rotor, no gear, no torque.
+    Defaults are a motor that adds nothing: massless rotor, no gear, no torque. The file may state torque_constant (k,
+    N m/A, which is the back-EMF constant in V s) and resistance (R, ohm) in the place of torque_per_volt = N k/R and
+    back_emf = N² k²/R. gear_friction: "unknown" where a motor on the axis has friction in proportion to its torque.
     """
 
     rotor_inertia: Annotated[Quantity, quantity("kg*m^2", least=0)] = Quantity(0.0)
     gear_ratio: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
-    torque_per_volt: Annotated[Quantity, quantity("N*m/V", least=0)] = Quantity(0.0)
-    back_emf: Annotated[Quantity, quantity("N*m*s", least=0)] = Quantity(0.0)
+    torque_per_volt: Annotated[Quantity, quantity("N*m/V", "N/V", least=0)] = Quantity(0.0)
+    back_emf: Annotated[Quantity, quantity("N*m*s", "N*s/m", least=0)] = Quantity(0.0)
+    torque_constant: Annotated[Quantity, quantity("N*m/A", above=0)] | None = None
+    resistance: Annotated[Quantity, quantity("ohm", above=0)] | None = None
+    gear_friction: Literal["unknown"] | None = None
     viscous: Annotated[Quantity, quantity("N*m*s", least=0)] = Quantity(0.0)
     coulomb: Torque = Quantity(0.0)
     efficiency: Annotated[Quantity, quantity("", above=0, most=1)] = Quantity(1.0)
     dead_zone: Annotated[tuple[float, float], PlainValidator(_dead_zone)] = (0.0, 0.0)
     voltage_limit: Annotated[float, plain_number("V", above=0)] | None = None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _from_windings(cls, raw: object, info: ValidationInfo) -> object:
+        """Torque per volt and back-EMF from torque constant, resistance and gear."""
+        return of_windings(raw, info) if isinstance(raw, dict) else raw
+
 
 class Drive(Table):
-    """What moves the axis: a reaction wheel (with its motor), a known torque or force, or nothing."""
+    """What moves the axis: a reaction wheel (with its motor), a known torque or force, a motor on the axis, or nothing.
 
-    kind: Literal["reaction-wheel", "direct", "none"] = Field()
+    Of a motor on the axis, torque_per_volt and back_emf that the file does not state, or states as "unknown", are to be
+    identified.
+    """
+
+    kind: Literal["reaction-wheel", "direct", "motor", "none"] = Field()
     wheel: Wheel | None = None
     motor: Motor | None = None
 
     @model_validator(mode="before")
     @classmethod
-    def _wheel_has_a_motor(cls, raw: object) -> object:
-        if isinstance(raw, dict) and raw.get("kind") == "reaction-wheel" and "motor" not in raw:
+    def _kind_has_a_motor(cls, raw: object) -> object:
+        if isinstance(raw, dict) and raw.get("kind") in ("reaction-wheel", "motor") and "motor" not in raw:
             return {**raw, "motor": Motor()}
+        if isinstance(raw, dict) and raw.get("kind") == "motor" and isinstance(raw.get("motor"), dict):
+            return {**raw, "motor": without_unknown(raw["motor"])}
         return raw
 
     @model_validator(mode="after")
@@ -261,11 +279,32 @@ class Drive(Table):
             if isinstance(self.wheel.inertia, UnknownScale) and rotor:
                 problem = "is given beside an unknown wheel.inertia, which stands for wheel and rotor; leave it out"
                 refuse("contradiction", problem, "motor.rotor_inertia")
+            if self.motor is not None and self.motor.gear_friction is not None:
+                refuse("contradiction", "belongs to kind = 'motor', not to 'reaction-wheel'", "motor.gear_friction")
+            return self
+        if self.kind == "motor":
+            self._check_motor_on_axis()
             return self
         for key in ("wheel", "motor"):
             if getattr(self, key) is not None:
                 refuse("contradiction", f"belongs to kind = 'reaction-wheel', not to {self.kind!r}", key)
         return self
+
+    def _check_motor_on_axis(self) -> None:
+        """Refuse what a motor on the axis does not have apart from the axis."""
+        if self.wheel is not None:
+            refuse("contradiction", "belongs to kind = 'reaction-wheel', not to 'motor'", "wheel")
+        for key in ("viscous", "coulomb", "efficiency", "dead_zone"):
+            if self.motor is not None and stated(self.motor, key):
+                what = "is given, but a motor on the axis has no friction apart from the axis: leave it out"
+                refuse("contradiction", what, f"motor.{key}")
+
+    @property
+    def reflected(self) -> float:
+        """N² Jr in kg m², the rotor's share of the inertia of an axis that it turns with; 0 without such a motor."""
+        if self.kind != "motor" or self.motor is None:
+            return 0.0
+        return self.motor.gear_ratio.value**2 * self.motor.rotor_inertia.value
 
     @property
     def a12(self) -> float:
@@ -319,8 +358,9 @@ class LogConventions(Table):
     angle (in its unit) per logged unit, of a potentiometer in V; `angle_offset` (rad, m) the angle at the logged value
     0, in the place of `angle_zero`. `wheel_scale` is wheel turns per logged turn, `voltage_scale` V per logged unit.
     `wheel_speed` replaces the wheel's angle where only the speed was logged: the speed at the row, or ("mean") the turn
-    since the row before, divided by the time. Torque (force) = torque_sign * torque_gain * column. clock: relative
-    deviation of the log's clock, positive where it is fast.
+    since the row before, divided by the time. Torque (force) = torque_sign * torque_gain * column. bridge: column that
+    is 0 while that of a motor on the axis is open, so that no current flows; supply: column of its supply (V), of which
+    `voltage` then is the share. clock: relative deviation of the log's clock, positive where it is fast.
     """
 
     time: Column = "t"
@@ -346,6 +386,8 @@ class LogConventions(Table):
     torque: Column = "tau"
     torque_gain: Annotated[Quantity, scale_or_unknown("")] = Quantity(1.0)
     torque_sign: Sign = 1
+    bridge: Column | None = None
+    supply: Column | None = None
     reference: Column = "ym"
     drive_held: bool = True
     clock: Annotated[Quantity, quantity("", above=-0.5, below=1)] = Quantity(0.0, 1e-4)

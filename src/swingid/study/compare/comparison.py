@@ -65,7 +65,7 @@ def assumptions(method: str, rig: Rig, result: Result) -> Assumptions:
     if isinstance(options, dict) and options.get("input") == "wheel":
         motor = False
     return Assumptions(
-        scale={"reaction-wheel": "wheel inertia", "direct": "torque", "none": ""}[rig.drive.kind],
+        scale={"reaction-wheel": "wheel inertia", "direct": "torque", "motor": "motor", "none": ""}[rig.drive.kind],
         motor=motor and rig.drive.kind == "reaction-wheel",
         gravity=not isinstance(gravity, str) and gravity.value != 0,
         friction=needs.friction,

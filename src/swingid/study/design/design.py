@@ -10,7 +10,7 @@ from swingid.control.references import Multisine, Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import percent
 from swingid.model.rig import Rig
-from swingid.preparation.scale import refuse_terms
+from swingid.preparation.scale import refuse_motor, refuse_terms
 from swingid.result.result import combined
 from swingid.result.summary import sorted_budget
 from swingid.study.design.information import predict
@@ -71,6 +71,7 @@ def design(
     Raises UsageError for values out of range, InputError where an expected value is missing, UnanswerableError where no
     motion within the limits reaches the uncertainty.
     """
+    refuse_motor(rig, "design")
     task = required(rig, uncertainty, duration, max_angle, max_speed, inertia, gravity_torque, rate, settling)
     assert task.expected.axis.inertia is not None
     gravity = task.expected.axis.gravity_torque

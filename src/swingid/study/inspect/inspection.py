@@ -30,7 +30,7 @@ from swingid.recording.load import FEWEST_ROWS, read_bytes
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.channels import Channel, check_channels
 from swingid.study.inspect.corrections import physics, read
-from swingid.study.inspect.motion import Service, Swings, read_motion, services
+from swingid.study.inspect.motion import Service, Swings, not_checked, read_motion, services
 from swingid.study.output import Study
 from swingid.system import sha256_of
 
@@ -198,7 +198,9 @@ def _with_motion(
     served = tuple(services(log, swings, drive, rig))
     tried = dict(found.tried)
     wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*found.checks, *seen))
-    if rig is not None and swings is not None and not wrong:
+    if rig is not None and rig.drive.kind == "motor":
+        moves.append(not_checked(rig))
+    elif rig is not None and swings is not None and not wrong:
         more, changed, log, changes = physics(table, log, reader, swings, source)
         tried |= changes
         if changed is not reader:
@@ -265,6 +267,7 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
             continue
         units = {"angle": "m" if linear else "rad", "wheel_angle": "rad", "wheel_speed": "rad/s", "voltage": "V"}
         units |= {"torque": "N" if linear else "N m", "reference": "m" if linear else "rad"}
+        units |= {"supply": "V", "bridge": ""}
         scale = conventions.scales.get(role)
         factor = scale.factor if scale is not None else 1.0
         if role == "wheel_angle":

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.methods.table import METHODS, Method
+from swingid.methods.table import DEFAULT, METHODS, Method
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion
@@ -66,7 +66,8 @@ def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tu
         motion = find_motion(log.time, log.angle, noise.angle)
         start, stop, note = part_of(log, motion, drive)
     except UnanswerableError as error:
-        return None, [Check("motion", "motion", "fault", error.message)]
+        needed = drive != "motor" or error.code != "no-turning-points"
+        return None, [Check("motion", "motion", "fault" if needed else "note", error.message)]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))
     swings = Swings(motion, start, stop, note.message, lines)
     inside = motion.within(start, stop)
@@ -200,6 +201,12 @@ def _service(method: Method, log: Recording, swings: Swings | None, drive: str, 
     return Service(method.name, max(usable, 0.0), ", ".join(why) or "all of it")
 
 
+def not_checked(rig: Rig) -> Check:
+    """The check of a rig whose balance holds unknown constants of a motor: there is nothing to compare it with."""
+    text = f"rig {rig.name} has a motor on the axis, whose constants identify fits; log and rig file are not compared."
+    return Check("balance", "balance", "note", text)
+
+
 def _what(drive: str, reason: str, method: Method) -> str:
     if method.turning_points:
         return "the first turning point" if reason == "before" else "the last turning point"
@@ -214,6 +221,8 @@ def _lacking(method: Method, log: Recording, drive: str, rig: Rig | None) -> str
         return "no wheel angle"
     if drive == "direct" and log.torque is None:
         return "no torque"
+    if drive == "motor" and method.name != DEFAULT:
+        return "has no motor on the axis"
     if method.gravity and rig is not None:
         gravity = rig.axis.gravity_torque
         if isinstance(gravity, str) or gravity.value == 0:

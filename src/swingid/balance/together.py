@@ -1,0 +1,302 @@
+"""One fit of the balance to the windows of several logs, which need no turning points and may differ in a known body.
+
+The rows of all logs are equations for the same unknowns: inertia, friction as one function of the speed, the constants
+of a motor on the axis, and a gravity torque or spring that is to be identified. A known body of inertia J_k that is
+added in log k is a known term J_k ∫φ'' q1. So two coast-downs, with and without such a body, determine the inertia and
+the drag together, although each of them alone determines their ratio only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import accumulate, pairwise
+
+import numpy as np
+
+from swingid.balance.choice import FLAT, FURTHER
+from swingid.balance.fits import (
+    BASIS,
+    LAG,
+    Effect,
+    WindowFit,
+    fit_rows,
+    with_fitted,
+)
+from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.motor_on_axis import is_open, volts, with_motor
+from swingid.balance.rows import Rows, Signals, Windows, rows_of
+from swingid.balance.systematics import grid_spread, variance_of_difference
+from swingid.balance.windows import law_windows
+from swingid.errors import UnanswerableError
+from swingid.model.terms import TERMS, RigTerm
+from swingid.numerics.arrays import Array
+from swingid.numerics.regression import LinearFit
+from swingid.numerics.test_functions import project
+from swingid.preparation.noise import Noise
+from swingid.preparation.prepared import Part
+from swingid.preparation.scale import Scale
+from swingid.uncertainty.freedom import coverage_factor
+from swingid.units import Quantity
+
+ONE_WAY = ("coulomb", "viscous", "quadratic")
+"""Friction of a motion in one direction, where friction that depends on the direction has the same regressors."""
+
+WORSE = 2.5
+"""Ratio of relative uncertainties from which on shorter windows are not tried; as in `balance.choice`."""
+
+APART = 4.0
+"""Time between the windows of two logs in the rows of all, in half-lengths: more than two, so that none overlap."""
+
+SLOW, MOVING = 0.03, 0.9
+"""Share of the greatest speed below which an axis with a motor may rest, and the weighted share of a window in which it
+has to be faster: friction at rest is no function of the speed, and a gear holds against a voltage."""
+
+TURN = 0.3
+"""Angle (rad) in which a block of rows ends where the balance depends on the angle: sin q1 is smooth over it."""
+
+
+@dataclass(frozen=True)
+class Run:
+    """One log as it is fitted: its name, the part of it that is used, its signals, the inertia of the body added."""
+
+    name: str
+    part: Part
+    signals: Signals
+    added: Quantity
+    kept: dict[float, Rows] = field(default_factory=dict, repr=False, compare=False)
+
+    @classmethod
+    def of(cls, name: str, part: Part, added: Quantity) -> Run:
+        """The signals of a part; raises as `Signals.of`."""
+        signals = Signals.of(part.log, part.rig, part.motion, part.encoders, longest=_block(part))
+        return cls(name, part, signals, added)
+
+    def rows(self, half: float) -> Rows:
+        """The rows on windows of half-length `half` (s), with the columns of a motor on the axis; computed once."""
+        if half not in self.kept:
+            signals = self.signals.suited(half)
+            windows = law_windows(signals, half)
+            if self.part.rig.drive.kind == "motor":
+                self.kept[half] = with_motor(rows_of(signals, _in_motion(windows, signals)), signals)
+            else:
+                self.kept[half] = rows_of(signals, windows)
+        return self.kept[half]
+
+
+def _in_motion(windows: Windows, signals: Signals) -> Windows:
+    """The windows during which the axis moves: below `SLOW` a voltage may only push against friction at rest."""
+    moves = (np.abs(signals.speed) > SLOW * signals.fastest).astype(np.float64)
+    share = project(signals.nodes, [(moves, 0)], windows.centres, windows.half)[:, 0] / (windows.half * 32 / 35)
+    return windows.select(share > MOVING)
+
+
+def _block(part: Part) -> float | None:
+    """Longest block of rows (s); None for what the change of the speed alone allows."""
+    if part.rig.axis.kind == "linear" or (part.scale.b == 0 and not part.scale.further):
+        return None
+    fastest = float(np.max(np.abs(part.motion.speed.speed)))
+    return min(part.motion.quickest / 8, TURN / max(fastest, 1e-300))
+
+
+@dataclass(frozen=True)
+class Together:
+    """The fit of all logs, and those of other lengths of the windows by half-length (s).
+
+    places: rows of each log. own: of each log, the rows that the fit uses.
+    """
+
+    runs: tuple[Run, ...]
+    law: WindowFit
+    tried: dict[float, WindowFit]
+    own: tuple[Rows, ...]
+    places: tuple[slice, ...]
+
+    def of_log(self, k: int, fit: WindowFit | None = None) -> WindowFit:
+        """The rows of one log in the fit of all (of `law`), with their influence on the unknowns of all."""
+        fit = fit or self.law
+        rows, at = (self.own[k], self.places[k]) if fit is self.law else _alone(self.runs, fit, k)
+        data = LinearFit(fit.fit.values, fit.fit.residuals[at], fit.fit.influence[:, at], fit.fit.condition)
+        return replace(fit, fit=data, rows=rows)
+
+    def grid(self) -> float:
+        """Standard uncertainty of a11 by the grid phase of the encoder, as of `systematics.grid_spread`."""
+        spreads = [grid_spread(run.signals, self.of_log(k), "inertia") for k, run in enumerate(self.runs)]
+        return float(np.hypot.reduce(spreads))
+
+    def variance_between(self, one: WindowFit, other: WindowFit) -> float:
+        """Variance of the difference of two fits' a11 by white noise of the same samples."""
+        return sum(
+            variance_of_difference(run.signals, self.of_log(k, one), self.of_log(k, other))
+            for k, run in enumerate(self.runs)
+        )
+
+
+def _alone(runs: Sequence[Run], fit: WindowFit, k: int) -> tuple[Rows, slice]:
+    """The rows of one log with their own instants, and their place in the fit of all."""
+    own = [run.rows(fit.half) for run in runs]
+    return own[k], _places(own)[k]
+
+
+def fit_together(runs: Sequence[Run], scale: Scale, bodies: Sequence[RigTerm]) -> Together:
+    """The fit with the shortest interval over lengths of the windows; among nearly equal ones the longest windows.
+
+    The interval, not the standard uncertainty: in few long windows that is itself hardly known. bodies: the known
+    bodies that were added, see `known_bodies`. Raises UnanswerableError for logs too short.
+    """
+    scale = replace(scale, further=(*_separable(scale, runs), *bodies))
+    noise, friction = _noise(runs), friction_of(runs)
+    tried: dict[float, WindowFit] = {}
+
+    def attempt(half: float) -> WindowFit | None:
+        fit = fit_rows(_stacked([run.rows(half) for run in runs], runs, scale), scale, noise, friction)
+        if fit is not None and np.isfinite(fit.u):
+            tried[half] = replace(fit, half=half)
+        return tried.get(half)
+
+    longest, shortest = min(_longest(run) for run in runs), 4 * noise.step
+    half = longest
+    while half > shortest:
+        fit = attempt(half)
+        if fit is not None and fit.relative(fit.u) > WORSE * min(one.relative(one.u) for one in tried.values()):
+            break
+        half /= 2
+    if not tried:
+        raise UnanswerableError(
+            "the logs contain too little usable motion to fit inertia and friction; record longer ones.",
+            code="too-short",
+        )
+    best = min(tried, key=lambda length: tried[length].relative(tried[length].u))
+    for neighbour in (best / np.sqrt(2), best * np.sqrt(2)):
+        if shortest < neighbour < longest:
+            attempt(neighbour)
+    tried = _with_cubic(tried)
+    tried = {length: _declared(fit, runs) for length, fit in tried.items()}
+    reach = {half: fit.relative(fit.total) * coverage_factor(fit.freedom) for half, fit in tried.items()}
+    law = tried[max(half for half in tried if reach[half] <= FLAT * min(reach.values()))]
+    own = [run.rows(law.half) for run in runs]
+    return Together(tuple(runs), law, tried, tuple(own), tuple(_places(own)))
+
+
+def friction_of(runs: Sequence[Run]) -> tuple[str, ...]:
+    """The terms of friction that these motions distinguish: fewer where all go in one direction."""
+    directions = {float(sign) for run in runs for sign in run.signals.directions if sign}
+    return BASIS if len(directions) > 1 else ONE_WAY
+
+
+def known_bodies(runs: Sequence[Run]) -> tuple[RigTerm, ...]:
+    """The bodies that were added, as known terms J_k q1''; equal ones are one body."""
+    distinct = list(dict.fromkeys(run.added for run in runs if run.added.value))
+    return tuple(RigTerm(body_name(one), TERMS["inertia"], 1.0, Quantity(0.0), one) for one in distinct)
+
+
+def body_name(added: Quantity) -> str:
+    """Name of the known term of an added body."""
+    return f"added body of {added.value:g}"
+
+
+def _separable(scale: Scale, runs: Sequence[Run]) -> tuple[RigTerm, ...]:
+    """The further terms less unknown ones of the motor that no log shows.
+
+    An unknown back-EMF has the regressor of viscous friction where no bridge is open.
+    """
+    hidden = set() if any(is_open(run.part.log) for run in runs) else {"back_emf"}
+    if not any(run.part.log.voltage is not None and np.any(volts(run.part.log)) for run in runs):
+        hidden = {"back_emf", "torque_per_volt", "gear_friction"}
+    return tuple(term for term in scale.further if term.name not in hidden or term.value is not None)
+
+
+def _longest(run: Run) -> float:
+    """Longest half-length (s) of the windows of a log."""
+    time, motion = run.signals.nodes.time, run.signals.motion
+    duration = float(time[-1] - time[0])
+    return min(duration / 5, 0.75 * motion.half_period) if len(motion.turning_times) > 3 else duration / 5
+
+
+def _noise(runs: Sequence[Run]) -> Noise:
+    """One noise for the rows of all logs: the largest of each, for rows are weighted alike."""
+    all_of = [run.part.noise for run in runs]
+    loudest = max(all_of, key=lambda noise: noise.angle**2 * noise.step)
+    return replace(loudest, resolution=max(noise.resolution for noise in all_of))
+
+
+def _places(own: Sequence[Rows]) -> list[slice]:
+    ends = [0, *accumulate(len(rows.windows) for rows in own)]
+    return [slice(begin, end) for begin, end in pairwise(ends)]
+
+
+def _stacked(own: Sequence[Rows], runs: Sequence[Run], scale: Scale) -> Rows:
+    """The rows of all logs one after another, each log's instants behind those of the one before."""
+    centres, after = [], 0.0
+    for rows in own:
+        reach = APART * rows.windows.middle if len(rows.windows) else 0.0
+        begin = float(rows.windows.centres[0]) if len(rows.windows) else 0.0
+        centres.append(rows.windows.centres - begin + after)
+        after = float(centres[-1][-1]) + reach if len(rows.windows) else after
+    further = {name: _joined([rows.further[name] for rows in own]) for name in own[0].further}
+    for body in (term for term in scale.further if term.term.name == "inertia"):
+        mine = [rows.inertia * (body.value == run.added) for rows, run in zip(own, runs, strict=True)]
+        further[body.name] = _joined(mine)
+    slopes = {name: float(np.mean([rows.slopes[name] for rows in own])) for name in own[0].slopes}
+    return Rows(
+        windows=Windows(_joined(centres), _joined([rows.windows.half for rows in own])),
+        **{name: _joined([getattr(rows, name) for rows in own]) for name in ("inertia", "gravity", "wheel", "torque")},
+        friction={name: _joined([rows.friction[name] for rows in own]) for name in own[0].friction},
+        stiffness=float(np.mean([rows.stiffness for rows in own])),
+        further=further,
+        slopes=slopes | {term.name: 0.0 for term in scale.further if term.name not in slopes},
+    )
+
+
+def _joined(arrays: Sequence[Array]) -> Array:
+    return np.concatenate(list(arrays))
+
+
+def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
+    """The fits with a cubic term of friction where the best of them shows one, by the level of `balance.choice`."""
+    plain = min(tried.values(), key=lambda fit: fit.relative(fit.u))
+    more = fit_rows(plain.rows, plain.scale, plain.noise, (*plain.friction, "cubic"))
+    independent = len(plain.rows.windows) / (LAG / 2)
+    if more is None or not _gain(plain, more, independent) > FURTHER["cubic",]:
+        return tried
+    fits = {half: fit_rows(one.rows, one.scale, one.noise, (*one.friction, "cubic")) for half, one in tried.items()}
+    return {half: replace(fit, half=half) for half, fit in fits.items() if fit is not None}
+
+
+def _gain(plain: WindowFit, more: WindowFit, independent: float) -> float:
+    lost = [max(float(np.sum(fit.fit.residuals**2)), 1e-300) for fit in (plain, more)]
+    return independent * float(np.log(lost[0] / lost[1]))
+
+
+def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
+    """The fit with the effect of every declared imperfection, as `fits.with_declared`."""
+    items = declared_of(fit, runs)
+    half = fit.half
+    fit = with_fitted(fit, [item for item in items if item.calibrates])
+    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
+    return replace(fit, declared=(*fit.declared, *passed), half=half)
+
+
+def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[Imperfection]:
+    """What the rig declares as uncertain, with its effect on the rows of all logs, and the inertias of added bodies."""
+    own = [run.rows(fit.half) for run in runs]
+    per_volt = fit.scale.known.get("torque_per_volt", fit.value("torque_per_volt"))
+    each = [
+        imperfections(run.part.rig, _with_torque(run.signals, per_volt), rows, fit.a11, fit.b)
+        for run, rows in zip(runs, own, strict=True)
+    ]
+    found = [replace(item, rows=_joined([one[k].rows for one in each])) for k, item in enumerate(each[0])]
+    for body in (term for term in fit.scale.further if term.term.name == "inertia"):
+        assert body.value is not None
+        if body.value.std:
+            effect = -fit.rows.further[body.name]
+            found.append(Imperfection(body.name, body.value.std, effect, 0.0, None, constant=True))
+    return found
+
+
+def _with_torque(signals: Signals, per_volt: float) -> Signals:
+    """The signals with the torque (N m or N) of a motor on the axis, which a latency shifts."""
+    log, rig = signals.source
+    if rig.drive.kind != "motor":
+        return signals
+    return replace(signals, torque=signals.nodes.hold(per_volt * volts(log), 0.0))

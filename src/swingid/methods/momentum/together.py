@@ -1,0 +1,280 @@
+"""Momentum on the windows of one or several logs at once: motors on the axis, and motions without turning points.
+
+What the windows of a log are used for elsewhere (their kinds, the choice of a friction law) needs swings. Here there
+is one kind of windows over all of the motion, one set of terms, and all logs are equations for the same unknowns; see
+`balance.together`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from swingid.balance.fits import LAG
+from swingid.balance.identifiability import HOPELESS, require_seen
+from swingid.balance.imperfections import sensitivities
+from swingid.balance.systematics import drift_with_length
+from swingid.balance.together import Run, Together, fit_together, known_bodies
+from swingid.checks.answer import identifiability_of
+from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
+from swingid.format import number, percent
+from swingid.model.rig import Rig
+from swingid.model.terms import MOTOR_TERMS, units_on
+from swingid.numerics.arrays import Array
+from swingid.preparation.prepared import Part, Prepared
+from swingid.preparation.segment import spin_down
+from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, provenance
+from swingid.result.result import Details, Message, Result
+from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, scatter, systematic
+from swingid.uncertainty.freedom import bartlett, scatter_freedom
+from swingid.uncertainty.significance import DETECTED
+from swingid.units import Quantity
+
+SURE = 0.05
+"""Relative uncertainty of torque per volt and back-EMF up to which k and R, quotients of them, are worth a note."""
+
+DRAG = "drag that differs between logs"
+"""Source of the scatter of the friction between logs of equal inertia."""
+
+
+def momentum_together(
+    prepared: Sequence[Prepared], names: Sequence[str] | None = None, added: Sequence[Quantity] | None = None
+) -> Result:
+    """Identify inertia, friction and unknown constants of a motor on the axis from all logs in one fit.
+
+    names: of the logs. added: inertia of the known body that was on the axis in each log, beside the one sought.
+    Raises UnanswerableError where the logs do not determine the inertia, InputError where a sign is wrong.
+    """
+    names = names or [one.log.source.path or f"log {k + 1}" for k, one in enumerate(prepared)]
+    added = added or [Quantity(0.0)] * len(prepared)
+    parts = [part_of_run(one) for one in prepared]
+    runs = [Run.of(*own) for own in zip(names, parts, added, strict=True)]
+    _require_scale(prepared[0].rig, runs)
+    found = fit_together(runs, prepared[0].scale, known_bodies(runs))
+    _check(found, prepared[0].rig)
+    scattered, notes = _drag_between(found)
+    evaluated = _evaluate(found, prepared[0].rig, scattered)
+    return _result(found, prepared, evaluated, notes)
+
+
+def part_of_run(prepared: Prepared) -> Part:
+    """The part of a log to use: all of a driven one, of another from its fastest instant to its rest."""
+    part = prepared.part(whole=True, few=True)
+    if prepared.rig.drive.kind != "none" or prepared.scale.b:
+        return part
+    start, stop, note = spin_down(part.motion, float(part.log.time[0]), float(part.log.time[-1]))
+    log = part.log.segment(start, stop)
+    motion = part.motion.within(float(log.time[0]), float(log.time[-1]))
+    return replace(part, log=log, motion=motion, start=start, stop=stop, note=note)
+
+
+def _require_scale(rig: Rig, runs: Sequence[Run]) -> None:
+    """Raise UnanswerableError where only added bodies could set the scale, and they are equal in all logs."""
+    if rig.drive.kind == "none" and not rig.axis.gravity_torque and len({run.added for run in runs}) == 1:
+        raise UnanswerableError(
+            f"rig {rig.name}: without a drive, gravity or spring only logs with different known bodies set the scale, "
+            "and the inertia added is the same in all logs; give a log with and one without a known body.",
+            code="no-scale",
+        )
+
+
+def _check(found: Together, rig: Rig) -> None:
+    """Raise where a sign is wrong or the inertia is not identifiable."""
+    law = found.law
+    where = ", ".join(run.name for run in found.runs)
+    seen = identifiability_of(law)
+    require_seen(seen)
+    per_volt = law.value("torque_per_volt")
+    if per_volt < 0 and -per_volt > DETECTED * law.uncertainty("torque_per_volt"):
+        raise InputError(
+            f"{where}: the voltage has the wrong sign against the angle (torque per volt would be {per_volt:.3g}); set "
+            'voltage_sign = -1 under [log] (+1 if it is -1 already), or angle_zero = "up" where 0 is the top.',
+            code="wrong-sign",
+        )
+    relative = law.total / max(abs(law.a11), 1e-300)
+    if law.inertia <= 0 or relative > HOPELESS or not np.isfinite(relative):
+        spread = "more than its value" if law.inertia <= 0 or relative > 1 else percent(relative)
+        raise NotIdentifiableError(
+            f"{where}: the motion does not determine the inertia (the balance gives {law.inertia:.3g} "
+            f"{law.scale.unit}, uncertain by {spread}); record a wider range of speeds"
+            + (", or a known body that changes the inertia more." if rig.drive.kind == "none" else ".")
+        )
+
+
+def _evaluate(found: Together, rig: Rig, drag: float) -> Evaluated:
+    """Parameters with their budget."""
+    law = found.law
+    units = units_on(linear=law.scale.linear)
+    values = {"inertia": (law.inertia, law.scale.unit)}
+    values |= {name: (law.value(name), units[name]) for name in law.unknowns[1:]}
+    freedom = [scatter_freedom(row, bartlett(LAG), len(law.unknowns)) for row in law.fit.influence]
+    freedom[0] = law.freedom
+    scattered = Scatter("scatter of the windows and sensor noise", law.covariance, np.array(freedom))
+    common: list[tuple[Source, str, float]] = [
+        (systematic("place of the encoder's grid"), "inertia", found.grid()),
+        (
+            systematic("drift with the length of the windows"),
+            "inertia",
+            drift_with_length(law, found.tried, None, found.variance_between),
+        ),
+        (scatter(DRAG), "inertia", drag),
+    ]
+    declared = [effect.item.on(effect.shifts / effect.item.std) for effect in law.declared]
+    return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
+
+
+def _friction_rows(found: Together) -> Array:
+    """The torque of the fitted friction in each row (N m s or N s)."""
+    law = found.law
+    rows = np.zeros(len(law.rows.windows))
+    for name in law.friction:
+        rows = rows + law.value(name) * law.rows.friction[name]
+    return rows
+
+
+def _drag_between(found: Together) -> tuple[float, list[Message]]:
+    """Standard uncertainty of a11 by drag that differs between logs, and a note on what depends on its constancy.
+
+    Logs with the same body show whether the drag differs: each but the first of them gets a factor of its own.
+    """
+    law, runs = found.law, found.runs
+    if len(runs) < 2 or found.runs[0].part.rig.drive.kind != "none":
+        return 0.0, []
+    friction = _friction_rows(found)
+    effects, columns = [], []
+    for k, at in enumerate(found.places):
+        own = np.zeros_like(friction)
+        own[at] = friction[at]
+        effects.append(-float(law.fit.influence[0] @ own))
+        if any(other.added == runs[k].added for other in runs[:k]):
+            columns.append(own)
+    steepest = max(abs(effect) for effect in effects) / abs(law.a11)
+    text = (
+        f"friction is taken as one function of the speed in all logs: 1 % more of it in one of them changes the "
+        f"inertia by up to {percent(0.01 * steepest)}"
+    )
+    if not columns:
+        text += "; repeat a log with the same body to have its scatter estimated."
+        return 0.0, [Message("common-friction", text)]
+    spread = _factors(law.columns, law.known, columns)
+    u = spread * float(np.hypot.reduce(effects))
+    text += f"; logs with the same body show a scatter of {percent(spread)}, which the budget contains."
+    return u, [Message("common-friction", text)]
+
+
+def _factors(columns: Array, known: Array, extra: Sequence[Array]) -> float:
+    """Standard deviation of the factors of the friction of single logs, beyond what the scatter of the rows gives."""
+    matrix = np.column_stack([columns, *extra])
+    scale = np.maximum(np.linalg.norm(matrix, axis=0), 1e-300)
+    solved = np.linalg.lstsq(matrix / scale, known, rcond=None)[0]
+    residuals = known - matrix / scale @ solved
+    spare = max(len(known) / (LAG / 2) - len(solved), 1.0)
+    inverse = np.linalg.pinv((matrix / scale).T @ (matrix / scale))
+    variance = float(residuals @ residuals) / spare * np.diag(inverse) / scale**2
+    factors, own = (solved / scale)[-len(extra) :], variance[-len(extra) :]
+    # a factor is the difference of two logs
+    return float(np.sqrt(max(np.mean(factors**2 - own), 0.0) / 2))
+
+
+def _motor_notes(found: Together) -> list[Message]:
+    """What of the motor is inseparable, and its torque constant and resistance where both products were found."""
+    law, rig = found.law, found.runs[0].part.rig
+    if rig.drive.kind != "motor":
+        return []
+    stated = {term.name for term in law.scale.further if term.value is not None}
+    notes = []
+    if not stated & {"back_emf"} and "back_emf" not in law.unknowns:
+        text = (
+            "viscous is the sum of viscous friction and back-EMF, which have the same regressor: give "
+            "drive.motor.back_emf (or torque_constant and resistance), or a log in part of which the bridge is open "
+            "([log] bridge)."
+        )
+        notes.append(Message("back-emf-in-viscous", text))
+    if "torque_per_volt" in law.unknowns:
+        text = "the scale is "
+        text += "that of axis.gravity_torque" if law.b else "that of the known body"
+        text += ": inertia, torque per volt and friction are proportional to it."
+        notes.append(Message("scale-of-motor", text))
+    products = {name: law.scale.known.get(name, law.value(name)) for name in MOTOR_TERMS}
+    k_over_r, k2_over_r = products.values()
+    found_at_all = [name for name in MOTOR_TERMS if name in law.unknowns]
+    sure = all(law.uncertainty(name) < SURE * abs(law.value(name)) for name in found_at_all)
+    if k_over_r > 0 and k2_over_r > 0 and found_at_all and sure:
+        k, resistance = k2_over_r / k_over_r, k2_over_r / k_over_r**2
+        text = (
+            f"torque constant k = {number(k, 'N m/A', 3)} and resistance R = {number(resistance, 'ohm', 3)} as seen at "
+            "the axis, from torque per volt k/R and back-EMF k²/R."
+        )
+        notes.append(Message("motor-windings", text))
+    return notes
+
+
+def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated, notes: list[Message]) -> Result:
+    """The result with its messages and provenance."""
+    law, rig = found.law, prepared[0].rig
+    warnings: list[Message] = []
+    seen = identifiability_of(law)
+    rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
+    own = [run.part.note for run in found.runs]
+    notes = [
+        *dict.fromkeys(own),
+        *exact_in_row_one(rig),
+        Message("identifiability", f"{rank}; {seen.combination(law.values)}, and {seen.price}."),
+        *notes,
+        *_motor_notes(found),
+        *defaults_taken(rig),
+    ]
+    for run in found.runs:
+        add_findings(run.part.log, warnings, notes, used=(run.part.start, run.part.stop))
+    evaluated = replace(evaluated, sensitivities=sensitivities(rig, law.rows, law.fit.influence[0]))
+    single = len(prepared) == 1
+    return Result(
+        method="momentum",
+        status="warning" if warnings else "ok",
+        parameters=evaluated.parameters,
+        warnings=tuple(dict.fromkeys(warnings)),
+        notes=tuple(dict.fromkeys(notes)),
+        budget=tuple(evaluated.budget),
+        provenance=_provenance(found, prepared),
+        details=_details(found) if single else None,
+        sensitivities=evaluated.sensitivities,
+        correlation=evaluated.correlation,
+    )
+
+
+def _details(found: Together) -> Details:
+    """What the report draws of one log."""
+    (run,), law = found.runs, found.law
+    return Details(
+        start=run.part.start,
+        stop=run.part.stop,
+        turning_times=run.signals.motion.turning_times,
+        turning_angles=run.signals.motion.turning_angles,
+        window=law.half,
+        residual_times=found.own[0].windows.centres,
+        residuals=law.fit.residuals[: len(found.own[0].windows)] / (found.own[0].windows.half * 32 / 35),
+        left_out=run.part.log.left_out,
+    )
+
+
+def _provenance(found: Together, prepared: Sequence[Prepared]) -> dict[str, object]:
+    """That of the only log, or of the first with all logs in the place of one, and the inertias that were added."""
+    rig = prepared[0].rig
+    each = [provenance(run.part.log, rig) for run in found.runs]
+    preparation = [
+        {
+            "corrections": [one.as_dict() for one in own.corrections],
+            "part": [run.part.start, run.part.stop],
+            "noise": {"angle": run.part.noise.angle, "wheel": None},
+        }
+        for own, run in zip(prepared, found.runs, strict=True)
+    ]
+    if len(each) == 1:
+        return each[0] | {"preparation": preparation[0]}
+    first = {key: value for key, value in each[0].items() if key not in ("log", "log_sha256", "rows")}
+    listed = {"logs": "log", "logs_sha256": "log_sha256"}
+    logs: dict[str, object] = {key: [one[name] for one in each] for key, name in listed.items()}
+    bodies = [{"value": run.added.value, "std": run.added.std} for run in found.runs]
+    return logs | first | {"added": bodies, "preparation": preparation}

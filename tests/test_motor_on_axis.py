@@ -241,3 +241,13 @@ def test_added_bodies_that_are_none_are_a_wrong_usage(added: object) -> None:
     with pytest.raises(UsageError) as caught:
         sw.identify([twin_log(0), twin_log(1)], TRUE, added=added)
     assert caught.value.code == "bad-added"
+
+
+def test_the_scale_of_the_voltage_reaches_the_torque_per_volt_it_was_found_with() -> None:
+    log, rig = twin_log(7), servo(f"back_emf = {E}", log='voltage_scale = "12 ± 0.06 V / 255"')
+    assert log.voltage is not None
+    columns = {"t": log.time, "q1": log.angle, "u": log.voltage / (12 / 255)}
+    result = sw.identify(sw.Recording.from_columns(columns, rig), rig)
+    found = {e.parameter: e.standard_uncertainty for e in result.budget if e.source == "log.voltage_scale"}
+    assert found["torque_per_volt"] == pytest.approx(5e-3 * K, rel=0.01)
+    assert found["inertia"] < 1e-6 * J  # gravity sets the scale

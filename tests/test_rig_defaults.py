@@ -9,7 +9,7 @@ import pytest
 
 import swingid as sw
 from swingid.cli import main
-from swingid.model.rig.tables import cosine
+from swingid.model.rig.drive import cosine
 from swingid.result.provenance import defaults_taken
 from swingid.units import Quantity, time_power
 from twin_logs import INERTIA, PAPER

@@ -15,7 +15,7 @@ import numpy as np
 from swingid.balance.windows import law_windows
 from swingid.format import left
 from swingid.model.rig import Rig
-from swingid.model.rig.tables import Motor
+from swingid.model.rig.drive import Motor
 from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes

@@ -23,7 +23,7 @@ from swingid.balance.fits import (
     fit_rows,
     with_fitted,
 )
-from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.imperfections import VOLTAGE_SCALE, Imperfection, imperfections
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
 from swingid.balance.systematics import grid_spread, variance_of_difference
@@ -286,6 +286,10 @@ def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[Imperfection]:
         for run, rows in zip(runs, own, strict=True)
     ]
     found = [replace(item, rows=_joined([one[k].rows for one in each])) for k, item in enumerate(each[0])]
+    further = fit.rows.further
+    if "torque_per_volt" in further:  # unknown or known, they have the error of the voltage
+        volts_off = -per_volt * further["torque_per_volt"] - fit.value("gear_friction") * further["gear_friction"]
+        found = [replace(one, rows=volts_off) if one.source == VOLTAGE_SCALE else one for one in found]
     for body in (term for term in fit.scale.further if term.term.name == "inertia"):
         assert body.value is not None
         if body.value.std:

@@ -25,7 +25,7 @@ from swingid.balance.rows import shifted
 from swingid.methods.energy.balance import MOTOR, Course, States
 from swingid.methods.energy.fit import NodeFit
 from swingid.model.rig import Rig
-from swingid.model.rig.tables import Motor
+from swingid.model.rig.drive import Motor
 from swingid.model.terms import TERMS, rig_terms
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_integrals

@@ -14,10 +14,11 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from swingid.errors import InputError, UsageError
+from swingid.model.rig.drive import Drive
 from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, refuse, stated
 from swingid.model.rig.sensors import Sensors
-from swingid.model.rig.tables import Axis, Drive, LogConventions
+from swingid.model.rig.tables import Axis, LogConventions
 from swingid.model.terms import MOTOR_KEYS, rig_terms
 from swingid.system import read_input
 from swingid.units import Quantity, shown

@@ -306,8 +306,8 @@ def test_memory_and_speed_of_three_million_rows(tmp_path):
     from large_log import _command
 
     path = write_large_log(tmp_path / "log.parquet", 3_000_000)
-    _command(path, "momentum")  # compiles
     for method in ("momentum", "energy"):
+        _command(path, method)  # compiles, which takes memory and time of its own
         found = _command(path, method)
         assert found["memory"] < 0.8
         assert found["processor"] < 10.0

@@ -145,7 +145,7 @@ def with_rig(rig: Rig, found: Iterable[Imperfection]) -> Iterator[Imperfection]:
     """The constants, and what follows from their effects: those of the tilt of the axis and of the log's clock."""
     constants = {item.source: item for item in found}
     yield from constants.values()
-    for key, std, weights in rig_deviations(rig):
+    for key, std, weights in rig_deviations(rig) if constants else ():
         own = [(weight, constants[source]) for source, weight in weights.items() if source in constants]
         none = np.zeros(len(next(iter(constants.values())).rows))
         rows = sum((weight * item.rows for weight, item in own), none)
@@ -156,7 +156,7 @@ def declared_with_rig(rig: Rig, found: Iterable[Declared]) -> Iterator[Declared]
     """As `with_rig`, where the effects on the parameters are known and there are no rows."""
     constants = {one.source.name: one for one in found}
     yield from constants.values()
-    for key, std, weights in rig_deviations(rig):
+    for key, std, weights in rig_deviations(rig) if constants else ():
         own = [weight * constants[source].slopes for source, weight in weights.items() if source in constants]
         none = np.zeros(len(next(iter(constants.values())).slopes))
         yield Declared(stated(key, key), std, sum(own, none), of_time=key == CLOCK)

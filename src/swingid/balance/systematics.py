@@ -143,14 +143,14 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
     variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
     variance += sum((float(other.shifts[0]) - mine.get(other.item.source, 0.0)) ** 2 for other in free.declared)
-    by_drive = dark_uncertainty(free.a11 - law.a11, variance, law.u)
+    by_drive = dark_uncertainty(free.a11 - law.a11, variance, law.u, ways=2)
     k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
     ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)
     ratio += 0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2
     # a11 is in proportion to the gravity torque, to first order
     by_gravity = free.a11 - law.a11 - law.a11 * (free.b / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
-    return max(by_drive, dark_uncertainty(by_gravity, variance, law.u))
+    return max(by_drive, dark_uncertainty(by_gravity, variance, law.u, ways=2))
 
 
 @dataclass(frozen=True)
@@ -263,7 +263,7 @@ def _place_fit(kind: str, fit: WindowFit, columns: Array, signals: Signals) -> P
 
 def place_torque(fits: Sequence[PlaceFit], u: float) -> float:
     """Standard uncertainty of a11 by torques that depend on the angle and are not in the model."""
-    return max((dark_uncertainty(one.difference, one.variance, u) for one in fits), default=0.0)
+    return max((dark_uncertainty(one.difference, one.variance, u, len(fits)) for one in fits), default=0.0)
 
 
 def disagreement(chosen: WindowFit, other: WindowFit | None) -> float:

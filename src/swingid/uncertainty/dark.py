@@ -35,23 +35,24 @@ BELOW, BEYOND, STEP = 18.0, 36.0, 0.25
 """Of the integral over ln(τ²/s²): how far below 1 and beyond (d² + σ²)/s² it goes, where less than 1e-7 is left."""
 
 
-def dark_uncertainty(difference: float, variance: float, uncertainty: float) -> float:
+def dark_uncertainty(difference: float, variance: float, uncertainty: float, ways: int = 1) -> float:
     """Standard uncertainty τ that the difference of two estimates adds to one of them, in the unit of the difference.
 
     difference: d. variance: σ² ≥ 0, of d where both budgets are complete. uncertainty: u of the estimate τ is added to.
+    ways: of so many in which the budget may lack one error this comparison is one; they share the prior probability.
     """
     gap, sigma = abs(difference), math.sqrt(max(variance, 0.0))
     if sigma == 0.0 or not math.isfinite(gap + sigma):
         return gap
-    s = min(sigma, abs(uncertainty))
+    prior, s = PRIOR / ways, min(sigma, abs(uncertainty))
     s = max(s, 1e-6 * sigma)
     d2, v = (gap / s) ** 2, (sigma / s) ** 2
     # over x = ln τ², in units of s: density dB = e^x/(1 + e^x)² dx of B = 1/(1 + τ²), which is uniform
     x = np.arange(-BELOW, math.log(d2 + v) + BEYOND, STEP)
     tau2 = np.exp(x)
-    density = x - 2 * np.log1p(tau2) + math.log(PRIOR * STEP)
+    density = x - 2 * np.log1p(tau2) + math.log(prior * STEP)
     some = density - 0.5 * (d2 / (v + tau2) + np.log(v + tau2))
-    none = math.log(1 - PRIOR) - 0.5 * (d2 / v + math.log(v))
+    none = math.log(1 - prior) - 0.5 * (d2 / v + math.log(v))
     highest = max(float(some.max()), none)
     weights = np.exp(some - highest)
     return s * math.sqrt(float(weights @ tau2) / (float(weights.sum()) + math.exp(none - highest)))

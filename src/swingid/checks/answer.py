@@ -14,7 +14,7 @@ from swingid.balance.rows import Signals
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS, units_on
+from swingid.model.terms import TERMS, is_spring, rig_terms, units_on
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.noise import Noise
 from swingid.recording.findings import Kind
@@ -153,7 +153,7 @@ def check_answer(
             text = _near_resonance(leverage, amplitude, scale.b / law.a11, budgeted=budgeted)
             (notes if budgeted else warnings).append(Message("near-resonance", text))
     if scale.drive == "none":
-        notes.append(Message("scale-from-gravity", "the inertia is proportional to axis.gravity_torque."))
+        notes.append(scale_note(rig))
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
     text = f"{rank}; {seen.combination(law.values)}, and {seen.price}."
     return AnswerCheck(warnings, notes, Message("identifiability", text), near_resonance)
@@ -201,6 +201,15 @@ def _hopeless(inertia: Parameter, relative: float, law: WindowFit, motion: tuple
         f"the motion does not determine the inertia (it is uncertain by {spread}); "
         "record larger or faster swings, or more of them."
     )
+
+
+def scale_note(rig: Rig) -> Message:
+    """The note that names what sets the scale of a free swing."""
+    b = rig.axis.gravity_torque
+    springs = [term.term.key for term in rig_terms(rig) if term.value is not None and is_spring(term.term)]
+    key = springs[0] if springs and not (isinstance(b, Quantity) and b.value) else "axis.gravity_torque"
+    code = "scale-from-gravity" if key == "axis.gravity_torque" else "scale-from-spring"
+    return Message(code, f"the inertia is proportional to {key}.")
 
 
 def _near_resonance(leverage: float, amplitude: float, stiffness: float, *, budgeted: bool) -> str:

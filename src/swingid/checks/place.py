@@ -16,6 +16,7 @@ from swingid.balance.rows import Signals
 from swingid.balance.systematics import PlaceFit
 from swingid.checks.answer import LEAST
 from swingid.format import percent
+from swingid.model.terms import is_spring
 from swingid.result.result import Message
 from swingid.uncertainty.significance import BETTER, CERTAIN_RATIO, DETECTED, MATTERS
 
@@ -70,7 +71,7 @@ def spring_note(law: WindowFit, fits: Iterable[PlaceFit], signals: Signals, tota
     """
     springs = [one for one in fits if one.kind == "spring"]
     found = min(springs, key=lambda one: one.variance, default=None)
-    stated = any(term.term.name == "stiffness" for term in signals.further)
+    stated = any(is_spring(term.term) for term in signals.further)
     if found is None or stated or signals.linear or law.scale.b is None:
         return []
     spring = found.more.declared[-1]

@@ -18,8 +18,8 @@ NO_SCALE = "no-scale"
 """Code of the note of a result of ratios, and of refusals where something needs an inertia."""
 
 
-GRAVITY_SCALE = "scale-from-gravity"
-"""Code of the note that the inertia is proportional to the gravity torque, which is nothing to say of ratios."""
+SCALE_NOTES = {"scale-from-gravity", "scale-from-spring"}
+"""Codes of notes that name what the inertia is proportional to, which is nothing to say of ratios."""
 
 
 def require_method(reference: Reference, method: Method) -> None:
@@ -52,7 +52,7 @@ def unscaled(result: Result, reference: Reference, rig: Rig) -> Result:
     found = transformed(result, ratios)
     unit = reference.unit
     leading = next(ratio for ratio in ratios if "inertia" in ratio.powers)
-    notes = tuple(one for one in result.notes if one.code != GRAVITY_SCALE)
+    notes = tuple(one for one in result.notes if one.code not in SCALE_NOTES)
     return replace(
         found,
         ratios=by is None,

@@ -11,9 +11,12 @@ from __future__ import annotations
 import math
 
 from swingid.model.parameters import COEFFICIENT, FIRST_SLOT, FURTHER, KIND, ODD, ORDER, POWER, SHIFT, SLOT
-from swingid.model.terms import DISPLACEMENT, WAVE, WEIGHT
+from swingid.model.terms import DISPLACEMENT, STRINGS, WAVE, WEIGHT
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit_called
+
+FLATTEST = 1e-3
+"""Least square of the strings' height over that at rest: below it they are about to cross, and the model ends."""
 
 HELD, DRY, WET, ALL = 1, 2, 4, 7
 """Kinds of terms by their speed: without it (springs, cogging), with its sign alone, with its size."""
@@ -28,6 +31,12 @@ def kind_of(i: int, p: Array) -> int:
 
 
 @njit_called
+def height_squared(q: float, shape: float) -> float:
+    """(H(q)/H(0))² = 1 − ε (1 − cos q) of a body on strings, not below `FLATTEST`; shape: ε."""
+    return max(1.0 - shape * (1.0 - math.cos(q)), FLATTEST)
+
+
+@njit_called
 def angle_factor(q: float, i: int, p: Array) -> float:
     """g(q) of the slot at place i."""
     kind = p[i + KIND]
@@ -35,6 +44,8 @@ def angle_factor(q: float, i: int, p: Array) -> float:
         return float(q - p[i + SHIFT])
     if kind == WAVE:
         return math.sin(p[i + ORDER] * q + p[i + SHIFT])
+    if kind == STRINGS:
+        return math.sin(q) / math.sqrt(height_squared(q, p[i + ORDER]))
     return abs(math.cos(q)) if kind == WEIGHT else 1.0
 
 
@@ -46,6 +57,9 @@ def angle_slope(q: float, i: int, p: Array) -> float:
         return 1.0
     if kind == WAVE:
         return float(p[i + ORDER] * math.cos(p[i + ORDER] * q + p[i + SHIFT]))
+    if kind == STRINGS:
+        square = height_squared(q, p[i + ORDER])
+        return float((math.cos(q) + 0.5 * p[i + ORDER] * math.sin(q) ** 2 / square) / math.sqrt(square))
     if kind == WEIGHT:
         return -math.sin(q) if math.cos(q) > 0.0 else math.sin(q)
     return 0.0
@@ -59,6 +73,8 @@ def angle_energy(q: float, i: int, p: Array) -> float:
         return float(q * (0.5 * q - shift))
     if kind == WAVE:
         return float((math.cos(shift) - math.cos(order * q + shift)) / order)
+    if kind == STRINGS:
+        return float(2.0 * (1.0 - math.cos(q)) / (1.0 + math.sqrt(height_squared(q, order))))
     return q
 
 

@@ -21,8 +21,8 @@ from swingid.units import Quantity
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
 
-# Kinds of g(q): 1, q − shift, sin(order q + shift), |cos q|.
-ONE, DISPLACEMENT, WAVE, WEIGHT = 0, 1, 2, 3
+# Kinds of g(q): 1, q − shift, sin(order q + shift), |cos q|, sin q / √(1 − order (1 − cos q)).
+ONE, DISPLACEMENT, WAVE, WEIGHT, STRINGS = 0, 1, 2, 3, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +77,16 @@ class Term:
             return np.asarray(q - shift)
         if self.kind == WAVE:
             return np.asarray(np.sin(order * q + shift))
+        if self.kind == STRINGS:
+            return np.asarray(np.sin(q) / np.sqrt(1 - order * (1 - np.cos(q))))
         return np.abs(np.cos(q)) if self.kind == WEIGHT else np.ones_like(q)
 
     def of_angle_integral(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
         """∫g dq of a conservative term, for its potential energy; its constant is of no account."""
         if self.kind == DISPLACEMENT:
             return np.asarray(0.5 * (q - shift) ** 2)
+        if self.kind == STRINGS:
+            return np.asarray(2 * (1 - np.cos(q)) / (1 + np.sqrt(1 - order * (1 - np.cos(q)))))
         assert self.kind == WAVE
         return np.asarray(-np.cos(order * q + shift) / order)
 
@@ -92,6 +96,9 @@ class Term:
             return np.ones_like(q)
         if self.kind == WAVE:
             return np.asarray(order * np.cos(order * q + shift))
+        if self.kind == STRINGS:
+            square = 1 - order * (1 - np.cos(q))
+            return np.asarray((np.cos(q) + 0.5 * order * np.sin(q) ** 2 / square) / np.sqrt(square))
         return np.asarray(-np.sign(np.cos(q)) * np.sin(q)) if self.kind == WEIGHT else np.zeros_like(q)
 
     def shift_slope(self, q: Array, order: float = 1.0, shift: float = 0.0) -> Array:
@@ -139,13 +146,24 @@ _RECORDS = (
     Term("gear_friction", "", "gear friction per volt at the motor", "N m/V", "N/V"),
 )
 
-_C = "axis.cogging"
+_C, _S = "axis.cogging", "axis.suspension"
 
 _SPRING = ("N m/rad", "N/m")
 
 _FURTHER = (
     Term(
         "stiffness", "axis.stiffness", "spring stiffness", *_SPRING, "k", 0, kind=DISPLACEMENT, shift="axis.spring_zero"
+    ),
+    Term(
+        "suspension_stiffness",
+        f"{_S}.stiffness",
+        "stiffness of the suspension",
+        "N m/rad",
+        "",
+        "κ",
+        0,
+        kind=STRINGS,
+        order=f"{_S}.shape",
     ),
     Term(
         "cogging_amplitude",
@@ -178,6 +196,11 @@ MOTOR_TERMS = ("torque_per_volt", "back_emf")
 """Constants of a motor on the axis that may be unknown."""
 
 MOTOR_KEYS = tuple(term.key.rpartition(".")[2] for term in TERMS.values() if term.key.startswith(_M))
+
+
+def is_spring(term: Term) -> bool:
+    """Whether its torque draws the axis back to one angle: a spring, or strings that a body hangs on."""
+    return term.kind in (DISPLACEMENT, STRINGS)
 
 
 def units_on(*, linear: bool) -> dict[str, str]:

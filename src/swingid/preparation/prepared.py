@@ -17,6 +17,7 @@ from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
 from swingid.preparation.scale import Scale, refuse_motor, require_channels
 from swingid.preparation.segment import longest_run, part_of
+from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, defaults_taken, provenance
@@ -118,6 +119,11 @@ class Prepared:
         found: corrections by the method; more: of its provenance; covariance: of type A, where logs share unknowns.
         """
         warnings, notes = list(warnings), [*notes, *defaults_taken(self.rig)]
+        identified = evaluated.parameters.get("suspension_stiffness")
+        rises = VerticalMotion.of(self.rig, identified and identified.value, part.motion.turning_angles)
+        if rises is not None:
+            notes.append(rises.note(evaluated.parameters["inertia"].value))
+            evaluated = rises.counted(evaluated)
         add_findings(self.log, warnings, notes, used=(part.start, part.stop))
         decided = {
             "corrections": [one.as_dict() for one in (*self.corrections, *found)],

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
-from swingid.model.terms import TERMS, rig_terms
+from swingid.model.terms import TERMS, is_spring, rig_terms
 from swingid.units import Quantity, UnknownScale
 
 WHEEL, GAIN, GRAVITY, STIFFNESS = "drive.wheel.inertia", "log.torque_gain", "axis.gravity_torque", "axis.stiffness"
+SUSPENSION = "axis.suspension.stiffness"
 
 REMEDIES = {
     GRAVITY: (
@@ -23,6 +24,10 @@ REMEDIES = {
     ),
     STIFFNESS: (
         "state axis.stiffness, or add a body of known inertia and give both results to swingid difference --known"
+    ),
+    SUSPENSION: (
+        "weigh what hangs on the strings (mass under axis.bifilar or axis.trifilar), or add a body of known inertia "
+        "and give both results to swingid difference --known"
     ),
     WHEEL: (
         "weigh and measure the wheel (drive.wheel.inertia), or weigh the body and measure the distance of its centre "
@@ -80,12 +85,21 @@ def reference_of(rig: Rig) -> Reference | None:
     if stated or (isinstance(b, Quantity) and b.value):
         return None
     forgotten = {"axis.inertia": None}  # not in these units
-    spring = next((term for term in held if term.term.symbol == "k" and term.value is None), None)
+    spring = next((term for term in held if is_spring(term.term) and term.value is None), None)
     if spring is not None:
-        return Reference(spring.term.key, spring.name, rig.in_units_of(spring.term.key, forgotten))
+        changes = {**forgotten, **_strings(rig)} if spring.term.key == SUSPENSION else forgotten
+        return Reference(spring.term.key, spring.name, rig.in_units_of(spring.term.key, changes))
     if isinstance(b, str):
         return Reference(GRAVITY, "gravity_torque", rig.in_units_of(GRAVITY, forgotten))
     return None
+
+
+def _strings(rig: Rig) -> dict[str, object]:
+    """Changes by which the strings are stated by what acts, not by their geometry."""
+    found = rig.axis.suspension
+    assert found is not None
+    table = {"stiffness": 1.0, "shape": found.shape, "height": found.height}
+    return {"axis.bifilar": None, "axis.trifilar": None, "axis.suspension": table}
 
 
 def _driven(rig: Rig, key: str, name: str, changes: dict[str, object]) -> Reference:

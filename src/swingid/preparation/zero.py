@@ -57,9 +57,11 @@ def centred(log: Recording, rig: Rig) -> tuple[Recording, tuple[Correction, ...]
     Unchanged where scatter and steps of the angle explain the offset, where it is harmless, where a spring has a centre
     of its own, and where it was done before. Only known where the repair "zero" is switched off.
     """
-    gravity = rig.axis.gravity_torque
-    hangs = rig.drive.kind == "none" and rig.axis.kind == "rotary" and isinstance(gravity, Quantity) and gravity.value
-    if not hangs or any(term.term.is_conservative for term in rig_terms(rig)):
+    gravity, held = rig.axis.gravity_torque, [term for term in rig_terms(rig) if term.term.is_conservative]
+    b = gravity.value if isinstance(gravity, Quantity) else 1.0
+    # one torque draws it back: gravity, or the strings that it hangs on
+    hangs = not held if b else len(held) == 1 and rig.axis.suspension is not None
+    if rig.drive.kind != "none" or rig.axis.kind != "rotary" or not hangs or isinstance(gravity, str):
         return log, ()
     if any(one.kind is Kind.ANGLE_ZERO for one in log.findings):
         return log, ()

@@ -27,6 +27,7 @@ from swingid.model.rig.fields import (
     stated,
 )
 from swingid.model.rig.gravity import weighed
+from swingid.model.rig.suspension import Bifilar, Suspension, Trifilar
 from swingid.units import Quantity, shown
 
 Inertia = Annotated[Quantity, quantity("kg*m^2", "kg", above=0)]
@@ -127,6 +128,7 @@ class Axis(TermTable):
 
     The file may state mass (kg), lever or centre_of_mass (m, from the axis) and g (m/s²) or latitude (rad) in the place
     of gravity_torque, which is their product then. `inertia` is the paper's J1 with a wheel, the whole axis without.
+    bifilar, trifilar: a body on strings about the vertical, or suspension by what acts (the others give it, too).
     tilt (rad): of the axis against the horizontal.
     model_uncertainty: relative standard uncertainty of every parameter for what no equation here contains.
     """
@@ -137,6 +139,9 @@ class Axis(TermTable):
     inertia: Inertia | None = None
     friction: Friction = Friction()
     cogging: Cogging | None = None
+    bifilar: Bifilar | None = None
+    trifilar: Trifilar | None = None
+    suspension: Suspension | None = None
     tilt: Tilt = NOT_LEVEL
     model_uncertainty: Annotated[float, plain_number("", least=0, below=1)] = 5e-5
     mass: Annotated[Quantity, quantity("kg", above=0)] | None = None
@@ -150,6 +155,20 @@ class Axis(TermTable):
     def _weighed(cls, raw: object, info: ValidationInfo) -> object:
         """The gravity torque from mass, lever and free fall."""
         return weighed(raw, info) if isinstance(raw, dict) else raw
+
+    @model_validator(mode="after")
+    def _hangs_on_strings(self) -> Self:
+        """The suspension from the geometry of its strings."""
+        tables = {key: getattr(self, key) for key in ("bifilar", "trifilar", "suspension")}
+        there = [key for key, table in tables.items() if table is not None]
+        if len(there) > 1:
+            refuse("contradiction", f"is given beside axis.{there[1]}; keep one", there[0])
+        if there and self.kind == "linear":
+            refuse("contradiction", "has no meaning on a linear axis", there[0])
+        strings = self.bifilar or self.trifilar
+        if strings is not None:
+            self.__dict__["suspension"] = Suspension.model_validate(strings.suspension())
+        return self
 
     @property
     def along(self) -> Quantity:

@@ -37,6 +37,9 @@ g = 9.81
 """
 
 
+TWO_TABLES = "[axis.trifilar]\nmass = 1\nradius = 0.2\nlength = 1\n[axis.bifilar]\nmass=1\ndistance=1\nlength=2"
+
+
 def rig_of(strings="", axis=""):
     return sw.Rig.from_text(HEAD.format(strings=strings, axis=axis))
 
@@ -88,7 +91,8 @@ def test_the_compiled_term_is_the_registered_one_and_derives_from_its_energy(q):
 
 def test_three_strings_are_two_of_the_same_radii():
     two = rig_of(BIFILAR.format(mass=1.5)).axis.suspension
-    three = rig_of('[axis.trifilar]\nmass = 1.5\nlength = 0.6\nradius = 0.1\nupper_radius = 0.15\ng = 9.81').axis.suspension
+    text = "[axis.trifilar]\nmass = 1.5\nlength = 0.6\nradius = 0.1\nupper_radius = 0.15\ng = 9.81"
+    three = rig_of(text).axis.suspension
     assert three.stiffness.value == pytest.approx(two.stiffness.value, rel=1e-14)
     assert three.shape == pytest.approx(two.shape, rel=1e-14)
 
@@ -120,7 +124,9 @@ def test_every_method_finds_the_inertia_of_a_body_on_strings(method):
     result = sw.identify(log, rig_of(BIFILAR.format(mass='"1.500 ± 0.003 kg"')), method)
     assert result.status == "ok"
     assert result.inertia.value == pytest.approx(4e-3, rel=3e-4)
-    of_strings = next(e for e in result.budget if e.shared_id == "axis.suspension.stiffness" and e.parameter == "inertia")
+    of_strings = next(
+        e for e in result.budget if e.shared_id == "axis.suspension.stiffness" and e.parameter == "inertia"
+    )
     assert of_strings.standard_uncertainty == pytest.approx(0.002 * 4e-3, rel=0.01)
     unknown = sw.identify(log, rig_of(BIFILAR.format(mass='"unknown"')), method)
     assert unknown.leading == "suspension_stiffness/inertia"
@@ -186,7 +192,7 @@ def test_the_zero_of_strings_is_found():
         ("[axis.bifilar]\nmass = 1\ndistance = 0.2\nlength = 0.05\nupper_distance = 0.4", "length", "too short"),
         ("[axis.bifilar]\nmass = 1\ndistance = 0.2\nlength = 1\ng = 9.8\nlatitude = 0.5", "g", "beside latitude"),
         ('[axis.bifilar]\nmass = "1 m"\ndistance = 0.2\nlength = 1', "mass", "kg"),
-        ("[axis.trifilar]\nmass = 1\nradius = 0.2\nlength = 1\n[axis.bifilar]\nmass=1\ndistance=1\nlength=2", "bifilar", "keep one"),
+        (TWO_TABLES, "bifilar", "keep one"),
         ("[axis.trifilar]\nmass = 1\nradius = -0.2\nlength = 1", "radius", "positive"),
         ("[axis.trifilar]\nmass = 1\nlength = 1", "radius", "missing"),
     ],
@@ -221,4 +227,4 @@ def test_a_torsion_pendulum_is_covered():
         found = sw.identify(log, stated).inertia
         assert found.value == pytest.approx(2e-3, rel=5e-4)
         inside += found.interval95[0] <= 2e-3 <= found.interval95[1]
-    assert 90 <= inside
+    assert inside >= 90

@@ -120,7 +120,8 @@ class Prepared:
         """
         warnings, notes = list(warnings), [*notes, *defaults_taken(self.rig)]
         identified = evaluated.parameters.get("suspension_stiffness")
-        rises = VerticalMotion.of(self.rig, identified and identified.value, part.motion.turning_angles)
+        kappa = None if identified is None else identified.value
+        rises = VerticalMotion.of(self.rig, kappa, part.motion.turning_angles)
         if rises is not None:
             notes.append(rises.note(evaluated.parameters["inertia"].value))
             evaluated = rises.counted(evaluated)

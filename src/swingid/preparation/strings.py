@@ -52,8 +52,8 @@ class VerticalMotion:
     def note(self, inertia: float) -> Message:
         """The note on its size."""
         text = (
-            f"the body rises by up to {number(1e3 * self.rise, 'mm', 2)} as it turns on its strings; the equation leaves "
-            f"out the energy of that motion, which would make the inertia {percent(self.inertia / inertia)} larger, and "
-            "counts it as an uncertainty."
+            f"the body rises by up to {number(1e3 * self.rise, 'mm', 2)} as it turns on its strings; the equation has "
+            f"no energy of that motion, which makes the inertia up to {percent(self.inertia / inertia)} too large, and "
+            "counts that as an uncertainty."
         )
         return Message("vertical-motion", text)

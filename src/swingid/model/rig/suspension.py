@@ -41,7 +41,7 @@ class Suspension(Table):
 
 
 class _Strings(Table):
-    """What bifilar and trifilar have in common: mass of all that hangs, length of a string or height h, g or latitude."""
+    """What bifilar and trifilar have in common: mass of all that hangs, length of a string or height h, place."""
 
     upper_key: ClassVar[str]
     mass: Annotated[Quantity | Literal["unknown"], PlainValidator(quantity_or_unknown("kg", above=0))]

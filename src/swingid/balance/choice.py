@@ -6,6 +6,7 @@ lack of fit of the friction terms, and both show in the scatter of the rows.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
 from swingid.balance.imperfections import axis_bends, late_channel, wheel_bends
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
+from swingid.balance.slow import SlowKind, slow_kinds, with_slow
 from swingid.balance.systematics import grid_spread
 from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
@@ -60,7 +62,8 @@ class Choice(NamedTuple):
     """The "law" fit of least uncertainty, declared imperfections included, and all fits tried by half-length in s.
 
     signals: with the turning points corrected for their delay. impulse: standard uncertainty (N m s or N s) of the
-    impulse at each reversal that the correction leaves. friction: law and curve fitted with these turning points.
+    impulse at each reversal that the correction leaves. friction: law and curve fitted with these turning points. slow:
+    what changes within the log, whose coefficients are unknowns of the fits.
     """
 
     law: WindowFit
@@ -68,6 +71,7 @@ class Choice(NamedTuple):
     signals: Signals
     impulse: float
     friction: FrictionLaw
+    slow: tuple[SlowKind, ...] = ()
 
 
 FURTHER = {(*NEAR_REST,): 21.1, ("cubic",): 15.1, (*NEAR_REST, "cubic"): 23.5}
@@ -98,9 +102,7 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise, memory: str =
         tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels), memory)
         tried = _with_further(corrected, tried)
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
-        least = min(fit.relative(fit.total) for fit in tried.values())
-        within = [fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least]
-        law = max(within, key=lambda fit: fit.half)
+        law = _longest_of_best(tried)
         calm = friction_windows(corrected, tried)
         known = (law.value("memory"), law.uncertainty("memory") if "memory" in law.unknowns else impulse)
         friction = fit_friction(corrected, calm.rows, scale, known, noise.angle)
@@ -108,7 +110,35 @@ def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise, memory: str =
         if settled or "stribeck" not in friction.terms:
             break
         torque, before = friction.torque, late
-    return Choice(law, tried, corrected, impulse, friction)
+    kinds = slow_kinds(calm, corrected, _other_causes(calm, corrected))
+    changing = _changing(tried, kinds, corrected, rig)
+    if changing:
+        tried, law = changing, _longest_of_best(changing)
+    return Choice(law, tried, corrected, impulse, friction, kinds if changing else ())
+
+
+def _longest_of_best(tried: dict[float, WindowFit]) -> WindowFit:
+    """The fit on the longest windows of about the least relative uncertainty."""
+    least = min(fit.relative(fit.total) for fit in tried.values())
+    return max((fit for fit in tried.values() if fit.relative(fit.total) <= FLAT * least), key=lambda fit: fit.half)
+
+
+def _changing(
+    tried: dict[float, WindowFit], kinds: tuple[SlowKind, ...], signals: Signals, rig: Rig
+) -> dict[float, WindowFit]:
+    """The fits with slow changes of these kinds as unknowns; empty for none."""
+    found = {half: with_slow(fit, signals, kinds) for half, fit in tried.items()} if kinds else {}
+    return {half: with_declared(fit, rig, signals) for half, fit in found.items() if fit is not None}
+
+
+def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
+    """Columns of what may look like a slow change: friction beyond the basis, errors of the angles.
+
+    In a decay the amplitude changes with time, so friction of another law seems to be one that changes.
+    """
+    rows = with_near_rest(signals, fit.rows)
+    yield np.column_stack([rows.friction[name] for name in (*NEAR_REST, "cubic") if name not in fit.unknowns])
+    yield from _errors_of_angles(fit, signals)
 
 
 def _with_memory(

@@ -13,6 +13,7 @@ from swingid.balance.systematics import PlaceFit, gravity_conflict, place_fits, 
 from swingid.checks.angle_scale import SCALE, check_angle_scale
 from swingid.checks.latency import check_latency, with_latency
 from swingid.checks.place import PLACE, check_place, spring_note
+from swingid.checks.stability import Stability
 from swingid.checks.stated import check_gravity, check_zero
 from swingid.errors import UnanswerableError
 from swingid.preparation.prepared import Part, Prepared
@@ -38,6 +39,7 @@ class RigFileCheck:
     part: Part
     conflict: float
     place: list[PlaceFit]
+    stability: Stability
 
     @classmethod
     def of(cls, prepared: Prepared) -> RigFileCheck | None:
@@ -49,7 +51,7 @@ class RigFileCheck:
             return None
         law, signals = choice.law, choice.signals
         place = place_fits(law, signals, choice.tried.values())
-        return cls(choice, part, gravity_conflict(law, prepared.rig, signals), place)
+        return cls(choice, part, gravity_conflict(law, prepared.rig, signals), place, Stability.of(choice))
 
     def alone(self, inertia: Parameter) -> Parameter:
         """The inertia without the conflict, which is named, and neither makes an estimate hopeless nor hides causes."""
@@ -65,19 +67,27 @@ class RigFileCheck:
         found = contradictions(self.choice, self.part, limit, limit)
         if all(one.code == SCALE for one in found):  # errors of the angle seem to be such a torque, too
             found += check_place(law, self.place, alone)
-        return found + check_latency(self.choice, self.part, limit)
+        found += check_latency(self.choice, self.part, limit)
+        size = inertia.value, alone
+        found += [] if found else self.stability.disagreement(*size)
+        return found + self.stability.messages(*size, corrected=False)[0]
 
     def notes(self, inertia: Parameter) -> list[Message]:
-        """What this inertia assumes of torques that depend on the angle."""
+        """What this inertia assumes of torques that depend on the angle, and of what does not change."""
         u = self.alone(inertia).standard_uncertainty or 0.0
-        return spring_note(self.choice.law, self.place, self.choice.signals, u)
+        slow = self.stability.messages(inertia.value, u, corrected=False)[1]
+        return spring_note(self.choice.law, self.place, self.choice.signals, u) + slow
 
     def widened(self, found: Evaluated) -> Evaluated:
-        """Parameters and budget of the method with the uncertainty of the inertia by such torques."""
+        """Parameters and budget of the method with the uncertainty of the inertia by such torques and changes."""
         u = found.parameters["inertia"].standard_uncertainty
         if u is None:
             return found
-        return found.widened(systematic(PLACE), "inertia", place_torque(self.place, min(u, self.choice.law.u)))
+        u = min(u, self.choice.law.u)
+        more = {PLACE: place_torque(self.place, u)} | self.stability.not_corrected(u)
+        for source, spread in more.items():
+            found = found.widened(systematic(source), "inertia", spread)
+        return found
 
 
 def contradictions(choice: Choice, part: Part, uncertainty: float, for_gravity: float | None = None) -> list[Message]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from swingid.format import interval
 from swingid.report import tables
 from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
-from swingid.report.figures.motion import draw_friction, draw_log, draw_residuals, draw_turning_points
+from swingid.report.figures.motion import draw_changing, draw_friction, draw_log, draw_residuals, draw_turning_points
 from swingid.report.figures.studies import draw_forest, draw_inspection, draw_validation
 from swingid.report.style import house_style, to_svg
 from swingid.report.words import DRIVES, KINDS, parameter_word
@@ -40,6 +40,7 @@ TITLES = {
     "swings": "Inertia of every swing",
     "friction": "Friction against speed",
     "residuals": "Residuals over time",
+    "changing": "Changes within the log",
     "budget": "Uncertainty budget of the inertia",
     "kinds": "Estimates by kind of projection",
     "logs": "Inertia of every log",
@@ -154,6 +155,7 @@ def _context(result: Result, log: Recording | None, rig: Rig | None) -> dict[str
         "budget": tables.budget_rows(result),
         "correlations": tables.correlation_rows(result),
         "extra": tables.extra_rows(result),
+        "agreement": tables.agreement_rows(result),
         "swings_off": tables.swings_off(result),
         "figures": _drawn(result, log, linear=linear) if answered else {},
         "provenance": tables.provenance_rows(result),
@@ -205,6 +207,7 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
         drawn["log"] = draw_log(log, unused, linear=linear)
     if details is not None:
         drawn["residuals"] = draw_residuals(details, linear=linear)
+        drawn["changing"] = draw_changing(details.changing)
         if log is not None:
             drawn["turning_points"] = draw_turning_points(log, details, linear=linear)
         if details.friction is not None:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.checks.stability import DIVIDED
 from swingid.format import interval, number, percent, plus_minus, span
 from swingid.report.words import EXTRA, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.result.result import Result
@@ -198,6 +199,22 @@ def extra_rows(result: Result) -> list[Row]:
             percent(value, fine=True) if name in EXTRA else number(value, fine=True),
         )
         for name, value in extra.items()
+    ]
+
+
+def agreement_rows(result: Result) -> list[Row]:
+    """Inertias of two parts of the log, and their difference in its standard uncertainties."""
+    found = result.details.agreement if result.details else ()
+    unit = result.inertia.unit if found else ""
+    return [
+        Row(
+            DIVIDED[one.division],
+            one.division,
+            plus_minus(*one.first, unit, fine=True),
+            plus_minus(*one.second, unit, fine=True),
+            number(one.difference / one.standard_uncertainty, "", 2, fine=True),
+        )
+        for one in found
     ]
 
 

@@ -84,6 +84,7 @@ EXTRA = {
     "motor_balance_residual": "left by the motor's balance",
     "angle_left": "left of the angle by the simulation",
     "wheel_left": "left of the wheel's angle by the simulation",
+    "held_out_residual": "left in the second half as the first one predicts it, over what is expected",
     "loss_unexplained": "lost per swing beyond what the friction law explains",
 }
 """Shares that a result may carry in `details.extra`."""

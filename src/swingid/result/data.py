@@ -69,6 +69,36 @@ class Convergence:
 
 
 @dataclass(frozen=True)
+class Changing:
+    """What changes slowly within a log: values with standard uncertainties at instants (s), against their mean.
+
+    what: "friction", whose values are shares of the mean loss (unit "1"), or "zero", that of the angle (rad or m).
+    """
+
+    what: str
+    unit: str
+    times: Array
+    values: Array
+    uncertainties: Array
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Inertias of two parts of a log, with their standard uncertainties by its data alone (type A).
+
+    division: "time" (first and second half), "amplitude" (larger and smaller swings), "direction" (with rising and with
+    falling angle) or "rise" (away from the middle and back). difference: of both; standard_uncertainty: of that where
+    the model holds, for both share data, sensors and constants.
+    """
+
+    division: str
+    first: tuple[float, float]
+    second: tuple[float, float]
+    difference: float
+    standard_uncertainty: float
+
+
+@dataclass(frozen=True)
 class Details:
     """What the report draws and the curious read: the way from the log to the number.
 
@@ -76,8 +106,8 @@ class Details:
     turning_angles: the turning points found. window: half-length of the modulating functions (s), None where a method
     has none. estimates: inertia and standard uncertainty by kind of window, for comparison. residual_times, residuals:
     residuals of the balance (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each
-    sample). extra: shares by the names of `report.words.EXTRA`, such as the relative residual of equation (II) when
-    motor constants are known.
+    sample). changing: what changes within the log. agreement: of its parts. extra: shares by the names of
+    `report.words.EXTRA`, such as the relative residual of equation (II) when motor constants are known.
     """
 
     start: float
@@ -93,6 +123,8 @@ class Details:
     residual_unit: str | None = None
     extra: dict[str, float] = field(default_factory=dict)
     convergence: Convergence | None = None
+    changing: tuple[Changing, ...] = ()
+    agreement: tuple[Agreement, ...] = ()
     left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
 
     def unused(self, first: float, last: float) -> list[tuple[float, float]]:

@@ -7,6 +7,7 @@ single checks that are no levels (a relative change worth a warning, a share of 
 
 from __future__ import annotations
 
+import math
 from statistics import NormalDist
 
 DIFFERS = 2.0
@@ -43,3 +44,14 @@ Unknowns without effect reduce the power by one part each: of 14 independent row
 def family_level(tests: int) -> float:
     """Standard deviations beyond which one of so many tests (≥ 1) counts, at `FAMILY` for all together."""
     return NormalDist().inv_cdf(1 - FAMILY / (2 * tests))
+
+
+def normal_of_ratio(ratio: float, first: float, second: float) -> float:
+    """Standard normal quantity of the same upper tail as a ratio with the distribution F(first, second).
+
+    Paulson 1942, Ann. Math. Stat. 13, 233: the cube roots of both χ² are nearly normal.
+    """
+    if ratio <= 0:
+        return -math.inf
+    cube, one, two = ratio ** (1 / 3), 2 / (9 * first), 2 / (9 * second)
+    return ((1 - two) * cube - (1 - one)) / math.sqrt(two * cube**2 + one)

@@ -37,6 +37,7 @@ from swingid.checks.answer import check_answer, check_motor, check_sign, unstate
 from swingid.checks.latency import check_latency, with_latency
 from swingid.checks.place import PLACE, check_place, spring_note
 from swingid.checks.rig_file import CONFLICT, contradictions
+from swingid.checks.stability import PARTS, Stability
 from swingid.checks.stated import check_encoders
 from swingid.errors import NotIdentifiableError, UsageError
 from swingid.format import plus_minus
@@ -70,6 +71,7 @@ class _Estimate:
     common: dict[str, float]
     turning_rows: Rows
     place: list[PlaceFit]
+    stability: Stability
 
 
 def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
@@ -95,7 +97,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     found = _answer(estimate, rig, signals)
     parameters, u = found.parameters, found.parameters["inertia"].standard_uncertainty or 0.0
     # what contradicts the rig file is named, and neither makes an answer hopeless nor hides its causes
-    shared = estimate.common[CONFLICT] ** 2 + estimate.common[PLACE] ** 2
+    shared = sum(estimate.common[source] ** 2 for source in (CONFLICT, PLACE, PARTS))
     alone = Parameter.of(estimate.law.inertia, max(u**2 - shared, 0.0) ** 0.5, scale.unit)
     amplitude = float(np.max(np.abs(signals.motion.turning_angles)))
     try:
@@ -108,7 +110,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, part.noise)
     unstated = None if balance else unstated_reading(rig, signals, part.noise, parameters["inertia"])
     motor = check_motor(balance, signals, unstated=unstated)
-    extra = {} if balance is None else {"motor_balance_residual": balance.as_stated}
+    extra = estimate.stability.extra() | ({} if balance is None else {"motor_balance_residual": balance.as_stated})
     lost = _loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
     if lost is not None:
         extra["loss_unexplained"] = lost
@@ -118,7 +120,11 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     if all(one.code == SCALE for one in off):  # errors of the angle seem to be such a torque, too
         off += check_place(estimate.law, estimate.place, estimate.law.total)
     off += check_latency(choice, part, u, memory)
-    notes += [*moved.notes, *_impulse(estimate.law)]
+    size = parameters["inertia"].value, alone.standard_uncertainty or 0.0
+    off += [] if off else estimate.stability.disagreement(*size)
+    slow, slow_notes = estimate.stability.messages(*size, corrected=True)
+    off += slow
+    notes += [*moved.notes, *_impulse(estimate.law), *slow_notes]
     notes += spring_note(estimate.law, estimate.place, signals, alone.standard_uncertainty or 0.0)
     warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
     return prepared.result(
@@ -175,7 +181,9 @@ def _estimate(choice: Choice, rig: Rig) -> _Estimate:
         CONFLICT: gravity_conflict(law, rig, signals),
         PLACE: place_torque(place, law.u),
     }
-    return _Estimate(law, choice.tried, swing, even, choice.friction, common, turning_rows, place)
+    stability = Stability.of(choice)
+    common |= stability.common(law.u)
+    return _Estimate(law, choice.tried, swing, even, choice.friction, common, turning_rows, place, stability)
 
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
@@ -262,6 +270,8 @@ def _details(estimate: _Estimate, signals: Signals, part: Part) -> Details:
         },
         residual_times=law.rows.windows.centres,
         residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
+        changing=tuple(estimate.stability.changing),
+        agreement=estimate.stability.agreement(law.scale.carried),
     )
 
 

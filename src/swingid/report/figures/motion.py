@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +11,7 @@ import numpy as np
 from swingid.numerics.arrays import Array
 from swingid.recording.recording import Recording
 from swingid.report.style import envelope, legend_above, new_figure, prefixed
+from swingid.result.data import Changing
 from swingid.result.plot import BLUE, GREY, INK, ORANGE, PALE, PURPLE, SIDES, SKY, VERMILION
 from swingid.result.result import COVERAGE_FACTOR, Details, FrictionCurve
 
@@ -30,6 +31,9 @@ MOST_DOTS = 800
 BINS = 120
 
 _SAMPLE = ("sample", "angle")
+
+CHANGING = {"friction": "friction", "zero": "zero of the angle"}
+"""What may change within a log, in words."""
 
 LONG = 36
 """Letters of a law's name that no longer leave room for two columns of the legend."""
@@ -247,4 +251,21 @@ def draw_friction(curve: FrictionCurve, *, linear: bool) -> Figure | None:
     ax.set_xlabel(f"{'speed' if linear else 'angular speed'}, {speed_unit}")
     ax.set_ylabel(f"{'force' if linear else 'torque'}, {unit}")
     legend_above(ax, 2 if len(curve.law) < LONG else 1)
+    return figure
+
+
+def draw_changing(changes: Sequence[Changing]) -> Figure | None:
+    """What changes slowly within the log, against its mean, with 95 % bands; one panel each."""
+    if not changes:
+        return None
+    figure, axes = new_figure(0.5 + 1.5 * len(changes), len(changes), sharex=True)
+    for ax, change in zip(axes, changes, strict=True):
+        factor, unit = (100.0, "%") if change.unit == "1" else prefixed(change.values, change.unit)
+        values, reach = change.values * factor, COVERAGE_FACTOR * change.uncertainties * factor
+        ax.axhline(0, color=GREY, lw=0.8)
+        ax.fill_between(change.times, values - reach, values + reach, color=BLUE, alpha=0.25, lw=0)
+        ax.plot(change.times, values, color=BLUE)
+        ax.set_ylabel(f"{CHANGING[change.what]}, {unit}")
+    axes[-1].set_xlabel("time, s")
+    figure.align_ylabels(axes)
     return figure

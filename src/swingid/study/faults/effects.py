@@ -154,6 +154,11 @@ def spikes(log: Recording, scene: Scene, number: float) -> Recording:
     return replace(log, **changed)
 
 
+def zero_drift(log: Recording, scene: Scene, angle: float) -> Recording:
+    """An angle whose zero moves by this much over the run, as of a gyro's integral or a potentiometer that warms."""
+    return _moved(log, scene, angle * scene.progress)
+
+
 def lost_counts(log: Recording, scene: Scene, angle: float) -> Recording:
     """From a random instant on the encoder is off by an angle."""
     return replace(log, angle=log.angle + np.where(log.time > scene.moment(), angle, 0.0))
@@ -227,6 +232,16 @@ def warming(scene: Scene, share: float) -> Array:
     """Viscous friction that falls by this share over the run, as of grease that gets warm."""
     viscous = scene.rig.axis.friction.viscous
     return share * (0.0 if viscous is None else viscous.value) * scene.progress * scene.speed
+
+
+def running_in(scene: Scene, share: float) -> Array:
+    """Coulomb friction that falls by this share over the run; of a rig without it, of 1 % of the torque scale.
+
+    The sign of the speed is smoothed over 0.02 rad/s, for the torque is held from row to row.
+    """
+    coulomb = scene.rig.axis.friction.coulomb
+    level = 0.01 * scene.scale if coulomb is None else coulomb.value
+    return np.asarray(share * level * scene.progress * np.tanh(scene.speed / 0.02))
 
 
 def push(length: float) -> Torque:

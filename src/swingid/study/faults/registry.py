@@ -227,6 +227,12 @@ _RECORDS = (
         columns=effects.lost_counts,
     ),
     Fault(
+        "zero drift",
+        "zero of the angle that drifts over the run",
+        {"0.1 mrad": 1e-4, "1 mrad": 1e-3, "5 mrad": 5e-3},
+        columns=effects.zero_drift,
+    ),
+    Fault(
         "polled",
         "angles read slowly and repeated in rows of the log",
         {"500 Hz": 500.0, "200 Hz": 200.0, "50 Hz": 50.0},
@@ -297,6 +303,12 @@ _RECORDS = (
         "viscous friction that falls over the run",
         {"10 %": 0.1, "30 %": 0.3, "70 %": 0.7},
         torque=effects.warming,
+    ),
+    Fault(
+        "running in",
+        "Coulomb friction that falls over the run",
+        {"2 %": 0.02, "5 %": 0.05, "20 %": 0.2},
+        torque=effects.running_in,
     ),
     Fault(
         "load friction",

@@ -1,0 +1,32 @@
+"""Values that are linear in the rows of a fit, as a difference of two estimates is: their variances of type A."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swingid.balance.fits import LAG, WindowFit, sensor_variance, with_excess
+from swingid.numerics.arrays import Array
+from swingid.numerics.regression import LinearFit
+
+
+def variances(fit: WindowFit, influence: Array, residuals: Array | None = None, unknowns: int | None = None) -> Array:
+    """Variances (m,) of m values of this influence (m, windows), as those of the inertia of a fit.
+
+    By sensor noise, and by the scatter of the residuals (of the fit, if not given) beyond it. unknowns: which these
+    residuals have used, if not those of the fit.
+    """
+    left = fit.fit.residuals if residuals is None else residuals
+    used = len(fit.unknowns) if unknowns is None else unknowns
+    rows = len(fit.rows.windows)
+    wide = LinearFit(np.zeros(used), left, influence, 1.0)
+    scattered = np.diag(wide.covariance(LAG))
+    found = np.zeros(len(influence))
+    for k, own in enumerate(influence):
+        sensor, seen = sensor_variance(fit.rows, own, fit.a11, fit.b, fit.scale, fit.noise, fit_pull(fit))
+        found[k] = with_excess(sensor, seen, float(scattered[k]), max(rows - used, 1))
+    return found
+
+
+def fit_pull(fit: WindowFit) -> float:
+    """Mean stiffness (N m/rad) of the further terms that were identified."""
+    return float(sum(fit.value(name) * fit.rows.slopes[name] for name in fit.scale.unknown))

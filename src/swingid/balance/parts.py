@@ -1,0 +1,206 @@
+"""Estimates of the inertia from parts of a log, which must agree: halves in time, amplitudes, directions of motion.
+
+The rows of one fit are divided, and both parts are fitted with all its unknowns. The difference of the two estimates is
+linear in the rows, so its variance is that of one value (`contrast.variances`): rows that share data, at the border of
+the parts, are counted as correlated. What is declared of the rig is the same in both and enters by the difference of
+its effects. A missing term, a friction that changes, a sensor that drifts, a late channel bias the parts differently.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from swingid.balance.contrast import variances
+from swingid.balance.fits import LAG, SLIGHT, WindowFit
+from swingid.balance.rows import Signals
+from swingid.balance.systematics import COMPARABLE
+from swingid.numerics.arrays import Array, Bools, median
+from swingid.numerics.regression import LinearFit, fit_linear
+from swingid.uncertainty.dark import dark_uncertainty
+from swingid.uncertainty.significance import normal_of_ratio
+
+AMPLITUDES = 1.1
+"""Least ratio of the median amplitudes of two parts that are compared as larger and smaller swings."""
+
+SAME = 0.9
+"""Share of equal rows from which on two divisions are one: in a free decay the larger swings are the first half."""
+
+MIRRORED = ("direction", "rise")
+"""Divisions whose parts are mirror images: an error that is odd under the mirror, as a latency or a lens, makes them
+differ, and is not in the whole."""
+
+CLEAR = 0.3
+"""Mean direction of motion within a window, as a share of a window within one swing, from which on it counts."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Inertias of two parts of a log, of the whole axis, with their standard uncertainties of type A.
+
+    name: "time", "amplitude", "direction" or "rise". variance: of their difference where the model holds. off, u: by
+    how much the whole may be off, and the standard uncertainty of that where the model holds.
+    """
+
+    name: str
+    first: tuple[float, float]
+    second: tuple[float, float]
+    variance: float
+    off: float
+    u: float
+
+    @property
+    def difference(self) -> float:
+        """First less second."""
+        return self.first[0] - self.second[0]
+
+    @property
+    def deviation(self) -> float:
+        """The difference in its standard uncertainties."""
+        return self.difference / float(max(self.variance, 1e-300) ** 0.5)
+
+
+def divisible(law: WindowFit, tried: Iterable[WindowFit]) -> WindowFit:
+    """The fit whose rows are divided: `law`, or where these are too few the best one whose rows suffice.
+
+    If that knows the inertia about as well (COMPARABLE); shorter windows are more.
+    """
+    least = 2 * fewest(law)
+    enough = [fit for fit in tried if len(fit.rows.windows) >= least and len(fit.unknowns) == len(law.unknowns)]
+    limit = COMPARABLE * law.relative(law.total)
+    within = [fit for fit in enough if fit.relative(fit.total) < limit]
+    if len(law.rows.windows) >= least or not within:
+        return law
+    return min(within, key=lambda fit: fit.relative(fit.total))
+
+
+def fewest(law: WindowFit) -> int:
+    """Rows that each part needs: twice as many independent ones as unknowns."""
+    return max(2 * LAG, LAG * len(law.unknowns))
+
+
+def unexplained(found: Iterable[Comparison], u: float) -> float:
+    """Standard uncertainty of a11 by the disagreement of parts."""
+    return max((dark_uncertainty(one.off, one.u**2, u) for one in found), default=0.0)
+
+
+def compared(law: WindowFit, signals: Signals) -> list[Comparison]:
+    """The comparisons that this log allows."""
+    power = float(law.known @ law.known)
+    if float(law.fit.residuals @ law.fit.residuals) < SLIGHT**2 * power:
+        return []
+    effects = declared_effects(law)
+    found = (_comparison(name, law, (one, two), effects) for name, one, two in divisions(law, signals))
+    return [one for one in found if one is not None]
+
+
+def divisions(law: WindowFit, signals: Signals) -> Iterator[tuple[str, Bools, Bools]]:
+    """Names and the rows (windows,) of both parts."""
+    centres, motion = law.rows.windows.centres, signals.motion
+    early = centres < median(centres)
+    yield "time", early, ~early
+    times = (motion.turning_times[1:] + motion.turning_times[:-1]) / 2
+    if len(times):
+        sizes = np.interp(centres, times, motion.swing_sizes)
+        large = sizes > median(sizes)
+        same = float(np.mean(large == early))
+        if max(same, 1 - same) < SAME and median(sizes[large]) > AMPLITUDES * median(sizes[~large]):
+            yield "amplitude", large, ~large
+    mean = law.rows.friction["coulomb"] / law.rows.friction["offset"]
+    yield "direction", mean > CLEAR, mean < -CLEAR
+    if law.b and not signals.linear:  # elsewhere no angle is the middle
+        outward = np.interp(centres, signals.nodes.stamps, signals.angle_values) * motion.speed.at(centres)
+        yield "rise", outward > 0, outward < 0
+
+
+def _comparison(name: str, law: WindowFit, both: tuple[Bools, Bools], effects: Array) -> Comparison | None:
+    """None where a part has too few rows for the unknowns.
+
+    By how much the whole may be off: of parts that mirror one another by how much their mean differs from it. Of others
+    half the difference, as it is where both determine the inertia alike: each then has √2 times the uncertainty of the
+    whole. Parts that distinguish the unknowns worse amplify what the model lacks as they amplify noise, so the share of
+    the difference is less by what its uncertainty is more.
+    """
+    one, other = both
+    count, columns, left = len(law.unknowns), law.columns, law.fit.residuals
+    if min(int(one.sum()), int(other.sum())) < fewest(law):
+        return None
+    fits = [fit_linear(columns[part], left[part]) for part in (one, other)]
+    rests, influence = np.where(one | other, left, 0.0), np.zeros((4, len(left)))
+    for k, (part, fit) in enumerate(zip((one, other), fits, strict=True)):
+        rests[part] = fit.residuals
+        influence[k, part] = fit.influence[0]
+    influence[2] = influence[0] - influence[1]
+    influence[3] = (influence[0] + influence[1]) / 2 - law.fit.influence[0]
+    spare = int((one | other).sum()) / (LAG / 2) - 2 * count
+    found = variances(law, influence, rests, 2 * count) + np.sum((influence @ effects) ** 2, axis=1)
+    found *= spare / (spare - 2) if spare > 4 else 2.0  # of Student's t
+    changes = [float(fit.values[0]) for fit in fits]
+    estimates = [(law.a11 + change, float(u) ** 0.5) for change, u in zip(changes, found, strict=False)]
+    if name in MIRRORED:
+        mean = max(2 * float(found[0] + found[1]) - float(found[2]), 1e-300) ** 0.5 / 2  # of both estimates
+        share = min(1.0, law.u / mean)
+        off, u = share * (changes[0] + changes[1]) / 2, share * float(found[3]) ** 0.5
+    else:
+        share = min(0.5, law.u / max(float(found[2]), 1e-300) ** 0.5)
+        off, u = share * (changes[0] - changes[1]), share * float(found[2]) ** 0.5
+    return Comparison(name, estimates[0], estimates[1], float(found[2]), off, u)
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """The second half of a log as the fit of the first half predicts it.
+
+    ratio: of the residuals (root mean square) to those that are expected. significance: of their excess, in standard
+    deviations of a normal quantity.
+    """
+
+    ratio: float
+    significance: float
+
+
+def predicted(law: WindowFit) -> Prediction | None:
+    """How well the first half predicts the second one; None for too few rows.
+
+    The residuals of the prediction exceed those of a fit to the second half by Q = dᵀ XᵀX d, d the difference of both
+    halves' unknowns, of covariance V, and X the columns there: Q is distributed as Σ λ_i χ²_1 with λ_i the eigenvalues
+    of XᵀX V, nearly as a multiple of χ² of the same mean and variance (Satterthwaite).
+    """
+    count, columns, left = len(law.unknowns), law.columns, law.fit.residuals
+    early = law.rows.windows.centres < median(law.rows.windows.centres)
+    if min(int(early.sum()), int((~early).sum())) < fewest(law):
+        return None
+    fits = [fit_linear(columns[part], left[part]) for part in (early, ~early)]
+    influence, rests = np.zeros((count, len(left))), left.copy()
+    for sign, part, fit in zip((1.0, -1.0), (early, ~early), fits, strict=True):
+        influence[:, part], rests[part] = sign * fit.influence, fit.residuals
+    own = LinearFit(np.zeros(2 * count), rests, influence, 1.0).covariance(LAG)
+    scale = np.sqrt(variances(law, influence, rests, 2 * count) / np.maximum(np.diag(own), 1e-300))
+    effects = influence @ declared_effects(law)
+    spread = (own * np.outer(scale, scale) + effects @ effects.T) @ (columns[~early].T @ columns[~early])
+    difference = columns[~early] @ (fits[0].values - fits[1].values)
+    excess, rest = float(difference @ difference), float(fits[1].residuals @ fits[1].residuals)
+    mean, power = float(np.trace(spread)), float(np.trace(spread @ spread))
+    freedom = len(left) / (LAG / 2) - 2 * count
+    if not mean > 0 or freedom < count:
+        return None
+    significance = normal_of_ratio(excess / mean, mean**2 / power, freedom)
+    return Prediction(((rest + excess) / (rest + mean)) ** 0.5, significance)
+
+
+def declared_effects(law: WindowFit) -> Array:
+    """What the rig declares as columns (windows, n): errors of the rows, independent and of unit variance.
+
+    Those that were fitted count by their posterior.
+    """
+    if not law.declared:
+        return np.zeros((len(law.rows.windows), 1))
+    effects = np.column_stack([effect.item.rows * effect.item.std for effect in law.declared])
+    fitted = [effect.item.calibrates for effect in law.declared]
+    alone = effects[:, fitted] - law.columns @ np.linalg.lstsq(law.columns, effects[:, fitted], rcond=1e-10)[0]
+    error = max(LAG / 2 * float(np.mean(law.fit.residuals**2)), 1e-300)
+    posterior = np.linalg.inv(np.eye(sum(fitted)) + alone.T @ alone / error)
+    effects[:, fitted] = effects[:, fitted] @ np.linalg.cholesky(posterior)
+    return effects

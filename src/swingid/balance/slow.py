@@ -1,0 +1,243 @@
+"""Slow changes within a log: a bearing that warms, a zero of the angle that drifts, as further unknowns of the balance.
+
+Friction c_0 sgn v + c_1 v whose coefficients change slowly adds Σ_k P_k(x) (γ_0k sgn v + γ_1k v), with Legendre's
+polynomials P_1, P_2, … of the time x, −1 at the start of the used part and 1 at its end: over it each is 0 in the mean,
+so the terms of the law keep their meaning, the mean over the log. A zero of the angle that drifts by δ(t) = Σ_k δ_k P_k
+adds −κ δ, κ the stiffness (of gravity b cos q1). Both are columns beside those of the law windows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from swingid.balance.contrast import variances
+from swingid.balance.fits import LAG, SLIGHT, WindowFit, fit_rows, residuals_beside
+from swingid.balance.rows import Signals, Windows
+from swingid.balance.systematics import left_by_place
+from swingid.numerics.arrays import Array
+from swingid.numerics.regression import fit_linear
+from swingid.numerics.test_functions import project, project_steps
+from swingid.result.data import Changing
+from swingid.uncertainty.significance import CERTAIN, INDICATED, normal_of_ratio
+
+SlowKind = Literal["friction", "zero"]
+
+ORDERS: dict[SlowKind, int] = {"friction": 2, "zero": 3}
+"""Highest polynomial of the time: a bearing warms once, a zero wanders."""
+
+CHANGING = ("coulomb", "viscous")
+"""Terms of friction whose coefficients may change."""
+
+
+def name_of(term: str, order: int) -> str:
+    """Name of the unknown that is the coefficient of P_order of a term."""
+    return f"{term} over time {order}"
+
+
+def names_of(kind: SlowKind, more: int = 0) -> tuple[str, ...]:
+    """Names of the unknowns of a kind, up to `more` orders beyond ORDERS."""
+    terms = CHANGING if kind == "friction" else ("zero",)
+    return tuple(name_of(term, k) for term in terms for k in range(1, ORDERS[kind] + more + 1))
+
+
+def progress(signals: Signals, instants: Array) -> Array:
+    """The time over the used part of the log: −1 at its start, 1 at its end."""
+    first, last = float(signals.nodes.stamps[0]), float(signals.nodes.stamps[-1])
+    return 2 * (instants - first) / (last - first) - 1
+
+
+def polynomial(order: int, x: Array) -> Array:
+    """Legendre's polynomial of this order at x, by Bonnet's recursion."""
+    before, found = np.ones_like(x), x
+    for n in range(1, order):
+        before, found = found, ((2 * n + 1) * x * found - n * before) / (n + 1)
+    return found
+
+
+def slope(order: int, x: Array) -> Array:
+    """Its derivative: Σ (2k + 1) P_k over k = order − 1, order − 3 and so on."""
+    found = np.zeros_like(x)
+    for k in range(order - 1, -1, -2):
+        found += (2 * k + 1) * (polynomial(k, x) if k else 1.0)
+    return found
+
+
+def has_stiffness(fit: WindowFit) -> bool:
+    """Whether a drift of the angle's zero acts in the balance at all: on a linear axis without a spring it does not."""
+    return bool(fit.b and not fit.scale.linear) or any(term.term.is_conservative for term in fit.scale.further)
+
+
+def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0) -> dict[str, Array]:
+    """The columns of a kind on the windows of a fit, by the names of their unknowns."""
+    windows, instants = fit.rows.windows, signals.nodes.flat[0]
+    x, rate = progress(signals, instants), 2 / float(signals.nodes.stamps[-1] - signals.nodes.stamps[0])
+    found: dict[str, Array] = {}
+    for order in range(1, ORDERS[kind] + more + 1):
+        shape = polynomial(order, x).reshape(signals.angle.shape)
+        if kind == "zero":
+            found[name_of("zero", order)] = _smooth(signals, windows, [(-_stiffness(signals, fit) * shape, 0)])
+            continue
+        change = rate * slope(order, x).reshape(signals.angle.shape)
+        # ∫φ P q1' = −∫φ' P q1 − ∫φ P' q1: from the angle, as all columns
+        viscous = [(-signals.angle * shape, 1), (-signals.angle * change, 0)]
+        found[name_of("viscous", order)] = _smooth(signals, windows, viscous)
+        found[name_of("coulomb", order)] = _dry(signals, windows, order)
+    return {name: found[name] for name in names_of(kind, more)}
+
+
+def _stiffness(signals: Signals, fit: WindowFit) -> Array:
+    """Change of the conservative torques per rad at the nodes, N m/rad."""
+    stiffness = np.zeros_like(signals.angle) if signals.linear else fit.b * signals.cosine
+    for term in signals.further:
+        pull = fit.scale.known.get(term.name, 0.0) + fit.value(term.name)
+        stiffness = stiffness + pull * term.stiffness(signals.angle)
+    return stiffness
+
+
+def _smooth(signals: Signals, windows: Windows, shapes: Sequence[tuple[Array, int]]) -> Array:
+    """Sum of the modulated integrals of these shapes."""
+    found: Array = project(signals.nodes, list(shapes), windows.centres, windows.half).sum(axis=1)
+    return found
+
+
+def _dry(signals: Signals, windows: Windows, order: int) -> Array:
+    """∫φ P sgn q1', with its jumps integrated exactly as steps."""
+    edges, directions = signals.edges, signals.directions
+    steps = np.cumsum(np.diff(directions, prepend=0.0) * polynomial(order, progress(signals, edges[:-1])))
+    place = signals.since
+    whole = directions[place] * polynomial(order, progress(signals, signals.nodes.flat[0]))
+    left = (whole - steps[place]).reshape(signals.angle.shape)
+    return _smooth(signals, windows, [(left, 0)]) + project_steps(edges, steps, windows.centres, windows.half)
+
+
+def _roughly(signals: Signals, fit: WindowFit, kind: SlowKind) -> Array:
+    """The columns (rows, n) with the polynomials at the middle of each window: quick, wrong by their change within."""
+    rows, x = fit.rows, progress(signals, fit.rows.windows.centres)
+    shapes = [polynomial(order, x) for order in range(1, ORDERS[kind] + 1)]
+    bases = [rows.friction[name] for name in CHANGING] if kind == "friction" else [rows.friction["offset"]]
+    return np.column_stack([shape * base for base in bases for shape in shapes])
+
+
+def with_slow(fit: WindowFit, signals: Signals, kinds: Iterable[SlowKind], more: int = 0) -> WindowFit | None:
+    """The fit with slow changes of these kinds as unknowns; None where there are too few rows. No declared effects."""
+    columns: dict[str, Array] = {}
+    for kind in kinds:
+        columns |= slow_columns(signals, fit, kind, more)
+    rows = replace(fit.rows, friction=fit.rows.friction | columns)
+    return fit_rows(rows, fit.scale, fit.noise, (*fit.friction, *columns))
+
+
+@dataclass(frozen=True)
+class SlowTest:
+    """What slow changes of one kind, as columns beside those of a fit, explain of its residuals.
+
+    significance: of the change, in standard deviations of a normal quantity. left: residuals beside them (rows,).
+    """
+
+    kind: SlowKind
+    significance: float
+    left: Array
+
+
+def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | None:
+    """Whether slow changes of a kind show; None where there are too few rows, or nothing that may change.
+
+    Their coefficients θ of m unknowns have the covariance V, with neighbouring rows correlated and noise of the sensors
+    counted as in the fit; θᵀ V⁻¹ θ / m is nearly of the distribution F(m, ν). First with the polynomials at the middle
+    of each window, which is quick and nearly right.
+    """
+    names = names_of(kind)
+    freedom = len(fit.rows.windows) / (LAG / 2) - len(fit.unknowns) - len(names)
+    left = fit.fit.residuals
+    if (kind == "zero" and not has_stiffness(fit)) or freedom < len(names):
+        return None
+    if float(left @ left) < SLIGHT**2 * float(fit.known @ fit.known):
+        return None
+    quick = _tested(fit, kind, _roughly(signals, fit, kind), freedom)
+    if quick.significance < INDICATED:
+        return quick
+    return _tested(fit, kind, np.column_stack(list(slow_columns(signals, fit, kind).values())), freedom)
+
+
+def _tested(fit: WindowFit, kind: SlowKind, columns: Array, freedom: float) -> SlowTest:
+    solved = fit_linear(np.column_stack([fit.columns, columns]), fit.fit.residuals)
+    at, count = slice(len(fit.unknowns), None), columns.shape[1]
+    theta, own = solved.values[at], solved.covariance(LAG)[at, at]
+    found = variances(fit, solved.influence[at], solved.residuals, len(solved.values))
+    scale = np.sqrt(found / np.maximum(np.diag(own), 1e-300))
+    # columns that are equal here, as of dry and viscous friction at one speed, count once
+    wald = float(theta @ np.linalg.pinv(own * np.outer(scale, scale), hermitian=True) @ theta) / count
+    return SlowTest(kind, normal_of_ratio(wald, count, freedom), solved.residuals)
+
+
+def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tuple[SlowKind, ...]:
+    """What changes within the log: significant, and a better explanation by the Bayesian criterion than `others`.
+
+    others: columns (rows, n) of other causes, and any torque that depends on the angle.
+    """
+    tests = (slow_test(fit, signals, kind) for kind in ORDERS)
+    found = [test for test in tests if test is not None and test.significance > CERTAIN]
+    if not found:
+        return ()
+    rows = len(fit.rows.windows)
+    left = [(residuals_beside(fit, columns), columns.shape[1]) for columns in others if columns.shape[1]]
+    scores = [_score(float(one @ one), count, rows) for one, count in left]
+    scores.append(_score(rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1, rows))
+    own = {test.kind: _score(float(test.left @ test.left), len(names_of(test.kind)), rows) for test in found}
+    return tuple(kind for kind, score in own.items() if score < min(scores))
+
+
+def _score(power: float, count: int, rows: int) -> float:
+    """Bayesian information criterion of `count` unknowns that leave this sum of squares."""
+    independent = rows / (LAG / 2)
+    return independent * float(np.log(max(power, 1e-300))) + count * float(np.log(independent))
+
+
+@dataclass(frozen=True)
+class SlowEffect:
+    """What a slow change does to a11: its change by the unknowns, and the standard uncertainty that is left.
+
+    u: change of a11 by polynomials of one order more.
+    """
+
+    kind: SlowKind
+    change: float
+    u: float
+
+
+def slow_effects(law: WindowFit, signals: Signals, kinds: Iterable[SlowKind]) -> list[SlowEffect]:
+    """The effect of each kind on a11; law: with slow changes of these kinds as unknowns."""
+    found, columns = [], law.columns
+    target = columns @ law.fit.values + law.fit.residuals
+    for kind in kinds:
+        without = fit_linear(np.delete(columns, slice_of(law, kind), axis=1), target)
+        more = slow_columns(signals, law, kind, 1)
+        further = np.column_stack([column for name, column in more.items() if name not in law.unknowns])
+        next_order = fit_linear(np.column_stack([columns, further]), law.fit.residuals)
+        found.append(SlowEffect(kind, law.a11 - float(without.values[0]), abs(float(next_order.values[0]))))
+    return found
+
+
+def slice_of(law: WindowFit, kind: SlowKind) -> list[int]:
+    """Places of the unknowns of a kind."""
+    return [law.unknowns.index(name) for name in names_of(kind)]
+
+
+def change_over_time(law: WindowFit, signals: Signals, kind: SlowKind, points: int = 41) -> Changing:
+    """The change at instants of the log: of the zero in rad or m, of the friction as a share of its mean loss."""
+    times = np.linspace(float(signals.nodes.stamps[0]), float(signals.nodes.stamps[-1]), points)
+    x, at = progress(signals, times), slice_of(law, kind)
+    shapes = [polynomial(order, x) for order in range(1, ORDERS[kind] + 1)]
+    weights = np.array(shapes)
+    if kind == "friction":
+        size = np.abs(signals.speed.ravel())
+        powers = [float(np.mean(size**n)) for n in (1, 2, 3, 4)]
+        loss = sum(law.value(name) * powers[n] for n, name in enumerate(("coulomb", "viscous", "quadratic", "cubic")))
+        weights = np.vstack([weights * powers[0], weights * powers[1]]) / (abs(loss) or 1.0)
+    spread = np.sqrt(np.maximum(np.einsum("kt,kl,lt->t", weights, law.covariance[np.ix_(at, at)], weights), 0.0))
+    unit = "1" if kind == "friction" else "m" if signals.linear else "rad"
+    return Changing(kind, unit, times, law.fit.values[at] @ weights, spread)

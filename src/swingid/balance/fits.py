@@ -304,7 +304,10 @@ def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
 
     Also of what is nearly collinear with a11: at one frequency an unknown gravity torque.
     """
-    column_variance = noise.angle**2 * noise.step * CURVATURE_POWER
-    column_variance *= float(windows.loudness @ windows.loudness)
-    result: Array = fit.values[0] * column_variance * (fit.influence @ fit.influence[0])
+    result: Array = fit.values[0] * column_noise(windows, noise) * (fit.influence @ fit.influence[0])
     return result
+
+
+def column_noise(windows: Windows, noise: Noise) -> float:
+    """Variance of the regressor ∫φ'' q1 by noise of the angle, summed over the windows."""
+    return noise.angle**2 * noise.step * CURVATURE_POWER * float(windows.loudness @ windows.loudness)

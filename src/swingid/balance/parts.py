@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.contrast import variances
-from swingid.balance.fits import LAG, SLIGHT, WindowFit
+from swingid.balance.fits import LAG, SLIGHT, WindowFit, column_noise
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COMPARABLE
 from swingid.numerics.arrays import Array, Bools, median
@@ -136,6 +136,10 @@ def _comparison(name: str, law: WindowFit, both: tuple[Bools, Bools], effects: A
     influence[3] = (influence[0] + influence[1]) / 2 - law.fit.influence[0]
     spare = int((one | other).sum()) / (LAG / 2) - 2 * count
     found = variances(law, influence, rests, 2 * count) + np.sum((influence @ effects) ** 2, axis=1)
+    rows = np.vstack([influence[:2], law.fit.influence[:1]])
+    one_bent, other_bent, whole = law.a11 * column_noise(law.rows.windows, law.noise) * np.sum(rows**2, axis=1)
+    found[2] += (one_bent - other_bent) ** 2
+    found[3] += ((one_bent + other_bent) / 2 - whole) ** 2
     found *= spare / (spare - 2) if spare > 4 else 2.0  # of Student's t
     changes = [float(fit.values[0]) for fit in fits]
     estimates = [(law.a11 + change, float(u) ** 0.5) for change, u in zip(changes, found, strict=False)]

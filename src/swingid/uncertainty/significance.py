@@ -53,5 +53,5 @@ def normal_of_ratio(ratio: float, first: float, second: float) -> float:
     """
     if ratio <= 0:
         return -math.inf
-    cube, one, two = ratio ** (1 / 3), 2 / (9 * first), 2 / (9 * second)
+    cube, one, two = math.cbrt(ratio), 2 / (9 * first), 2 / (9 * second)
     return ((1 - two) * cube - (1 - one)) / math.sqrt(two * cube**2 + one)

@@ -121,7 +121,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
         off += check_place(estimate.law, estimate.place, estimate.law.total)
     off += check_latency(choice, part, u, memory)
     size = parameters["inertia"].value, alone.standard_uncertainty or 0.0
-    off += [] if off else estimate.stability.disagreement(*size)
+    off += [] if off or warnings else estimate.stability.disagreement(*size)
     slow, slow_notes = estimate.stability.messages(*size, corrected=True)
     off += slow
     notes += [*moved.notes, *_impulse(estimate.law), *slow_notes]

@@ -8,7 +8,7 @@ its effects. A missing term, a friction that changes, a sensor that drifts, a la
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,9 +81,9 @@ def fewest(law: WindowFit) -> int:
     return max(2 * LAG, LAG * len(law.unknowns))
 
 
-def unexplained(found: Iterable[Comparison], u: float) -> float:
+def unexplained(found: Sequence[Comparison], u: float) -> float:
     """Standard uncertainty of a11 by the disagreement of parts."""
-    return max((dark_uncertainty(one.off, one.u**2, u) for one in found), default=0.0)
+    return max((dark_uncertainty(one.off, one.u**2, u, len(found)) for one in found), default=0.0)
 
 
 def compared(law: WindowFit, signals: Signals) -> list[Comparison]:

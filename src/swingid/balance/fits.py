@@ -14,7 +14,7 @@ from swingid.balance.rows import Rows, Signals, Windows
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
-from swingid.numerics.test_functions import CURVATURE_POWER, overlaps
+from swingid.numerics.test_functions import CURVATURE_POWER, SLOPE_POWER, overlaps, rate_overlaps
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.uncertainty.dark import shrunk
@@ -45,12 +45,14 @@ LAG = 4
 class Effect:
     """Change of the unknowns of a fit, `shifts` (unknowns,) in their units, for one standard deviation of `item`.
 
-    value: of the imperfection where it was fitted, in standard deviations.
+    value: of the imperfection where it was fitted, in standard deviations, with its standard uncertainty; 1 where it
+    was not fitted.
     """
 
     item: Imperfection
     shifts: Array
     value: float = 0.0
+    spread: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -90,7 +92,8 @@ class NamedFit:
 class WindowFit(NamedFit):
     """A fit of the balance on windows of one kind.
 
-    declared: effect of each declared imperfection of the rig on the unknowns. computed: variance of a11 that is not
+    declared: effect of each declared imperfection of the rig on the unknowns. wandering: those of zero, bias and random
+    walk of an integrated rate, which the covariance contains. computed: variance of a11 that is not
     estimated from the scatter of the rows: by the sensors' noise, and of attenuation.
     """
 
@@ -99,6 +102,7 @@ class WindowFit(NamedFit):
     noise: Noise
     half: float
     declared: tuple[Effect, ...] = ()
+    wandering: tuple[Effect, ...] = ()
     computed: float = 0.0
 
     @property
@@ -175,11 +179,14 @@ def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) 
     return WindowFit(unknowns, fit, covariance, rows, scale, noise, rows.windows.middle, computed=computed)
 
 
-def fit_with_prior(fit: WindowFit, extra: Sequence[Array], rounds: int = 2) -> tuple[LinearFit, float]:
+def fit_with_prior(
+    fit: WindowFit, extra: Sequence[Array], rounds: int = 2, means: Sequence[float] = ()
+) -> tuple[LinearFit, float]:
     """The fit with more unknowns, in units of their standard deviations, under a standard normal prior.
 
-    extra: one regressor (rows,) for each. Returns the fit, whose last rows are the prior, and the standard deviation of
-    a row by which these are weighted: rows share data, so each holds less information than its residual alone implies.
+    extra: one regressor (rows,) for each; means: of their priors, 0 by default. Returns the fit, whose last rows are
+    the prior, and the standard deviation of a row by which these are weighted: rows share data, so each holds less
+    information than its residual alone implies.
     """
     columns = fit.columns
     rows, unknowns = columns.shape
@@ -189,6 +196,8 @@ def fit_with_prior(fit: WindowFit, extra: Sequence[Array], rounds: int = 2) -> t
     for _ in range(rounds):
         error = max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), least)
         prior = np.hstack([np.zeros((len(extra), unknowns)), error * np.eye(len(extra))])
+        if len(means):
+            target = np.append(fit.known, error * np.asarray(means))
         solved = fit_linear(np.vstack([matrix, prior]), target)
         residuals = solved.residuals[:rows]
     return solved, error
@@ -202,9 +211,20 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
     declared uncertainty is propagated.
     """
     items = imperfections(rig, signals, fit.rows, fit.a11, fit.b)
-    fit = with_fitted(fit, [item for item in items if item.calibrates])
+    fit = _with_wandering(with_fitted(fit, [item for item in items if item.calibrates]))
     passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
     return replace(fit, declared=(*fit.declared, *passed))
+
+
+def _with_wandering(fit: WindowFit) -> WindowFit:
+    """The fit with what is declared and what is noise of a rate apart; the latter is of type A."""
+    noise = tuple(effect for effect in fit.declared if effect.item.of_noise)
+    if not noise:
+        return fit
+    covariance = fit.covariance + sum(np.outer(effect.shifts, effect.shifts) for effect in noise)
+    computed = fit.computed + sum(float(effect.shifts[0]) ** 2 for effect in noise)
+    declared = tuple(effect for effect in fit.declared if not effect.item.of_noise)
+    return replace(fit, covariance=covariance, computed=computed, declared=declared, wandering=noise)
 
 
 def with_fitted(fit: WindowFit, items: Sequence[Imperfection], rounds: int = 2) -> WindowFit:
@@ -214,12 +234,18 @@ def with_fitted(fit: WindowFit, items: Sequence[Imperfection], rounds: int = 2) 
     """
     if not items:
         return replace(fit, declared=())
-    solved, error = fit_with_prior(fit, [-item.rows * item.std for item in items], rounds)
+    means = [item.mean for item in items] if any(item.mean for item in items) else []
+    solved, error = fit_with_prior(fit, [-item.rows * item.std for item in items], rounds, means)
     rows, p = len(fit.rows.windows), len(fit.unknowns)
     data = LinearFit(solved.values[:p], solved.residuals[:rows], solved.influence[:p, :rows], fit.fit.condition)
     covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.scale, fit.noise)
     effects = tuple(
-        Effect(item, solved.influence[:p, rows + k] * error, float(solved.values[p + k]))
+        Effect(
+            item,
+            solved.influence[:p, rows + k] * error,
+            float(solved.values[p + k]),
+            error * float(np.linalg.norm(solved.influence[p + k])),
+        )
         for k, item in enumerate(items)
     )
     return replace(fit, fit=data, covariance=covariance, computed=computed, declared=effects)
@@ -234,7 +260,7 @@ def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit |
     if free is None or not np.isfinite(free.fit.condition):
         return None
     items = imperfections(rig, signals, free.rows, free.a11, free.b)
-    others = (item for item in items if item.source != GRAVITY)
+    others = (item for item in items if item.source != GRAVITY and not item.of_noise)
     return replace(free, declared=tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others))
 
 
@@ -286,16 +312,22 @@ def sensor_variance(
 ) -> tuple[float, float]:
     """Variance of an unknown by white noise of both angles, and Newey and West's sum for that noise.
 
-    influence (windows,): of the rows on the unknown. The noise enters through φ'', and that of the axis through the
-    gravity b as well, and through springs and cogging; pull: mean stiffness of those that were identified.
+    influence (windows,): of the rows on the unknown. The noise enters through φ'' (that of a rate through φ', for
+    ∫φ'' q1 = −∫φ' q1'), and that of the axis through the gravity b as well, and through springs and cogging; pull: mean
+    stiffness of those that were identified.
     """
     windows = rows.windows
     pull += 0.0 if scale.linear else b * rows.stiffness
     pull += sum(coefficient * rows.slopes[name] for name, coefficient in scale.known.items())
     gravity = 0.0 if a11 == 0.0 else pull * windows.middle**2 / a11
-    axis, wheel = (a11 * noise.angle) ** 2 * noise.step, (scale.a12 * noise.wheel) ** 2 * noise.step
+    axis, wheel = (a11 * noise.of_angle) ** 2 * noise.step, (scale.a12 * noise.of_wheel) ** 2 * noise.step
     sums = overlaps(influence * windows.loudness, windows.centres, windows.half, 2 * LAG, LAG, gravity)
     true, tapered = (max(of_axis, 0.0) * axis + max(of_wheel, 0.0) * wheel for of_axis, of_wheel in sums)
+    if noise.rate or noise.wheel_rate:
+        rates = ((a11 * noise.rate) ** 2 + (scale.a12 * noise.wheel_rate) ** 2) * noise.step
+        weights = influence / np.sqrt(windows.half)
+        plain, summed = rate_overlaps(weights, windows.centres, windows.half, 2 * LAG, LAG)
+        true, tapered = true + rates * max(plain, 0.0), tapered + rates * max(summed, 0.0)
     return true, tapered
 
 
@@ -310,4 +342,5 @@ def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
 
 def column_noise(windows: Windows, noise: Noise) -> float:
     """Variance of the regressor ∫φ'' q1 by noise of the angle, summed over the windows."""
-    return noise.angle**2 * noise.step * CURVATURE_POWER * float(windows.loudness @ windows.loudness)
+    white = noise.of_angle**2 * CURVATURE_POWER * float(windows.loudness @ windows.loudness)
+    return noise.step * (white + noise.rate**2 * SLOPE_POWER * float(np.sum(1 / windows.half)))

@@ -33,7 +33,9 @@ class Imperfection:
     """A declared uncertainty: standard deviation, its effect ρ on the rows per unit, and on J1 directly per unit.
 
     shared_id: the physical quantity. calibrates: whether it is an unknown of the fit with its declared value as prior.
-    constant: whether it is a constant of the model, not an error of a sensor. of_time: see `Declared`.
+    constant: whether it is a constant of the model, not an error of a sensor. of_time: see `Declared`. of_noise:
+    whether it is a part of the sensor's noise, which is of type A. mean: of the prior of the unknown, in standard
+    deviations, where a part of it was corrected before.
     """
 
     source: str
@@ -44,6 +46,8 @@ class Imperfection:
     calibrates: bool = False
     constant: bool = False
     of_time: bool = False
+    of_noise: bool = False
+    mean: float = 0.0
 
     def on(self, slopes: Array) -> Declared:
         """For the budget; slopes (n,): change per unit of the parameters, the inertia of the whole axis first."""
@@ -81,6 +85,7 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
         *_encoders(rig, signals, rows, a11, b),
         *_latencies(rig, signals, rows),
         *_stated_scales(rig, signals, rows, a11, b),
+        *_level(signals, rows, a11, b),
     ]
     return [item for item in found if item.std > 0]
 
@@ -200,11 +205,18 @@ def _encoders(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) -> I
 ANGLE_SCALE, ANGLE_OFFSET, WHEEL_SCALE = "log.angle_scale", "log.angle_offset", "log.wheel_scale"
 """Scales (errors are relative) and the zero (rad, m) of the logged angles."""
 
+RATE_SCALE = "log.angle_speed_scale"
+"""Scale of a logged rate, and so of its integral."""
+
+OF_THE_ANGLE = (ANGLE_SCALE, RATE_SCALE)
+
 
 def scale_errors(rig: Rig) -> dict[str, float]:
     """Standard uncertainties that [log] states of the scales (relative) and the zero (rad, m) of the angles."""
     log, wheel = rig.log, rig.drive.kind == "reaction-wheel"
     found = {ANGLE_SCALE: relative(log.angle_scale), ANGLE_OFFSET: log.angle_offset.std or 0.0}
+    if log.angle_speed is not None:
+        found[RATE_SCALE] = relative(log.angle_speed_scale)
     found |= {WHEEL_SCALE: relative(log.wheel_scale)} if wheel else {}
     return {key: std for key, std in found.items() if std > 0}
 
@@ -220,8 +232,20 @@ def _stated_scales(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float)
         if key == WHEEL_SCALE:
             yield of_scale(key, std, -rig.drive.a12 * rows.wheel)
         else:
-            shape = signals.angle if key == ANGLE_SCALE else np.ones_like(signals.angle)
+            shape = signals.angle if key in OF_THE_ANGLE else np.ones_like(signals.angle)
             yield of_scale(key, std, -angle_error(signals, rows, shape, a11, b))
+
+
+def _level(signals: Signals, rows: Rows, a11: float, b: float) -> Iterator[Imperfection]:
+    """What is left of start, bias and random walk of the integral of a rate: errors of the angle that are slow."""
+    level = signals.encoders.level
+    if level is None:
+        return
+    instants = signals.nodes.flat[0].reshape(signals.angle.shape)
+    for name, one in level.unknowns(instants).items():
+        effect = -angle_error(signals, rows, one.shape, a11, b)
+        mean = one.taken / one.std
+        yield Imperfection(name, one.std, effect, 0.0, None, calibrates=True, of_noise=True, mean=mean)
 
 
 def angle_error(signals: Signals, rows: Rows, shape: Array, a11: float, b: float) -> Array:

@@ -93,8 +93,13 @@ def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
 def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -> float:
     """Variance of the difference of two fits' a11 by white noise of the same samples."""
     pairs = zip(*(angle_weights(signals, fit, "inertia") for fit in (one, other)), strict=True)
-    axis, wheel = [float(signals.nodes.flat[1] @ (mine - theirs) ** 2) for mine, theirs in pairs]
-    return one.noise.step * (one.noise.angle**2 * axis + one.noise.wheel**2 * wheel)
+    weights, noise = signals.nodes.flat[1], one.noise
+    axis, wheel = [mine - theirs for mine, theirs in pairs]
+    power = noise.of_angle**2 * float(weights @ axis**2) + noise.of_wheel**2 * float(weights @ wheel**2)
+    for rate, own in ((noise.rate, axis), (noise.wheel_rate, wheel)):
+        if rate:  # an error of the rate is one of all angles after it
+            power += rate**2 * float(weights @ np.cumsum((own * weights)[::-1])[::-1] ** 2)
+    return noise.step * power
 
 
 def drift_with_length(

@@ -14,7 +14,7 @@ from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import LATENCY, Encoders, is_off, moved
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.prepared import prepare
-from swingid.preparation.scale import Scale, refuse_terms
+from swingid.preparation.scale import Scale, refuse_rates, refuse_terms
 from swingid.preparation.speed import SHARE, smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.result import Details
@@ -96,6 +96,7 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
 def require_batch(rig: Rig, scale: Scale) -> None:
     """Raise InputError for rigs that the estimators of many logs exclude; UnanswerableError for terms beyond them."""
     refuse_terms(rig, "many logs at once")
+    refuse_rates(rig, "many logs at once")
     if scale.drive == "direct" or scale.b is None or scale.linear:
         raise InputError(
             f"rig {rig.name}: many logs at once need a rotary axis with a known gravity torque and no direct drive; "

@@ -34,7 +34,8 @@ class Method:
     where its speeds come from, "none" where it needs none. gravity, drive: it needs a gravity torque above 0, a drive.
     turning_points: it uses a log from its first to its last turning point. unbroken: it is recursive, so uses the
     longest run without a gap. in_parts: results of the parts of a large log can be pooled. online: `sw.online` has
-    it.
+    it. rates: it estimates what is unknown of an angle that is the integral of a rate; the others get it as the
+    momentum balance gives it.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Method:
     unbroken: bool = False
     in_parts: bool = False
     online: bool = False
+    rates: bool = False
 
     def identify(
         self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
@@ -55,7 +57,16 @@ class Method:
         """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
         from swingid.preparation.prepared import prepare
 
-        return self.load()(prepare(log, rig, unbroken=self.unbroken, one_of_several=one_of_several), **options)
+        method = self.load()
+        prepared = prepare(log, rig, unbroken=self.unbroken, one_of_several=one_of_several)
+        if prepared.encoders.level is not None and not self.rates:
+            from swingid.checks.level import chosen_at_level
+            from swingid.preparation.scale import refuse_rates
+
+            if self.unbroken:
+                refuse_rates(rig, f"the method {self.name}")
+            prepared = chosen_at_level(prepared)[0]
+        return method(prepared, **options)
 
     def options(self) -> dict[str, inspect.Parameter]:
         """The options by name, with their types and defaults."""
@@ -110,7 +121,8 @@ def _backstepping() -> Callable[..., Result]:
 
 
 _TABLE = (
-    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True),
+    Method("momentum", _momentum, motor="unused", friction="any", speeds="none", in_parts=True, online=True,
+           rates=True),
     Method("energy", _energy, motor="needed", friction="basis", speeds="smoothed", turning_points=True, in_parts=True,
            online=True),
     Method("output-error", _output_error, motor="optional", friction="law", speeds="none"),

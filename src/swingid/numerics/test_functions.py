@@ -230,6 +230,20 @@ def overlaps(
     return true, tapered
 
 
+SLOPE_POWER = 3072 / 1155
+"""∫φ'² over the support of half-length 1."""
+
+
+def rate_overlaps(weights: Array, centres: Array, half: Array, lags: int, reach: int) -> tuple[float, float]:
+    """As `overlaps`, of Σ weights ∫φ' noise: for white noise of a rate, of which ∫φ'' of its integral is −∫φ'.
+
+    weights hold half^(−1/2). ∫φ'φ' = −∫φ''φ.
+    """
+    grid, (curved, crossed, plain) = _overlap_table()
+    sums = _overlaps(weights, centres, half, lags, reach, grid[1], curved, crossed, plain)
+    return -float(sums[0, 1]), -float(sums[1, 1])
+
+
 @njit
 def _overlaps(
     weights: Array,

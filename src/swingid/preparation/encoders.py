@@ -19,6 +19,7 @@ from swingid.recording.recording import Finding, Recording
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
+    from swingid.preparation.rate import Level
 
 Origin = Literal["stated", "found", "switched off"]
 Channel = Literal["angle", "wheel"]
@@ -62,10 +63,14 @@ class Correction:
 
 @dataclass(frozen=True)
 class Encoders:
-    """The encoders of a prepared log: latencies that are still to be corrected, and declared uncertainties."""
+    """The encoders of a prepared log: latencies that are still to be corrected, and declared uncertainties.
+
+    level: what is unknown of an angle that is the integral of a rate; None of one that was measured.
+    """
 
     angle: Sensor
     wheel: Sensor
+    level: Level | None = None
 
     @classmethod
     def of(cls, rig: Rig, log: Recording | None = None) -> Encoders:

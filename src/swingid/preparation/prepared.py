@@ -7,6 +7,7 @@ part to use with its motion.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -15,6 +16,7 @@ from swingid.preparation.encoders import Correction, Encoders, corrected, on_sta
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
+from swingid.preparation.rate import levelled
 from swingid.preparation.scale import Scale, refuse_motor, require_channels
 from swingid.preparation.segment import longest_run, part_of
 from swingid.preparation.strings import VerticalMotion
@@ -100,6 +102,12 @@ class Prepared:
         encoders = self.encoders.on_time() if at_stamps else self.encoders
         return Part(self.rig, self.scale, used, motion, start, stop, note, noise, encoders)
 
+    def relevelled(self, amounts: Mapping[str, float]) -> Prepared:
+        """The same with these amounts of what is unknown of an integrated rate subtracted from the angle, too."""
+        assert self.encoders.level is not None
+        log, level = self.encoders.level.less(self.log, amounts)
+        return replace(self, log=log, encoders=replace(self.encoders, level=level))
+
     def result(
         self,
         method: str,
@@ -165,10 +173,12 @@ def prepare(
         refuse_motor(rig, "this method")
     rig = with_restored_time(rig, log)
     log, encoders, corrections = corrected(log, rig)
+    log, level = levelled(log, rig)
+    encoders = replace(encoders, level=level)
     log, pushes = push_decided(log, rig)
     scale = Scale.of(rig, elsewhere=scaled_elsewhere)
     require_channels(log, rig)
-    log, zero = centred(log, rig)
+    log, zero = centred(log, rig) if level is None else (log, ())
     log = longest_run(log) if unbroken else log
     return Prepared(log, rig, scale, encoders, (*corrections, *pushes, *zero), one_of_several)
 

@@ -118,6 +118,16 @@ def refuse_motor(rig: Rig, what: str) -> None:
         )
 
 
+def refuse_rates(rig: Rig, what: str) -> None:
+    """Raise UnanswerableError where the rig logs a rate and no angle, for what reads angles only."""
+    if rig.log.has_rate_alone:
+        raise UnanswerableError(
+            f"rig {rig.name}: log.angle_speed is a rate, whose bias and zero {what} does not estimate; use the method "
+            "momentum, energy, equation-error or output-error on the whole log, or log the angle.",
+            code="rate-alone",
+        )
+
+
 LATEST = 0.1
 """A latency beyond this share of the log is an error of the rig file."""
 

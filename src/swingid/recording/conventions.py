@@ -11,8 +11,8 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.model.rig.fields import stated
 from swingid.model.rig.tables import LogConventions
-from swingid.numerics.spline import spline_slopes
 from swingid.recording.findings import Finding
+from swingid.recording.rates import RateIs, integral, rate_of, with_angle
 from swingid.units import Quantity
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 DEFAULT_COLUMNS = {
     "time": "t",
     "angle": "q1",
+    "angle_speed": "w1",
     "wheel_angle": "q2",
     "wheel_speed": "w2",
     "voltage": "u",
@@ -81,13 +82,14 @@ class Scale:
 
 @dataclass(frozen=True)
 class Conventions:
-    """What a rig's [log] states, resolved: a column and a Scale for each channel, and how the wheel is read.
+    """What a rig's [log] states, resolved: a column and a Scale for each channel, and how axis and wheel are read.
 
     `columns`, `scales`: by channel, as the fields of a Recording. `drive_kind` is None for a file written without a
-    rig. `wheel` is the channel that measures the wheel's motion, its angle or its speed, and `speed_is_mean` whether a
-    logged speed is the mean since the row before. `rate` (1/s) is set where the log has no time column;
-    `wheel_is_absolute` where the wheel's angle is against the room; `stated` holds the keys of [log] that the rig file
-    sets itself, `keys` the values of those that change numbers: kept in saved files and compared on loading.
+    rig. `wheel` is the channel that measures the wheel's motion, its angle or its speed, and `wheel_rate_is` what a
+    logged speed is; `axis` holds the channels that measure the motion of the axis. `rate` (1/s) is set where the log
+    has no time column; `wheel_is_absolute` where the wheel's angle is against the room; `stated` holds the keys of
+    [log] that the rig file sets itself, `keys` the values of those that change numbers: kept in saved files and
+    compared on loading.
     """
 
     columns: dict[str, str]
@@ -99,7 +101,9 @@ class Conventions:
     stated: frozenset[str]
     keys: dict[str, object]
     wheel: Literal["wheel_angle", "wheel_speed"] = "wheel_angle"
-    speed_is_mean: bool = False
+    wheel_rate_is: RateIs = "instant"
+    axis: tuple[str, ...] = ("angle",)
+    axis_rate_is: RateIs = "instant"
 
     @classmethod
     def plain(cls) -> Conventions:
@@ -131,7 +135,7 @@ class Conventions:
             sign = log.wheel_angle_sign * log.wheel_scale.value
             unit, turn = _unit(rig, log.wheel_angle_unit, "wheel")
             scales["wheel_angle"] = Scale(sign * unit, 0.0, turn)
-            scales["wheel_speed"] = Scale(sign * _speed_unit(rig, log.wheel_speed_unit))
+            scales["wheel_speed"] = Scale(sign * _speed_unit(rig, log.wheel_speed_unit, "wheel"))
         absolute = log.wheel_angle_is == "absolute"
         prefixes = {
             "reaction-wheel": ("time_", "angle_", "wheel_", "voltage_"),
@@ -141,10 +145,24 @@ class Conventions:
         }
         keys = {key: _plain(getattr(log, key)) for key in DEFAULT_KEYS if key.startswith(prefixes[kind])}
         wheel: Literal["wheel_angle", "wheel_speed"] = "wheel_angle" if log.wheel_speed is None else "wheel_speed"
-        mean = log.wheel_speed_is == "mean"
+        axis = ("angle", *(("angle_speed",) if log.angle_speed is not None else ()))[int(log.has_rate_alone) :]
+        scales["angle_speed"] = Scale(
+            log.angle_sign * log.angle_speed_scale.value * _speed_unit(rig, log.angle_speed_unit)
+        )
         rate = None if log.rate is None else log.rate * (1 + log.clock.value)
         return cls(
-            columns, scales, rate, absolute, log.drive_held, kind, frozenset(log.model_fields_set), keys, wheel, mean
+            columns=columns,
+            scales=scales,
+            rate=rate,
+            wheel_is_absolute=absolute,
+            drive_held=log.drive_held,
+            drive_kind=kind,
+            stated=frozenset(log.model_fields_set),
+            keys=keys,
+            wheel=wheel,
+            wheel_rate_is=log.wheel_speed_is,
+            axis=axis,
+            axis_rate_is=log.angle_speed_is,
         )
 
     def scale(self, channel: str) -> Scale:
@@ -161,7 +179,7 @@ class Conventions:
             "none": (),
             None: ("wheel_angle", "voltage", "torque"),
         }[self.drive_kind]
-        return ("angle", *drive, "reference", "adaptive_gain")
+        return (*self.axis, *drive, "reference", "adaptive_gain")
 
     def to_model(self, logged: Mapping[str, Array]) -> Channels:
         """Channels in the model's units and signs; an angle counted from the top comes back near 0.
@@ -169,15 +187,17 @@ class Conventions:
         `logged` holds "time" in s and, in logged units, any of the channels; angles must be continuous.
         """
         model = {name: v if name == "time" else self.scale(name).to_model(v) for name, v in logged.items()}
-        if self.scales["angle"].offset and self.scales["angle"].turn is not None:
+        if self.scales["angle"].offset and self.scales["angle"].turn is not None and "angle" in model:
             turns = TURN * np.round(np.median(model["angle"]) / TURN)
             for name in ("angle", "reference"):
                 if name in model and turns:
                     model[name] = model[name] - turns
         if "supply" in model:
             model["voltage"] = model["voltage"] * model.pop("supply")
+        if "angle_speed" in model:
+            model = with_angle(model, self.axis_rate_is)
         if "wheel_speed" in model:
-            model["wheel_angle"] = self._angle_of(model["time"], model["wheel_speed"])
+            model["wheel_angle"] = integral(model["time"], model["wheel_speed"], self.wheel_rate_is)
         if self.wheel_is_absolute and "wheel_angle" in model:
             model["wheel_angle"] = model["wheel_angle"] - model["angle"]
         return model
@@ -189,32 +209,21 @@ class Conventions:
             channels["supply"] = np.ones_like(channels["voltage"])
         if self.wheel == "wheel_speed":
             channels.pop("wheel_angle", None)
-        if self.wheel_is_absolute and "wheel_angle" in channels:
+        if "angle" not in self.axis and "angle_speed" in channels:
+            turned = channels.pop("angle")
+            channels |= {"wheel_angle": channels["wheel_angle"] + turned} if self._is_absolute(channels) else {}
+            return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
+        if self._is_absolute(channels):
             channels["wheel_angle"] = channels["wheel_angle"] + channels["angle"]
         return {self.columns[n]: self.scale(n).to_log(v) for n, v in channels.items()}
 
-    def _angle_of(self, time: Array, speed: Array) -> Array:
-        """The wheel's angle (rad), 0 at the first row, from its speed (rad/s): its cubic spline, integrated.
-
-        Of a mean speed since the row before, times and steps give the angle exactly.
-        """
-        steps = np.diff(time)
-        if time.size < 2 or not (steps > 0).all():  # no Recording can be made of it, which raises
-            return np.zeros_like(speed)
-        if self.speed_is_mean:
-            turns = speed[1:] * steps
-        else:
-            slopes = spline_slopes(time, speed)
-            turns = steps * (speed[1:] + speed[:-1]) / 2 - steps**2 * np.diff(slopes) / 12
-        return np.concatenate(([0.0], np.cumsum(turns)))
+    def _is_absolute(self, channels: Mapping[str, Array]) -> bool:
+        return self.wheel_is_absolute and "wheel_angle" in channels
 
     def speed_of(self, time: Array, wheel: Array, angle: Array) -> Array:
         """The speed (rad/s) that a rig of these conventions would log of a wheel angle against the pendulum (rad)."""
         turned = wheel + angle if self.wheel_is_absolute else wheel
-        if not self.speed_is_mean:
-            return spline_slopes(time, np.ascontiguousarray(turned))
-        means = np.diff(turned) / np.diff(time)
-        return np.concatenate((means[:1], means))
+        return rate_of(time, turned, self.wheel_rate_is)
 
 
 @dataclass
@@ -278,11 +287,12 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
             sample = f" but text such as {text!r}" if text else ""
             message = f"{name}: column {column!r} holds no numbers{sample}; set [log] {channel} to the column"
             raise InputError(f"{message} that holds the {channel}.", code="no-numbers")
-    rows = len(logged["angle"])
+    main = conventions.axis[0]
+    rows = len(logged[main])
     for channel, values in logged.items():
         if len(values) != rows:
             columns = conventions.columns
-            message = f"{name}: {columns[channel]!r} has {len(values)} values but {columns['angle']!r} has {rows}"
+            message = f"{name}: {columns[channel]!r} has {len(values)} values but {columns[main]!r} has {rows}"
             raise InputError(f"{message}; a log needs one value of each per row.", code="unequal-length")
     if conventions.rate is not None:
         logged = {"time": np.arange(rows) / conventions.rate, **logged}
@@ -302,10 +312,12 @@ def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float,
     return TURN / per_turn, per_turn
 
 
-def _speed_unit(rig: Rig, unit: str) -> float:
-    """Radians per second per logged unit of the wheel's speed."""
+def _speed_unit(rig: Rig, unit: str, which: Literal["angle", "wheel"] = "angle") -> float:
+    """Radians (metres) per second per logged unit of a rate."""
     if unit == "counts/s":
-        return rig.sensors.of("wheel").resolution  # a Rig with this unit has counts_per_turn
+        return rig.sensors.of(which).resolution  # a Rig with this unit has counts_per_turn
+    if rig.axis.kind == "linear" and which == "angle":
+        return {"mm/s": 1e-3}.get(unit, 1.0)
     return {"rad/s": 1.0, "deg/s": TURN / 360, "turns/s": TURN, "rpm": TURN / 60}[unit]
 
 
@@ -318,6 +330,8 @@ def _missing(table: Table, channel: str, conventions: Conventions, name: str) ->
     listed = ", ".join(repr(n[:40]) for n in shown) + (", ..." if len(shown) < len(names) else "")
     message = f"{name} has no column {column!r} but {listed or 'none at all'}; set [log] {channel} in the rig file to"
     message += " the right one"
+    if channel == "angle":
+        message += " (or [log] angle_speed where a rate was logged)"
     if channel == "time":
         message += " (or [log] rate where rows are evenly spaced)"
     if channel in ("wheel_angle", "wheel_speed", "torque"):

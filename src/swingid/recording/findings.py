@@ -25,6 +25,7 @@ class Kind(Enum):
     GRAVITY_AND_INERTIA = auto()
     WHEEL_STILL = auto()
     NO_SCALE = auto()
+    ANGLE_BESIDE = auto()
 
 
 @dataclass(frozen=True, slots=True)

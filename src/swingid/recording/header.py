@@ -40,6 +40,7 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
         ("time", "time_unit", TIMES),
         ("angle", "angle_unit", ANGLES),
         ("wheel_angle", "wheel_angle_unit", ANGLES),
+        ("angle_speed", "angle_speed_unit", SPEEDS),
         ("wheel_speed", "wheel_speed_unit", SPEEDS),
     ):
         read = conventions.rate is None if channel == "time" else channel in conventions.channels

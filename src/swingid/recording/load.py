@@ -18,12 +18,13 @@ from swingid.recording.formats.csv import TABLE_NEEDS
 from swingid.recording.formats.table import canonical
 from swingid.recording.grid import check_grids
 from swingid.recording.header import FACTORS, from_first_row, with_header_units
+from swingid.recording.rate_checks import check_beside, unsaturated
 from swingid.recording.repair import repair
 from swingid.recording.rows import LARGEST, MANY
 from swingid.system import LARGEST_FILE, is_file, read_input
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
@@ -54,7 +55,8 @@ def contents_of(
     reading.findings += unreadable_rows(table, reading)
     logged, texts = gather(table, reading)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
-        channels = reading.conventions.to_model(repair(logged, texts, reading))
+        channels = reading.conventions.to_model(unsaturated(repair(logged, texts, reading), reading))
+        check_beside(channels, reading)
         check_motion(channels, reading, still_axis=still_axis)
     metadata = table.metadata.get("metadata")
     return {
@@ -149,15 +151,28 @@ def unreadable_rows(table: Table, reading: Reading) -> tuple[Finding, ...]:
     return (Finding("unreadable-rows", message, "warning" if lost > MANY * rows else "note", "blanks"),)
 
 
-def _integrated(conventions: Conventions) -> tuple[Finding, ...]:
-    """A note where the wheel's angle is not measured but its speed."""
-    if "wheel_speed" not in conventions.channels:
-        return ()
-    column = conventions.columns["wheel_speed"]
-    reading = "the mean since the row before" if conventions.speed_is_mean else "the speed at its row"
-    text = f"the wheel's angle is the integral of its speed (column {column!r}, taken as {reading}); where that is "
-    other = "instant" if conventions.speed_is_mean else "mean"
-    return (Finding("wheel-angle-integrated", f'{text}otherwise, set wheel_speed_is = "{other}".', "note"),)
+READINGS = {
+    "instant": "the rate at its row",
+    "mean": "the mean since the row before",
+    "held": "held until the next row",
+}
+
+
+def _integrated(conventions: Conventions) -> Iterator[Finding]:
+    """A note where an angle is not measured but its speed."""
+    if "wheel_speed" in conventions.channels:
+        column, rate_is = conventions.columns["wheel_speed"], conventions.wheel_rate_is
+        text = f"the wheel's angle is the integral of its speed (column {column!r}, taken as {READINGS[rate_is]}); "
+        other = "mean" if rate_is == "instant" else "instant"
+        yield Finding(
+            "wheel-angle-integrated", f'{text}where that is otherwise, set wheel_speed_is = "{other}".', "note"
+        )
+    if conventions.axis == ("angle_speed",):
+        column, rate_is = conventions.columns["angle_speed"], conventions.axis_rate_is
+        text = (
+            f"the angle is the integral of its rate (column {column!r}, taken as {READINGS[rate_is]}), of which bias "
+        )
+        yield Finding("angle-integrated", f"{text}and start are unknown and were estimated.", "note")
 
 
 def _unstated(table: Table, conventions: Conventions) -> tuple[Finding, ...]:
@@ -235,7 +250,8 @@ def check_motion(channels: Channels, reading: Reading, *, still_axis: bool = Fal
         rows = "1 usable row" if time.size == 1 else f"{time.size} usable rows"
         message = f"{name} has {rows}, too few to show a motion; log some swings."
         raise UnanswerableError(message, code="too-short")
-    column = f"column {rig.log.angle!r} (the angle)"
+    alone = rig.log.has_rate_alone
+    column = f"column {rig.log.angle_speed!r} (the rate)" if alone else f"column {rig.log.angle!r} (the angle)"
     if np.ptp(angle) == 0.0 and not still_axis:
         message = f"{name}: {column} does not change; log a motion, or set [log] angle to the right column."
         raise UnanswerableError(message, code="no-motion")

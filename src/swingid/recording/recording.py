@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from swingid.numerics.arrays import Array
     from swingid.recording.formats.table import Table
 
-CHANNELS = ("time", "angle", "wheel_angle", "wheel_speed", "voltage", "torque", "reference", "adaptive_gain", "bridge")
-FINITE = CHANNELS[:6]
+CHANNELS = (
+    *("time", "angle", "angle_speed", "wheel_angle", "wheel_speed", "voltage", "torque"),
+    *("reference", "adaptive_gain", "bridge"),
+)
+FINITE = CHANNELS[:7]
 
 __all__ = ["CHANNELS", "Finding", "Recording", "Source"]
 
@@ -34,13 +37,13 @@ class Recording:
 
     time: s, strictly increasing, not necessarily evenly spaced. angle: rad (m on a linear axis), 0 hanging,
     positive counter-clockwise, continuous over turns. wheel_angle: rad, relative to the pendulum, continuous.
-    wheel_speed: rad/s, as logged (absolute where the rig states so), only where the rig logs it in place of the wheel's
-    angle, which then is its integral. voltage: V. torque: N m (N), what the direct drive applied. bridge: 0 while that
-    of a motor on the axis is open, and no current flows. reference: as
-    angle; adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held:
-    True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows
-    of the log that each row is the mean of (`recording.large`). left_out (k, 2): from when to when (s) rows
-    are excluded, during which an external torque acted; nothing may be continued across.
+    angle_speed: rad/s (m/s), the rate of the angle where the rig logs it, as logged; where no angle is, that is its
+    integral without a straight line. wheel_speed: rad/s, as logged (absolute where the rig states so), only where the
+    rig logs it in place of the wheel's angle, which then is its integral. voltage: V. torque: N m (N), what the direct
+    drive applied. bridge: 0 while that of a motor on the axis is open, and no current flows. reference: as angle;
+    adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held: True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a
+    measurement at t_k. averaged: rows of the log that each row is the mean of (`recording.large`). left_out (k, 2):
+    from when to when (s) rows are excluded, during which an external torque acted; nothing may be continued across.
 
     Velocities that were not measured are not stored: a method that needs one documents how it is found.
     Raises InputError when the channels do not fit together.
@@ -58,6 +61,7 @@ class Recording:
     findings: tuple[Finding, ...] = ()
     source: Source = field(default_factory=Source)
     wheel_speed: Array | None = None
+    angle_speed: Array | None = None
     averaged: int = 1
     left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
     bridge: Array | None = None

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 ANGLES = ("angle", "wheel_angle")
-SMOOTH = (*ANGLES, "wheel_speed")  # channels in which a single odd sample is a fault
+SMOOTH = (*ANGLES, "angle_speed", "wheel_speed")  # channels in which a single odd sample is a fault
 PASSES = 3  # a spike beside another shows when the first one is gone
 PLACE = "place"  # of a row on an even clock, as a channel, so that rows are left out of it, too
 CLOSE = 1e-4  # of the time: as well as the clock of a log may be known at all
@@ -52,7 +52,8 @@ def on_even_clock(channels: Channels, reading: Reading) -> Channels:
     """
     if reading.conventions.rate is not None or "clock" in reading.off:
         return channels
-    clock = even_clock(channels["time"], [channels[name] for name in ANGLES if name in channels])
+    smooth = [channels[name] for name in (*ANGLES, "angle_speed") if name in channels]
+    clock = even_clock(channels["time"], smooth)
     if clock is None:
         return channels
     message = f"the stamps in {reading.column('time')} scatter by {clock.scatter:.3g} about"
@@ -125,7 +126,7 @@ def with_lost_rows(channels: Channels, reading: Reading) -> Channels:
     """
     channels = dict(channels)
     places, time = channels.pop(PLACE, None), channels["time"]
-    if places is None or time.size < 2:
+    if places is None or time.size < 2 or "angle" not in channels:
         return channels
     lost = find_lost(places.astype(np.int64), [channels[name] for name in ANGLES if name in channels])
     if lost is None:

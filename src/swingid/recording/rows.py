@@ -146,7 +146,15 @@ def _roughness(time: Array, values: Array) -> float:
 
 
 #: Largest values that a rig may log: a clock that counts seconds from any epoch, angles of years of turning.
-LARGEST = {"time": 1e11, "angle": 1e9, "wheel_angle": 1e12, "wheel_speed": 1e9, "voltage": 1e6, "torque": 1e9}
+LARGEST = {
+    "time": 1e11,
+    "angle": 1e9,
+    "wheel_angle": 1e12,
+    "angle_speed": 1e9,
+    "wheel_speed": 1e9,
+    "voltage": 1e6,
+    "torque": 1e9,
+}
 
 MANY = 0.01  # of all rows: what is a slip below, and a log that may not be what it seems above
 NEARLY_ALL = 0.9  # of the steps: a clock that runs backwards
@@ -235,7 +243,7 @@ def _sort(channels: Channels, reading: Reading) -> Channels:
     where = f"{name}: {column} runs backwards after {steps_back.size} of {rows} rows"
     where += f" (the first is row {steps_back[0] + 1})"
     order = np.argsort(time, kind="stable")
-    angle = channels["angle"]
+    angle = channels["angle" if "angle" in channels else "angle_speed"]
     smoother = np.abs(np.diff(angle[order])).sum() <= np.abs(np.diff(angle)).sum()
     wrong = _wrong_stamps(time, steps_back)
     slips = few(steps_back.size, rows)

@@ -11,6 +11,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.conventions import Conventions
 from swingid.recording.formats import writer_for
+from swingid.recording.rates import rate_of
 from swingid.system import write_whole
 
 if TYPE_CHECKING:
@@ -36,6 +37,10 @@ def write_log(
     conventions = Conventions.plain() if rig is None else Conventions.of(rig)
     kept = ("time", *conventions.channels)
     written = {name: values for name, values in channels.items() if name in kept}
+    if "angle_speed" in kept and "angle_speed" not in written:
+        written["angle_speed"] = rate_of(channels["time"], channels["angle"], conventions.axis_rate_is)
+    if "angle" not in kept:
+        written["angle"] = channels["angle"]
     if "wheel_speed" in kept and "wheel_speed" not in written and "wheel_angle" in channels:
         written["wheel_speed"] = conventions.speed_of(channels["time"], channels["wheel_angle"], channels["angle"])
     if conventions.rate is not None:

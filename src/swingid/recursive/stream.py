@@ -14,7 +14,7 @@ from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders, corrected
 from swingid.preparation.motion import Motion, find_motion, grid_step, sample_noise
 from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale, refuse_motor, require_motor
+from swingid.preparation.scale import Scale, refuse_motor, refuse_rates, require_motor
 from swingid.recording.recording import Recording
 from swingid.recursive.blocks import Block, energy_block, momentum_block
 from swingid.recursive.rows import Reader, SwingBuffer
@@ -113,6 +113,7 @@ class _Swings:
                 f"online knows no method {self.method!r}; choose one of {', '.join(MAKERS)}.", code="unknown-method"
             )
         refuse_motor(self.rig, "online")
+        refuse_rates(self.rig, "a stream")
         self.scale = Scale.of(self.rig)
         drive = self.rig.drive.kind
         voltage = drive == "reaction-wheel" and self.method == "energy"

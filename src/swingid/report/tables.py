@@ -117,7 +117,7 @@ def _constants(rig: Rig) -> Iterator[tuple[str, object]]:
     gain = getattr(rig.log, "torque_gain", None)
     if rig.drive.kind == "direct" and isinstance(gain, Quantity):
         yield "log.torque_gain", gain
-    for key in ("angle_scale", "angle_offset", "wheel_scale", "voltage_scale"):
+    for key in ("angle_scale", "angle_offset", "angle_speed_scale", "wheel_scale", "voltage_scale"):
         value = getattr(rig.log, key)
         if isinstance(value, Quantity) and value.std:
             yield f"log.{key}", value

@@ -29,6 +29,7 @@ RIG = {
     "log.torque_gain": Word("gain of the logged torque"),
     "log.angle_scale": Word("scale of the angle"),
     "log.angle_offset": Word("zero of the angle"),
+    "log.angle_speed_scale": Word("scale of the rate"),
     "log.wheel_scale": Word("scale of the wheel's angle"),
     "log.voltage_scale": Word("scale of the voltage"),
     "axis.tilt": Word("tilt of the axis against the horizontal", "", "rad"),
@@ -101,6 +102,8 @@ def parameter_word(name: str, *, linear: bool) -> Word:
     """An identified parameter in words; an unknown name stands for itself."""
     if name == "inertia":
         return Word("moving mass", "M") if linear else Word("moment of inertia", "J₁")
+    if name == "angle_speed_bias":
+        return Word("bias of the rate", "", "rad/s", "m/s")
     if name == "offset" and linear:
         return Word("constant force")
     over, slash, under = name.partition("/")

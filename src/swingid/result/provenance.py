@@ -60,7 +60,7 @@ def constants(rig: Rig) -> dict[str, dict[str, float | None]]:
         found |= {f"drive.motor.{name}": getattr(motor, name) for name in type(motor).model_fields}
     if rig.drive.kind == "direct":
         found["log.torque_gain"] = rig.log.torque_gain
-    scales = ("angle_scale", "angle_offset", "wheel_scale", "voltage_scale")
+    scales = ("angle_scale", "angle_offset", "angle_speed_scale", "wheel_scale", "voltage_scale")
     found |= {f"log.{key}": getattr(rig.log, key) for key in scales if stated(rig.log, key)}
     known = {key: q for key, q in found.items() if isinstance(q, Quantity) and not isinstance(q, UnknownScale)}
     return {key: {"value": q.value, "std": q.std} for key, q in known.items()}

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from swingid.numerics.arrays import Array, Bools
 
 
-STREAMS = ("constants", "nonlinearity", "latency", "jitter", "noise", "dropouts")
+STREAMS = ("constants", "nonlinearity", "latency", "jitter", "noise", "dropouts", "rates")
 SIGNED = ("axis.gravity_torque", "axis.friction.offset", *TILTS)
 CHANNELS: tuple[Literal["angle"], Literal["wheel"]] = ("angle", "wheel")
 

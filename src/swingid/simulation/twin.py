@@ -19,6 +19,7 @@ from swingid.model.parameters import vector
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
 from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
+from swingid.simulation.rates import with_rates
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -219,6 +220,7 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
         log,
     )
     recording = setup.recording(controller, times, inputs, log, made)
+    recording = with_rates(recording, rig, setup.seed, seen, places, made.kept)
     return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
 
 

@@ -20,7 +20,7 @@ from swingid.preparation.encoders import Encoders, straightened
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Prepared
-from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.scale import Scale, refuse_rates, require_channels
 from swingid.recording.recording import Recording
 
 
@@ -75,6 +75,7 @@ class CalibrationLog:
     def of(cls, log: Recording, rig: Rig) -> CalibrationLog:
         """Find the useful part and the windows; raises as the method momentum."""
         # the readings are not corrected yet, because the nonlinearities are to be estimated
+        refuse_rates(rig, "a calibration of encoders")
         prepared = Prepared(log, rig, Scale.of(rig), Encoders.of(bounded(rig)), ())
         require_channels(log, rig)
         part = prepared.part(reread=True)

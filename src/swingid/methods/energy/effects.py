@@ -12,7 +12,7 @@ import numpy as np
 
 from swingid.balance.imperfections import (
     ANGLE_OFFSET,
-    ANGLE_SCALE,
+    OF_THE_ANGLE,
     Imperfection,
     of_scale,
     of_sensor,
@@ -119,7 +119,7 @@ def _stated_scales(rig: Rig, course: Course, states: States, fit: NodeFit, b: fl
     """Angles of which the log shows (1 + ε) q + δ."""
     still, moving = np.zeros_like(states.speed), np.zeros_like(course.speed)
     for key, std in scale_errors(rig).items():
-        if key == ANGLE_SCALE:
+        if key in OF_THE_ANGLE:
             effect = _angle_effect(rig, course, states, fit, b, states.angle, states.speed, course.speed)
             for name, column in states.friction.items():
                 effect = effect - ((TERMS[name].power or 0) + 1) * fit.value(name) * column.ravel()

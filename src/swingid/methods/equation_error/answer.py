@@ -10,7 +10,7 @@ from swingid.balance.fits import columns_of, known_side
 from swingid.balance.friction_laws import law_columns, parameter_weights, stribeck_slope
 from swingid.balance.imperfections import (
     ANGLE_OFFSET,
-    ANGLE_SCALE,
+    OF_THE_ANGLE,
     WHEEL_SCALE,
     Imperfection,
     constants,
@@ -96,7 +96,7 @@ def _stated_scales(rig: Rig, chosen: Fitted) -> Iterator[Imperfection]:
         else:
             change = chosen.fit.a11 * curvature(shape, grid.step) + pull * shape
         (effect,) = chosen.row_filter(-change)
-        if key == ANGLE_SCALE:
+        if key in OF_THE_ANGLE:
             friction = {
                 name: chosen.rows.friction[name] for name in chosen.fit.unknowns if name in chosen.rows.friction
             }

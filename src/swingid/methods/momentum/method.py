@@ -15,7 +15,8 @@ from swingid.balance.choice import MEMORY, Choice
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
-from swingid.balance.imperfections import ANGLE_SCALE, imperfections, sensitivities
+from swingid.balance.imperfections import OF_THE_ANGLE, imperfections, sensitivities
+from swingid.balance.level import wandering, with_bias
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.systematics import (
@@ -34,7 +35,8 @@ from swingid.balance.systematics import (
 from swingid.balance.windows import even_windows, swing_windows
 from swingid.checks.angle_scale import SCALE
 from swingid.checks.answer import check_answer, check_motor, check_sign, unstated_reading
-from swingid.checks.latency import check_latency, with_latency
+from swingid.checks.latency import check_latency
+from swingid.checks.level import chosen_at_level
 from swingid.checks.place import PLACE, check_place, spring_note
 from swingid.checks.rig_file import CONFLICT, contradictions
 from swingid.checks.stability import PARTS, Stability
@@ -88,13 +90,12 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     """
     if memory not in MEMORY:
         raise UsageError(f"memory must be one of {', '.join(MEMORY)}, and is {memory!r}.", code="bad-option")
-    part = prepared.part(reread=True)
+    prepared, part, choice, moved = chosen_at_level(prepared, memory)
     rig, scale = prepared.rig, prepared.scale
-    choice, moved = with_latency(part, memory)
     signals = choice.signals
     estimate = _estimate(choice, rig)
     check_sign(estimate.law, prepared.log.source.path or "the log")
-    found = _answer(estimate, rig, signals)
+    found = with_bias(_answer(estimate, rig, signals), estimate.law, part)
     parameters, u = found.parameters, found.parameters["inertia"].standard_uncertainty or 0.0
     # what contradicts the rig file is named, and neither makes an answer hopeless nor hides its causes
     shared = sum(estimate.common[source] ** 2 for source in (CONFLICT, PLACE, PARTS))
@@ -215,16 +216,18 @@ def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     effects = {effect.item.source: effect for effect in law.declared}
     declared = []
     for item in imperfections(rig, signals, friction.rows, law.a11, law.b):
+        if item.of_noise:
+            continue
         of_body = effects[item.source].shifts[body] / item.std
         of_friction = own @ friction.influence @ item.rows
-        if item.source == ANGLE_SCALE:
+        if item.source in OF_THE_ANGLE:
             of_friction -= [power_of(name) * values[name][0] for name in weights]
         declared.append(item.on(np.concatenate([of_body, of_friction])))
-    scattered = _scatter(law, friction, body, own)
+    scattered = _scatter(law, friction, body, own, signals)
     return evaluate(values, scattered, _common(estimate), declared, relative=rig.axis.model_uncertainty)
 
 
-def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array) -> Scatter:
+def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array, signals: Signals) -> Scatter:
     """Type A covariance of the parameters of the body and of the friction, which come from two fits of one log.
 
     body: of the first, among the unknowns of the law windows. own: weights of the friction parameters. Their
@@ -235,7 +238,7 @@ def _scatter(law: WindowFit, friction: FrictionLaw, body: list[int], own: Array)
     instants = common_instants([windows for windows, _ in pairs])
     noise = [noise_weights(windows, rows, instants) for windows, rows in pairs]
     of_body = law.covariance[np.ix_(body, body)]
-    of_friction = own @ friction.covariance @ own.T
+    of_friction = own @ (friction.covariance + wandering(law, friction, signals)) @ own.T
     matrix = joined(of_body, of_friction, noise[0] @ noise[1].T, noise[0] @ noise[0].T, noise[1] @ noise[1].T)
     count = len(friction.unknowns) + len(body)
     freedom = [scatter_freedom(row, bartlett(LAG), count) for row in influence]

@@ -177,8 +177,11 @@ class Rig(Table):
     def _tables_fit_together(self) -> Self:
         if self.axis.kind == "linear":
             self._check_linear()
-        elif self.log.angle_unit in ("m", "mm"):
-            refuse("contradiction", f"is {self.log.angle_unit!r}, but axis.kind is 'rotary'", "log.angle_unit")
+        else:
+            for key in ("angle_unit", "angle_speed_unit"):
+                if (unit := getattr(self.log, key)) in ("m", "mm", "m/s", "mm/s"):
+                    refuse("contradiction", f"is {unit!r}, but axis.kind is 'rotary'", f"log.{key}")
+        self._check_rates()
         if self.drive.kind != "reaction-wheel":
             self._check_no_wheel()
         elif stated(self.log, "bridge") or stated(self.log, "supply"):
@@ -201,10 +204,29 @@ class Rig(Table):
         for key in ("counts_per_turn", "nonlinearity", "nonlinearity_cosine", "nonlinearity_sine"):
             if stated(self.sensors, key):
                 refuse("contradiction", "is per turn, but axis.kind is 'linear'", f"sensors.{key}")
+        if stated(self.log, "angle_speed_unit") and self.log.angle_speed_unit not in ("m/s", "mm/s"):
+            refuse(
+                "contradiction", f"is {self.log.angle_speed_unit!r}, but axis.kind is 'linear'", "log.angle_speed_unit"
+            )
         if stated(self.log, "angle_unit") and self.log.angle_unit not in ("m", "mm"):
             refuse("contradiction", f"is {self.log.angle_unit!r}, but axis.kind is 'linear'", "log.angle_unit")
         if self.log.angle_zero == "up":
             refuse("contradiction", "is 'up', which a linear axis does not have", "log.angle_zero")
+
+    def _check_rates(self) -> None:
+        """Sensors of rates belong to rates, those of angles to angles."""
+        sensors, alone = self.sensors, self.log.has_rate_alone
+        for name in ("angle_speed", "wheel_speed"):
+            if getattr(sensors, name) is not None and getattr(self.log, name) is None:
+                refuse("contradiction", f"is given, but log.{name} names no column", f"sensors.{name}")
+        for key in ("nonlinearity", "nonlinearity_cosine", "nonlinearity_sine", "noise", "resolution"):
+            if (
+                alone
+                and stated(sensors, key)
+                and (key.startswith("nonlinearity") or self.drive.kind != "reaction-wheel")
+            ):
+                other = "" if key.startswith("nonlinearity") else f"; that of the rate is sensors.angle_speed.{key}"
+                refuse("contradiction", f"is that of an angle, but log.angle_speed is a rate{other}", f"sensors.{key}")
 
     def _check_no_wheel(self) -> None:
         if self.sensors.wheel is not None:
@@ -221,7 +243,8 @@ class Rig(Table):
         """Every channel that is read has a column of its own."""
         log = self.log
         read = [] if stated(log, "rate") else ["time"]
-        read.append("angle")
+        read += ["angle"] if not self.log.has_rate_alone else []
+        read += ["angle_speed"] if log.angle_speed is not None else []
         if self.drive.kind == "reaction-wheel":
             read += ["wheel_angle" if log.wheel_speed is None else "wheel_speed", "voltage"]
         elif self.drive.kind == "direct":
@@ -245,6 +268,7 @@ class Rig(Table):
         wheel_counts = wheel.counts_per_turn if own and wheel is not None else self.sensors.counts_per_turn
         needed = (
             ("angle_unit", "counts", "sensors", self.sensors.counts_per_turn),
+            ("angle_speed_unit", "counts/s", "sensors", self.sensors.counts_per_turn),
             ("wheel_angle_unit", "counts", "sensors.wheel", wheel_counts),
             ("wheel_speed_unit", "counts/s", "sensors.wheel", wheel_counts),
         )

@@ -89,14 +89,34 @@ class Encoder(Table):
         )
 
 
+class RateSensor(Table):
+    """Keys of a gyroscope or tachometer: white noise, steps, limit (rad/s; linear axis m/s), and bias with its
+    uncertainty.
+    """
+
+    noise: Annotated[float, plain_number("rad/s", "m/s", least=0)] = 0.0
+    resolution: Annotated[float, plain_number("rad/s", "m/s", least=0)] = 0.0
+    range: Annotated[float, plain_number("rad/s", "m/s", above=0)] = math.inf
+    bias: Annotated[Quantity, quantity("rad/s", "m/s")] = Quantity(0.0)
+
+
 ONE_ENCODER = ("nonlinearity_cosine", "nonlinearity_sine")
 """Keys that hold for one piece of hardware: the wheel's encoder does not inherit the axis' calibration."""
 
 
 class Sensors(Encoder):
-    """The axis' encoder, and under `wheel` what differs at the wheel's (absent keys are inherited)."""
+    """The axis' encoder, and under `wheel` what differs at the wheel's (absent keys are inherited).
+
+    angle_speed, wheel_speed: the sensors of their rates, where those are logged.
+    """
 
     wheel: Encoder | None = None
+    angle_speed: RateSensor | None = None
+    wheel_speed: RateSensor | None = None
+
+    def of_rate(self, channel: Literal["angle", "wheel"]) -> RateSensor:
+        """The sensor of the rate of the `channel`; a perfect one where none is stated."""
+        return (self.angle_speed if channel == "angle" else self.wheel_speed) or RateSensor()
 
     def of(self, channel: Literal["angle", "wheel"]) -> Sensor:
         """The encoder of the `channel` "angle" or "wheel", resolved to SI; "wheel" inherits what it does not state."""

@@ -204,6 +204,8 @@ def _no_bool(raw: Any) -> Any:
 
 Sign = Annotated[Literal[1, -1], BeforeValidator(_no_bool)]
 AngleUnit = Literal["rad", "deg", "turns", "counts"]
+SpeedUnit = Literal["rad/s", "deg/s", "turns/s", "rpm", "counts/s", "m/s", "mm/s"]
+RateIs = Literal["instant", "mean", "held"]
 
 
 class LogConventions(Table):
@@ -215,10 +217,11 @@ class LogConventions(Table):
     `angle_zero` as a number is the logged value at which the body hangs (a linear axis: that is 0). `angle_scale` is
     angle (in its unit) per logged unit, of a potentiometer in V; `angle_offset` (rad, m) the angle at the logged value
     0, in the place of `angle_zero`. `wheel_scale` is wheel turns per logged turn, `voltage_scale` V per logged unit.
-    `wheel_speed` replaces the wheel's angle where only the speed was logged: the speed at the row, or ("mean") the turn
-    since the row before, divided by the time. Torque (force) = torque_sign * torque_gain * column. bridge: column that
-    is 0 while that of a motor on the axis is open, so that no current flows; supply: column of its supply (V), of which
-    `voltage` then is the share. clock: relative deviation of the log's clock, positive where it is fast.
+    `angle_speed` is the rate of the angle, in its place or beside it (`angle_speed_scale`: rate per logged unit);
+    `wheel_speed` replaces the wheel's angle. A rate is that at its row, the mean since the row before, or held until
+    the next one. Torque (force) = torque_sign * torque_gain * column. bridge: column that is 0 while that of a motor on
+    the axis is open, so that no current flows; supply: column of its supply (V), of which `voltage` then is the share.
+    clock: relative deviation of the log's clock, positive where it is fast.
     """
 
     time: Column = "t"
@@ -230,6 +233,10 @@ class LogConventions(Table):
     angle_sign: Sign = 1
     angle_scale: Annotated[Quantity, PlainValidator(per_logged_unit)] = Quantity(1.0)
     angle_offset: Annotated[Quantity, quantity("rad", "m")] = Quantity(0.0)
+    angle_speed: Column | None = None
+    angle_speed_unit: SpeedUnit = "rad/s"
+    angle_speed_is: RateIs = "instant"
+    angle_speed_scale: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
     wheel_angle: Column = "q2"
     wheel_angle_unit: AngleUnit = "rad"
     wheel_angle_sign: Sign = 1
@@ -237,7 +244,7 @@ class LogConventions(Table):
     wheel_scale: Annotated[Quantity, quantity("", above=0)] = Quantity(1.0)
     wheel_speed: Column | None = None
     wheel_speed_unit: Literal["rad/s", "deg/s", "turns/s", "rpm", "counts/s"] = "rad/s"
-    wheel_speed_is: Literal["instant", "mean"] = "instant"
+    wheel_speed_is: RateIs = "instant"
     voltage: Column = "u"
     voltage_sign: Sign = 1
     voltage_scale: Annotated[Quantity, quantity("V", above=0)] = Quantity(1.0)
@@ -275,6 +282,23 @@ class LogConventions(Table):
             refuse(
                 "contradiction", "is given beside angle_zero, the logged value of the same; keep one", "angle_offset"
             )
+        if self.has_rate_alone:
+            for key in ("angle_unit", "angle_zero", "angle_scale", "angle_offset"):
+                if stated(self, key):
+                    refuse(
+                        "contradiction",
+                        "belongs to a column of the angle, and angle_speed is a rate; name that "
+                        f"column as angle, or leave {key} out",
+                        key,
+                    )
+        for key in ("angle_speed_unit", "angle_speed_is", "angle_speed_scale"):
+            if stated(self, key) and self.angle_speed is None:
+                refuse("missing-key", f"is missing beside {key}; name the column of the rate", "angle_speed")
         if stated(self, "wheel_speed") and stated(self, "wheel_angle"):
             refuse("contradiction", "is given beside wheel_angle; keep the angle", "wheel_speed")
         return self
+
+    @property
+    def has_rate_alone(self) -> bool:
+        """Whether the rate of the axis was logged, and not its angle."""
+        return self.angle_speed is not None and not stated(self, "angle")

@@ -121,6 +121,11 @@ class LargeLog:
         InputError where the file cannot be read.
         """
         header, reading = self._read_header()
+        if self.rig.log.angle_speed is not None:
+            message = (
+                f"{self.path} has too many rows to be read whole, and log.angle_speed is a rate, whose integral must"
+            )
+            raise InputError(f"{message} not be cut; use a part of it, --part FROM:TO.", code="rate-in-parts")
         yield from parts(self._open.pieces(PIECE, _columns(header, reading.conventions)), reading)
 
     def small(self) -> Recording | None:

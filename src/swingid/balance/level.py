@@ -1,0 +1,80 @@
+"""Zero, bias and random walk of an angle that is the integral of a rate, as the balance of torques determines them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.balance.imperfections import angle_error
+from swingid.preparation.rate import BIAS, ZERO
+from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter, scatter
+
+if TYPE_CHECKING:
+    from swingid.balance.fits import Effect, WindowFit
+    from swingid.balance.friction import FrictionLaw
+    from swingid.balance.rows import Signals
+    from swingid.numerics.arrays import Array
+    from swingid.preparation.prepared import Part
+
+SMALL = 1e-5
+"""Error of the angle (rad or m) that is not worth another fit: friction of 1e-5 of the gravity torque."""
+
+PARAMETER = "angle_speed_bias"
+"""Name of the bias among the parameters of a result."""
+
+
+def amounts_left(law: WindowFit, signals: Signals) -> dict[str, float] | None:
+    """Amounts of zero, bias and walk by which the angle is still wrong; None where they do not matter.
+
+    They are unknowns of the fit, linearised, and no terms of the friction law: what is larger is subtracted from the
+    angle before both are fitted again. A constant torque c and a zero that is off by c/b are the same to first order,
+    so the angle counts from where all constant torques together vanish, as in a free decay.
+    """
+    level = signals.encoders.level
+    if level is None or not law.wandering or level.zero_std == 0:
+        return None
+    found = {effect.item.source: _error(effect) for effect in law.wandering}
+    pull = 0.0 if signals.linear else law.b * law.rows.stiffness
+    pull += sum((law.scale.known.get(name, 0.0) + law.value(name)) * slope for name, slope in law.rows.slopes.items())
+    found[ZERO] -= law.value("offset") / pull if pull > 0 else 0.0
+    unknowns = level.unknowns(signals.nodes.stamps)
+    drift = sum((amount * unknowns[name].shape for name, amount in found.items()), np.zeros(len(signals.nodes.stamps)))
+    return found if float(np.max(np.abs(drift))) > SMALL else None
+
+
+def _error(effect: Effect) -> float:
+    """The error of the angle that the fit has found; its columns are what has to be added to the known side."""
+    return -effect.value * effect.item.std
+
+
+def wandering(law: WindowFit, friction: FrictionLaw, signals: Signals) -> Array:
+    """Covariance of the terms of friction by what is left unknown of the angle."""
+    level, size = signals.encoders.level, len(friction.unknowns)
+    found = np.zeros((size, size))
+    if level is None or not law.wandering:
+        return found
+    instants = signals.nodes.flat[0].reshape(signals.angle.shape)
+    unknowns = level.unknowns(instants)
+    for effect in law.wandering:
+        shape = unknowns[effect.item.source].shape
+        rows = angle_error(signals, friction.rows, shape, law.a11, law.b)
+        change = friction.influence[:size] @ rows * effect.spread * effect.item.std
+        found += np.outer(change, change)
+    return found
+
+
+def with_bias(found: Evaluated, law: WindowFit, part: Part) -> Evaluated:
+    """The parameters with the bias of the rate, where one was logged: by the balance, else by the centres of swings."""
+    level = part.encoders.level
+    if level is None:
+        return found
+    value, u = level.bias.value, level.bias.std
+    for effect in law.wandering:
+        if effect.item.source == BIAS:
+            value, u = value + _error(effect), effect.spread * effect.item.std
+    bias = Parameter.of(value, u, "m/s" if law.scale.linear else "rad/s")
+    entries = [] if u is None else [BudgetEntry(scatter("scatter of the windows and sensor noise"), PARAMETER, u)]
+    return Evaluated(
+        found.parameters | {PARAMETER: bias}, [*found.budget, *entries], found.correlation, found.sensitivities
+    )

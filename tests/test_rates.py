@@ -13,7 +13,7 @@ import pytest
 import swingid as sw
 from swingid.errors import InputError, UnanswerableError
 from swingid.numerics.test_functions import SLOPE_POWER, rate_overlaps
-from swingid.preparation.rate import Level
+from swingid.preparation.rate import Level, levelled
 from swingid.recording.rate_checks import saturated
 from swingid.recording.rates import integral, rate_of
 from swingid.units import Quantity
@@ -163,6 +163,16 @@ def test_a_saturated_gyroscope_is_detected_and_what_follows_is_used():
     with pytest.raises(InputError, match="wider range") as problem:
         sw.Recording.from_columns({"t": log.time, "gz": np.clip(log.angle_speed, -0.05, 0.05)}, own)
     assert problem.value.code == "saturated-rate"
+
+
+def test_a_spinning_body_keeps_its_speed():
+    """A coast-down turns in one direction: its mean speed is no bias, which is taken as stated."""
+    t = np.arange(2001) / 100
+    own = rig(axis__gravity_torque=0)
+    log = sw.Recording.from_columns({"t": t, "gz": 20 * np.exp(-t / 40)}, own)
+    levelled_log, level = levelled(log, own)
+    assert level is None
+    assert levelled_log.angle == pytest.approx(800 * (1 - np.exp(-t / 40)), abs=1e-4)
 
 
 @pytest.mark.parametrize("resolution", ["0.06 deg/s", "1 deg/s", "4 deg/s"])

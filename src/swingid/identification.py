@@ -11,7 +11,7 @@ from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.methods.unscaled import in_units_of, require_method, unscaled
 from swingid.model.rig import Rig
 from swingid.preparation.reference import reference_of
-from swingid.preparation.scale import refuse_motor
+from swingid.preparation.scale import refuse_motor, refuse_rates
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
@@ -127,6 +127,8 @@ def _together(
     logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
     bodies = bodies_of(added, len(logs), rig)
     prepared = [prepare(one, rig, together=True, scaled_elsewhere=added is not None) for one in logs.values()]
+    if any(one.encoders.level is not None for one in prepared):
+        refuse_rates(rig, "one fit to several logs")
     return momentum_together(prepared, list(logs), bodies)
 
 

@@ -41,9 +41,10 @@ class Recording:
     integral without a straight line. wheel_speed: rad/s, as logged (absolute where the rig states so), only where the
     rig logs it in place of the wheel's angle, which then is its integral. voltage: V. torque: N m (N), what the direct
     drive applied. bridge: 0 while that of a motor on the axis is open, and no current flows. reference: as angle;
-    adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held: True when row k's voltage or torque acts from t_k to t_(k+1), False when it is a
-    measurement at t_k. averaged: rows of the log that each row is the mean of (`recording.large`). left_out (k, 2):
-    from when to when (s) rows are excluded, during which an external torque acted; nothing may be continued across.
+    adaptive_gain: k tilde of the compensator or alpha_2^ of backstepping; these two may hold NaN. drive_held: True when
+    row k's voltage or torque acts from t_k to t_(k+1), False when it is a measurement at t_k. averaged: rows of the log
+    that each row is the mean of (`recording.large`). left_out (k, 2): from when to when (s) rows are excluded, during
+    which an external torque acted; nothing may be continued across.
 
     Velocities that were not measured are not stored: a method that needs one documents how it is found.
     Raises InputError when the channels do not fit together.

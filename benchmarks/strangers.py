@@ -78,7 +78,7 @@ def answers(entry: dict[str, Any], path: Path, methods: list[str]) -> Iterator[d
         except Exception as error:  # a crash is one of the results
             row |= {"status": "crash", "codes": [type(error).__name__], "verdict": "crash", "text": str(error)[:200]}
         else:
-            inertia = result.inertia
+            inertia = result.main
             codes = [message.code for message in result.warnings]
             row |= {"status": result.status, "codes": codes, "value": inertia.value, "interval": inertia.interval95}
             row |= verdict(inertia.value, inertia.interval95, entry["evidence"])

@@ -9,10 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import swingid as sw
-from swingid.errors import InputError
+from swingid.errors import InputError, UnanswerableError
 from swingid.model.further import angle_energy, angle_factor, angle_slope
 from swingid.model.parameters import FIRST_SLOT, rig_vector
 from swingid.model.terms import TERMS
+from swingid.pooling import difference
 from swingid.recording.recording import Recording
 from swingid.simulation import simulate
 from swingid.units import Quantity
@@ -173,6 +174,39 @@ def test_a_torsion_pendulum_is_identified_within_two_hundredths_of_a_percent():
     assert ratio.leading == "stiffness/inertia"
     assert ratio.main.unit == "1/s^2"
     assert ratio.main.value == pytest.approx(25.0, rel=2e-4)
+
+
+def test_two_runs_with_and_without_a_known_body_give_stiffness_and_inertia():
+    logs = [
+        simulate(
+            rig_of(axis=f"stiffness = 0.05\ninertia = {inertia}\nfriction = {{viscous = 1e-4}}"),
+            duration=40.0, rate=200.0, initial_angle=1.0, seed=seed,
+        )
+        for seed, inertia in ((1, 2e-3), (2, 3e-3))
+    ]  # fmt: skip
+    unknown = rig_of(axis='stiffness = "unknown"')
+    tare, loaded = (sw.identify(log, unknown) for log in logs)
+    found = difference(tare, loaded, known="1.000 ± 0.001 g*m^2")
+    for name, true in (("stiffness", 0.05), ("tare_inertia", 2e-3), ("loaded_inertia", 3e-3)):
+        one = found.parameters[name]
+        assert one.value == pytest.approx(true, rel=5e-4)
+        assert one.standard_uncertainty == pytest.approx(1e-3 * true, rel=0.2)  # that of the body
+    # k = J_k/(1/r2 - 1/r1): the clock counts twice, as in every period
+    clock = next(e for e in found.budget if e.parameter == "stiffness" and e.source == "log.clock")
+    assert clock.standard_uncertainty == pytest.approx(2e-4 * 0.05, rel=0.02)
+    assert not any(
+        e.source == "log.clock" and e.standard_uncertainty > 1e-9 for e in found.budget if "tare" in e.parameter
+    )
+    with pytest.raises(UnanswerableError, match="wrong way"):
+        difference(loaded, tare, known=1e-3)
+
+
+def test_strings_take_no_scale_from_a_body():
+    true = rig_of(BIFILAR.format(mass=1.5), "inertia = 4e-3")
+    logs = [simulate(true, duration=10.0, rate=200.0, initial_angle=0.4, seed=seed) for seed in (1, 2)]
+    results = [sw.identify(log, rig_of(BIFILAR.format(mass='"unknown"'))) for log in logs]
+    with pytest.raises(UnanswerableError, match="grows with the mass"):
+        difference(*results, known=1e-3)
 
 
 def test_the_zero_of_strings_is_found():

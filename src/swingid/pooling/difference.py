@@ -8,6 +8,7 @@ import numpy as np
 
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
+from swingid.pooling.known_body import scaled_by_body
 from swingid.pooling.runs import Runs, calibrated
 from swingid.pooling.shares import Estimate, Share, covariance, scatter_covariance, sum_of
 from swingid.result.result import Message, Result
@@ -41,12 +42,16 @@ def difference(
     known: the body's inertia as known otherwise (about the axis; about its own centre where mass and distance are
     given). It then calibrates the scale, see `known_body`: `scale_factor`, the constant that it corrects,
     `tare_inertia` and `loaded_inertia` are parameters too. `inertia` stays what was measured with the scale of the rig.
+    Of two results of ratios it gives the constant that is unknown (a wire's stiffness, the wheel's inertia, the gain of
+    a torque) with `tare_inertia` and `loaded_inertia`; `inertia` is that of the body, as it was given.
 
     Raises InputError for files that hold no inertia or do not belong together, UnanswerableError where the difference
     is lost in its uncertainty, UsageError for options that do not fit. Do not use it where the body also changes the
     friction law at standstill or the way the axis is held: such changes are taken for inertia.
     """
-    runs = Runs.of(tare, loaded)
+    runs = Runs.of(tare, loaded, ratios=known is not None)
+    if runs.tare.ratios and known is not None:
+        return _scaled(runs, known, mass, distance)
     body = _body(runs, mass, distance)
     first, second = runs.estimates("inertia")
     about_axis = sum_of([second, first], [1.0, -1.0])
@@ -88,6 +93,33 @@ def difference(
         budget=tuple(budget),
         provenance=_provenance(runs, {"mass": mass, "distance": distance, "known": known}),
         correlation=_correlation({name: estimates[name] for name in known_names}, runs),
+    )
+
+
+def _scaled(runs: Runs, known: GIVEN, mass: GIVEN | None, distance: GIVEN | None) -> Result:
+    """Results of ratios on the scale of a known body, whose inertia is about the axis unless mass and distance say."""
+    what = _quantity(known, "kg*m^2", "known")
+    target = Estimate(what.value, {"known": _share("inertia of the known body", 1.0, what)})
+    if (mass is None) != (distance is None):
+        raise UsageError("mass and distance go together; give both or none.", code="mass-and-distance")
+    if mass is not None and distance is not None:
+        target = _moved(target, 1.0, _quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance"))
+    found, notes = scaled_by_body(runs, target)
+    found["inertia"] = target, "kg m^2"
+    warnings = [
+        Message(m.code, f"{name}: {m.message}", m.kind)
+        for result, name in zip((runs.tare, runs.loaded), runs.names, strict=True)
+        for m in result.warnings
+    ]
+    return Result(
+        method="difference",
+        status="warning" if warnings else "ok",
+        parameters={name: estimate.parameter(unit) for name, (estimate, unit) in found.items()},
+        warnings=tuple(warnings),
+        notes=(*notes, *_exact(known=what), *runs.notes),
+        budget=tuple(entry for name, (estimate, _) in found.items() for entry in estimate.entries(name)),
+        provenance=_provenance(runs, {"mass": mass, "distance": distance, "known": known}),
+        correlation=correlation_of(list(found), covariance([estimate for estimate, _ in found.values()])),
     )
 
 

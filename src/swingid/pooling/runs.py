@@ -44,13 +44,13 @@ class Runs:
     notes: tuple[Message, ...] = ()
 
     @classmethod
-    def of(cls, tare: Result | str | Path, loaded: Result | str | Path) -> Runs:
-        """Read and check both. Raises InputError where they cannot be subtracted."""
+    def of(cls, tare: Result | str | Path, loaded: Result | str | Path, *, ratios: bool = False) -> Runs:
+        """Read and check both; ratios: whether both may be ones of ratios. Raises InputError for other pairs."""
         words = {"the tare result": tare, "the loaded result": loaded}
         one, other = (name if isinstance(given, Result) else str(given) for name, given in words.items())
         names = one, other
         first, second = (r if isinstance(r, Result) else load_result(r) for r in (tare, loaded))
-        _require_same(first, second, names)
+        _require_same(first, second, names, ratios=ratios and first.ratios and second.ratios)
         apart, notes = _constants_apart(first, second, names)
         return cls(first, second, names, frozenset(apart), tuple(notes))
 
@@ -75,11 +75,12 @@ class Runs:
         return self.tare.inertia.unit
 
 
-def _require_same(tare: Result, loaded: Result, names: tuple[str, str]) -> None:
+def _require_same(tare: Result, loaded: Result, names: tuple[str, str], *, ratios: bool) -> None:
     """Raise InputError where one has no inertia, or the two are not of one kind."""
     for result, name in zip((tare, loaded), names, strict=True):
-        require_scale(result, name)
-        if result.status == "refused" or "inertia" not in result.parameters:
+        if not ratios:
+            require_scale(result, name)
+        if result.status == "refused" or result.leading not in result.parameters:
             reason = f": {result.error.message.rstrip('.')}" if result.error else ""
             raise InputError(f"{name} has no inertia{reason}; identify a log that gives one.", code="refused-result")
     if tare.method != loaded.method:
@@ -88,7 +89,7 @@ def _require_same(tare: Result, loaded: Result, names: tuple[str, str]) -> None:
             "identify both logs by one method.",
             code="different-methods",
         )
-    units = tare.inertia.unit, loaded.inertia.unit
+    units = tare.main.unit, loaded.main.unit
     if units[0] != units[1]:
         raise InputError(
             f"{names[0]} gives {units[0]} and {names[1]} gives {units[1]}; both must be of one kind of axis.",
@@ -160,7 +161,7 @@ def _deviations(result: Result) -> dict[str, float]:
     return {
         entry.shared_id: entry.standard_uncertainty / abs(entry.sensitivity)
         for entry in result.budget
-        if entry.parameter == "inertia" and entry.shared_id is not None and entry.sensitivity
+        if entry.parameter == result.leading and entry.shared_id is not None and entry.sensitivity
     }
 
 

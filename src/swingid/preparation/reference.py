@@ -20,15 +20,12 @@ SUSPENSION = "axis.suspension.stiffness"
 REMEDIES = {
     GRAVITY: (
         "weigh the body and measure the distance of its centre of mass from the axis (axis.mass and axis.lever), or "
-        "add a body of known inertia and use swingid difference"
+        "add a body of known inertia with its centre on the axis and give both results to swingid difference --known"
     ),
     STIFFNESS: (
         "state axis.stiffness, or add a body of known inertia and give both results to swingid difference --known"
     ),
-    SUSPENSION: (
-        "weigh what hangs on the strings (mass under axis.bifilar or axis.trifilar), or add a body of known inertia "
-        "and give both results to swingid difference --known"
-    ),
+    SUSPENSION: ("weigh what hangs on the strings (mass under axis.bifilar or axis.trifilar)"),
     WHEEL: (
         "weigh and measure the wheel (drive.wheel.inertia), or weigh the body and measure the distance of its centre "
         "of mass from the axis (axis.mass and axis.lever) and move it at two frequencies"

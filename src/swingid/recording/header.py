@@ -6,6 +6,7 @@ an epoch (1970, ns of a ROS stamp) is counted from the first row.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,8 @@ from swingid.recording.findings import Finding
 from swingid.recording.formats.table import canonical
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from swingid.model.rig import Rig
     from swingid.recording.formats.table import Table
 
@@ -35,7 +38,7 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
     if table.metadata:  # swingid wrote it, in the rig's own conventions
         return conventions, []
     changes: dict[str, object] = {}
-    findings = []
+    findings = list(_rate_as_angle(table, conventions, name))
     for channel, key, known in (
         ("time", "time_unit", TIMES),
         ("angle", "angle_unit", ANGLES),
@@ -65,6 +68,23 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
             conventions = replace(conventions, scales=conventions.scales | {channel: scaled})
             findings.append(_unit_note(column, unit, None))
     return conventions, findings
+
+
+RATE = re.compile(r"gyro|angular[ _.]*(velocity|rate|speed)|omega", re.IGNORECASE)
+"""Names of rates."""
+
+
+def _rate_as_angle(table: Table, conventions: Conventions, name: str) -> Iterator[Finding]:
+    """A warning where the column of the angle is called a rate; InputError where its header states the unit of one."""
+    if "angle" not in conventions.axis:
+        return
+    column, unit = _stated_unit(table, conventions, "angle")
+    if canonical(unit) in SPEEDS:
+        text = f"{name}: the header of column {column!r} states {unit}, a rate, but [log] angle names it"
+        raise InputError(f"{text} as an angle; name it as angle_speed.", code="rate-as-angle")
+    if RATE.search(column):
+        text = f"column {column!r} is called a rate, but [log] angle reads it as an angle; name it as angle_speed."
+        yield Finding("rate-as-angle", text, "warning")
 
 
 def _stated_unit(table: Table, conventions: Conventions, channel: str) -> tuple[str, str]:

@@ -6,14 +6,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
-from swingid.recording.formats import csv, hdf5, json_rows, labview, matlab, mcap, parquet
+from swingid.recording.formats import archive, csv, hdf5, json_rows, labview, matlab, mcap, parquet, workbook
 
 if TYPE_CHECKING:
     from types import ModuleType
 
     from swingid.recording.formats.table import Table
 
-READERS: tuple[ModuleType, ...] = (parquet, matlab, hdf5, mcap, labview, json_rows, csv)
+READERS: tuple[ModuleType, ...] = (parquet, matlab, hdf5, mcap, labview, workbook, archive, json_rows, csv)
+
+ZIP = b"PK\x03\x04"
+"""First bytes of archives, among them the newer workbooks."""
 WRITERS: tuple[ModuleType, ...] = (parquet, csv, matlab, hdf5, mcap, json_rows)
 
 
@@ -25,9 +28,16 @@ def read_table(content: bytes, name: str) -> Table:
     by_magic = [f for f in READERS if f.MAGIC and content.startswith(f.MAGIC)]
     by_ending = [f for f in READERS if Path(name).suffix.lower() in f.ENDINGS]
     by_text = [json_rows] if content[:64].lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[{")) else []
-    reader = (by_magic + by_text + by_ending + [csv])[0]
+    zipped = [_of_zip(content)] if content.startswith(ZIP) else []
+    reader = (zipped + by_magic + by_text + by_ending + [csv])[0]
     table: Table = reader.read(content, name)
     return table
+
+
+def _of_zip(content: bytes) -> ModuleType:
+    """The reader of an archive: of workbooks where it is one, whose parts it names."""
+    parts = (b"xl/workbook", b"mimetypeapplication/vnd.oasis.opendocument.spreadsheet")
+    return workbook if any(part in content for part in parts) else archive
 
 
 def writer_for(path: Path) -> ModuleType:

@@ -38,7 +38,7 @@ _OTHER_KINDS = {
     b"\xff\xd8\xff": "a JPEG image",
     b"GIF8": "a GIF image",
     b"%PDF": "a PDF",
-    b"PK\x03\x04": "an Excel workbook or a zip archive",
+    b"PK\x03\x04": "a zip archive",
     b"\xd0\xcf\x11\xe0": "an old Excel or Word file",
     b"\x1f\x8b": "a gzip archive",
     b"TDSm": "a LabVIEW TDMS file",

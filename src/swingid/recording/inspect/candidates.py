@@ -58,8 +58,27 @@ ROLE_UNITS: dict[str, frozenset[str]] = {
     "current": frozenset({"A", "mA"}),
 }
 SPEED_UNITS = SPEEDS | {"m/s"}
+RATE_UNITS = SPEEDS - {"m/s", "mm/s"}
 CONTAINERS = re.compile(r"\b(joint_?states?|field|header|msg|topic)\b(?=[/._])", re.IGNORECASE)
 """Parts of a name that state where a message came from, such as /joint_states/pendulum/position."""
+
+GYROSCOPE = re.compile(r"gyro|angular[ _.]*(velocity|rate|speed)|rotation[ _.]*rate|^rotation [xyz]$", re.IGNORECASE)
+
+NO_MOTION = re.compile(r"acc(el|x|y|z|_|\b)|(^|[xyz])acc$|magnet|gravity|beschleun|aceler", re.IGNORECASE)
+"""Names of accelerometers, and of what phones compute of them: no angle and no rate follows from one column."""
+
+
+def is_gyroscope(name: str) -> bool:
+    """Whether a column is called as gyroscopes are: phyphox, IMUs, `sensor_msgs/Imu`."""
+    return GYROSCOPE.search(re.sub(r"[\[(].*?[\])]", "", name).strip()) is not None
+
+
+def is_no_motion(candidate: Candidate) -> bool:
+    """Whether a column is of an accelerometer or a magnetometer, by its name or unit."""
+    unit = candidate.unit.replace("²", "^2").replace("µ", "u").lower()
+    bare = re.sub(r"[\[(].*?[\])]", "", candidate.name).strip()
+    return unit in ("m/s^2", "m/s2", "g", "ut") or (NO_MOTION.search(bare) is not None and not is_gyroscope(bare))
+
 
 GREEK = {"θ": "theta", "φ": "phi", "α": "alpha", "ω": "omega", "τ": "tau"}
 

@@ -45,6 +45,11 @@ def log_table(roles: Roles) -> str:
             text = "the motion is about half a turn" if up else "as far as the file shows"
             lines.append(_line(f'angle_zero = "{"up" if up else "down"}"', text))
         lines.append(_line("angle_sign = 1", "counter-clockwise positive; not determined by a file"))
+    rate = roles.found.get("angle_speed")
+    if rate is not None:
+        lines.append(_column("angle_speed", rate))
+        lines.append(_line(f'angle_speed_unit = "{rate.unit}"', "of the rate of the body; its integral is the angle"))
+        lines.append(_line('# angle_speed_scale = "1 ± 0.01"', "of the gyroscope, with its uncertainty"))
     lines += _drive_lines(roles)
     reference = roles.found.get("reference")
     if reference is not None:
@@ -86,7 +91,7 @@ def trial_rig(roles: Roles, columns: Mapping[str, Column], table: str) -> Rig | 
 
     Counts are read by the next power of two above their range.
     """
-    if not {"time", "angle"} <= roles.found.keys():
+    if "time" not in roles.found or not {"angle", "angle_speed"} & roles.found.keys():
         return None
     kind = "linear" if roles.linear else "rotary"
     parts = [f'name = "guess"\n[axis]\nkind = "{kind}"\n', f'[drive]\nkind = "{roles.drive}"\n']

@@ -28,6 +28,9 @@ DERIVATIVE = 0.8
 RISING = 0.98
 """Share of rows after which a clock rises."""
 
+FASTEST_RATE = 70.0
+"""Range in rad/s that no gyroscope of 2000 deg/s covers."""
+
 SLOWEST, FASTEST = 4.0, 50_000.0
 """Rows per second that rigs log."""
 
@@ -97,7 +100,7 @@ def guess_speeds(moving: list[Candidate], stamps: Array) -> list[tuple[Candidate
     level = {c.name: traits.smooth(traits.thin(c.values)) for c in moving}
     result = []
     for speed in moving:
-        named = speed.scores["speed"] >= 2 or speed.unit in traits.SPEED_UNITS
+        named = speed.scores["speed"] >= 2 or speed.unit in traits.SPEED_UNITS or traits.is_gyroscope(speed.name)
         if not named and max(_main(speed)) >= 2:
             continue
         match = [(traits.correlation(level[speed.name], slopes[c.name]), c) for c in moving if c is not speed]
@@ -258,6 +261,23 @@ def guess_wheel_speed(speeds: list[tuple[Candidate, str]], angle: Candidate, fou
         found["wheel_speed"] = Role("wheel_speed", best.name, unit, "by its name", True)
 
 
+def guess_rate(speeds: list[Candidate], found: dict[str, Role]) -> None:
+    """The rate of the axis where no angle was logged: of the components of a gyroscope the one that moves most."""
+    rates = [c for c in speeds if c.unit in traits.RATE_UNITS or traits.is_gyroscope(c.name)]
+    if not rates:
+        return
+    best = max(rates, key=lambda c: float(np.nanstd(c.values)))
+    unit, why = best.unit, "a rate, by its name"
+    if best.unit in traits.RATE_UNITS:
+        why = f"a rate, its unit is stated ({best.unit})"
+    else:
+        # the fastest gyroscopes of phones and boards measure 2000 deg/s = 35 rad/s
+        unit = "deg/s" if best.column.span > FASTEST_RATE else "rad/s"
+        why += f"; {unit} for it covers {best.column.span:.3g}"
+    why += ", the largest component" if len(rates) > 1 else ""
+    found["angle_speed"] = Role("angle_speed", best.name, unit, why, True)
+
+
 def counted_from_top(angle: Candidate, unit: str) -> bool | None:
     """Whether the body hangs, or swings, half a turn from 0; None for counts, whose zero is anywhere."""
     turn = TURN.get(unit)
@@ -319,13 +339,15 @@ def _guess(columns: list[Column]) -> Roles:
     others |= {c.name: "lists, which need a column for each number" for c in columns if _holds_lists(c)}
     beside = clocks_beside(moving)
     others |= beside
-    moving = [c for c in moving if c.name not in beside]
+    others |= {c.name: "of an accelerometer or magnetometer" for c in moving if traits.is_no_motion(c)}
+    moving = [c for c in moving if c.name not in beside and not traits.is_no_motion(c)]
     stamps = time.values if time is not None else np.arange(float(usual))
     speeds = guess_speeds(moving, stamps)
     others |= {c.name: f"speed of {of}" for c, of in speeds}
     angle = guess_angle([c for c in moving if not traits.among(c, (s for s, _ in speeds))], found)
     if angle is None:
-        return Roles(found, others)
+        guess_rate([c for c, _ in speeds], found)
+        return Roles(found, {name: what for name, what in others.items() if name not in _taken(found)})
     left = [c for c in moving if c is not angle and not traits.among(c, (s for s, _ in speeds))]
     left = guess_wheel(left, angle, speeds, found)
     left = guess_reference(left, angle, found)
@@ -333,9 +355,13 @@ def _guess(columns: list[Column]) -> Roles:
     if "wheel_angle" not in found:
         guess_wheel_speed(speeds, angle, found)
     others |= {c.name: "not known" for c in left}
-    others = {name: what for name, what in others.items() if name not in {r.column for r in found.values()}}
+    others = {name: what for name, what in others.items() if name not in _taken(found)}
     linear = found["angle"].unit in ("m", "mm")
     return Roles(found, others, None if linear else counted_from_top(angle, found["angle"].unit), linear)
+
+
+def _taken(found: dict[str, Role]) -> set[str]:
+    return {role.column for role in found.values()}
 
 
 def _holds_lists(column: Column) -> bool:

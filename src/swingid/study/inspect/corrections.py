@@ -93,7 +93,9 @@ def units_by_steps(table: Table, rig: Rig, columns: Mapping[str, Column]) -> tup
     for channel, word in (("angle", "angle"), ("wheel_angle", "wheel angle")):
         name = table.find(getattr(rig.log, channel))
         used = getattr(rig.log, f"{channel}_unit")
-        read = channel == "angle" or (rig.drive.kind == "reaction-wheel" and rig.log.wheel_speed is None)
+        read = (channel == "angle" and not rig.log.has_rate_alone) or (
+            rig.drive.kind == "reaction-wheel" and rig.log.wheel_speed is None
+        )
         if name is None or not read or used not in TURN or table.unit(name) or not steps_seen(columns[name]):
             continue
         counts = {unit: turn / columns[name].step for unit, turn in TURN.items()}

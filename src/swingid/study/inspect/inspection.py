@@ -162,7 +162,7 @@ def inspect_table(table: Table, rig: Rig | None = None, source: Source | None = 
             clock, checks = _clock(table, reader, roles, by_name)
         units = [check for check in more if check.title == "units"]  # first: the rest is in these units
         checks = [*units, *checks, *(_with_guess(check, roles) for check in more if check not in units)]
-    elif "angle" not in roles.found:  # else the clock is missing, which its check reports
+    elif not {"angle", "angle_speed"} & roles.found.keys():  # else the clock is missing, which its check reports
         remedy = "name the column of the angle in a rig file"
         checks.append(Check("no-angle", "columns", "fault", "no column looks like the angle of a swing.", remedy))
     found = Inspection(
@@ -267,7 +267,7 @@ def _channels(table: Table, rig: Rig, columns: Mapping[str, Column]) -> list[Cha
             continue
         units = {"angle": "m" if linear else "rad", "wheel_angle": "rad", "wheel_speed": "rad/s", "voltage": "V"}
         units |= {"torque": "N" if linear else "N m", "reference": "m" if linear else "rad"}
-        units |= {"supply": "V", "bridge": ""}
+        units |= {"supply": "V", "bridge": "", "angle_speed": "m/s" if linear else "rad/s"}
         scale = conventions.scales.get(role)
         factor = scale.factor if scale is not None else 1.0
         if role == "wheel_angle":

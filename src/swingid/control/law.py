@@ -1,7 +1,9 @@
 """One sample of the consecutive compensator (14)-(20) as a compiled function, with the filter chain (16).
 
 `compensator_step` is the controller of the twin's compiled loop and of `Compensator.step` alike. State and
-parameters are flat arrays whose places are named here and made by `Compensator`.
+parameters are flat arrays whose places are named here and made by `Compensator`. `firmware/core/compensator.c`
+computes the same sums in the same order; no function of a mathematical library, whose last bits differ from machine
+to machine, is used in either (`tests/test_firmware_controller.py`).
 
 With the error e held, (16) is xi' = sigma(t) (A xi + B e) with a constant companion matrix A. All sigma(t)
 A commute, so the move over a sample is exp(A s), s the integral of sigma, however sigma varies; the rest
@@ -18,6 +20,34 @@ from swingid.numerics.compiled import njit
 TAYLOR_TERMS = 14
 """Terms of the scaled exponential: 0.5^15/15! lies below rounding."""
 
+MOST_SQUARINGS = 64
+"""A matrix beyond 2^63 is no rig's; the bound ends the loop for one that is not finite."""
+
+LOG2E, LN2_HIGH, LN2_LOW = 1.4426950408889634, 6.93147180369123816490e-01, 1.90821492927058770002e-10
+"""1/ln 2, and ln 2 in two parts: n times the first is exact for n < 2^20 (fdlibm, e_exp.c)."""
+
+
+@njit
+def decay(x: float) -> float:
+    """exp(-x) for x >= 0 by sums, products and halvings alone, so that it has the same bits on every machine.
+
+    Firmware has no exp, or one of its own. Reduction by Cody and Waite, Taylor polynomial of degree 13 on
+    |r| <= ln(2)/2: within one unit in the last place. Beyond 708, where numbers get subnormal, it is 0; below 0, 1.
+    """
+    if not x > 0.0:
+        return 1.0
+    if x > 708.0:
+        return 0.0
+    n = int(x * LOG2E + 0.5)
+    r = (n * LN2_HIGH - x) + n * LN2_LOW
+    p = 1 / 39916800 + r * (1 / 479001600 + r * (1 / 6227020800))
+    p = 1 / 5040 + r * (1 / 40320 + r * (1 / 362880 + r * (1 / 3628800 + r * p)))
+    p = 1 / 2 + r * (1 / 6 + r * (1 / 24 + r * (1 / 120 + r * (1 / 720 + r * p))))
+    p = 1.0 + (r + r * r * p)
+    for _ in range(n):
+        p *= 0.5
+    return p
+
 
 @njit
 def exponential(matrix: Array) -> Array:
@@ -29,13 +59,14 @@ def exponential(matrix: Array) -> Array:
         for j in range(n):
             row += abs(matrix[i, j])
         size = max(size, row)
-    squarings = 0
-    while size > 0.5:
+    squarings, scale = 0, 1.0
+    while size > 0.5 and squarings < MOST_SQUARINGS:
         size *= 0.5
+        scale *= 0.5
         squarings += 1
     result = np.eye(n)
     for term in range(TAYLOR_TERMS, 0, -1):
-        result = multiply(matrix, result, 0.5**squarings / term)
+        result = multiply(matrix, result, scale / term)
         for i in range(n):
             result[i, i] += 1.0
     for _ in range(squarings):
@@ -65,7 +96,7 @@ def held_chain(e: float, xi: Array, turn: float, k: Array) -> None:
     if n == 0:
         return
     if n == 1:
-        xi[0] = e + (xi[0] - e) * np.exp(-k[0] * turn)
+        xi[0] = e + (xi[0] - e) * decay(k[0] * turn)
         return
     companion = np.zeros((n, n))
     for i in range(n - 1):

@@ -1,4 +1,4 @@
-"""Builds the C core with the compiler of this machine, once per test session and source; skips without one."""
+"""Builds the C core with the compiler of this machine, once per test process and source; skips without one."""
 
 from __future__ import annotations
 
@@ -6,14 +6,18 @@ import ctypes
 import functools
 import hashlib
 import shutil
+import struct
 import subprocess
 import tempfile
 from pathlib import Path
 
 import pytest
 
+from swingid.live.guard import Board, Readings
+
 FIRMWARE = Path(__file__).resolve().parents[1] / "firmware"
 CORE = FIRMWARE / "core"
+SIM = FIRMWARE / "hal" / "sim" / "sim.c"
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 
@@ -46,3 +50,39 @@ def build(sources: tuple[Path, ...], options: tuple[str, ...] = (), suffix: str 
 def library(*sources: Path) -> ctypes.CDLL:
     """The core with further sources as a shared library."""
     return ctypes.CDLL(str(build(sources, ("-shared", "-fPIC"), ".so")))
+
+
+class CoreDevice:
+    """The firmware's core in this process, with the interface of `swingid.live.machine.Machine`; one at a time."""
+
+    def __init__(self, board: Board) -> None:
+        self._core = library(SIM)
+        self._bytes = (ctypes.c_uint8 * 4096).in_dll(self._core, "sim_bytes")
+        self._core.sim_tick.restype = ctypes.c_uint32
+        self._core.sim_open(
+            ctypes.c_float(board.rate),
+            ctypes.c_uint32(board.axis_counts),
+            ctypes.c_uint32(board.wheel_counts),
+            ctypes.c_float(board.voltage_limit),
+            ctypes.c_uint32(board.firmware),
+        )
+
+    def receive(self, data: bytes) -> None:
+        for start in range(0, len(data), 4096):
+            piece = data[start : start + 4096]
+            ctypes.memmove(self._bytes, piece, len(piece))
+            self._core.sim_receive(len(piece))
+
+    def tick(self, time: int, readings: Readings) -> float:
+        current = struct.unpack("<I", struct.pack("<f", readings.current))[0]
+        bits = self._core.sim_tick(
+            ctypes.c_uint32(time),
+            ctypes.c_int32(readings.axis),
+            ctypes.c_int32(readings.wheel),
+            ctypes.c_uint32(current),
+            int(readings.valid),
+        )
+        return float(struct.unpack("<f", struct.pack("<I", bits))[0])
+
+    def output(self) -> bytes:
+        return bytes(self._bytes[: self._core.sim_output()])

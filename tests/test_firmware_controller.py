@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from firmware_build import FIRMWARE, library
+from firmware_build import SIM, library
 from swingid.control import law
 from swingid.control.compensator import Compensator
 from swingid.model.rig import Rig
@@ -38,14 +38,14 @@ def in_python(inputs: Array, start: Array, parameters: Array) -> tuple[Array, Ar
 
 def in_c(inputs: Array, start: Array, parameters: Array) -> tuple[Array, Array]:
     """Voltages and states of the controller of the firmware."""
-    core = library(FIRMWARE / "tests" / "steps.c")
-    core.steps.argtypes = [ctypes.c_int, DOUBLES, DOUBLES, DOUBLES, DOUBLES, DOUBLES]
-    core.steps.restype = None
+    core = library(SIM)
+    core.sim_steps.argtypes = [ctypes.c_int, DOUBLES, DOUBLES, DOUBLES, DOUBLES, DOUBLES]
+    core.sim_steps.restype = None
     size = law.XI + MOST_ORDER
     state = np.zeros(size)
     state[: len(start)] = start
     voltages, states = np.empty(len(inputs)), np.empty((len(inputs), size))
-    core.steps(len(inputs), np.ascontiguousarray(inputs), state, parameters, voltages, states)
+    core.sim_steps(len(inputs), np.ascontiguousarray(inputs), state, parameters, voltages, states)
     return voltages, states[:, : len(start)]
 
 
@@ -101,7 +101,7 @@ def test_a_million_random_steps_have_the_same_bits() -> None:
 
 def test_decay_is_the_exponential_to_one_unit_in_the_last_place() -> None:
     rng = np.random.default_rng(3)
-    core = library(FIRMWARE / "tests" / "steps.c")
+    core = library(SIM)
     core.swingid_decay.argtypes, core.swingid_decay.restype = [ctypes.c_double], ctypes.c_double
     with decimal.localcontext() as context:
         context.prec = 40

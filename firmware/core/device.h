@@ -1,0 +1,60 @@
+/* The device: frames in, one sample after the other, frames out; the same as src/swingid/live/machine.py.
+ *
+ * idle -> armed -> running -> stopping -> idle; a fault is latched until Clear. A board calls swingid_receive with what
+ * came from the host, once per sample swingid_tick, applies the voltage that it returns, and sends what swingid_output
+ * gives; core/loop.c does that over hal.h.
+ */
+#ifndef SWINGID_DEVICE_H
+#define SWINGID_DEVICE_H
+
+#include <stdint.h>
+
+#include "frames.h"
+#include "guard.h"
+#include "link.h"
+
+#define SWINGID_VERSION 1
+#define SWINGID_REFERENCE_ROOM 1024 /* samples, a power of two */
+#define SWINGID_OUTPUT_ROOM 1024    /* bytes */
+
+typedef struct {
+    swingid_config config;
+    swingid_guard guard;
+    /* link */
+    uint8_t incoming[SWINGID_MOST_ENCODED];
+    int incoming_size, skipping;
+    uint8_t output[SWINGID_OUTPUT_ROOM];
+    int output_size;
+    uint16_t flags; /* to be reported by the next sample */
+    uint32_t quiet; /* samples since the last frame of a host */
+    /* parameters */
+    double parameters[SWINGID_MOST_PARAMETERS];
+    uint16_t known, total;
+    /* run */
+    double controller[SWINGID_STATES];
+    float reference[SWINGID_REFERENCE_ROOM];
+    uint32_t next_in, next_out;
+    uint32_t sequence, start;
+    uint16_t session, fade, fade_left, ended;
+    double last_reference, voltage;
+    uint8_t state, fault, mode, complete;
+} swingid_device;
+
+void swingid_init(swingid_device *device, const swingid_config *config);
+
+/* Bytes from a serial line, in any pieces. */
+void swingid_receive(swingid_device *device, const uint8_t *bytes, int size);
+
+/* One message from a CAN bus, or one that swingid_receive has decoded. */
+void swingid_message(swingid_device *device, uint16_t id, const uint8_t *payload, int length);
+
+/* One sample: readings in, the voltage to apply up to the next one out. */
+float swingid_tick(swingid_device *device, const swingid_inputs *inputs);
+
+/* Take at most `room` bytes for the host; returns how many. */
+int swingid_output(swingid_device *device, uint8_t *bytes, int room);
+
+/* 0 V and a latched fault, for a board that finds something wrong itself. */
+void swingid_trip(swingid_device *device, uint8_t fault, double value);
+
+#endif

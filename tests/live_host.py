@@ -1,0 +1,95 @@
+"""A host in a few lines, for tests of devices: the frames of a run, and a board that ticks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+import pytest
+
+from swingid.control.compensator import Compensator
+from swingid.live.codes import Mode, Status
+from swingid.live.frames import Decoder, Frame, checksum, encode
+from swingid.live.guard import Board, Limits, Readings, parameters_of
+from swingid.model.rig import Rig
+
+for package in ("cantools", "cobs", "fastcrc"):
+    pytest.importorskip(package, reason=f"{package} is not installed: pip install 'swingid[live]'")
+
+RIG = Rig.load("paper")
+BOARD = Board()
+LIMITS = Limits.of(RIG)
+PARAMETERS = parameters_of(Compensator.paper(RIG), BOARD, LIMITS)
+PERIOD = 1000  # us
+STILL = Readings(0, 0)
+
+
+class Device(Protocol):
+    """What the firmware's core and its twin in Python have in common."""
+
+    def receive(self, data: bytes) -> None: ...
+
+    def tick(self, time: int, readings: Readings) -> float: ...
+
+    def output(self) -> bytes: ...
+
+
+def parameter_frames(parameters: Any = PARAMETERS) -> bytes:
+    total = len(parameters)
+    parts = [parameters[i : i + 7] for i in range(0, total, 7)]
+    return b"".join(
+        encode("Parameters", index=7 * i, count=len(part), total=total, value=tuple(part))
+        for i, part in enumerate(parts)
+    )
+
+
+def arm_frame(parameters: Any = PARAMETERS, **values: Any) -> bytes:
+    crc = checksum(np.asarray(parameters).tobytes())
+    return encode("Arm", **{"session": 7, "mode": Mode.CLOSED_LOOP, "parameters": crc, "fade": 50, **values})
+
+
+def reference_frames(samples: Any, *, session: int = 7, start: int = 0, last: bool = True) -> bytes:
+    samples = [float(np.float32(x)) for x in samples]
+    out = b""
+    for i in range(0, len(samples), 14):
+        part = samples[i : i + 14]
+        ends = last and i + 14 >= len(samples)
+        out += encode("Reference", start=start + i, count=len(part), last=int(ends), session=session, value=tuple(part))
+    return out
+
+
+@dataclass
+class Driver:
+    """A host and a board around a device: time goes on by a period per tick."""
+
+    device: Device
+    time: int = 0
+
+    def __post_init__(self) -> None:
+        self.decoder = Decoder()
+        self.frames: list[Frame] = []
+
+    def tell(self, data: bytes) -> None:
+        for frame in data.split(b"\0")[:-1]:  # one by one: a device holds the answers to some forty
+            self.device.receive(frame + b"\0")
+            self.frames += self.decoder.feed(self.device.output())
+
+    def tick(self, readings: Readings = STILL, *, heartbeat: bool = True, step: int = PERIOD) -> float:
+        if heartbeat:
+            self.device.receive(encode("Heartbeat", session=7))
+        self.time = (self.time + step) % 2**32
+        voltage = self.device.tick(self.time, readings)
+        self.frames += self.decoder.feed(self.device.output())
+        return voltage
+
+    def last(self, name: str) -> Frame:
+        return next(frame for frame in reversed(self.frames) if frame.name == name)
+
+    def start(self, samples: Any, parameters: Any = PARAMETERS, **arm: Any) -> None:
+        self.tick()
+        self.tell(parameter_frames(parameters) + arm_frame(parameters, **arm) + reference_frames(samples))
+        self.tell(encode("Run", session=7))
+        assert [frame.status for frame in self.frames if frame.name == "Ack"] == [Status.DONE] * (
+            2 + -(-len(parameters) // 7) + -(-len(samples) // 14)
+        )

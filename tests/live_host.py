@@ -93,3 +93,46 @@ class Driver:
         assert [frame.status for frame in self.frames if frame.name == "Ack"] == [Status.DONE] * (
             2 + -(-len(parameters) // 7) + -(-len(samples) // 14)
         )
+
+
+class Stream(Protocol):
+    """A connection to a device."""
+
+    def write(self, data: bytes) -> None: ...
+
+    def read(self, timeout: float = 0.0) -> bytes: ...
+
+
+def experiment(stream: Stream, parameters: Any, samples: Any, *, fade: int = 100) -> tuple[list[Frame], bytes]:
+    """A whole run over a stream: parameters, arm, reference as there is room, heartbeats; all frames and bytes."""
+    decoder, frames, data = Decoder(), [], bytearray()
+
+    def talk(out: bytes, timeout: float = 0.002) -> None:
+        stream.write(out)
+        came = stream.read(timeout)
+        data.extend(came)
+        frames.extend(decoder.feed(came))
+
+    samples = [float(np.float32(x)) for x in samples]
+    talk(encode("Who"))
+    talk(parameter_frames(parameters))
+    talk(arm_frame(parameters, fade=fade))
+    sent, start = 0, None
+    while not (start is not None and frames[-1].name == "Sample" and frames[-1].state in (0, 4)):
+        out = encode("Heartbeat", session=7)
+        if sent < len(samples):
+            status = next((f for f in reversed(frames) if f.name == "Ack" and f.message == 0x51), None)
+            wanted = 0 if status is None else status.next
+            room = 1024 if status is None else status.value
+            for _ in range(min(8, room // 14)):
+                part = samples[wanted : wanted + 14]
+                if part:
+                    out += reference_frames(part, start=wanted, last=wanted + 14 >= len(samples))
+                wanted += len(part)
+            sent = wanted
+        if start is None and sent >= min(len(samples), 500):
+            out += encode("Run", session=7)
+            start = True
+        talk(out, 0.016)
+    assert decoder.bad == 0
+    return frames, bytes(data)

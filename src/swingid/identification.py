@@ -10,8 +10,8 @@ from swingid.errors import InputError, SwingidError, UnanswerableError, UsageErr
 from swingid.methods.table import DEFAULT, Method, method_of
 from swingid.methods.unscaled import in_units_of, require_method, unscaled
 from swingid.model.rig import Rig
-from swingid.preparation.reference import reference_of
-from swingid.preparation.scale import refuse_motor, refuse_rates
+from swingid.preparation.reference import FRICTION, Reference, reference_of, turns_freely
+from swingid.preparation.scale import refuse_motor
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Finding, Recording
 from swingid.result.result import Result
@@ -62,6 +62,8 @@ def identify(
     if rig.drive.kind == "motor" or added is not None:
         return _together(log, rig, chosen, options, added)
     reference = reference_of(rig)
+    if turns_freely(rig) and chosen.name == "momentum" and "added" not in options:
+        return _coast_down(log, rig, chosen, options)
     if reference is None:
         return _identified(log, rig, chosen, options)
     require_method(reference, chosen)
@@ -127,9 +129,22 @@ def _together(
     logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
     bodies = bodies_of(added, len(logs), rig)
     prepared = [prepare(one, rig, together=True, scaled_elsewhere=added is not None) for one in logs.values()]
-    if any(one.encoders.level is not None for one in prepared):
-        refuse_rates(rig, "one fit to several logs")
     return momentum_together(prepared, list(logs), bodies)
+
+
+def _coast_down(
+    log: Log | Sequence[Log] | Mapping[str, Log | SwingidError], rig: Rig, method: Method, options: Mapping[str, object]
+) -> Result:
+    """The friction over the inertia of a body that spins down, from all logs in one fit."""
+    from swingid.methods.momentum.together import coast_down
+    from swingid.pooling.several import named_recordings
+    from swingid.preparation.prepared import prepare
+
+    method.check_options({name: value for name, value in options.items() if name != "friction"})
+    logs = named_recordings([log] if isinstance(log, Recording | LargeLog) else log)
+    prepared = [prepare(one, rig, together=True, scaled_elsewhere=True) for one in logs.values()]
+    result, unit = coast_down(prepared, list(logs))
+    return unscaled(result, Reference(f"{FRICTION}{unit}", unit, rig), rig)
 
 
 def bodies_of(added: object, count: int, rig: Rig) -> list[Quantity]:

@@ -138,14 +138,17 @@ def _alone(runs: Sequence[Run], fit: WindowFit, k: int) -> tuple[Rows, slice]:
     return own[k], _places(own)[k]
 
 
-def fit_together(runs: Sequence[Run], scale: Scale, bodies: Sequence[RigTerm]) -> Together:
+def fit_together(
+    runs: Sequence[Run], scale: Scale, bodies: Sequence[RigTerm], friction: tuple[str, ...] | None = None
+) -> Together:
     """The fit with the shortest interval over lengths of the windows; among nearly equal ones the longest windows.
 
     The interval, not the standard uncertainty: in few long windows that is itself hardly known. bodies: the known
-    bodies that were added, see `known_bodies`. Raises UnanswerableError for logs too short.
+    bodies that were added, see `known_bodies`, or a friction term that is the unit. friction: its unknown terms, by
+    default `friction_of`. Raises UnanswerableError for logs too short.
     """
     scale = replace(scale, further=(*_separable(scale, runs), *bodies))
-    noise, friction = _noise(runs), friction_of(runs)
+    noise, friction = _noise(runs), friction or friction_of(runs)
     tried: dict[float, WindowFit] = {}
 
     def attempt(half: float) -> WindowFit | None:
@@ -182,6 +185,17 @@ def friction_of(runs: Sequence[Run]) -> tuple[str, ...]:
     """The terms of friction that these motions distinguish: fewer where all go in one direction."""
     directions = {float(sign) for run in runs for sign in run.signals.directions if sign}
     return BASIS if len(directions) > 1 else ONE_WAY
+
+
+def unit_of_friction(runs: Sequence[Run]) -> RigTerm:
+    """The largest term of the friction as a known one with the coefficient 1, the unit where nothing sets a scale."""
+    own = [run.rows(_longest(run) / 2) for run in runs]
+    terms = friction_of(runs)
+    columns = np.array([_joined([rows.friction[name] for rows in own]) for name in terms]).T
+    known = _joined([rows.inertia for rows in own])
+    values = np.linalg.lstsq(columns, known, rcond=1e-10)[0]
+    name = terms[int(np.argmax(np.linalg.norm(columns * values, axis=0)))]
+    return RigTerm(name, TERMS[name], 1.0, Quantity(0.0), Quantity(1.0))
 
 
 def known_bodies(runs: Sequence[Run]) -> tuple[RigTerm, ...]:
@@ -234,6 +248,8 @@ def _stacked(own: Sequence[Rows], runs: Sequence[Run], scale: Scale) -> Rows:
         centres.append(rows.windows.centres - begin + after)
         after = float(centres[-1][-1]) + reach if len(rows.windows) else after
     further = {name: _joined([rows.further[name] for rows in own]) for name in own[0].further}
+    for unit in (term.name for term in scale.further if term.name in own[0].friction):
+        further[unit] = _joined([rows.friction[unit] for rows in own])
     for body in (term for term in scale.further if term.term.name == "inertia"):
         mine = [rows.inertia * (body.value == run.added) for rows, run in zip(own, runs, strict=True)]
         further[body.name] = _joined(mine)

@@ -37,6 +37,14 @@ REMEDIES = {
 }
 """What to measure for a result in kg m², by the key of the unit."""
 
+FRICTION = "axis.friction."
+"""Where the keys of the friction are, of which one is the unit of a free body without gravity and spring."""
+
+KNOWN_BODY = (
+    "log a second coast-down with a known body on the axis (a ring, a disc) and give both logs to swingid identify "
+    "with --added, or state a drive whose torque is known"
+)
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -60,7 +68,7 @@ class Reference:
     @property
     def remedy(self) -> str:
         """What to measure for a result in kg m²."""
-        return REMEDIES.get(self.key, REMEDIES[STIFFNESS])
+        return KNOWN_BODY if self.key.startswith(FRICTION) else REMEDIES.get(self.key, REMEDIES[STIFFNESS])
 
 
 def reference_of(rig: Rig) -> Reference | None:
@@ -113,6 +121,11 @@ def _driven(rig: Rig, key: str, name: str, changes: dict[str, object]) -> Refere
         unit = rig.in_units_of(key, {**changes, STIFFNESS: "unknown"})
         return Reference(key, name, unit, ("stiffness", STIFFNESS, spring.value))
     return Reference(key, name, rig.in_units_of(key, changes))
+
+
+def turns_freely(rig: Rig) -> bool:
+    """Whether nothing but friction acts on the axis: a body that spins down, whose friction over inertia is found."""
+    return rig.drive.kind == "none" and rig.axis.gravity_torque == Quantity(0.0) and not rig_terms(rig)
 
 
 def in_units(rig: Rig) -> Rig:

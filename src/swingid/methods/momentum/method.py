@@ -41,8 +41,9 @@ from swingid.checks.place import PLACE, check_place, spring_note
 from swingid.checks.rig_file import CONFLICT, contradictions
 from swingid.checks.stability import PARTS, Stability
 from swingid.checks.stated import check_encoders
-from swingid.errors import NotIdentifiableError, UsageError
+from swingid.errors import NotIdentifiableError, UnanswerableError, UsageError
 from swingid.format import plus_minus
+from swingid.methods.momentum.together import momentum_together
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array, median
@@ -90,7 +91,14 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     """
     if memory not in MEMORY:
         raise UsageError(f"memory must be one of {', '.join(MEMORY)}, and is {memory!r}.", code="bad-option")
-    prepared, part, choice, moved = chosen_at_level(prepared, memory)
+    try:
+        prepared, part, choice, moved = chosen_at_level(prepared, memory)
+    except UnanswerableError as error:
+        # spin-up and torque steps: windows that need none; a pendulum that its wheel cannot have turned over was pushed
+        turns = prepared.scale.drive == "direct" or (prepared.scale.drive == "reaction-wheel" and prepared.scale.b == 0)
+        if error.code != "no-turning-points" or not turns:
+            raise
+        return momentum_together([prepared])
     rig, scale = prepared.rig, prepared.scale
     signals = choice.signals
     estimate = _estimate(choice, rig)

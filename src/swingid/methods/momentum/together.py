@@ -16,15 +16,17 @@ from swingid.balance.fits import LAG
 from swingid.balance.identifiability import HOPELESS, require_seen
 from swingid.balance.imperfections import sensitivities
 from swingid.balance.systematics import drift_with_length
-from swingid.balance.together import Run, Together, fit_together, known_bodies
-from swingid.checks.answer import identifiability_of
+from swingid.balance.together import Run, Together, fit_together, friction_of, known_bodies, unit_of_friction
+from swingid.checks.answer import check_sign, identifiability_of
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import number, percent
 from swingid.model.rig import Rig
 from swingid.model.terms import MOTOR_TERMS, units_on
 from swingid.numerics.arrays import Array
 from swingid.preparation.prepared import Part, Prepared
-from swingid.preparation.segment import spin_down
+from swingid.preparation.reference import turns_freely
+from swingid.preparation.scale import Scale, refuse_rates
+from swingid.preparation.segment import FEWEST_TURNS, spin_down
 from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated, Scatter, Source, evaluate, scatter, systematic
@@ -49,7 +51,7 @@ def momentum_together(
     """
     names = names or [one.log.source.path or f"log {k + 1}" for k, one in enumerate(prepared)]
     added = added or [Quantity(0.0)] * len(prepared)
-    parts = [part_of_run(one) for one in prepared]
+    parts = _parts(prepared)
     runs = [Run.of(*own) for own in zip(names, parts, added, strict=True)]
     _require_scale(prepared[0].rig, runs)
     found = fit_together(runs, prepared[0].scale, known_bodies(runs))
@@ -57,6 +59,30 @@ def momentum_together(
     scattered, notes = _drag_between(found)
     evaluated = _evaluate(found, prepared[0].rig, scattered)
     return _result(found, prepared, evaluated, notes)
+
+
+def coast_down(prepared: Sequence[Prepared], names: Sequence[str]) -> tuple[Result, str]:
+    """The result of logs of a free body without any scale in units of its largest friction term, and that term's name.
+
+    Raises UnanswerableError for a motion that swings: then gravity or a spring acts, which the rig has to state.
+    """
+    rig = prepared[0].rig
+    parts = _parts(prepared)
+    if any(len(part.motion.turning_times) >= FEWEST_TURNS for part in parts):
+        Scale.of(rig)  # which raises
+    runs = [Run.of(name, part, Quantity(0.0)) for name, part in zip(names, parts, strict=True)]
+    unit = unit_of_friction(runs)
+    friction = tuple(name for name in friction_of(runs) if name != unit.name)
+    found = fit_together(runs, prepared[0].scale, (unit,), friction)
+    _check(found, rig)
+    return _result(found, prepared, _evaluate(found, rig, 0.0), []), unit.name
+
+
+def _parts(prepared: Sequence[Prepared]) -> list[Part]:
+    """The part of each log to use; UnanswerableError where the level of an angle is unknown, for its rate was logged."""
+    if any(one.encoders.level is not None for one in prepared):
+        refuse_rates(prepared[0].rig, "a fit without turning points, or to several logs,")
+    return [part_of_run(one) for one in prepared]
 
 
 def part_of_run(prepared: Prepared) -> Part:
@@ -72,7 +98,7 @@ def part_of_run(prepared: Prepared) -> Part:
 
 def _require_scale(rig: Rig, runs: Sequence[Run]) -> None:
     """Raise UnanswerableError where only added bodies could set the scale, and they are equal in all logs."""
-    if rig.drive.kind == "none" and not rig.axis.gravity_torque and len({run.added for run in runs}) == 1:
+    if turns_freely(rig) and len({run.added for run in runs}) == 1:
         raise UnanswerableError(
             f"rig {rig.name}: without a drive, gravity or spring only logs with different known bodies set the scale, "
             "and the inertia added is the same in all logs; give a log with and one without a known body.",
@@ -86,6 +112,8 @@ def _check(found: Together, rig: Rig) -> None:
     where = ", ".join(run.name for run in found.runs)
     seen = identifiability_of(law)
     require_seen(seen)
+    if law.scale.drive in ("reaction-wheel", "direct"):
+        check_sign(law, where)
     per_volt = law.value("torque_per_volt")
     if per_volt < 0 and -per_volt > DETECTED * law.uncertainty("torque_per_volt"):
         raise InputError(

@@ -194,7 +194,7 @@ def _with_motion(
         log = without_pushes(log, reader)
     seen = _seen(table, reader, columns, log, declared=rig is not None)
     drive = found.roles.drive if rig is None else reader.drive.kind
-    swings, moves = read_motion(log, channel_noise(log, reader), drive, linear=reader.axis.kind == "linear")
+    swings, moves = read_motion(log, channel_noise(log, reader), drive, linear=reader.axis.kind == "linear", rig=rig)
     served = tuple(services(log, swings, drive, rig))
     tried = dict(found.tried)
     wrong = any(check.level == "fault" or check.code == "slow-rows" for check in (*found.checks, *seen))

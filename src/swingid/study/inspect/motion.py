@@ -12,6 +12,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise
+from swingid.preparation.reference import turns_freely
 from swingid.preparation.segment import part_of
 from swingid.recording.inspect import Check
 from swingid.recording.recording import Recording
@@ -34,6 +35,9 @@ FEW = 6
 
 GAP = 5.0
 """Steps of the clock beyond which a stretch without rows serves nobody."""
+
+TURNING = ("motor", "direct")
+"""Kinds of drive that may turn the axis in one direction, which momentum takes."""
 
 STRONG = 0.1
 """Share of the amplitude that a second frequency needs to distinguish inertia from gravity."""
@@ -59,15 +63,22 @@ class Swings:
         return float((rests[:, 1] - rests[:, 0]).sum()) if len(rests) else 0.0
 
 
-def read_motion(log: Recording, noise: Noise, drive: str, *, linear: bool) -> tuple[Swings | None, list[Check]]:
-    """The motion of a log and its checks; None where there is none that a method could use."""
+def read_motion(
+    log: Recording, noise: Noise, drive: str, *, linear: bool, rig: Rig | None = None
+) -> tuple[Swings | None, list[Check]]:
+    """The motion of a log and its checks; None where there is none that swings.
+
+    rig: as stated; of one whose body may turn in one direction, that is no fault.
+    """
     unit = "m" if linear else "rad"
     try:
         motion = find_motion(log.time, log.angle, noise.angle)
         start, stop, note = part_of(log, motion, drive)
     except UnanswerableError as error:
-        needed = drive != "motor" or error.code != "no-turning-points"
-        return None, [Check("motion", "motion", "fault" if needed else "note", error.message)]
+        if rig is None or error.code != "no-turning-points" or not (drive in TURNING or turns_freely(rig)):
+            return None, [Check("motion", "motion", "fault", error.message)]
+        text = "the axis turns in one direction: momentum takes windows that need no turning points; log and rig file "
+        return None, [Check("motion", "motion", "note", f"{text}are not compared.")]
     lines = spectrum(log.time, log.angle, start, stop, 1 / (2 * motion.half_period))
     swings = Swings(motion, start, stop, note.message, lines)
     inside = motion.within(start, stop)
@@ -179,6 +190,9 @@ def services(log: Recording, swings: Swings | None, drive: str, rig: Rig | None)
 
 def _service(method: Method, log: Recording, swings: Swings | None, drive: str, rig: Rig | None) -> Service:
     lacking = _lacking(method, log, drive, rig)
+    turns = rig is not None and (drive in TURNING or turns_freely(rig)) and method.name == DEFAULT
+    if swings is None and turns and not lacking:
+        return Service(method.name, log.duration, "where it turns, from its greatest speed on without a drive")
     if swings is None or lacking:
         return Service(method.name, 0.0, lacking or "no motion that swings to and fro")
     start, stop = swings.start, swings.stop

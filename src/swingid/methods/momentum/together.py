@@ -79,7 +79,7 @@ def coast_down(prepared: Sequence[Prepared], names: Sequence[str]) -> tuple[Resu
 
 
 def _parts(prepared: Sequence[Prepared]) -> list[Part]:
-    """The part of each log to use; UnanswerableError where the level of an angle is unknown, for its rate was logged."""
+    """The part of each log to use; UnanswerableError where the level of an angle is unknown, as of a logged rate."""
     if any(one.encoders.level is not None for one in prepared):
         refuse_rates(prepared[0].rig, "a fit without turning points, or to several logs,")
     return [part_of_run(one) for one in prepared]

@@ -193,8 +193,6 @@ class Rig(Table):
             for key in ("torque_gain", "torque_sign"):
                 if stated(self.log, key):
                     refuse("contradiction", f"belongs to drive.kind = 'direct', not {self.drive.kind!r}", f"log.{key}")
-        if self.drive.kind == "motor" and self.log.voltage_scale.std:
-            refuse("uncertainty-unused", "takes no uncertainty beside a motor on the axis", "log.voltage_scale")
         self._check_columns()
         self._check_counts()
         self._check_reachable()

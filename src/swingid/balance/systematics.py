@@ -140,15 +140,17 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     torque in one proportion. The dark uncertainty holds the estimates of both cases.
     """
     stated = law.scale.b
-    if not stated or law.scale.drive == "none" or signals.linear:
+    if stated is None or law.scale.drive == "none" or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
-    if free is None or free.a11 <= 0 or free.b <= 0:
+    if free is None or free.a11 <= 0 or (stated and free.b <= 0):
         return 0.0
     mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
     variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
     variance += sum((float(other.shifts[0]) - mine.get(other.item.source, 0.0)) ** 2 for other in free.declared)
     by_drive = dark_uncertainty(free.a11 - law.a11, variance, law.u, ways=2)
+    if not stated:
+        return by_drive
     k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
     ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)
     ratio += 0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2

@@ -253,21 +253,21 @@ def check_motor(
     *,
     method: str = "momentum",
     uses_motor: bool = False,
-    unstated: MotorCheck | None = None,
+    without: MotorCheck | None = None,
 ) -> MotorCheck:
     """Check the wheel angle by equation (II). Never refuses.
 
     An absolute wheel angle taken for a relative one is consistent with equation (I), but not with (II). Errors of some
     per cent of the motor constants leave equal residuals, so the readings are compared with these fitted too. method:
-    its name in messages; uses_motor: whether its inertia depends on the motor's constants. unstated: the
-    result where (II) cannot be evaluated, see `unstated_reading`.
+    its name in messages; uses_motor: whether its inertia depends on the motor's constants. without: the
+    result where (II) cannot be evaluated, see `free_reading`.
     """
     if signals.wheel is None:
         return MotorCheck()
-    if balance is None and unstated is not None:
-        return unstated
+    if balance is None and without is not None:
+        return without
     if balance is None:
-        text = "wheel_angle was taken as [log] states; without voltage and motor constants this is not checked."
+        text = "the reading of wheel_angle is not checked: that takes a voltage and a motion that shows the difference."
         return MotorCheck(notes=[Message("wheel-angle-reading", text)])
     if reversed_sign := wrong_sign(balance):
         text = f"voltage seems to have {reversed_sign}; {method} does not use it, but set voltage_sign under [log]."
@@ -289,37 +289,45 @@ def check_motor(
     return MotorCheck(notes=[Message("wheel-angle-reading", text)], held=held)
 
 
-def unstated_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -> MotorCheck | None:
-    """What to say where the rig file does not state how the wheel's angle is read, and it matters; else None.
+def free_reading(rig: Rig, signals: Signals, noise: Noise, inertia: Parameter) -> MotorCheck | None:
+    """What to say of how the wheel's angle is read, without constants of the motor; None where it cannot matter.
 
     An angle against the room that is taken for one against the pendulum gives a11 − a12 in the place of a11, with the
     same residuals of equation (I). Where there is a voltage, equation (II) with every constant of the motor fitted
     compares the readings. A log of the twin has metadata, and is as its rig.
     """
     log = signals.source[0]
-    if rig.drive.kind != "reaction-wheel" or "wheel_angle_is" in rig.log.model_fields_set:
+    if rig.drive.kind != "reaction-wheel" or log.metadata or not log.source.read:
         return None
-    if log.metadata or not log.source.read or rig.drive.a12 <= MATTERS * (inertia.standard_uncertainty or 0.0):
+    if rig.drive.a12 <= MATTERS * (inertia.standard_uncertainty or 0.0):
         return None
+    stated = "wheel_angle_is" in rig.log.model_fields_set
+    taken, other = ("relative", "absolute") if rig.log.wheel_angle_is == "relative" else ("absolute", "relative")
     free = free_balance(rig, signals, noise)
-    found, prefers, rejected = "", "", 0.0
+    found, prefers, sure = "", "", False
     if free is not None:
         found = (
             "the residual of the motor's balance with its constants fitted is "
-            f"{left(free.as_stated)} if it is relative and {left(free.otherwise)} if it is absolute"
+            f"{left(free.as_stated)} if it is {taken} and {left(free.otherwise)} if it is {other}"
         )
         rejected = max(free.as_stated, free.otherwise)
+        sure = rejected > FORM
         if min(free.as_stated, free.otherwise) < CLEARLY * rejected:
-            prefers = "relative" if free.as_stated < free.otherwise else "absolute"
-    if prefers == "relative" and rejected > FORM:
-        return MotorCheck(
-            notes=[Message("wheel-angle-reading", f"wheel_angle taken as relative to the pendulum: {found}.")]
-        )
-    text = (
-        "wheel_angle_is is not stated under [log] and cannot be verified without voltage and motor constants: the "
-        f"inertia is {number(inertia.value, inertia.unit)} if the wheel's angle is relative to the pendulum, as "
-        f"assumed, and {number(inertia.value + rig.drive.a12, inertia.unit)} if it is absolute; "
+            prefers = taken if free.as_stated < free.otherwise else other
+    if prefers == taken and sure:
+        return MotorCheck(notes=[Message("wheel-angle-reading", f"wheel_angle taken as {taken}: {found}.")])
+    if stated and not (prefers == other and sure):
+        return None
+    turned = inertia.value + (rig.drive.a12 if taken == "relative" else -rig.drive.a12)
+    readings = (
+        f"inertia is {number(inertia.value, inertia.unit)} if the wheel's angle is {taken}, as "
+        f"{'stated' if stated else 'assumed'}, and {number(turned, inertia.unit)} if it is {other}; "
     )
+    if stated:
+        text = f"wheel_angle seems to be {other}, not {taken}: {found}; the {readings}check wheel_angle_is under [log]."
+        return MotorCheck(Fault.READING, [Message("wheel-angle-reading", text)])
+    text = "wheel_angle_is is not stated under [log] and cannot be verified without voltage and motor constants: the "
+    text += readings
     text += f"{found}, which makes {prefers} the likelier; state which." if prefers else "state which."
     return MotorCheck(Fault.READING, [Message("wheel-angle-reading", text)])
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from swingid.balance.choice import Choice
 from swingid.balance.systematics import PlaceFit, gravity_conflict, place_fits, place_torque
 from swingid.checks.angle_scale import SCALE, check_angle_scale
+from swingid.checks.closure import check_closure
 from swingid.checks.latency import check_latency, with_latency
 from swingid.checks.place import PLACE, check_place, spring_note
 from swingid.checks.stability import Stability
@@ -67,6 +68,7 @@ class RigFileCheck:
         found = contradictions(self.choice, self.part, limit, limit)
         if all(one.code == SCALE for one in found):  # errors of the angle seem to be such a torque, too
             found += check_place(law, self.place, alone)
+        found += [] if found else check_closure(law)
         found += check_latency(self.choice, self.part, limit)
         size = inertia.value, alone
         found += [] if found else self.stability.disagreement(*size)

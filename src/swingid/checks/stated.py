@@ -116,7 +116,7 @@ def check_gravity(
     tried: the same fit at other lengths of windows. uncertainty: of the inertia, if not that of `law`.
     """
     stated, scale = rig.axis.acting_gravity, law.scale
-    if stated is None or not scale.b or scale.drive == "none" or signals.linear:
+    if stated is None or scale.b is None or scale.drive == "none" or signals.linear:
         return []
     found = _freed(law, signals, rig)
     if found is None:
@@ -130,11 +130,18 @@ def check_gravity(
         if off * (free.b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(one[1], stated.std or 0.0):
             return []
     # the disagreement of windows is no part of law.total: a wrong scale causes it
-    if not free.b > 0 or free.a11 <= 0:
+    if free.a11 <= 0 or (stated.value and free.b <= 0):
         return []
     apart = abs(free.a11 - law.a11)
     if apart <= max(MATTERS * (law.total if uncertainty is None else uncertainty), LEAST * law.a11):
         return []
+    if not stated.value:
+        text = (
+            f"the balance gives a gravity torque of {plus_minus(free.b, spread, scale.torque_unit)}, and the rig file "
+            f"none; with it the inertia is {number(free.a11 - scale.carried, scale.unit)}: give "
+            'axis.gravity_torque, a number or "unknown", or the spring that acts like it.'
+        )
+        return [Message("gravity-torque-disagrees", text, Kind.GRAVITY_TORQUE)]
     drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"
     by_drive, by_gravity = (
         number(a11 - scale.carried, scale.unit) for a11 in (free.a11, free.a11 * stated.value / free.b)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from swingid.errors import UsageError
+from swingid.errors import UnanswerableError, UsageError
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -55,6 +55,7 @@ class Method:
         self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
     ) -> Result:
         """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
+        from swingid.checks.refusal import explained, require_agreement
         from swingid.preparation.prepared import prepare
 
         method = self.load()
@@ -66,7 +67,11 @@ class Method:
             if self.unbroken:
                 refuse_rates(rig, f"the method {self.name}")
             prepared = chosen_at_level(prepared)[0]
-        return method(prepared, **options)
+        try:
+            result = method(prepared, **options)
+        except UnanswerableError as error:
+            raise explained(error, prepared) from None
+        return result if one_of_several else require_agreement(result)
 
     def options(self) -> dict[str, inspect.Parameter]:
         """The options by name, with their types and defaults."""

@@ -19,7 +19,7 @@ from swingid.balance.friction_laws import law_terms
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, unstated_reading
+from swingid.checks.answer import MotorCheck, check_answer, check_motor, check_sign, free_reading
 from swingid.checks.consistency import CLOSE, against_momentum, best_windows, without_momentum
 from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import UnanswerableError
@@ -122,10 +122,10 @@ def _consistency(part: Part, signals: Signals, rig: Rig, scale: Scale, noise: No
     if fit is not None:
         check_sign(fit, part.log.source.path or "the log")
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
-    unstated = None
+    without = None
     if balance is None and fit is not None:
-        unstated = unstated_reading(rig, signals, noise, Parameter.of(fit.inertia, fit.u, scale.unit))
-    return check_motor(balance, signals, method="this method", unstated=unstated)
+        without = free_reading(rig, signals, noise, Parameter.of(fit.inertia, fit.u, scale.unit))
+    return check_motor(balance, signals, method="this method", without=without)
 
 
 def _from_momentum(selected: Selection, signals: Signals) -> tuple[WindowFit | None, float]:

@@ -34,7 +34,8 @@ from swingid.balance.systematics import (
 )
 from swingid.balance.windows import even_windows, swing_windows
 from swingid.checks.angle_scale import SCALE
-from swingid.checks.answer import check_answer, check_motor, check_sign, unstated_reading
+from swingid.checks.answer import check_answer, check_motor, check_sign, free_reading
+from swingid.checks.closure import check_closure
 from swingid.checks.latency import check_latency
 from swingid.checks.level import chosen_at_level
 from swingid.checks.place import PLACE, check_place, spring_note
@@ -117,8 +118,8 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, part.noise)
-    unstated = None if balance else unstated_reading(rig, signals, part.noise, parameters["inertia"])
-    motor = check_motor(balance, signals, unstated=unstated)
+    without = None if balance else free_reading(rig, signals, part.noise, parameters["inertia"])
+    motor = check_motor(balance, signals, without=without)
     extra = estimate.stability.extra() | ({} if balance is None else {"motor_balance_residual": balance.as_stated})
     lost = _loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
     if lost is not None:
@@ -128,6 +129,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     off += check_encoders(estimate.law, rig, signals)
     if all(one.code == SCALE for one in off):  # errors of the angle seem to be such a torque, too
         off += check_place(estimate.law, estimate.place, estimate.law.total)
+    off += [] if off else check_closure(estimate.law)
     off += check_latency(choice, part, u, memory)
     size = parameters["inertia"].value, alone.standard_uncertainty or 0.0
     off += [] if off or warnings else estimate.stability.disagreement(*size)

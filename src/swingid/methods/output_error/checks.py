@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from swingid.balance.identifiability import BLIND, HOPELESS, Identifiability, advice, examine_information, require_seen
-from swingid.checks.answer import Fault, MotorCheck, check_answer, check_motor, unstated_reading
+from swingid.checks.answer import Fault, MotorCheck, check_answer, check_motor, free_reading
 from swingid.checks.consistency import against_momentum, motor_sensitivities, without_momentum
 from swingid.errors import UnanswerableError
 from swingid.format import number, percent
@@ -60,8 +60,8 @@ def check_fit(answer: Evaluated, estimate: Estimate) -> tuple[list[Message], lis
     spread = math.sqrt(estimate.covariance[0, 0])
     excess = _excess(estimate)
     signals, noise = consistency.signals, setup.part.noise
-    unstated = None if consistency.balance else unstated_reading(setup.rig, signals, noise, inertia)
-    motor = check_motor(consistency.balance, signals, method="this fit", uses_motor=under_voltage, unstated=unstated)
+    without = None if consistency.balance else free_reading(setup.rig, signals, noise, inertia)
+    motor = check_motor(consistency.balance, signals, method="this fit", uses_motor=under_voltage, without=without)
     low, high = inertia.interval95 or (0.0, 0.0)
     if excess and (spread > HOPELESS * inertia.value or low <= 0.0):
         raise _too_poor(inertia.standard_uncertainty or spread, inertia.value, excess, motor, setup)

@@ -68,8 +68,8 @@ def _drive_lines(roles: Roles) -> list[str]:
             lines.append(_line(f'{key}_unit = "{role.unit}"', "of the wheel"))
         if key == "wheel_angle":
             lines.append(_line("wheel_angle_sign = 1", "inspect --rig tests it against the angle"))
-            text = 'to the pendulum; or "absolute": inspect --rig compares both'
-            lines.append(_line('wheel_angle_is = "relative"', text))
+            text = 'to the pendulum, or "absolute": yours to state, for it changes the inertia'
+            lines.append(_line('# wheel_angle_is = "relative"', text))
         if key == "torque":
             text = "N m (N) per unit of the column, with its uncertainty: yours to state, for it sets the scale"
             lines.append(_line("# torque_gain = 1", text))

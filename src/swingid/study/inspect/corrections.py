@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.checks.closure import CLOSES
 from swingid.errors import SwingidError
 from swingid.format import percent
 from swingid.model.rig import Rig
@@ -20,7 +21,7 @@ from swingid.recording.inspect.columns import steps_seen, unit_of_steps
 from swingid.recording.inspect.roles import FASTEST, SLOWEST
 from swingid.recording.recording import Recording, Source
 from swingid.study.inspect.motion import Swings, read_motion
-from swingid.study.inspect.physics import MODEL, Balance, balance_of, check_physics
+from swingid.study.inspect.physics import Balance, balance_of, check_physics
 
 SAME_STEP = 5e-3
 """How well (share) steps agree with those of an encoder in the right unit."""
@@ -137,7 +138,7 @@ def physics(
         return [_unread(failed, source)], rig, log, {}
     checks = check_physics(balance, rig) if balance is not None else []
     off = any(check.code == GRAVITY for check in checks)  # a wheel in another unit is a scale that is off
-    if balance is not None and balance.left < MODEL and not off:
+    if balance is not None and balance.left < CLOSES and not off:
         return checks, rig, log, {}
     best: _Attempt | None = None
     wheel = rig.drive.kind == "reaction-wheel" and rig.log.wheel_speed is None
@@ -146,7 +147,7 @@ def physics(
         attempt = _attempt(table, rig, changes, source)
         if attempt is None or (off and any(check.code == GRAVITY for check in attempt.checks)):
             continue
-        if balance is not None and attempt.left > (max(balance.left, MODEL) if off else balance.left / 4):
+        if balance is not None and attempt.left > (max(balance.left, CLOSES) if off else balance.left / 4):
             continue
         if best is None or attempt.repairs < best.repairs:
             best = attempt

@@ -13,6 +13,7 @@ from swingid.balance.fits import WindowFit
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals
 from swingid.checks.answer import Fault, check_motor, check_sign
+from swingid.checks.closure import CLOSES, share_left
 from swingid.checks.stated import check_gravity
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
@@ -42,9 +43,6 @@ CLEAR = 5e-3
 BENDS_GRAVITY = ("zero", "latency", "angle-encoder", "wheel-encoder")
 """Checks whose faults also look like a gravity torque other than the stated one."""
 
-MODEL = 0.05
-"""Share of the typical row that the balance may leave; more, and log and rig do not belong together."""
-
 TITLES = {Fault.VOLTAGE_SIGN: "voltage sign", Fault.READING: "reading of the wheel"} | dict.fromkeys(
     (Fault.CONSTANTS, None), "motor"
 )
@@ -64,9 +62,8 @@ class Balance:
 
     @property
     def left(self) -> float:
-        """What the terms leave, as a share of the inertia's term (rms)."""
-        term = float(np.std(self.law.a11 * self.law.rows.inertia))
-        return float(np.sqrt(np.mean(self.law.fit.residuals**2))) / max(term, 1e-300)
+        """What the terms leave, see `share_left`."""
+        return share_left(self.law)
 
 
 def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balance:
@@ -124,7 +121,7 @@ def _model(balance: Balance) -> Iterator[Check]:
     """Whether the balance closes: what is left against what the terms are."""
     left = balance.left
     text = f"inertia, gravity, drive and friction leave {percent(left)} of the inertia's term"
-    if left < MODEL:
+    if left <= CLOSES:
         yield Check("balance", "balance", "ok", f"{text}: it closes.", "", {"left": left})
         return
     text += ": a term is missing, or a column is not what [log] states."

@@ -1,0 +1,59 @@
+"""Refusals that name their cause: what the log contradicts in the rig file, where it leaves no answer."""
+
+from __future__ import annotations
+
+from swingid.balance.identifiability import HOPELESS
+from swingid.checks.rig_file import RigFileCheck
+from swingid.errors import UnanswerableError
+from swingid.format import percent
+from swingid.preparation.prepared import Prepared
+from swingid.result.result import Parameter, Result
+
+CONTRADICTIONS = (
+    "zero-off",
+    "angle-scale",
+    "gravity-torque-disagrees",
+    "encoder-nonlinearity",
+    "place-torque",
+    "late-channel",
+    "balance-open",
+)
+"""Codes of what a log contradicts in its rig file, each with an entry of the budget that holds the disagreement."""
+
+
+UNDETERMINED = ("not-identifiable", "poor-fit")
+"""Codes of refusals of which a contradiction may be the cause."""
+
+
+def explained(error: UnanswerableError, prepared: Prepared) -> UnanswerableError:
+    """The refusal of a log that does not determine the inertia; of one that contradicts its rig file, that instead."""
+    if error.code not in UNDETERMINED or prepared.one_of_several:
+        return error
+    check = RigFileCheck.of(prepared)
+    if check is None:
+        return error
+    law = check.choice.law
+    found = check.warnings(Parameter.of(law.inertia, law.total, law.scale.unit))
+    causes = [one.message for one in found if one.code in CONTRADICTIONS]
+    return contradiction(causes[0], "is not determined") if causes else error
+
+
+def require_agreement(result: Result) -> Result:
+    """The result. Raises UnanswerableError where what contradicts the rig file leaves no answer."""
+    inertia = result.parameters.get("inertia")
+    causes = [one.message for one in result.warnings if one.code in CONTRADICTIONS]
+    if inertia is None or not causes:
+        return result
+    relative = (inertia.standard_uncertainty or 0.0) / max(abs(inertia.value), 1e-300)
+    if relative <= HOPELESS:
+        return result
+    raise contradiction(
+        causes[0], f"would be {inertia.value:.3g} {inertia.unit} with a standard uncertainty of {percent(relative)}"
+    )
+
+
+def contradiction(cause: str, outcome: str) -> UnanswerableError:
+    """The error that names the cause."""
+    return UnanswerableError(
+        f"log and rig file contradict each other, so that the inertia {outcome}: {cause}", code="contradiction"
+    )

@@ -24,9 +24,21 @@ from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
 from swingid.preparation.scale import Scale
 from swingid.result.result import Message
-from swingid.uncertainty.significance import CERTAIN, DETECTED, MATTERS
+from swingid.uncertainty.significance import CERTAIN, DETECTED, INDICATED, MATTERS
 
 SCALE = "angle-scale"
+
+USUAL = {
+    180 / np.pi: "the log is in rad, not in deg",
+    np.pi / 180: "the log is in deg, not in rad",
+    360.0: "the log is in turns, not in deg",
+    2 * np.pi: "the log is in turns, not in rad",
+    2.0: "counts_per_turn is stated twice as large",
+    4.0: "counts_per_turn is stated four times as large",
+    0.5: "counts_per_turn is stated at half, as where both edges count",
+    0.25: "counts_per_turn is stated at a quarter, as of the lines of a quadrature encoder",
+}
+"""Scales that usual mistakes give, with the mistake."""
 
 ROUNDS = 12
 """Gauss–Newton steps, each at most by a factor of two: enough for degrees that are stated for radians."""
@@ -80,13 +92,21 @@ def check_angle_scale(
     if any(AS_GOOD * _rms(one.more) < found.left for one in place_fits(sharpest, signals)):
         return []
     text = (
-        f"gravity has the shape of the sine of {plus_minus(found.value, found.u)} times the angle as read, with which "
+        f"gravity has the shape of the sine of {plus_minus(found.value, found.u)} times the angle as read"
+        f"{_likely(found)}, with which "
         f"the residuals of the balance fall to {percent(found.left / found.plain)} and the inertia would be "
         f"{number(found.a11 - law.scale.carried, law.scale.unit)}: angle_unit under [log], sensors.counts_per_turn or "
         "a gear between axis and encoder is wrong, or a torque that depends on the angle, as of a cable, a spring or "
         "magnets, has this shape; correct the one, or state the other."
     )
     return [Message(SCALE, text)]
+
+
+def _likely(found: AngleScale) -> str:
+    """Clause on the usual mistake that gives this scale; empty where none does."""
+    off = {one: abs(found.value - one) / found.u for one in USUAL}
+    nearest = min(off, key=lambda one: off[one])
+    return f" ({USUAL[nearest]})" if off[nearest] < INDICATED else ""
 
 
 def angle_scale(fit: WindowFit, signals: Signals) -> AngleScale | None:

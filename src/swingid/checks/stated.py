@@ -137,22 +137,29 @@ def check_gravity(
         return []
     if not stated.value:
         text = (
-            f"the balance gives a gravity torque of {plus_minus(free.b, spread, scale.torque_unit)}, and the rig file "
-            f"none; with it the inertia is {number(free.a11 - scale.carried, scale.unit)}: give "
+            f"the balance gives a gravity torque of {plus_minus(free.b, spread, scale.torque_unit)}, but the rig file "
+            f"gives none; with it the inertia is {number(free.a11 - scale.carried, scale.unit)}: give "
             'axis.gravity_torque, a number or "unknown", or the spring that acts like it.'
         )
         return [Message("gravity-torque-disagrees", text, Kind.GRAVITY_TORQUE)]
-    drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia"
+    drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia (with rotor and gear)"
     by_drive, by_gravity = (
         number(a11 - scale.carried, scale.unit) for a11 in (free.a11, free.a11 * stated.value / free.b)
     )
     text = (
         f"the balance gives a gravity torque of {plus_minus(free.b, spread, scale.torque_unit)}, "
-        f"{percent(free.b / stated.value - 1, sign=True)} from axis.gravity_torque: one of {drive}, "
+        f"{_against(free.b / stated.value)} axis.gravity_torque: one of {drive}, "
         f"axis.gravity_torque, the angle's unit and the clock is wrong; the inertia is {by_drive} if the drive's scale "
         f"is right, {by_gravity} if gravity is; state the one that may be wrong with its uncertainty."
     )
     return [Message("gravity-torque-disagrees", text, Kind.GRAVITY_TORQUE)]
+
+
+def _against(ratio: float) -> str:
+    """A ratio in words, before what it is compared with."""
+    if 0.1 < ratio < 10:
+        return f"{percent(ratio - 1, sign=True)} from"
+    return f"{number(ratio, digits=3)} times"
 
 
 def _freed(fit: WindowFit, signals: Signals, rig: Rig) -> tuple[WindowFit, float] | None:

@@ -148,7 +148,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
     variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
     variance += sum((float(other.shifts[0]) - mine.get(other.item.source, 0.0)) ** 2 for other in free.declared)
-    by_drive = dark_uncertainty(free.a11 - law.a11, variance, law.u, ways=2)
+    by_drive = dark_uncertainty(free.a11 - law.a11, variance, law.u)
     if not stated:
         return by_drive
     k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
@@ -157,7 +157,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     # a11 is in proportion to the gravity torque, to first order
     by_gravity = free.a11 - law.a11 - law.a11 * (free.b / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
-    return max(by_drive, dark_uncertainty(by_gravity, variance, law.u, ways=2))
+    return max(by_drive, dark_uncertainty(by_gravity, variance, law.u))
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from closed_form_logs import INERTIA, TWO_TONES, direct_log, direct_rig, exact_r
 from swingid.balance.choice import choose
 from swingid.balance.rows import Signals
 from swingid.checks.angle_scale import angle_scale, check_angle_scale
+from swingid.errors import UnanswerableError
 from swingid.identification import identify
 from swingid.methods.output_error.problem import Prediction
 from swingid.methods.output_error.solver import solve

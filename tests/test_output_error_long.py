@@ -40,7 +40,7 @@ def test_emps(data_dir):
 @pytest.mark.long
 @pytest.mark.parametrize("options", [{"law": "viscous"}, {"law": "viscous", "input": "wheel"}])
 def test_intervals_cover_the_truth(options):
-    """150 runs with 1 mrad of white noise. A true coverage of 97 % shows as up to 99.7 % of them (two binomial σ)."""
+    """150 runs with 1 mrad of white noise; the share is 95 % ± 1.8 % by chance. What is too wide shows in the width."""
     spec = importlib.util.spec_from_file_location("benchmark", PROJECT / "benchmarks" / "output_error.py")
     benchmark = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(benchmark)
@@ -48,5 +48,5 @@ def test_intervals_cover_the_truth(options):
     share = sum(inside for _, _, inside in found) / len(found)
     size = (sum(error**2 for error, _, _ in found) / len(found)) ** 0.5
     halves = sorted(half for _, half, _ in found)
-    assert 0.91 <= share <= 0.997
+    assert share >= 0.91
     assert 1.7 < halves[len(halves) // 2] / size < 2.5

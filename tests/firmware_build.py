@@ -18,6 +18,8 @@ from swingid.live.guard import Board, Readings
 FIRMWARE = Path(__file__).resolve().parents[1] / "firmware"
 CORE = FIRMWARE / "core"
 SIM = FIRMWARE / "hal" / "sim" / "sim.c"
+NATIVE = FIRMWARE / "hal" / "native" / "main.c"
+LOOP = CORE / "loop.c"
 FLAGS = ["-std=c99", "-O2", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror"]
 
 
@@ -38,7 +40,7 @@ def folder() -> Path:
 @functools.cache
 def build(sources: tuple[Path, ...], options: tuple[str, ...] = (), suffix: str = "") -> Path:
     """File that the compiler makes of the core and further sources; its path."""
-    core = sorted(CORE.glob("*.c"))
+    core = sorted(CORE.glob("*.c")) if NATIVE in sources else sorted({*CORE.glob("*.c")} - {LOOP})
     name = hashlib.sha256(repr((sources, options)).encode()).hexdigest()[:12] + suffix
     target = folder() / name
     command = [compiler(), *FLAGS, *options, f"-I{CORE}", *map(str, core), *map(str, sources), "-o", str(target)]

@@ -1,0 +1,25 @@
+/* What a board must have; core/loop.c is the rest. All are called from the loop alone, none may wait but hal_wait. */
+#ifndef SWINGID_HAL_H
+#define SWINGID_HAL_H
+
+#include "device.h"
+
+/* Wait until the next sample is due; 0 ends the loop (a process that is told to stop; never on a board). */
+int hal_wait(void);
+
+/* Encoders, current and time of this sample. An encoder that gives no reading: its last one, and valid = 0. */
+void hal_read(swingid_inputs *inputs);
+
+/* Hold this voltage from now on. 0 must be safe: the amplifier's brake or free running. */
+void hal_apply(float voltage);
+
+/* Take what has come from the host, at most `room` bytes; 0 where there is nothing more. */
+int hal_receive(uint8_t *bytes, int room);
+
+/* Pass bytes on to the host; returns how many were accepted. */
+int hal_send(const uint8_t *bytes, int size);
+
+/* The loop: never returns on a board. */
+void swingid_loop(const swingid_config *config);
+
+#endif

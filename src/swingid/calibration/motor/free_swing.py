@@ -51,10 +51,12 @@ def free_swing(log: Recording, rig: Rig) -> Found:
     if rig.axis.acting_gravity is not None:
         evaluated = _with_torques(evaluated, found, rig)
     name = log.source.path or "the log"
-    text = f"{name}: nothing drives the axis and the wheel rests on the rod: a free swing."
+    rests = "" if rig.drive.wheel is None else " and the wheel rests on the rod"
+    text = f"{name}: nothing drives the axis{rests}: a free swing."
+    notes = [note for note in found.notes if not alone.reference or note.code != "scale-from-gravity"]
     # in a free swing the wheel is to rest on the rod
     warnings = tuple(w for w in found.warnings if w.kind is not Kind.WHEEL_STILL)
-    return Found(name, evaluated, warnings, (Message("log-kind", text), *found.notes))
+    return Found(name, evaluated, warnings, (Message("log-kind", text), *notes))
 
 
 def _without_drive(rig: Rig) -> Rig:
@@ -63,9 +65,8 @@ def _without_drive(rig: Rig) -> Rig:
     for key in rig.log.model_fields_set:
         if key.startswith(("wheel", "voltage", "torque")):
             changes[f"log.{key}"] = None
-    if isinstance(rig.axis.gravity_torque, str):
-        changes[GRAVITY] = 1.0
-    return rig.changed(changes)
+    unknown = isinstance(rig.axis.gravity_torque, str)
+    return rig.in_units_of(GRAVITY, changes) if unknown else rig.changed(changes)
 
 
 def _with_torques(ratio: Evaluated, found: Result, rig: Rig) -> Evaluated:

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 ROUNDS = 3
 """Of finding the swings about a line, and the line through their centres."""
 
-FEWEST = 7
+FEWEST = 5
 """Turning points that show a line of centres; of fewer the line of least squares through the whole motion is taken."""
 
 WIDE = 10.0

@@ -1,0 +1,59 @@
+"""The core on a Cortex-M3, whose doubles are computed in software: the bits of this machine."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from firmware_emulator import Emulator, image
+from live_host import experiment
+from swingid.control import law
+from swingid.control.compensator import Compensator
+from swingid.control.references.parse import parse_reference
+from swingid.live.codes import State
+from swingid.live.devices.twin import TwinDevice
+from swingid.live.guard import MOST_ORDER, Limits, parameters_of
+from swingid.live.plant import Plant, board_of
+from swingid.model.rig import Rig
+from test_firmware_controller import bits, in_python, random_controller
+
+RIG = Rig.load("paper")
+SINE = parse_reference("sine 0.8 rad 8.5 rad/s")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _installed() -> None:
+    image()
+
+
+def test_random_steps_have_the_same_bits() -> None:
+    rng, cortex = np.random.default_rng(5), Emulator()
+    for _ in range(30):
+        controller = random_controller(rng)
+        parameters = controller.parameters(1e-3)
+        inputs = rng.uniform(-1, 1, (100, 3)) * [1.0, 1.0, 100.0]
+        start = controller.initial_state()
+        state = np.zeros(law.XI + MOST_ORDER)
+        state[: len(start)] = start
+        voltages, states = cortex.steps(inputs, state, parameters)
+        expected = in_python(inputs, start, parameters)
+        np.testing.assert_array_equal(bits(voltages), bits(expected[0]), err_msg=repr(controller))
+        np.testing.assert_array_equal(bits(states[:, : len(start)]), bits(expected[1]), err_msg=repr(controller))
+
+
+def bytes_of_a_run(seconds: float, *, emulated: bool) -> bytes:
+    board = board_of(RIG)
+    parameters = parameters_of(Compensator.paper(RIG), board, Limits.of(RIG))
+    device = TwinDevice(Plant(RIG), board, machine=Emulator(board) if emulated else None)
+    frames, data = experiment(device, parameters, SINE(np.arange(int(seconds * 1000)) / 1000.0))
+    assert frames[-1].state == State.IDLE
+    return data
+
+
+def test_a_run_gives_the_bytes_of_the_machine_in_python() -> None:
+    assert bytes_of_a_run(1.0, emulated=True) == bytes_of_a_run(1.0, emulated=False)
+
+
+@pytest.mark.long
+def test_the_papers_experiment_gives_the_bytes_of_the_machine_in_python() -> None:
+    assert bytes_of_a_run(25.0, emulated=True) == bytes_of_a_run(25.0, emulated=False)

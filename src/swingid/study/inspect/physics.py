@@ -10,6 +10,7 @@ import numpy as np
 
 from swingid.balance.choice import choose
 from swingid.balance.fits import WindowFit
+from swingid.balance.imperfections import late_channel
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals
 from swingid.checks.answer import Fault, check_motor, check_sign
@@ -196,7 +197,12 @@ def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
         text = "; a negative one means that the torque acts later than it is logged"
     place = "[sensors.wheel]" if wheel else "[sensors]"
     where = "the wheel angle is read {} after the angle" if wheel else "the angle is read {} after the torque acts"
-    check = Check("latency", "latency", "repair", f"{text}.", place)
+    law, signals = balance.law, balance.signals
+    effect = float(law.fit.influence[0] @ late_channel(signals, law.rows, balance.scale.a12)) * latency.value
+    # what the standard uncertainty of the inertia contains is no reason to change the rig file
+    level: Level = "repair" if abs(effect) > law.total else "note"
+    text += f"; it changes the inertia by {percent(effect / law.a11, sign=True)}"
+    check = Check("latency", "latency", level, f"{text}.", place)
     return _delay(latency, total, check, balance, ("the latency between the channels", where))
 
 

@@ -27,7 +27,7 @@ PRIOR = 0.01
 """Prior probability that the budget of an estimate is not complete.
 
 With it τ² is half of d² at a difference of 4 σ, and a comparison of two estimates with complete budgets widens the
-standard uncertainty by 1.5 % in the mean, where σ = u. A log is compared in some five ways, so one log in twenty has
+standard uncertainty by 1.5 % in the mean, where σ = u. A log is compared in some six ways, so one log in seventeen has
 such a case a priori. Coverage of simulated logs with it: docs/campaign.md.
 """
 

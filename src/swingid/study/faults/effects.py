@@ -235,13 +235,14 @@ def warming(scene: Scene, share: float) -> Array:
 
 
 def running_in(scene: Scene, share: float) -> Array:
-    """Coulomb friction that falls by this share over the run; of a rig without it, of 1 % of the torque scale.
+    """Coulomb friction that falls by this share over the run; a rig without it gets some, of 1 % of the torque scale.
 
     The sign of the speed is smoothed over 0.02 rad/s, for the torque is held from row to row.
     """
     coulomb = scene.rig.axis.friction.coulomb
     level = 0.01 * scene.scale if coulomb is None else coulomb.value
-    return np.asarray(share * level * scene.progress * np.tanh(scene.speed / 0.02))
+    left = share * scene.progress - (1.0 if coulomb is None else 0.0)
+    return np.asarray(level * left * np.tanh(scene.speed / 0.02))
 
 
 def push(length: float) -> Torque:

@@ -98,7 +98,7 @@ def main() -> None:
     given = parser.parse_args()
     for name, grades in GRID.items():
         FAULTS[name] = replace(FAULTS[name], grades=grades)
-    made = {"false findings": false_findings(list(answers(given.clean, ["none"])))}
+    made = {"false findings": false_findings(list(answers(given.clean, ["none"])))} if given.clean else {}
     every = [f"{name}: {grade}" for name, grades in GRID.items() for grade in grades]
     made["changes"] = power(list(answers(given.changed, every)))
     text = PAGE.read_text(encoding="utf-8")

@@ -29,6 +29,9 @@ SlowKind = Literal["friction", "zero"]
 ORDERS: dict[SlowKind, int] = {"friction": 2, "zero": 3}
 """Highest polynomial of the time: a bearing warms once, a zero wanders."""
 
+DECISIVE = 10.0
+"""Difference of the Bayesian criterion that is decisive (Kass and Raftery 1995, J. Am. Stat. Assoc. 90, 773)."""
+
 CHANGING = ("coulomb", "viscous")
 """Terms of friction whose coefficients may change."""
 
@@ -163,9 +166,11 @@ def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | No
     return _tested(fit, kind, np.column_stack(list(slow_columns(signals, fit, kind).values())), freedom)
 
 
-def _tested(fit: WindowFit, kind: SlowKind, columns: Array, freedom: float) -> SlowTest:
-    solved = fit_linear(np.column_stack([fit.columns, columns]), fit.fit.residuals)
-    at, count = slice(len(fit.unknowns), None), columns.shape[1]
+def _tested(fit: WindowFit, kind: SlowKind, columns: Array, freedom: float, beside: Array | None = None) -> SlowTest:
+    """The test of these columns; beside: of other causes (rows, n), as further unknowns."""
+    known = fit.columns if beside is None else np.column_stack([fit.columns, beside])
+    solved = fit_linear(np.column_stack([known, columns]), fit.fit.residuals)
+    at, count = slice(known.shape[1], None), columns.shape[1]
     theta, own = solved.values[at], solved.covariance(LAG)[at, at]
     found = variances(fit, solved.influence[at], solved.residuals, len(solved.values))
     scale = np.sqrt(found / np.maximum(np.diag(own), 1e-300))
@@ -175,20 +180,36 @@ def _tested(fit: WindowFit, kind: SlowKind, columns: Array, freedom: float) -> S
 
 
 def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tuple[SlowKind, ...]:
-    """What changes within the log: significant, and a better explanation by the Bayesian criterion than `others`.
+    """What changes within the log: significant, also beside each of the other causes, none of which explains more.
 
-    others: columns (rows, n) of other causes, and any torque that depends on the angle.
+    others: columns (rows, n) of other causes; any torque that depends on the angle is one, too. It explains more where
+    its Bayesian criterion is lower by `DECISIVE`: noise of the samples hides such differences, and no change.
     """
     tests = (slow_test(fit, signals, kind) for kind in ORDERS)
     found = [test for test in tests if test is not None and test.significance > CERTAIN]
     if not found:
         return ()
-    rows = len(fit.rows.windows)
-    left = [(residuals_beside(fit, columns), columns.shape[1]) for columns in others if columns.shape[1]]
-    scores = [_score(float(one @ one), count, rows) for one, count in left]
-    scores.append(_score(rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1, rows))
-    own = {test.kind: _score(float(test.left @ test.left), len(names_of(test.kind)), rows) for test in found}
-    return tuple(kind for kind, score in own.items() if score < min(scores))
+    rows, causes = len(fit.rows.windows), [columns for columns in others if columns.shape[1]]
+    left = [(float(np.sum(residuals_beside(fit, columns) ** 2)), columns.shape[1]) for columns in causes]
+    left.append((rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1))
+    best = min(_score(power, count, rows) for power, count in left)
+    return tuple(
+        test.kind
+        for test in found
+        if _score(float(test.left @ test.left), len(names_of(test.kind)), rows) < best + DECISIVE
+        and _survives(fit, signals, test.kind, causes)
+    )
+
+
+def _survives(fit: WindowFit, signals: Signals, kind: SlowKind, causes: Iterable[Array]) -> bool:
+    """Whether a change is significant beside each of the other causes."""
+    columns = np.column_stack(list(slow_columns(signals, fit, kind).values()))
+    used = len(fit.unknowns) + columns.shape[1]
+    for beside in causes:
+        freedom = max(len(fit.rows.windows) / (LAG / 2) - used - beside.shape[1], 1.0)
+        if not _tested(fit, kind, columns, freedom, beside).significance > CERTAIN:
+            return False
+    return True
 
 
 def _score(power: float, count: int, rows: int) -> float:

@@ -232,6 +232,19 @@ def test_a_measured_torque(b):
     assert result.status == "ok"
 
 
+@pytest.mark.parametrize("b", [0.0, 78e-3])
+def test_an_uncertain_gain_of_the_torque_moves_the_torque(b):
+    """Where gravity is known it determines the gain, 1.5 % off; without, inertia and friction keep the gain's prior."""
+    rig = direct_rig(**{"axis.gravity_torque": b, "log.torque_gain": "1 ± 0.01"})
+    log = encoded(direct_log(TWO_TONES, lambda v: 1e-3 * v, TIME, b=b))
+    log = replace(log, torque=log.torque * (1.0 if b == 0.0 else 1 / 1.015))
+    result = identify(log, rig, "output-error")
+    assert result.status == "ok"
+    assert result.inertia.value == pytest.approx(INERTIA, rel=5e-4)
+    low, high = result.inertia.interval95
+    assert (high - low) / 2 == pytest.approx(1.96e-2 * INERTIA, rel=0.1) if b == 0.0 else high - low < 2e-3 * INERTIA
+
+
 def test_a_linear_axis_has_no_gravity():
     rig = direct_rig(linear=True)
     log = encoded(direct_log(TWO_TONES, lambda v: 2e-3 * v, TIME, b=0.0))

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from swingid.errors import UnanswerableError
-from swingid.methods.output_error.axis_motion import COURSES, SPEED, TORQUE, WHEEL, axis_motion
+from swingid.methods.output_error.axis_motion import COURSES, GAIN, SPEED, TORQUE, WHEEL, axis_motion
 from swingid.methods.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.numerics.arrays import Array, Bools, Ints
@@ -77,13 +77,23 @@ class Problem:
     def predict(
         self, p: Array, entries: Entries, states: Array, unknowns: int, longest: float = LONGEST_STEP
     ) -> Prediction:
-        """Readings under the constants p, and their derivatives by initial values and `unknowns` columns of entries."""
+        """Readings under the constants p, and their derivatives by initial values and `unknowns` columns of entries.
+
+        p (SIZE,), or (SIZE + 1,) with the gain of the torque as the last, which multiplies the torque.
+        """
         count = len(self.measured)
+        courses, gain = self.courses, float(p[GAIN]) if len(p) > GAIN else 1.0
+        if gain != 1.0:
+            courses = courses.copy()
+            courses[:, TORQUE] *= gain
+            places, columns, weights = entries
+            # the kernel's derivative by the gain is the torque that it is given
+            entries = places, columns, np.where(places == GAIN, weights / gain, weights)
         found = np.zeros(count), np.zeros(count), np.zeros((count, self.states + unknowns))
         if self.input == "voltage":
             finite = motor_motion(self.knots, self.commands, self.flags, self.bounds, states, p, entries, found)
         else:
-            finite = axis_motion(self.knots, self.courses, self.flags, self.bounds, states, p, entries, longest, found)
+            finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
         return Prediction(*found, finite=bool(finite))
 
     def fitted(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:

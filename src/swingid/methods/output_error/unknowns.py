@@ -134,13 +134,13 @@ class Unknowns:
         return np.array(places, dtype=np.int64), np.array(columns, dtype=np.int64), np.array(weights, dtype=np.float64)
 
     def vector(self, values: Array) -> Array:
-        """The rig's vector (SIZE,) for values of the unknowns."""
+        """The rig's vector for values of the unknowns, and the gain of the torque after it (SIZE + 1,)."""
         p = np.append(self.base, 1.0)
         for item, value in zip(self.items, values, strict=True):
             for place, weight in item.places:
                 p[place] += weight * value
-        p[AXIS_STICKS] = can_stick(p)
-        return p[:SIZE]
+        p[AXIS_STICKS] = can_stick(p[:SIZE])
+        return p
 
 
 def _zero_within(width: float) -> Unknown:

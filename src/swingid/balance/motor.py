@@ -27,6 +27,7 @@ from swingid.uncertainty.significance import INDICATED
 
 if TYPE_CHECKING:
     from swingid.balance.rows import Signals, Windows
+    from swingid.numerics.blocks import BlockNodes
     from swingid.preparation.noise import Noise
 
 
@@ -189,7 +190,8 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     as_stated = stated.residual(expected)
     # the readings differ by half a row, from which a latency of it is not distinguishable
     unsure = max(signals.encoders.angle.latency.std or 0.0, signals.encoders.wheel.latency.std or 0.0)
-    checked = as_stated > FINE and INDICATED * unsure < noise.step / 2
+    explained = INDICATED * _by_constants(rig, stated, wheel_speed, nodes, windows)
+    checked = as_stated > max(FINE, explained) and INDICATED * unsure < noise.step / 2
     return MotorBalance(
         as_stated=as_stated,
         otherwise=other.residual(expected),
@@ -201,6 +203,30 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
         refitted_otherwise=other.refitted(used, expected) if enough else None,
         rests=float(np.mean(np.abs(wheel_speed) < slow)),
     )
+
+
+def _by_constants(rig: Rig, reading: _Reading, rate: Array, nodes: BlockNodes, windows: Windows) -> float:
+    """Relative residual of (II), one standard deviation, by the stated uncertainties of its constants.
+
+    rate: the wheel's speed between the rows, rad/s. The interval contains such a residual, whatever its cause.
+    """
+    motor, wheel = rig.drive.motor, rig.drive.wheel
+    assert motor is not None
+    gear = motor.gear_ratio.value
+    drag = np.stack([rate, np.sign(rate)])
+    by_rate, by_sign = project(nodes, [(x, 0) for x in nodes.held(drag)], windows.centres, windows.half).T
+    emf = gear * motor.efficiency.value * by_rate
+    effects = [
+        (motor.torque_per_volt, reading.free[:, 0] / motor.torque_per_volt.value),
+        (motor.efficiency, reading.free[:, 0] / motor.efficiency.value),
+        (motor.back_emf, emf),
+        (motor.viscous, gear**2 * by_rate),
+        (motor.coulomb, gear * by_sign),
+    ]
+    if wheel is not None:
+        effects.append((wheel.inertia, reading.inertial / wheel.inertia.value))
+    parts = [(quantity.std or 0.0) ** 2 * float(np.mean(effect**2)) for quantity, effect in effects]
+    return float(np.sqrt(sum(parts) / max(float(np.mean(reading.inertial**2)), 1e-300)))
 
 
 def free_balance(rig: Rig, signals: Signals, noise: Noise) -> FreeBalance | None:

@@ -39,6 +39,9 @@ CLOSE = 0.003
 SATURATED = 0.6
 """Share of rows with the voltage at its limits from which on the effect of its jumps on the energy is significant."""
 
+JUMPS = 0.001
+"""Effect of such jumps, relative to the inertia, at most: 0.05 % on the twin limited to 6 V (76 % of the rows)."""
+
 FEWEST_PER_SWING = 10
 """Rows per swing below which the bias of smoothed speeds is some per cent, which the interval does not contain."""
 
@@ -195,20 +198,23 @@ def motor_sensitivities(rig: Rig, sensitivities: dict[str, float], inertia: Para
     return f"1 % more of a constant changes this inertia: {', '.join(changes)}"
 
 
-def check_saturation(used: Recording, rig: Rig) -> list[Message]:
-    """A warning where the voltage is mostly saturated: it is known there, but it jumps from one limit to the other.
+def check_saturation(used: Recording, rig: Rig, inertia: Parameter) -> tuple[list[Message], list[Message]]:
+    """A warning or a note where the voltage is mostly saturated: it is known there, but it jumps between its limits.
 
-    At a jump the wheel's acceleration jumps too, which a smoothed speed does not follow. `momentum` needs no speed.
+    At a jump the wheel's acceleration jumps too, which a smoothed speed does not follow. `momentum` needs no speed. A
+    note where `JUMPS` of the inertia is less than its standard uncertainty.
     """
     if rig.drive.kind != "reaction-wheel" or used.voltage is None:
-        return []
+        return [], []
     low, high = float(used.voltage.min()), float(used.voltage.max())
     near = 1e-3 * (high - low)
     share = float(np.mean((used.voltage <= low + near) | (used.voltage >= high - near)))
     if high <= low or share < SATURATED:
-        return []
+        return [], []
     text = (
         f"the voltage stands at its limits in {share:.0%} of the rows and jumps between them, which smoothed speeds do "
         "not follow (some 0.1 % of the inertia); use the momentum method, or record a smaller or slower motion."
     )
-    return [Message("voltage-saturated", text)]
+    found = [Message("voltage-saturated", text)]
+    matters = JUMPS * inertia.value > (inertia.standard_uncertainty or 0.0)
+    return (found, []) if matters else ([], found)

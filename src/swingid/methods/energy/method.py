@@ -107,7 +107,10 @@ def energy(
         jittery, jitter_notes = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
         more += jittery
         notes += jitter_notes
-    more += check_saturation(part.log, rig) if variant == "better" else []
+    if variant == "better":
+        saturated, saturated_notes = check_saturation(part.log, rig, parameters["inertia"])
+        more += saturated
+        notes += saturated_notes
     if rig_file is not None:
         notes += rig_file.notes(parameters["inertia"])
         answer = rig_file.widened(answer)

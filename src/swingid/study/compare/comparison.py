@@ -272,7 +272,7 @@ def _source(run: str) -> Identity:
 
 
 def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
-    """The assumption that the inconsistent ones share and the others do not, with what to do."""
+    """The assumption that the inconsistent ones share and the others do not, a possible cause, with what to do."""
     odd = [t for t in answered if t.method in apart]
     even = [t for t in answered if t.method not in apart]
     if all(t.assumptions.motor for t in odd) and not all(t.assumptions.motor for t in even):
@@ -280,8 +280,9 @@ def _why(answered: Sequence[Trial], apart: tuple[str, ...]) -> str:
         return f"{depends} on the motor's constants; calibrate the motor (swingid calibrate) or trust the others."
     if all(t.assumptions.friction != "any" for t in odd):
         return (
-            f"{'they assume' if len(odd) > 1 else 'it assumes'} a friction law; try another law, or trust the method "
-            "that needs none."
+            f"{'they assume' if len(odd) > 1 else 'it assumes'} a friction law, which may be the cause; try another "
+            "law. If the difference stays, look for what the rig file states wrongly or leaves out (gravity torque, "
+            "scales, timing), to which every method reacts in its own way."
         )
     return "their assumptions are alike; look at the residuals in their reports."
 

@@ -20,6 +20,7 @@ from closed_form_logs import (
     wheel_log,
 )
 from swingid.balance.rows import moved
+from swingid.checks.rig_file import CONFLICT
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
@@ -243,6 +244,20 @@ def test_an_uncertain_gain_of_the_torque_moves_the_torque(b):
     assert result.inertia.value == pytest.approx(INERTIA, rel=5e-4)
     low, high = result.inertia.interval95
     assert (high - low) / 2 == pytest.approx(1.96e-2 * INERTIA, rel=0.1) if b == 0.0 else high - low < 2e-3 * INERTIA
+
+
+def test_a_constant_pulled_against_its_prior_widens_the_interval():
+    """Gain and gravity torque at 0.2 % each, 1.3 % apart: 4.6 standard uncertainties, and either may be the wrong one."""
+    rig = direct_rig(**{"axis.gravity_torque": "78 ± 0.156 mN*m", "log.torque_gain": "1 ± 0.002"})
+    sound = direct_log(TWO_TONES, lambda v: 1e-3 * v, TIME)
+    plain = identify(encoded(sound), rig, "output-error", law="viscous")
+    wrong = identify(
+        encoded(sound), rig.changed({"axis.gravity_torque": "77 ± 0.156 mN*m"}), "output-error", law="viscous"
+    )
+    assert abs(error(wrong)) > 4e-3
+    low, high = wrong.inertia.interval95
+    assert low < INERTIA < high
+    assert [one.standard_uncertainty for one in plain.budget if one.source == CONFLICT][0] < 2e-4 * INERTIA
 
 
 def test_a_linear_axis_has_no_gravity():
@@ -561,3 +576,11 @@ def test_intervals_allow_for_a_peak_of_friction_that_is_too_sharp_to_be_seen(see
     low, high = result.inertia.interval95
     assert low <= INERTIA <= high
     assert high - low < 2e-5 * INERTIA
+
+
+def test_a_torque_of_many_periods_per_row_is_not_simulated(viscous_log):
+    """Order 10 000 at 6.8 rad/s and 250 rows/s: 43 periods from row to row."""
+    rig = GIVEN.changed({"axis.cogging": {"order": 10000, "amplitude": "0.01 ± 0.01 N*m", "phase": 1}})
+    with pytest.raises(UnanswerableError, match="periods from one row to the next") as refused:
+        identify(viscous_log, rig, "output-error")
+    assert refused.value.code == "unresolved-torque"

@@ -11,6 +11,7 @@ import numpy as np
 from swingid.balance.friction_laws import TERMS, stribeck_peak, stribeck_slope
 from swingid.checks.consistency import DISAGREES
 from swingid.checks.rig_file import CONFLICT
+from swingid.methods.output_error.constants import SCALE
 from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
 from swingid.methods.output_error.problem import Problem
 from swingid.methods.output_error.search import Searched
@@ -35,6 +36,9 @@ LESS = 0.1
 
 PHASES = 8
 """Grid phases, in equal parts of a step, over which the effect of an encoder's grid is averaged."""
+
+DETERMINED = 0.999
+"""Posterior over prior variance of a constant above which the log does not determine it, and cannot contradict it."""
 
 CURVE_KNOTS = 12
 """Speeds of the friction curve on each side."""
@@ -173,6 +177,31 @@ def _kinds(
     return found
 
 
+def prior_conflict(estimate: Estimate) -> float:
+    """Standard uncertainty of the inertia where the log contradicts a stated constant: the largest of all constants.
+
+    Without its prior a constant would be θ' = θ/(1 − h), h its posterior over its prior variance, and the inertia
+    C0 θ/(s² (1 − h)) more, C0 its covariance with the constant and s² the prior variance (deletion of one row of
+    least squares; Cook 1977, Technometrics 19, 15). θ' has the variance s² + r h s²/(1 − h) where nothing is wrong,
+    r the variance of the scatter over that of white noise.
+    """
+    unknowns, fit = estimate.unknowns, estimate.searched.fit
+    stated = [k for k, item in enumerate(unknowns.items) if item.places and not item.is_sought and item.name != SCALE]
+    inverse = inverse_of(fit.reduced)
+    ratio = float(estimate.covariance[0, 0]) / max(float(estimate.influence[0] @ estimate.influence[0]), 1e-300)
+    u, found = math.sqrt(max(float(inverse[0, 0]), 0.0)), 0.0
+    for k in stated:
+        power = float(unknowns.power[k])
+        share = float(inverse[k, k]) * power
+        if share > DETERMINED:
+            continue
+        change = float(inverse[0, k]) * power * float(fit.values[k]) / (1 - share)
+        # of the deviation without prior, then of the change, which is in proportion to it
+        variance = (1 + ratio * share / (1 - share)) * (float(inverse[0, k]) * power) ** 2 / power
+        found = max(found, dark_uncertainty(change, variance, u, ways=len(stated)))
+    return found
+
+
 def answer_of(estimate: Estimate) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
@@ -193,8 +222,10 @@ def answer_of(estimate: Estimate) -> Evaluated:
         type_a = math.sqrt(estimate.covariance[0, 0] + sum(u**2 for _, name, u in common if name == "inertia"))
         dark = dark_uncertainty(float(estimate.values[0]) - balance, type_a**2 + windows.u**2, type_a)
         common.append((systematic(DISAGREES), "inertia", dark))
+    conflict = prior_conflict(estimate)
     if setup.rig_file is not None:
-        common.append((systematic(CONFLICT), "inertia", setup.rig_file.conflict))
+        conflict = max(conflict, setup.rig_file.conflict)
+    common.append((systematic(CONFLICT), "inertia", conflict))
     declared = [replace(one, slopes=own @ one.slopes) for one in estimate.declared]
     matrix = own @ estimate.covariance @ own.T
     unknown = [name for k, name in enumerate(values) if matrix[k, k] <= 0]

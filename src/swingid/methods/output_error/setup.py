@@ -26,6 +26,14 @@ MOST_LOST = 1e-3
 """Share of lost rows above which the measured wheel is the better input, as the voltage of a lost row is unknown."""
 
 
+MOST_PERIODS = 10.0
+"""Periods of a torque of the angle from row to row above which a log is not simulated.
+
+Every period takes some ten steps, and the phase after a row is not that of the readings: a search with 108 took 90 s.
+Readings do not even resolve half a period, which is no reason to refuse what the rig file states.
+"""
+
+
 @dataclass(frozen=True)
 class Setup:
     """What every fit of one log shares.
@@ -64,6 +72,7 @@ class Setup:
         rig, scale = prepared.rig, prepared.scale
         source = input_of(wanted, prepared.log, rig, scale)
         part = prepared.part()
+        _require_resolved(part, scale)
         found = consistency_check(part.log, rig, part.motion, scale, part.noise, part.encoders)
         return cls(prepared, part, source, found, RigFileCheck.of(prepared), names, loss, starts, segment)
 
@@ -148,6 +157,19 @@ def _check_options(loss: str, starts: int, segment: float | None, log: Recording
             f"{FEWEST_ROWS / log.rate:.2g} s.",
             code="bad-segment",
         )
+
+
+def _require_resolved(part: Part, scale: Scale) -> None:
+    """Raise UnanswerableError for a torque of the angle with more than `MOST_PERIODS` periods from row to row."""
+    fastest = float(np.max(np.abs(part.motion.speed.speed)))
+    for term in scale.further:
+        periods = fastest * term.order / (2 * np.pi * part.log.rate)
+        if periods > MOST_PERIODS:
+            raise UnanswerableError(
+                f"{term.term.key} with order {term.order:g} has {periods:.0f} periods from one row to the next, which "
+                "no simulation of these rows follows; leave it out, for it averages out, or take the momentum method.",
+                code="unresolved-torque",
+            )
 
 
 def _rows_lost(log: Recording) -> bool:

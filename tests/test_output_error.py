@@ -247,7 +247,7 @@ def test_an_uncertain_gain_of_the_torque_moves_the_torque(b):
 
 
 def test_a_constant_pulled_against_its_prior_widens_the_interval():
-    """Gain and gravity torque at 0.2 % each, 1.3 % apart: 4.6 standard uncertainties, and either may be the wrong one."""
+    """Gain and gravity torque at 0.2 % each, 1.3 % apart: 4.6 standard uncertainties; either may be wrong."""
     rig = direct_rig(**{"axis.gravity_torque": "78 ± 0.156 mN*m", "log.torque_gain": "1 ± 0.002"})
     sound = direct_log(TWO_TONES, lambda v: 1e-3 * v, TIME)
     plain = identify(encoded(sound), rig, "output-error", law="viscous")
@@ -257,7 +257,7 @@ def test_a_constant_pulled_against_its_prior_widens_the_interval():
     assert abs(error(wrong)) > 4e-3
     low, high = wrong.inertia.interval95
     assert low < INERTIA < high
-    assert [one.standard_uncertainty for one in plain.budget if one.source == CONFLICT][0] < 2e-4 * INERTIA
+    assert next(one.standard_uncertainty for one in plain.budget if one.source == CONFLICT) < 2e-4 * INERTIA
 
 
 def test_a_linear_axis_has_no_gravity():

@@ -49,9 +49,10 @@ def build(sources: tuple[Path, ...], options: tuple[str, ...] = (), suffix: str 
     return target
 
 
-def library(*sources: Path) -> ctypes.CDLL:
-    """The core with further sources as a shared library."""
-    return ctypes.CDLL(str(build(sources, ("-shared", "-fPIC"), ".so")))
+def library(*sources: Path, include: Path | None = None) -> ctypes.CDLL:
+    """The core with further sources as a shared library; include: a further folder of headers."""
+    more = (f"-I{include}",) if include is not None else ()
+    return ctypes.CDLL(str(build(sources, ("-shared", "-fPIC", *more), ".so")))
 
 
 class CoreDevice:

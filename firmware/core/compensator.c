@@ -3,6 +3,8 @@
 #define TAYLOR_TERMS 14
 #define MOST_SQUARINGS 64
 
+typedef char needs_doubles_of_64_bits[sizeof(double) == 8 ? 1 : -1];
+
 typedef double matrix[SWINGID_MOST_ORDER][SWINGID_MOST_ORDER];
 
 static const double log2e = 1.4426950408889634;

@@ -1,0 +1,104 @@
+// A board of the Arduino family: AS5048A on the axis (SPI), AMT103 on the wheel (two interrupt pins), an H-bridge with
+// a direction and a PWM pin. A sketch to start from: it is compiled by the tests and has not run on a board.
+//
+// Copy firmware/core/*.c, firmware/core/*.h and firmware/hal/encoders/encoders.h beside this file. The board needs
+// doubles of 64 bits (no AVR), and the compiler -ffp-contract=off (platform.local.txt: compiler.c.extra_flags=...).
+// Switch on the board's own watchdog in setup() and feed it in hal_wait: a board that hangs must let go of the motor.
+#include <Arduino.h>
+#include <SPI.h>
+
+extern "C" {
+#include "encoders.h"
+#include "hal.h"
+}
+
+static_assert(sizeof(double) == 8, "this board has no doubles of 64 bits, which the controller computes with");
+
+// ---- your board ----
+static const int AXIS_SELECT = 10, WHEEL_A = 2, WHEEL_B = 3, BRIDGE_PWM = 9, BRIDGE_DIRECTION = 8;
+static const float SUPPLY = 12.0f;      // V at the bridge
+static const float VOLTAGE_LIMIT = 10.0f;  // V, below the supply
+static const int PWM_BITS = 10;
+static const uint32_t RATE = 500;           // samples per second
+static const uint32_t WHEEL_COUNTS = 8192;  // AMT103 at 2048 pulses per turn
+// --------------------
+
+static volatile int32_t wheel;
+static volatile unsigned wheel_pins;
+static int32_t axis;
+static uint32_t due;
+
+static unsigned read_wheel_pins() { return (unsigned)digitalRead(WHEEL_A) << 1 | (unsigned)digitalRead(WHEEL_B); }
+
+static void on_wheel_edge() {
+    const unsigned now = read_wheel_pins();
+    wheel = wheel + quadrature_step(wheel_pins, now);
+    wheel_pins = now;
+}
+
+extern "C" int hal_wait(void) {
+    while ((int32_t)(micros() - due) < 0) {
+    }
+    if (micros() - due > 1000000 / RATE) due = micros();  // late: the guard sees it by the time of the readings
+    due += 1000000 / RATE;
+    return 1;
+}
+
+extern "C" void hal_read(swingid_inputs *inputs) {
+    uint16_t angle;
+    SPI.beginTransaction(SPISettings(4000000, MSBFIRST, SPI_MODE1));
+    for (int i = 0; i < 2; i++) {  // an answer belongs to the frame before
+        digitalWrite(AXIS_SELECT, LOW);
+        angle = SPI.transfer16(AS5048A_READ_ANGLE);
+        digitalWrite(AXIS_SELECT, HIGH);
+    }
+    SPI.endTransaction();
+    inputs->time = micros();
+    inputs->valid = as5048a_angle(angle, &angle);
+    if (inputs->valid) axis = swingid_extend(axis, angle, AS5048A_BITS);
+    inputs->axis = axis;
+    noInterrupts();
+    inputs->wheel = wheel;
+    interrupts();
+    inputs->current = NAN;
+}
+
+extern "C" void hal_apply(float voltage) {
+    const int full = (1 << PWM_BITS) - 1;
+    const float size = voltage < 0.0f ? -voltage : voltage;
+    digitalWrite(BRIDGE_DIRECTION, voltage < 0.0f ? LOW : HIGH);
+    analogWrite(BRIDGE_PWM, (int)(size / SUPPLY * full + 0.5f));
+}
+
+extern "C" int hal_receive(uint8_t *bytes, int room) {
+    int count = 0;
+    while (count < room && Serial.available() > 0) bytes[count++] = (uint8_t)Serial.read();
+    return count;
+}
+
+extern "C" int hal_send(const uint8_t *bytes, int size) {
+    const int free_bytes = Serial.availableForWrite();
+    return free_bytes > 0 ? (int)Serial.write(bytes, (size_t)(size < free_bytes ? size : free_bytes)) : 0;
+}
+
+void setup() {
+    pinMode(BRIDGE_PWM, OUTPUT);
+    pinMode(BRIDGE_DIRECTION, OUTPUT);
+    analogWriteResolution(PWM_BITS);
+    hal_apply(0.0f);
+    pinMode(AXIS_SELECT, OUTPUT);
+    digitalWrite(AXIS_SELECT, HIGH);
+    pinMode(WHEEL_A, INPUT_PULLUP);
+    pinMode(WHEEL_B, INPUT_PULLUP);
+    wheel_pins = read_wheel_pins();
+    attachInterrupt(digitalPinToInterrupt(WHEEL_A), on_wheel_edge, CHANGE);
+    attachInterrupt(digitalPinToInterrupt(WHEEL_B), on_wheel_edge, CHANGE);
+    SPI.begin();
+    Serial.begin(1000000);
+    due = micros();
+}
+
+void loop() {
+    swingid_config config = {(float)RATE, 1u << AS5048A_BITS, WHEEL_COUNTS, VOLTAGE_LIMIT, 0};
+    swingid_loop(&config);
+}

@@ -1,0 +1,121 @@
+"""The boards' part of the firmware: encoders by their data sheets, and that the sketches compile and link."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import itertools
+import re
+import shutil
+import struct
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from firmware_build import CORE, FIRMWARE, FLAGS, compiler, folder, library
+
+ENCODERS = FIRMWARE / "hal" / "encoders"
+
+
+@pytest.fixture(scope="module")
+def core() -> ctypes.CDLL:
+    return library(FIRMWARE / "tests" / "encoders.c", include=ENCODERS)
+
+
+@pytest.mark.parametrize("bits", [10, 14, 16])
+def test_turns_are_counted_through_all_wraps(core: ctypes.CDLL, bits: int) -> None:
+    rng = np.random.default_rng(bits)
+    most = 2 ** (bits - 1) - 1
+    true = 2**31 - 40 * most  # wraps at 32 bits, too
+    total = ctypes.c_int32(true).value
+    core.extend.argtypes = [ctypes.c_int32, ctypes.c_uint32, ctypes.c_int]
+    for _ in range(500):
+        true += int(rng.integers(-most // 2, most + 1))
+        total = core.extend(total, true % 2**bits, bits)
+        assert total == ctypes.c_int32(true % 2**32).value
+
+
+def test_an_as5048a_answer_with_wrong_parity_or_error_is_no_reading(core: ctypes.CDLL) -> None:
+    found = ctypes.c_uint16()
+    for value in (0, 1, 0x1234, 0x3FFF, 0x2AAA):
+        even = value | (value.bit_count() % 2) << 15
+        assert core.angle(even, ctypes.byref(found)) == 1
+        assert found.value == value
+        for bit in range(16):
+            assert core.angle(even ^ 1 << bit, ctypes.byref(found)) == 0
+        error = value | 1 << 14
+        assert core.angle(error | (error.bit_count() % 2) << 15, ctypes.byref(found)) == 0
+
+
+def test_quadrature_counts_four_edges_a_pulse_both_ways(core: ctypes.CDLL) -> None:
+    forth = [0b00, 0b01, 0b11, 0b10, 0b00]
+    assert [core.step(one, other) for one, other in itertools.pairwise(forth)] == [1] * 4
+    back = forth[::-1]
+    assert [core.step(one, other) for one, other in itertools.pairwise(back)] == [-1] * 4
+    assert [core.step(x, x) for x in range(4)] == [0] * 4
+    assert [core.step(x, x ^ 3) for x in range(4)] == [0] * 4
+
+
+def test_the_core_needs_no_library(tmp_path: Path) -> None:
+    """No heap, no libm: what the core calls is itself, the board, and copies that a compiler may put in."""
+    if shutil.which("nm") is None:
+        pytest.skip("nm is not on PATH")
+    sources = [str(path) for path in sorted(CORE.glob("*.c"))]
+    subprocess.run([compiler(), *FLAGS, "-fno-stack-protector", f"-I{CORE}", "-c", *sources], cwd=tmp_path, check=True)
+    objects = [str(path) for path in tmp_path.glob("*.o")]
+    assert len(objects) == len(sources)
+    listed = subprocess.run(["nm", "-u", *objects], capture_output=True, text=True, check=True).stdout
+    names = {line.split()[-1].removeprefix("_") for line in listed.splitlines() if re.match(r"\s+U ", line)}
+    assert {name for name in names if not name.startswith(("swingid_", "hal_"))} <= {
+        "memcpy",
+        "memset",
+        "memmove",
+        "GLOBAL_OFFSET_TABLE_",
+    }
+
+
+def test_the_arduino_sketch_compiles() -> None:
+    for name in ("c++", "g++", "clang++"):
+        if found := shutil.which(name):
+            break
+    else:
+        pytest.skip("no C++ compiler (c++, g++ or clang++) on PATH")
+    sketch = FIRMWARE / "hal" / "arduino" / "swingid" / "swingid.ino"
+    paths = [f"-I{path}" for path in (CORE, ENCODERS, FIRMWARE / "tests" / "stub")]
+    options = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c++"]
+    done = subprocess.run([found, *options, *paths, str(sketch)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_stm32_image_links_with_its_vectors_first() -> None:
+    if importlib.util.find_spec("ziglang") is None:
+        pytest.skip("ziglang is not installed: pip install ziglang")
+    here, target = FIRMWARE / "hal" / "stm32", folder() / "stm32.elf"
+    options = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4", "-ffreestanding", *FLAGS]
+    sources = [*map(str, sorted(CORE.glob("*.c"))), str(here / "main.c")]
+    command = [sys.executable, "-m", "ziglang", "cc", *options, f"-I{CORE}", f"-I{ENCODERS}", *sources]
+    done = subprocess.run([*command, "-T", str(here / "memory.ld"), "-o", str(target)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    elf = target.read_bytes()
+    first, count = struct.unpack_from("<I", elf, 28)[0], struct.unpack_from("<H", elf, 44)[0]
+    loaded = [struct.unpack_from("<5I", elf, first + 32 * i) for i in range(count)]
+    flash = min((part for part in loaded if part[0] == 1 and part[4]), key=lambda part: part[2])
+    assert flash[2] == 0x0800_0000
+    stack, reset = struct.unpack_from("<2I", elf, flash[1])
+    assert stack == 0x2002_0000
+    assert 0x0800_0000 < reset < 0x0801_0000
+    assert reset % 2 == 1  # Thumb
+    assert sum(part[4] for part in loaded if part[0] == 1) < 64 * 1024
+
+
+def test_the_makefile_builds_the_process(tmp_path: Path) -> None:
+    if shutil.which("make") is None:
+        pytest.skip("make is not on PATH")
+    shutil.copytree(FIRMWARE, tmp_path / "firmware", ignore=shutil.ignore_patterns("build"))
+    command = ["make", "-C", str(tmp_path / "firmware"), f"CC={compiler()}"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "firmware" / "build" / "swingid-native").is_file()

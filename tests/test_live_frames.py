@@ -287,3 +287,10 @@ def test_a_million_streams_into_the_c_decoder_under_sanitizers(tmp_path: Path) -
 @pytest.mark.long
 def test_a_million_streams_into_the_python_decoder() -> None:
     fuzz_python(1_000_000, 3)
+
+
+@pytest.mark.parametrize("package", ["cantools", "cobs", "fastcrc"])
+def test_a_missing_package_is_named_with_its_extra(package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(UsageError, match=rf"{package}; run: pip install 'swingid\[live\]'"):
+        read(database_text()) if package == "cantools" else frames._codec.__wrapped__()

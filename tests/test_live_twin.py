@@ -95,7 +95,8 @@ def test_draws_go_on_after_the_first_block() -> None:
 
 
 def frames_of(device: TwinDevice, seconds: float) -> tuple[list[Frame], bytes]:
-    parameters = parameters_of(Compensator.paper(RIG), device.board, Limits.of(RIG))
+    rig = device.plant.rig
+    parameters = parameters_of(Compensator.paper(rig), device.board, Limits.of(rig))
     return experiment(device, parameters, SINE(np.arange(int(seconds * 1000)) / 1000.0))
 
 
@@ -118,8 +119,8 @@ def recording_of(frames: list[Frame], seconds: float) -> Recording:
 
 
 @functools.cache
-def paper_run() -> tuple[list[Frame], bytes]:
-    return frames_of(twin_of(RIG), 25.0)
+def paper_run(name: str = "paper") -> tuple[list[Frame], bytes]:
+    return frames_of(twin_of(Rig.load(name)), 25.0)
 
 
 def test_the_papers_experiment_over_the_link_is_that_of_the_twin() -> None:
@@ -141,13 +142,27 @@ def test_the_papers_experiment_over_the_link_is_that_of_the_twin() -> None:
     assert abs(run[24_999].gain / expected[-1, 3] - 1) < 1e-6
 
 
-def test_momentum_finds_the_inertia_in_its_interval() -> None:
-    frames, _ = paper_run()
-    result = identify(recording_of(frames, 25.0), RIG, method="momentum")
+@pytest.mark.parametrize("name", ["paper", "paper-body"])
+def test_momentum_finds_the_inertia_in_its_interval(name: str) -> None:
+    rig = Rig.load(name)
+    assert rig.axis.inertia is not None
+    true = rig.axis.inertia.value
+    result = identify(recording_of(paper_run(name)[0], 25.0), rig, method="momentum")
     inertia = result.parameters["inertia"]
-    assert abs(inertia.value / 302.2e-5 - 1) < 2e-4
+    assert abs(inertia.value / true - 1) < 2e-4
     low, high = inertia.interval95
-    assert low <= 302.2e-5 <= high
+    assert low <= true <= high
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["paper", "paper-body"])
+def test_the_guard_leaves_good_rigs_alone(name: str) -> None:
+    """No fault in ten runs of 10 s each, with constants drawn and the paper's encoders noisy."""
+    rig = Rig.load(name).model_copy(update={"sensors": Sensors(counts_per_turn=16384, noise=2e-4)})
+    for seed in range(10):
+        run = run_of(frames_of(twin_of(rig, seed=seed, draw=True), 10.0)[0])
+        assert {frame.fault for frame in run} == {FaultCode.NONE}
+        assert sum(frame.state == State.RUNNING for frame in run) == 10_000
 
 
 def test_the_c_core_in_the_loop_gives_the_same_bytes() -> None:

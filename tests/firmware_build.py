@@ -89,3 +89,14 @@ class CoreDevice:
 
     def output(self) -> bytes:
         return bytes(self._bytes[: self._core.sim_output()])
+
+    def message(self, identifier: int, payload: bytes) -> None:
+        """A message from a CAN bus."""
+        ctypes.memmove(self._bytes, payload, len(payload))
+        self._core.sim_message(ctypes.c_uint16(identifier), len(payload))
+
+    def output_message(self) -> tuple[int, bytes] | None:
+        """The next message for a CAN bus."""
+        identifier = ctypes.c_uint16()
+        length = self._core.sim_output_message(ctypes.byref(identifier))
+        return None if length < 0 else (identifier.value, bytes(self._bytes[:length]))

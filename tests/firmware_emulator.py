@@ -28,7 +28,7 @@ def image() -> Path:
     for package in ("ziglang", "unicorn"):
         if importlib.util.find_spec(package) is None:
             pytest.skip(
-                f"{package} is not installed (pip install ziglang unicorn), which executing for a Cortex-M3 needs"
+                f"{package} is not installed (pip install 'swingid[cortex]'), which executing for a Cortex-M3 needs"
             )
     target, here = folder() / "cortex-m3.elf", SIM.parent
     sources = [*sorted({*CORE.glob("*.c")} - {LOOP}), SIM, here / "table.c"]

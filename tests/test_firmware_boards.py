@@ -92,7 +92,7 @@ def test_the_arduino_sketch_compiles() -> None:
 
 def test_the_stm32_image_links_with_its_vectors_first() -> None:
     if importlib.util.find_spec("ziglang") is None:
-        pytest.skip("ziglang is not installed: pip install ziglang")
+        pytest.skip("ziglang is not installed: pip install 'swingid[cortex]'")
     here, target = FIRMWARE / "hal" / "stm32", folder() / "stm32.elf"
     options = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4", "-ffreestanding", *FLAGS]
     sources = [*map(str, sorted(CORE.glob("*.c"))), str(here / "main.c")]

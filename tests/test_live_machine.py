@@ -12,10 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from firmware_build import CoreDevice
-from live_host import BOARD, LIMITS, PARAMETERS, PERIOD, RIG, Driver, arm_frame, parameter_frames, reference_frames
+from live_host import (
+    BOARD,
+    LIMITS,
+    PARAMETERS,
+    PERIOD,
+    RIG,
+    STILL,
+    Driver,
+    arm_frame,
+    parameter_frames,
+    reference_frames,
+)
 from swingid.control.compensator import Compensator
 from swingid.live.codes import FaultCode, Flag, Mode, State, Status, StopMode
-from swingid.live.frames import encode
+from swingid.live.frames import encode, unwrap
 from swingid.live.guard import VOLTAGE_LIMIT, Readings, parameters_of
 from swingid.live.machine import Machine
 from swingid.live.schema import schema
@@ -197,6 +208,32 @@ def test_reference_blocks_lost_doubled_and_too_many(driver: Driver) -> None:
     assert driver.last("Ack").status == Status.DONE
     driver.tell(reference_frames([0.1] * 3, start=1022, last=False))
     assert (driver.last("Ack").status, driver.last("Ack").value) == (Status.FULL, 2)
+
+
+def test_on_a_can_bus_the_core_takes_and_gives_the_same_payloads() -> None:
+    """`swingid_message` and `swingid_output_message` in the place of bytes; a frame of CAN-FD may not be longer."""
+    core = CoreDevice(BOARD)
+    core.tick(1000, STILL)
+    stream = parameter_frames() + arm_frame(mode=Mode.OPEN_LOOP) + reference_frames([1.0, 2.0])
+    for encoded in (stream + encode("Run", session=7) + encode("Who")).split(b"\0")[:-1]:
+        found = unwrap(encoded)
+        assert found is not None
+        core.message(*found)
+    assert core.tick(2000, STILL) == 1.0
+    names = []
+    while (message := core.output_message()) is not None:
+        kind = schema().by_id[message[0]]
+        values = kind.unpack(message[1])
+        names.append(kind.name)
+        assert values.get("status", Status.DONE) == Status.DONE
+    assert names == ["Ack"] * (-(-len(PARAMETERS) // 7) + 3) + ["Hello", "Sample"]
+    assert values["voltage"] == 1.0
+    assert core.output() == b""
+    core.message(0x7FF, b"")  # somebody else's
+    core.tick(3000, STILL)
+    sample = core.output_message()
+    assert sample is not None
+    assert schema().by_id[sample[0]].unpack(sample[1])["flags"] == Flag.BAD_FRAME
 
 
 # ---- the C core against the machine above ----

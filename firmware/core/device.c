@@ -281,12 +281,25 @@ void swingid_receive(swingid_device *device, const uint8_t *bytes, int size) {
     }
 }
 
+static void remove_output(swingid_device *device, int count) {
+    for (int i = count; i < device->output_size; i++) device->output[i - count] = device->output[i];
+    device->output_size -= count;
+}
+
 int swingid_output(swingid_device *device, uint8_t *bytes, int room_for) {
     const int count = room_for < device->output_size ? room_for : device->output_size;
     for (int i = 0; i < count; i++) bytes[i] = device->output[i];
-    for (int i = count; i < device->output_size; i++) device->output[i - count] = device->output[i];
-    device->output_size -= count;
+    remove_output(device, count);
     return count;
+}
+
+int swingid_output_message(swingid_device *device, uint16_t *id, uint8_t *payload) {
+    int size = 0, length;
+    if (device->output_size == 0) return -1;
+    while (size < device->output_size - 1 && device->output[size] != 0) size++; /* a frame ends with a zero */
+    if (!swingid_decode(device->output, size, id, payload, &length)) length = -1;
+    remove_output(device, size + 1);
+    return length;
 }
 
 /* ---- one sample ---- */

@@ -54,6 +54,10 @@ float swingid_tick(swingid_device *device, const swingid_inputs *inputs);
 /* Take at most `room` bytes for the host; returns how many. */
 int swingid_output(swingid_device *device, uint8_t *bytes, int room);
 
+/* For a CAN bus in the place of a serial line: the next message for the host, its payload in SWINGID_MOST_PAYLOAD
+ * bytes; returns the payload's length, -1 where there is none. A device uses this or swingid_output, not both. */
+int swingid_output_message(swingid_device *device, uint16_t *id, uint8_t *payload);
+
 /* 0 V and a latched fault, for a board that finds something wrong itself. */
 void swingid_trip(swingid_device *device, uint8_t fault, double value);
 

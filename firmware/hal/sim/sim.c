@@ -40,6 +40,10 @@ uint32_t sim_tick(uint32_t time, int32_t axis, int32_t wheel, uint32_t current, 
 /* Output of the device into sim_bytes; how many bytes. */
 int sim_output(void) { return swingid_output(&device, sim_bytes, (int)sizeof sim_bytes); }
 
+/* The same on a CAN bus: a message in, and the next one out; the payload in sim_bytes, its length, -1 without one. */
+void sim_message(uint16_t id, int length) { swingid_message(&device, id, sim_bytes, length); }
+int sim_output_message(uint16_t *id) { return swingid_output_message(&device, id, sim_bytes); }
+
 /* So many controller steps in one call: rows of reference, angle, wheel angle. */
 void sim_steps(int count, const double *inputs, double *state, const double *parameters, double *voltages,
                double *states) {

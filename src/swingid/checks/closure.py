@@ -11,23 +11,24 @@ from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.result.result import Message
 
 CLOSES = 0.2
-"""Share of the inertia's term that the balance may leave.
+"""Share of the term of the inertia, or of a larger one of gravity, that the balance may leave.
 
 Of 53 foreign logs whose answer meets the evidence (benchmarks/strangers.py) the balance leaves 0.1 to 11 %; of a torque
 column that is the speed 83 %, of angle and torque exchanged 150 %, without the gravity torque of a pendulum 65 %.
 """
 
 OPEN = 0.5
-"""Share from which on there is no answer: half of the inertia's term has another cause than the model."""
+"""Share from which on there is no answer: half of the motion has another cause than the model."""
 
 
 def share_left(law: WindowFit) -> float:
-    """What the terms leave beyond the noise of the sensors, as a share of the inertia's term (rms)."""
+    """What the terms leave beyond the noise of the sensors, as a share of the inertia's term or of gravity's (rms)."""
     noise, half = law.noise, law.rows.windows.half
     power = (law.a11 * noise.angle) ** 2 + (law.scale.a12 * noise.wheel) ** 2
     expected = power * noise.step * CURVATURE_POWER * float(np.mean(half**-3.0))
     left = max(float(np.mean(law.fit.residuals**2)) - expected, 0.0)
-    return float(np.sqrt(left)) / max(float(np.std(law.a11 * law.rows.inertia)), 1e-300)
+    terms = (law.a11 * law.rows.inertia, law.b * law.rows.gravity)
+    return float(np.sqrt(left)) / max(*(float(np.std(term)) for term in terms), 1e-300)
 
 
 def check_closure(law: WindowFit) -> list[Message]:
@@ -39,8 +40,8 @@ def check_closure(law: WindowFit) -> list[Message]:
     if left <= CLOSES:
         return []
     text = (
-        f"inertia, gravity, drive and friction leave {percent(left)} of the inertia's term: a torque acts that the rig "
-        "file does not have, or a column is not what [log] states; correct the column, sign, unit or constant (inspect "
+        f"inertia, gravity, drive and friction leave {percent(left)} of the larger of their terms: a torque acts that "
+        "the rig file does not have, or a column is not what [log] states; correct the column, sign, unit or constant (inspect "
         "tests each)."
     )
     if left > OPEN:

@@ -26,7 +26,6 @@ from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
-from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import DETECTED
 
 FLAT = 1.25
@@ -159,9 +158,8 @@ def _with_memory(
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
-    largest = largest_impulse(scale, signals.motion, found, plain.value("coulomb"))
-    seen = found > DETECTED * spread and largest > 0
-    return (remembered if seen or memory == "on" else tried), impulse_left(impulse, found, spread, largest)
+    seen = found > DETECTED * spread and impulse_possible(scale, signals.motion, found, plain.value("coulomb"))
+    return (remembered if seen or memory == "on" else tried), impulse_left(impulse, found, spread)
 
 
 def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
@@ -221,21 +219,14 @@ def impulse_possible(scale: Scale, motion: Motion, impulse: float, dry: float) -
     return scale.drive != "none" or impulse < REVERSAL * motion.half_period * abs(dry)
 
 
-def largest_impulse(scale: Scale, motion: Motion, impulse: float, dry: float) -> float:
-    """Impulse at each reversal (N m s or N s) up to which dry friction may make one; 0 if it did not make `impulse`."""
-    return REVERSAL * motion.half_period * abs(dry) if impulse_possible(scale, motion, impulse, dry) else 0.0
-
-
-def impulse_left(prior: float, found: float, spread: float, largest: float) -> float:
+def impulse_left(prior: float, found: float, spread: float) -> float:
     """Standard uncertainty of the impulse at each reversal (N m s or N s) where the rows give `found` ± `spread`.
 
     The correction of the turning points has a standard uncertainty equal to its magnitude (`prior`), for friction at
     rest is extrapolated from faster motion, where a short peak does not show. The rows reduce it to the posterior.
-    Dynamic friction below the level at which its impulse is fitted is dark uncertainty, of a size up to `largest`.
     """
     weight = prior**2 / max(prior**2 + spread**2, 1e-300)
-    of_peak = float(np.hypot(weight * found, np.sqrt(weight) * spread))
-    return max(of_peak, dark_uncertainty(found, spread**2, largest)) if largest > 0 else of_peak
+    return float(np.hypot(weight * found, np.sqrt(weight) * spread))
 
 
 def _fits(rows: dict[float, Rows], scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:

@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from swingid.balance.choice import FLAT, impulse_left, largest_impulse
+from swingid.balance.choice import FLAT, impulse_left, impulse_possible
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
 from swingid.balance.friction_laws import EXACT
 from swingid.balance.rows import Rows, Signals
@@ -138,9 +138,8 @@ def estimate(
     levels = dry_levels(signals, plain.fit)
     dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
     dry += float(np.abs(np.mean(levels)))
-    largest = largest_impulse(scale, part.motion, size, dry)
-    seen = size > DETECTED * spread and largest > 0
-    impulse = impulse_left(impulse_of(late, law.torque, levels), size, spread, largest)
+    seen = size > DETECTED * spread and impulse_possible(scale, part.motion, size, dry)
+    impulse = impulse_left(impulse_of(late, law.torque, levels), size, spread)
     chosen, more = (memory, ("memory",)) if seen else (plain, ())
     fits = [(other, _fit(part, scale, row_filter, other, more, instruments, plain.lag), w) for other, w in others]
     cutoff = row_filter.cutoff

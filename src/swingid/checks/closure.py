@@ -41,8 +41,8 @@ def check_closure(law: WindowFit) -> list[Message]:
         return []
     text = (
         f"inertia, gravity, drive and friction leave {percent(left)} of the larger of their terms: a torque acts that "
-        "the rig file does not have, or a column is not what [log] states; correct the column, sign, unit or constant (inspect "
-        "tests each)."
+        "the rig file does not have, or a column is not what [log] states; correct the column, sign, unit or constant "
+        "(inspect tests each)."
     )
     if left > OPEN:
         raise UnanswerableError(text, code="balance-open")

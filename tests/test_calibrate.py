@@ -342,7 +342,7 @@ def test_a_rig_without_wheel_is_refused():
     rig = Rig.from_text('[axis]\ngravity_torque = 0.2\n[drive]\nkind = "none"\n')
     with pytest.raises(InputError) as caught:
         calibrate(clamped(multisine(5.0), BIT14), rig)
-    assert caught.value.code == "no-wheel"
+    assert caught.value.code == "other-drive"
 
 
 def test_no_log_is_refused():

@@ -188,7 +188,7 @@ def predicted(law: WindowFit) -> Prediction | None:
     excess, rest = float(difference @ difference), float(fits[1].residuals @ fits[1].residuals)
     mean, power = float(np.trace(spread)), float(np.trace(spread @ spread))
     freedom = len(left) / (LAG / 2) - 2 * count
-    if not mean > 0 or freedom < count:
+    if not (mean > 0 and power > 0) or freedom < count:
         return None
     significance = normal_of_ratio(excess / mean, mean**2 / power, freedom)
     return Prediction(((rest + excess) / (rest + mean)) ** 0.5, significance)

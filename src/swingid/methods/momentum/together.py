@@ -34,7 +34,7 @@ from swingid.uncertainty.freedom import bartlett, scatter_freedom
 from swingid.uncertainty.significance import DETECTED
 from swingid.units import Quantity
 
-SURE = 0.05
+WORTH_A_NOTE = 0.05
 """Relative uncertainty of torque per volt and back-EMF up to which k and R, quotients of them, are worth a note."""
 
 DRAG = "drag that differs between logs"
@@ -228,7 +228,7 @@ def _motor_notes(found: Together) -> list[Message]:
     products = {name: law.scale.known.get(name, law.value(name)) for name in MOTOR_TERMS}
     k_over_r, k2_over_r = products.values()
     found_at_all = [name for name in MOTOR_TERMS if name in law.unknowns]
-    sure = all(law.uncertainty(name) < SURE * abs(law.value(name)) for name in found_at_all)
+    sure = all(law.uncertainty(name) < WORTH_A_NOTE * abs(law.value(name)) for name in found_at_all)
     if k_over_r > 0 and k2_over_r > 0 and found_at_all and sure:
         k, resistance = k2_over_r / k_over_r, k2_over_r / k_over_r**2
         text = (

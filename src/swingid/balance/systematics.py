@@ -7,6 +7,7 @@ compared, and what their uncertainties do not explain is dark uncertainty.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -133,13 +134,14 @@ def drift_with_length(
     return worst
 
 
-def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
+def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math.inf) -> float:
     """Standard uncertainty of a11 where the stated gravity torque contradicts the log (a conflict of prior and data).
 
     Either the stated gravity torque is wrong, or the scale of the drive is, and with it a11 and the fitted gravity
-    torque in one proportion. The dark uncertainty holds the estimates of both cases.
+    torque in one proportion. The dark uncertainty holds the estimates of both cases. u: of the estimate it is added
+    to, if that is smaller than that of `law`.
     """
-    stated = law.scale.b
+    stated, u = law.scale.b, min(u, law.u)
     if stated is None or law.scale.drive == "none" or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
@@ -148,7 +150,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
     variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
     variance += sum((float(other.shifts[0]) - mine.get(other.item.source, 0.0)) ** 2 for other in free.declared)
-    by_drive = dark_uncertainty(free.a11 - law.a11, variance, law.u)
+    by_drive = dark_uncertainty(free.a11 - law.a11, variance, u)
     if not stated:
         return by_drive
     k, gravity = free.unknowns.index("gravity_torque"), rig.axis.gravity_torque
@@ -157,7 +159,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals) -> float:
     # a11 is in proportion to the gravity torque, to first order
     by_gravity = free.a11 - law.a11 - law.a11 * (free.b / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
-    return max(by_drive, dark_uncertainty(by_gravity, variance, law.u))
+    return max(by_drive, dark_uncertainty(by_gravity, variance, u))
 
 
 @dataclass(frozen=True)

@@ -54,6 +54,10 @@ class RigFileCheck:
         place = place_fits(law, signals, choice.tried.values())
         return cls(choice, part, gravity_conflict(law, prepared.rig, signals), place, Stability.of(choice))
 
+    def conflict_with(self, u: float) -> float:
+        """The conflict for an estimate whose standard uncertainty is `u`, which a poorer balance must not widen."""
+        return gravity_conflict(self.choice.law, self.part.rig, self.choice.signals, u) if self.conflict else 0.0
+
     def alone(self, inertia: Parameter) -> Parameter:
         """The inertia without the conflict, which is named, and neither makes an estimate hopeless nor hides causes."""
         u = max((inertia.standard_uncertainty or 0.0) ** 2 - self.conflict**2, 0.0) ** 0.5

@@ -224,7 +224,7 @@ def answer_of(estimate: Estimate) -> Evaluated:
         common.append((systematic(DISAGREES), "inertia", dark))
     conflict = prior_conflict(estimate)
     if setup.rig_file is not None:
-        conflict = max(conflict, setup.rig_file.conflict)
+        conflict = max(conflict, setup.rig_file.conflict_with(math.sqrt(estimate.covariance[0, 0])))
     common.append((systematic(CONFLICT), "inertia", conflict))
     declared = [replace(one, slopes=own @ one.slopes) for one in estimate.declared]
     matrix = own @ estimate.covariance @ own.T

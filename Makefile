@@ -5,14 +5,15 @@
 # make bench-ensemble  many runs at once beside scalar C programs; the last line is the ratio
 # make peers      what other packages do with the same log and loop, into docs/benchmarks.md
 # make compare-with REV=…  results of an old revision beside those of the working tree; QUICK=1, CASES=text, WORDS=1
-# make venv       only set up .venv (every target does that first)
+# make venv       only set up .venv with the development tools (every target but demo does that first)
 
 BIN := .venv/bin
+PACKAGE := .venv/.package
 STAMP := .venv/.installed
 
 .PHONY: demo test test-long bench bench-ensemble peers compare-with venv format style types layers wheel unit clean
 
-demo: $(STAMP)
+demo: $(PACKAGE)
 	@$(BIN)/python examples/demo.py
 
 test: style types layers wheel unit
@@ -67,6 +68,10 @@ unit: $(STAMP)
 clean:
 	rm -rf .venv build dist out .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache
 
-$(STAMP): pyproject.toml tools/venv.sh
+$(PACKAGE): pyproject.toml tools/venv.sh
 	@bash tools/venv.sh .venv
 	@touch $@
+
+$(STAMP): pyproject.toml tools/venv.sh
+	@bash tools/venv.sh .venv dev
+	@touch $@ $(PACKAGE)

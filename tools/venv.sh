@@ -1,9 +1,10 @@
 #!/usr/bin/env bash
-# Make or update the virtual environment in folder $1, with the package (editable) and its development tools.
+# Make or update the virtual environment in folder $1, with the package (editable) and, if given, its extra $2.
 # Takes $PYTHON if set, else the first Python >= 3.11 that it finds.
 set -euo pipefail
 
 folder=$1
+extra=${2:-}
 
 new_enough() {
     "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' > /dev/null 2>&1
@@ -30,5 +31,5 @@ if [ ! -x "$folder/bin/python" ] || ! new_enough "$folder/bin/python"; then
         exit 1
     fi
 fi
-echo "== installing the package and its tools into $folder (the first time takes a minute)"
-"$folder/bin/python" -m pip install -qq --disable-pip-version-check --editable ".[dev]"
+echo "== installing the package${extra:+ and its extra $extra} into $folder (the first time takes a minute)"
+"$folder/bin/python" -m pip install -qq --disable-pip-version-check --editable ".${extra:+[$extra]}"

@@ -224,7 +224,7 @@ def device_start(samples: list[Frame]) -> int:
     ("address", "words"),
     [
         ("serial://x", "starts with twin"),
-        ("twin://paper?seed=x", "numbers"),
+        ("twin://paper?seed=x", "seed must be a number"),
         ("twin://paper?speed=1", "speed is not offered"),
         ("twin://paper?rate=1", "rate is not offered"),
         ("twin://paper?seed=-1", "seed is not offered"),

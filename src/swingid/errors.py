@@ -44,3 +44,9 @@ class NotIdentifiableError(UnanswerableError):
 
     def __init__(self, message: str) -> None:
         super().__init__(message, code="not-identifiable")
+
+
+class DeviceError(SwingidError):
+    """A device of a live rig cannot be reached, does not answer, or has stopped (exit code 5)."""
+
+    exit_code = 5

@@ -50,7 +50,7 @@ def _swingid(
 ) -> None:
     """Moment of inertia and bearing friction of a swinging body, from logged angles.
 
-    Exit codes: 0 fine, 2 wrong usage, 3 unusable input, 4 the data cannot answer, 70 a bug of swingid.
+    Exit codes: 0 fine, 2 wrong usage, 3 unusable input, 4 the data cannot answer, 5 no device, 70 a bug of swingid.
     """
 
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import zlib
 from typing import TYPE_CHECKING, Protocol
-from urllib.parse import parse_qsl, unquote
 
 from swingid.errors import UsageError
+from swingid.live.devices.stream import closed_error, split_address
 from swingid.live.guard import Board, Readings
 from swingid.live.machine import VERSION, Machine
 from swingid.live.plant import Plant, board_of
@@ -19,7 +19,6 @@ from swingid.live.plant import Plant, board_of
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
 
-SCHEME = "twin://"
 BLOCK = 16
 """Samples that one call of `read` returns at most, as a USB adapter does every 16 ms."""
 
@@ -43,7 +42,10 @@ class TwinDevice:
     machine: another device than `Machine`, for tests of firmware. clock: the device's time at its first sample (us).
     """
 
+    virtual = True
+
     def __init__(self, plant: Plant, board: Board, *, machine: Device | None = None, clock: int = 0) -> None:
+        self.address = f"twin://{plant.rig.name}"
         self.plant = plant
         self.board = board
         self.machine: Device = machine or Machine(board)
@@ -84,7 +86,7 @@ class TwinDevice:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise UsageError("this device is closed; connect again", code="closed")
+            raise closed_error(self.address)
 
 
 def twin_of(rig: Rig, *, rate: float = 1000.0, seed: int = 0, draw: bool = False, clock: int = 0) -> TwinDevice:
@@ -100,17 +102,15 @@ def open_twin(address: str) -> TwinDevice:
     """
     from swingid.model.rig import Rig
 
-    if not address.startswith(SCHEME):
-        raise UsageError(f"{address!r} is no address of a twin, which starts with {SCHEME}", code="bad-address")
-    name, _, query = address.removeprefix(SCHEME).partition("?")
-    options = dict(parse_qsl(query, keep_blank_values=True))
-    try:
-        rate, seed = float(options.pop("rate", "1000")), int(options.pop("seed", "0"))
-        draw = bool(int(options.pop("draw", "0")))
-    except ValueError as error:
-        raise UsageError(f"{address!r}: {error}; rate, seed and draw are numbers", code="bad-address") from None
-    if options or not 20.0 <= rate <= 100_000.0 or seed < 0:
-        wrong = ", ".join(options) or ("rate" if seed >= 0 else "seed")
+    parts = split_address(address)
+    if parts.scheme != "twin":
+        raise UsageError(f"{address!r} is no address of a twin, which starts with twin://", code="bad-address")
+    parts.require("rate", "seed", "draw")
+    rate, seed, draw = parts.number("rate", 1000.0), parts.whole("seed", 0), bool(parts.whole("draw", 0))
+    if not 20.0 <= rate <= 100_000.0 or seed < 0:
+        wrong = "rate" if seed >= 0 else "seed"
         text = f"{address!r}: {wrong} is not offered; options are rate (20 to 100000), seed (0 or more), draw (0 or 1)"
         raise UsageError(text, code="bad-address")
-    return twin_of(Rig.load(unquote(name)), rate=rate, seed=seed, draw=draw)
+    device = twin_of(Rig.load(parts.target), rate=rate, seed=seed, draw=draw)
+    device.address = address
+    return device

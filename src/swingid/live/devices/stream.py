@@ -1,0 +1,88 @@
+"""What every device is to a host: a stream of bytes with an address."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Protocol
+from urllib.parse import parse_qsl, unquote
+
+from swingid.errors import DeviceError, UsageError
+
+
+class Stream(Protocol):
+    """A connection to a device.
+
+    virtual: time passes only while the host reads, so a host must not wait by its own clock. address: as it was given.
+    """
+
+    virtual: bool
+    address: str
+
+    def write(self, data: bytes) -> None:
+        """Send bytes; DeviceError where the device takes none."""
+
+    def read(self, timeout: float = 0.0) -> bytes:
+        """What has come, after at most `timeout` (s); DeviceError where the device has gone."""
+
+    def close(self) -> None:
+        """End the connection; a second call does nothing."""
+
+
+@dataclass(frozen=True)
+class Address:
+    """An address ``SCHEME://TARGET?NAME=VALUE&...`` in its parts."""
+
+    text: str
+    scheme: str
+    target: str
+    options: Mapping[str, str]
+
+    def number(self, name: str, default: float) -> float:
+        """The value of an option that is a number; UsageError for other words."""
+        try:
+            return float(self.options.get(name, default))
+        except ValueError:
+            text = f"{self.text!r}: {name} must be a number, not {self.options[name]!r}"
+            raise UsageError(text, code="bad-address") from None
+
+    def whole(self, name: str, default: int) -> int:
+        """The value of an option that is a whole number; UsageError for another."""
+        value = self.number(name, default)
+        if value != int(value) if abs(value) < 2.0**53 else True:
+            raise UsageError(f"{self.text!r}: {name} must be a whole number", code="bad-address")
+        return int(value)
+
+    def require(self, *offered: str) -> None:
+        """UsageError for an option that is not among those offered."""
+        for name in self.options:
+            if name not in offered:
+                these = ", ".join(offered) or "none"
+                raise UsageError(f"{self.text!r}: {name} is not offered; options are {these}", code="bad-address")
+
+
+def split_address(address: str) -> Address:
+    """The parts of an address; UsageError for one without a scheme."""
+    scheme, separator, rest = address.partition("://")
+    if not separator or not scheme:
+        text = f"{address!r} is no address of a device, which is SCHEME://..., such as twin://paper"
+        raise UsageError(text, code="bad-address")
+    target, _, query = rest.partition("?")
+    return Address(address, scheme.lower(), unquote(target), dict(parse_qsl(query, keep_blank_values=True)))
+
+
+def closed_error(address: str) -> UsageError:
+    """The error of a device that this program has closed."""
+    return UsageError(f"{address}: this device is closed; connect again", code="closed")
+
+
+def gone(address: str, error: object = "") -> DeviceError:
+    """The error of a device that is no longer there."""
+    because = f" ({error})" if str(error) else ""
+    return DeviceError(f"{address}: the device has gone{because}; check cable and supply, connect again", code="gone")
+
+
+def stuck(address: str) -> DeviceError:
+    """The error of a device that takes no bytes any more."""
+    text = f"{address}: the device takes nothing that is sent to it; check its supply, connect again"
+    return DeviceError(text, code="no-answer")

@@ -1,11 +1,12 @@
 /* The firmware as a process: the host on a pseudo terminal or a TCP port, the plant on a second TCP port.
  *
- *     swingid-native (--pty | --tcp PORT) --plant PORT [--rate HZ] [--counts AXIS WHEEL] [--limit V] [--firmware HASH]
+ *     swingid-native (--pty | --tcp PORT) --plant PORT [--live] [--rate HZ] [--counts AXIS WHEEL] [--limit V]
+ *                    [--firmware HASH]
  *
  * Port 0 is any free one. Two lines of standard output say where: "link ADDRESS", "plant PORT". The plant sets the
  * pace, as fast as it can or in real time. Per sample it sends 24 bytes: time (u32, us), axis, wheel (i32), current
  * (f32), valid (u32), and how many bytes the host has sent so far (u32), which are waited for, so that a run can be
- * repeated byte by byte. The answer has 8 bytes: the voltage (f32) and how many bytes have gone to the host (u32). The
+ * repeated byte by byte; with --live nothing is waited for, also not for a host at the start. The answer has 8 bytes: the voltage (f32) and how many bytes have gone to the host (u32). The
  * process ends with the plant's connection.
  */
 #define _DEFAULT_SOURCE
@@ -33,7 +34,7 @@ static int listener = -1, link_fd = -1, plant_fd = -1;
 static uint32_t wanted, received, passed_on;
 static uint8_t told[TOLD];
 static float applied;
-static int fresh, answered = 1, over;
+static int fresh, answered = 1, over, live;
 
 static void fail(const char *what) {
     fprintf(stderr, "swingid-native: %s: %s\n", what, strerror(errno));
@@ -134,6 +135,10 @@ int hal_receive(uint8_t *bytes, int room) {
     ssize_t count;
     if (!fresh) exchange();
     fresh = 1;
+    if (live) {
+        count = over || link_fd < 0 ? 0 : read(link_fd, bytes, (size_t)room);
+        return count > 0 ? (int)count : 0; /* look_for_host finds a host that has gone */
+    }
     if (over || received == wanted) return 0;
     connect_link();
     if ((uint32_t)room > wanted - received) room = (int)(wanted - received);
@@ -205,6 +210,8 @@ int main(int count, char **arguments) {
         const char *option = arguments[i];
         if (strcmp(option, "--pty") == 0) {
             pty = 1;
+        } else if (strcmp(option, "--live") == 0) {
+            live = 1;
         } else if (strcmp(option, "--tcp") == 0) {
             tcp = (int)number(count, arguments, &i);
         } else if (strcmp(option, "--plant") == 0) {
@@ -224,8 +231,8 @@ int main(int count, char **arguments) {
         }
     }
     if (pty == (tcp >= 0) || plant < 0 || tcp > 65535 || plant > 65535 || config.rate < 20.0f) {
-        fprintf(stderr, "usage: swingid-native (--pty | --tcp PORT) --plant PORT [--rate HZ, 20 or more] "
-                        "[--counts AXIS WHEEL] [--limit V] [--firmware HASH]\n");
+        fprintf(stderr, "usage: swingid-native (--pty | --tcp PORT) --plant PORT [--live] "
+                        "[--rate HZ, 20 or more] [--counts AXIS WHEEL] [--limit V] [--firmware HASH]\n");
         return 2;
     }
     signal(SIGPIPE, SIG_IGN);
@@ -239,7 +246,7 @@ int main(int count, char **arguments) {
     printf("plant %d\n", port);
     fflush(stdout);
     plant_fd = accept_on(plant);
-    connect_link();
+    if (!live || pty) connect_link();
     swingid_loop(&config);
     return 0;
 }

@@ -11,6 +11,7 @@ import typer
 
 from swingid.cli.calibrate import calibrate
 from swingid.cli.campaign import campaign
+from swingid.cli.emulate import emulate
 from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
@@ -29,7 +30,7 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, compare, convert, datasets, difference, design, rehearse),
-    *(reproduce, tensor, validate),
+    *(emulate, reproduce, tensor, validate),
 ):
     app.command()(command)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import select
 import socket
 from contextlib import suppress
 from typing import Protocol
@@ -45,11 +44,8 @@ class TcpPort:
 
     def receive(self) -> bytes:
         """What the host has sent, without waiting; connects and disconnects hosts."""
-        waiting = [self._listener, *([self._host] if self._host is not None else [])]
-        ready = select.select(waiting, [], [], 0)[0]
-        if self._listener in ready:
-            self._connect()
-        if self._host is None or self._host not in ready:
+        self._connect()
+        if self._host is None:
             return b""
         try:
             data = self._host.recv(PIECE)

@@ -80,6 +80,10 @@ class TwinDevice:
         self._pending += self.machine.output()
         self.plant.hold(voltage)
 
+    def clock(self) -> float:
+        """Time that has passed (s): a host takes it in the place of its own clock."""
+        return self.plant.time
+
     def close(self) -> None:
         """End of the connection; the rig hangs as it does."""
         self._closed = True

@@ -1,0 +1,80 @@
+"""A device's stream of bytes as frames: what goes out, what comes in, when something was last heard.
+
+Time is that of the stream: one that is virtual sets it, by its ``clock()`` or by how long it was read; for any other it
+is the host's steady clock. Nothing here sleeps; time passes in ``read(timeout)`` alone.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+from swingid.errors import DeviceError
+from swingid.live.devices.stream import Stream
+from swingid.live.frames import Decoder, Frame, encode
+
+TURN = 0.016
+"""Longest wait for bytes (s): what a USB adapter needs at worst, and a sixth of the heartbeat's time."""
+
+Tap = Callable[[bool, float, bytes], None]
+"""Called with (from the device, time of the link in s, bytes) for all bytes in both directions."""
+
+
+class Link:
+    """Frames over a stream. name: of the device, for messages. tap: sees every byte."""
+
+    def __init__(self, stream: Stream, name: str | None = None, tap: Tap | None = None) -> None:
+        self.stream, self.name, self.tap = stream, name or stream.address, tap
+        self._passed = 0.0
+        steady: Callable[[], float] = (lambda: self._passed) if stream.virtual else time.monotonic
+        self.clock: Callable[[], float] = getattr(stream, "clock", steady)
+        self.heard = self.clock()
+        self.bytes_in = 0
+        self._decoder = Decoder()
+
+    @property
+    def bad(self) -> int:
+        """How many pieces of what came in were no frames."""
+        return self._decoder.bad
+
+    @property
+    def silence(self) -> float:
+        """Time since the last frame (s)."""
+        return self.clock() - self.heard
+
+    def exchange(self, out: bytes = b"", timeout: float = TURN) -> list[Frame]:
+        """Send bytes, then the frames that come within `timeout` (s).
+
+        Raises DeviceError where the connection has gone.
+        """
+        try:
+            if out:
+                self.stream.write(out)
+                self._show(False, out)
+            data = self.stream.read(timeout)
+            self._passed += timeout
+        except OSError as error:
+            reason = error.strerror or type(error).__name__
+            raise self.lost(f"the connection has gone ({reason})") from None
+        if not data:
+            return []
+        self.bytes_in += len(data)
+        self._show(True, data)
+        frames = self._decoder.feed(data)
+        if frames:
+            self.heard = self.clock()
+        return frames
+
+    def _show(self, came: bool, data: bytes) -> None:
+        if self.tap is not None:
+            self.tap(came, self.clock(), data)
+
+    def send(self, name: str, timeout: float = TURN, **values: Any) -> list[Frame]:
+        """One message, then the frames that come; raises as `exchange`."""
+        return self.exchange(encode(name, **values), timeout)
+
+    def lost(self, why: str) -> DeviceError:
+        """The error of a link on which nothing comes."""
+        text = f"{self.name}: {why}; its firmware gives 0 V without a host: look after cable and supply, connect again"
+        return DeviceError(text, code="link-lost")

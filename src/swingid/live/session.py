@@ -1,0 +1,234 @@
+"""A host's session with a device: who it is, its parameters, and runs of a reference or of voltages.
+
+    with Session(open_device("twin://paper")) as session:
+        board = session.connect()
+        session.load(parameters_of(controller, board, limits))
+        run = session.run(reference)
+
+Works on any stream (`devices/stream.py`). Messages that get lost are sent again until the device's answers show that
+they came: Acks carry what it wants next. What one turn of a run does is in `live/running.py`.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from swingid.errors import DeviceError, UsageError
+from swingid.live.codes import FaultCode, Mode, State, Status, StopMode
+from swingid.live.frames import Frame, checksum, encode
+from swingid.live.guard import Board
+from swingid.live.link import TURN, Link, Tap
+from swingid.live.running import End, Reason, Run, Running
+from swingid.live.schema import schema
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from swingid.live.devices.stream import Stream
+    from swingid.live.running import Watch
+    from swingid.numerics.arrays import Array
+
+__all__ = ["End", "Reason", "Run", "Session"]
+
+PATIENCE, AGAIN = 2.0, 0.04
+"""Seconds that a device has for an answer, and after which a message is sent again."""
+
+PART = 7
+"""Parameters in a message."""
+
+
+class Session:
+    """One host on one device. name: of the device in messages, default its address; tap: sees every byte (`link.Tap`).
+
+    number: tells this host's messages from another's on the same device (1 to 65535); 1 on virtual time, so that a
+    run repeats to the byte, else random.
+    """
+
+    def __init__(
+        self, stream: Stream, *, name: str | None = None, tap: Tap | None = None, number: int | None = None
+    ) -> None:
+        self.link = Link(stream, name, tap)
+        self.number = number or (1 if stream.virtual else 1 + secrets.randbelow(65535))
+        self.hello: Frame | None = None
+        self._check: int | None = None
+        self._running: Running | None = None
+        self._closed = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """0 V, then the end of the connection; never raises."""
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            if self.hello is not None:
+                self.link.send("Stop", session=self.number, mode=StopMode.HARD)
+        except DeviceError:
+            pass
+        finally:
+            self.link.stream.close()
+
+    def connect(self, patience: float = PATIENCE) -> Board:
+        """Ask who the device is, for up to `patience` (s); its board.
+
+        Raises DeviceError where nothing answers, where what comes is no frame, and for firmware of another schema.
+        """
+        frame = self._answer("Hello", encode("Who", schema=schema().hash), patience)
+        if frame is None:
+            raise self._no_hello()
+        self.hello = frame
+        if frame.schema != schema().hash:
+            text = f"{self.link.name} has firmware {frame.firmware:08x} of another version of the link (schema "
+            text += f"{frame.schema:08x}, this host {schema().hash:08x}); build firmware and host from one version"
+            raise DeviceError(text, code="other-firmware")
+        return Board(frame.rate, frame.axis_counts, frame.wheel_counts, frame.voltage_limit, frame.firmware)
+
+    def _no_hello(self) -> DeviceError:
+        name, link = self.link.name, self.link
+        if link.bad or link.bytes_in:
+            text = f"{name} sends bytes that are no frames of swingid; check the baud rate, and that its firmware is "
+            return DeviceError(
+                text + "that of firmware/, or name a csv:// device for one that prints", code="no-frames"
+            )
+        text = f"{name} does not answer; check its supply and the cable, and that its firmware is running"
+        return DeviceError(text, code="no-answer")
+
+    def require_ready(self) -> None:
+        """Raise DeviceError unless the device is idle: a latched fault is for a person to clear, a run is another's."""
+        frame = self._answer("Hello", encode("Who", schema=schema().hash), PATIENCE)
+        if frame is None:
+            raise self._no_hello()
+        self.hello = frame
+        if frame.state == State.FAULT:
+            word = FaultCode(frame.fault).name.lower() if frame.fault in set(FaultCode) else str(frame.fault)
+            text = (
+                f"{self.link.name} holds a fault ({word}) of an earlier run; look at the rig, then clear it (--clear)"
+            )
+            raise DeviceError(text, code="latched-fault")
+        if frame.state != State.IDLE:
+            word = State(frame.state).name.lower() if frame.state in set(State) else str(frame.state)
+            text = f"{self.link.name} is {word} for another host; stop that one first"
+            raise DeviceError(text, code="in-use")
+
+    def load(self, parameters: ArrayLike) -> None:
+        """Send the parameters of guard and controller (`guard.parameters_of`); DeviceError where they don't arrive."""
+        values = np.asarray(parameters, float)
+        total, sent = len(values), 0
+        # a device that had some already starts again at index 0
+        deadline = self.link.clock() + PATIENCE + 0.05 * total
+        while sent < total:
+            part = values[sent : sent + PART].tolist()
+            out = encode("Parameters", index=sent, count=len(part), total=total, value=tuple(part))
+            ack = self._acknowledged("Parameters", out)
+            if ack.status not in (Status.DONE, Status.GAP) or self.link.clock() > deadline:
+                raise self._refused("Parameters", ack)
+            sent = ack.next if ack.next <= total else 0
+            if ack.status == Status.DONE and sent == 0:
+                raise self._refused("Parameters", ack)
+        self._check = checksum(values.astype("<f8").tobytes())
+
+    def listen(self, seconds: float) -> list[Frame]:
+        """Sample frames of this long (s) without a run: the body as it hangs. DeviceError where none come."""
+        frames: list[Frame] = []
+        until, asked = self.link.clock() + seconds, -1.0
+        while (now := self.link.clock()) < until:
+            out = b""
+            if now - asked >= AGAIN:
+                out, asked = encode("Heartbeat", session=self.number), now
+            came = self.link.exchange(out, min(TURN, max(until - now, 1e-6)))
+            frames += [frame for frame in came if frame.name == "Sample"]
+        if not frames:
+            raise self.link.lost(f"no sample came in {seconds:g} s")
+        return frames
+
+    def run(
+        self,
+        samples: ArrayLike,
+        *,
+        mode: Mode = Mode.CLOSED_LOOP,
+        fade: float = 0.5,
+        watch: Watch | None = None,
+        on_batch: Callable[[list[Frame]], None] | None = None,
+    ) -> Run:
+        """Arm, send the samples as the device wants them, and read until it is at 0 V.
+
+        samples: the reference (rad, closed loop) or voltages (V, open loop), one per sample of the device. fade: length
+        of a soft stop (s). watch: the host's guard: called with each batch of Sample frames, a
+        sentence from it is a hard stop. on_batch: called with each batch; may call `ask_stop`. What the device's guard,
+        the link or a person ends is no exception: see `Run.end`. Raises DeviceError where the run does not begin.
+        """
+        if self._check is None or self.hello is None:
+            raise UsageError("a run needs connect() and load(parameters) before it", code="no-parameters")
+        wanted: Array = np.asarray(samples, np.float32).astype(float)
+        if wanted.ndim != 1 or not len(wanted) or not np.isfinite(wanted).all():
+            raise UsageError("the samples of a run are one row of finite numbers", code="bad-reference")
+        steps = min(round(fade * self.hello.rate), 65535)
+        arm = encode("Arm", session=self.number, mode=mode, parameters=self._check, fade=steps)
+        arm += encode("Heartbeat", session=self.number)  # where the answer gets lost it is armed and waits for one
+        ack = self._acknowledged("Arm", arm)
+        if ack.status != Status.DONE:
+            raise self._refused("Arm", ack)
+        self._running = Running(self.link, self.number, wanted, self.hello, steps, watch, on_batch)
+        try:
+            return self._running.go()
+        except BaseException:
+            self._running.abandon()
+            raise
+        finally:
+            self._running = None
+
+    def ask_stop(self, mode: StopMode = StopMode.SOFT, why: str = "a stop was asked for") -> None:
+        """Stop the run at its next turn; from a callback or a signal handler. Without a run nothing happens."""
+        if self._running is not None:
+            self._running.ask_stop(mode, why)
+
+    def stop(self, mode: StopMode = StopMode.HARD) -> None:
+        """Send Stop until the device answers; for a device that is not in a `run` of this session."""
+        self._acknowledged("Stop", encode("Stop", session=self.number, mode=mode))
+
+    def clear(self) -> None:
+        """Leave the latched state of a fault, after a person has looked at the rig; without a fault nothing happens."""
+        self._acknowledged("Clear", encode("Clear", session=self.number))
+
+    def _answer(self, name: str, out: bytes, patience: float, message: int | None = None) -> Frame | None:
+        """The first frame of this name (an Ack: to this message), the bytes sent again and again; None after a time."""
+        start, sent = self.link.clock(), -1.0
+        while (now := self.link.clock()) - start < patience:
+            again = now - sent >= AGAIN
+            sent = now if again else sent
+            for frame in self.link.exchange(out if again else b"", TURN):
+                if frame.name == name and (message is None or frame.message == message):
+                    return frame
+        return None
+
+    def _acknowledged(self, name: str, out: bytes) -> Frame:
+        """The Ack to a message; DeviceError without one."""
+        ack = self._answer("Ack", out, PATIENCE, schema().by_name[name].id)
+        if ack is None:
+            raise self.link.lost(f"no answer to {name} in {PATIENCE:g} s")
+        return ack
+
+    def _refused(self, name: str, ack: Frame) -> DeviceError:
+        """The error of a device that does not take a message."""
+        word = REFUSALS.get(ack.status, f"status {ack.status}")
+        return DeviceError(f"{self.link.name} does not take {name}: {word}", code="refused-by-device")
+
+
+REFUSALS = {
+    Status.WRONG_STATE: "it is not idle; stop it, or clear its fault, first",
+    Status.BAD_VALUE: "a value is out of its range",
+    Status.BAD_PARAMETERS: "its guard can't work with these parameters; check limits and counts of the rig file",
+    Status.NO_PARAMETERS: "it has lost its parameters; connect again",
+    Status.WRONG_SESSION: "another host has armed it; stop that one first",
+    Status.GAP: "parts are missing, the link loses too many frames",
+    Status.OVER_LIMIT: "the voltage limit is above that of its amplifier; lower drive.motor.voltage_limit",
+}

@@ -138,7 +138,7 @@ def test_every_key_of_a_rig_file_is_described() -> None:
     cells = {cell for row in re.findall(r"^\| (`.*?) \|", text, re.M) for cell in re.findall(r"`([\w.]+)`", row)}
     cells = {cell.rpartition(".")[2] for cell in cells}
     tables = ("axis", "friction", "drive", "motor", "sensors", "log", "lugre", "cogging", "wheel")
-    tables += ("bifilar", "trifilar", "suspension")
+    tables += ("bifilar", "trifilar", "suspension", "device")
     keys = {path[-1] for path in known_keys(Rig)} - set(tables)
     assert keys - cells == set()
 

@@ -88,16 +88,29 @@ class Limits:
     rest: float = 0.0
 
     @classmethod
-    def of(cls, rig: Rig, *, angle: float = 1.6, speed: float = 20.0, wheel_speed: float = 500.0) -> Limits:
-        """Limits for a rig: its own voltage limit, and a body that stays below the horizontal.
+    def of(
+        cls, rig: Rig, *, angle: float | None = None, speed: float | None = None, wheel_speed: float | None = None
+    ) -> Limits:
+        """Limits, zero and signs that a rig file states under `[device]`, and its own voltage limit.
 
-        The paper's motion has 0.8 rad, 7 rad/s and 190 rad/s. Raises UsageError for a rig without a voltage limit.
+        A body stays below the horizontal unless it says otherwise; the paper's motion has 0.8 rad, 7 rad/s and
+        190 rad/s. Raises UsageError for a rig without a voltage limit.
         """
-        motor = rig.drive.motor
+        motor, device = rig.drive.motor, rig.device
         if motor is None or motor.voltage_limit is None:
             message = f"rig {rig.name!r} has no drive.motor.voltage_limit, without which nothing is driven; state it"
             raise UsageError(message, code="no-voltage-limit")
-        return cls(angle=angle, speed=speed, wheel_speed=wheel_speed, voltage=float(motor.voltage_limit))
+        return cls(
+            angle=device.angle_limit if angle is None else angle,
+            speed=device.speed_limit if speed is None else speed,
+            wheel_speed=device.wheel_speed_limit if wheel_speed is None else wheel_speed,
+            voltage=float(motor.voltage_limit),
+            current=math.inf if device.current_limit is None else device.current_limit,
+            axis_zero=device.axis_zero,
+            axis_sign=device.axis_sign,
+            wheel_sign=device.wheel_sign,
+            voltage_sign=device.voltage_sign,
+        )
 
 
 def parameters_of(controller: Compensator, board: Board, limits: Limits) -> Array:

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from swingid.errors import InputError, UsageError
+from swingid.model.rig.device import DeviceTable
 from swingid.model.rig.drive import Drive
 from swingid.model.rig.errors import describe
 from swingid.model.rig.fields import Column, Table, refuse, stated
@@ -45,6 +46,7 @@ class Rig(Table):
     drive: Drive
     sensors: Sensors = Field(default_factory=Sensors)
     log: LogConventions = Field(default_factory=LogConventions)
+    device: DeviceTable = Field(default_factory=DeviceTable)
     _source: str = PrivateAttr("")
     _text: str = PrivateAttr("")
     _reference: str = PrivateAttr("")

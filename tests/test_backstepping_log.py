@@ -380,7 +380,7 @@ def test_options_that_cannot_be(paper_log, options: dict[str, object], word: str
 
 
 def test_the_report_shows_the_curve(paper_log, answer) -> None:
-    from swingid.report.html import render
+    from swingid.report.measurement import render
 
     page = render(answer, paper_log, PAPER)
     assert 'id="convergence"' in page

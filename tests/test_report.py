@@ -20,7 +20,7 @@ from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.recording.recording import Recording, Source
 from swingid.report import write_report
-from swingid.report.html import render
+from swingid.report.measurement import render
 from swingid.report.style import house_style
 from swingid.result.result import Message, Result
 from swingid.uncertainty.budget import BudgetEntry, scatter
@@ -37,12 +37,13 @@ CASES: dict[str, Callable[[], Case]] = {
     "free": lambda: (factories.free_result(), factories.free_log(), factories.free_rig()),
 }
 
-COMMON = {"answer", "parameters", "rig", "log", "turning-points", "budget", "notes", "provenance"}
+HEAD = {"answer", "identification", "method"}
+COMMON = HEAD | {"parameters", "rig", "log", "turning-points", "budget", "notes", "provenance"}
 SECTIONS = {
     "clean": COMMON | {"swings", "friction", "residuals", "kinds"},
     "doubtful": COMMON - {"budget"} | {"warnings", "swings", "friction", "residuals", "kinds"},
-    "refused": {"answer", "provenance"},
-    "unreadable": {"answer", "provenance"},
+    "refused": HEAD | {"provenance"},
+    "unreadable": HEAD | {"provenance"},
     "linear": COMMON | {"friction", "residuals"},
     "free": COMMON | {"swings"},
 }
@@ -274,3 +275,20 @@ def test_nothing_but_figures_scrolls_sideways_on_a_phone(tmp_path: Path, pages: 
 def test_figures_of_a_long_log_stay_small() -> None:
     log = factories.rotary_log(duration=200.0, rate=1000.0)
     assert len(render(factories.clean_result(log), log, None)) < 1_500_000
+
+
+def test_the_checks_that_ran_stand_with_what_they_found() -> None:
+    result = factories.clean_result()
+    assert result.details is not None
+    result = replace(
+        result,
+        warnings=(Message("zero-off", "the zero is off."),),
+        details=replace(result.details, checks=("signs", "angle-zero")),
+    )
+    table = render(result, None, None).split('<section id="checks">')[1].split("</section>")[0]
+    rows = [re.sub(r"<[^>]*>", "|", row) for row in table.split("<tr>")[2:]]
+    assert len(rows) == 2
+    assert "signs of the channels" in rows[0]
+    assert "passed" in rows[0]
+    assert "|warning|" in rows[1].replace("||", "|")
+    assert "zero-off" in rows[1]

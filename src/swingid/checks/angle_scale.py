@@ -17,6 +17,7 @@ from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, sensor_
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import place_fits
 from swingid.checks.answer import CLEARLY, LEAST
+from swingid.checks.ran import ran
 from swingid.checks.stated import AS_GOOD, AS_SHARP
 from swingid.format import number, percent, plus_minus
 from swingid.numerics.arrays import Array
@@ -79,6 +80,7 @@ def check_angle_scale(
     every = [(one, fit) for fit in tried if (one := angle_scale(fit, signals)) is not None]
     if not every:
         return []
+    ran("angle-scale")
     found, sharpest = min(every, key=lambda pair: pair[0].relative)
     for one, _ in every:
         level = CERTAIN if one is found else DETECTED

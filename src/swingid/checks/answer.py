@@ -11,6 +11,7 @@ from swingid.balance.fits import WindowFit
 from swingid.balance.identifiability import HOPELESS, Identifiability, advice, advice_on_gravity, examine, require_seen
 from swingid.balance.motor import MotorBalance, free_balance
 from swingid.balance.rows import Signals
+from swingid.checks.ran import ran
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
 from swingid.model.rig import Rig
@@ -44,6 +45,7 @@ def check_sign(law: WindowFit, where: str) -> None:
 
     With the sign of the drive or of gravity reversed, the residuals are clearly smaller, or the inertia is negative.
     """
+    ran("signs")
     scale = law.scale
     key = {"reaction-wheel": "wheel_angle", "direct": "torque"}.get(scale.drive)
     if key is None:
@@ -132,6 +134,7 @@ def check_answer(
     That the inertia is nearly proportional to the gravity torque is a note where the rig file states the uncertainty
     of that, for then the interval contains it.
     """
+    ran("identifiability")
     inertia, scale = parameters["inertia"], law.scale
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
     seen, motion = identifiability_of(law), _main_frequency(law, amplitude)
@@ -269,6 +272,7 @@ def check_motor(
     if balance is None:
         text = "the reading of wheel_angle is not checked: that takes a voltage and a motion that shows the difference."
         return MotorCheck(notes=[Message("wheel-angle-reading", text)])
+    ran("motor")
     if reversed_sign := wrong_sign(balance):
         text = f"voltage seems to have {reversed_sign}; {method} does not use it, but set voltage_sign under [log]."
         return MotorCheck(Fault.VOLTAGE_SIGN, [Message("voltage-sign", text)])

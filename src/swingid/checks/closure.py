@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.balance.fits import WindowFit
+from swingid.checks.ran import ran
 from swingid.errors import UnanswerableError
 from swingid.format import percent
 from swingid.numerics.test_functions import CURVATURE_POWER
@@ -36,6 +37,7 @@ def check_closure(law: WindowFit) -> list[Message]:
 
     Raises UnanswerableError where it leaves more than `OPEN`.
     """
+    ran("closure")
     left = share_left(law)
     if left <= CLOSES:
         return []

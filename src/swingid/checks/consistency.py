@@ -15,6 +15,7 @@ from swingid.balance.motor import MotorBalance, motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, wrong_sign
+from swingid.checks.ran import ran
 from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
@@ -171,6 +172,7 @@ def against_momentum(
 
     shift: change of the inertia of the balance where constants are as estimated, not as stated.
     """
+    ran("momentum")
     difference = inertia.value - shift - windows.inertia
     if not abs(difference) >= max(INDICATED * np.hypot(compared, windows.u), CLOSE * abs(inertia.value - shift)):
         return []
@@ -206,6 +208,7 @@ def check_saturation(used: Recording, rig: Rig, inertia: Parameter) -> tuple[lis
     """
     if rig.drive.kind != "reaction-wheel" or used.voltage is None:
         return [], []
+    ran("saturation")
     low, high = float(used.voltage.min()), float(used.voltage.max())
     near = 1e-3 * (high - low)
     share = float(np.mean((used.voltage <= low + near) | (used.voltage >= high - near)))

@@ -16,6 +16,7 @@ from swingid.balance.choice import Choice, choose
 from swingid.balance.fits import LAG, WindowFit, fit_with_prior, residuals_beside, sensor_variance
 from swingid.balance.imperfections import Imperfection, imperfections, late_channel
 from swingid.balance.rows import Signals
+from swingid.checks.ran import ran
 from swingid.format import percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import Sensor
@@ -102,6 +103,7 @@ def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = 
     rig, scale = part.rig, part.scale
     if scale.drive == "none" or _declared_spread(part) or not _may_show(choice, rig):
         return []
+    ran("latency")
     channel, name, sensor = _late_channel(part)
     allowed = part.encoders.with_latency(channel, sensor.latency.value, LATEST)
     best, moved = choice, 0.0

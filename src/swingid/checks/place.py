@@ -15,6 +15,7 @@ from swingid.balance.fits import LAG, WindowFit
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import PlaceFit
 from swingid.checks.answer import LEAST
+from swingid.checks.ran import ran
 from swingid.format import percent
 from swingid.model.terms import is_spring
 from swingid.result.result import Message
@@ -32,6 +33,7 @@ def check_place(law: WindowFit, fits: Iterable[PlaceFit], total: float) -> list[
     """
     if law.scale.b is None:
         return []
+    ran("place")
     sharpest: dict[str, PlaceFit] = {}
     for one in fits:  # what windows that distinguish it better do not show is lack of fit of the friction
         if one.kind not in sharpest or one.variance < sharpest[one.kind].variance:

@@ -13,6 +13,7 @@ from swingid.balance.choice import Choice
 from swingid.balance.parts import MIRRORED, Comparison, Prediction, compared, divisible, predicted, unexplained
 from swingid.balance.slow import SlowEffect, change_over_time, slow_effects
 from swingid.checks.answer import LEAST
+from swingid.checks.ran import ran
 from swingid.format import number, percent, plus_minus
 from swingid.result.data import Agreement, Changing
 from swingid.result.result import Message
@@ -99,6 +100,7 @@ class Stability:
         u: standard uncertainty of the inertia. corrected: whether the estimate has the changes as unknowns. A change is
         warned of where it changes the inertia by more than its uncertainty explains.
         """
+        ran("stability")
         warnings: list[Message] = []
         notes: list[Message] = []
         for effect, change in zip(self.effects, self.changing, strict=True):
@@ -117,6 +119,8 @@ class Stability:
 
     def disagreement(self, inertia: float, u: float) -> list[Message]:
         """A warning where parts of the log certainly disagree and that matters; u: without this disagreement."""
+        if self.parts:
+            ran("parts")
         least = max(MATTERS * u, LEAST * abs(inertia))
         found = [one for one in self.parts if abs(one.off) > max(CERTAIN * one.u, least)]
         if not found:

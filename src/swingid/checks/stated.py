@@ -28,6 +28,7 @@ from swingid.balance.imperfections import axis_bends, wheel_bends
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import left_by_place
 from swingid.checks.answer import LEAST
+from swingid.checks.ran import ran
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -66,6 +67,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
         return []
     if not _may_show(law, signals):
         return []
+    ran("encoders")
     declared = signals.declaring(Encoders.of(rig.changed({"sensors.nonlinearity": WIDE})))
     bent = with_declared(replace(law, declared=()), rig, declared)
     before, after = (float(np.mean(residuals_beside(fit, _uncertain(law)) ** 2)) for fit in (law, bent))
@@ -118,6 +120,7 @@ def check_gravity(
     stated, scale = rig.axis.acting_gravity, law.scale
     if stated is None or scale.b is None or scale.drive == "none" or signals.linear:
         return []
+    ran("gravity-torque")
     found = _freed(law, signals, rig)
     if found is None:
         return []
@@ -196,6 +199,7 @@ def check_zero(law: WindowFit, signals: Signals, uncertainty: float) -> list[Mes
     """
     if not law.scale.b or signals.linear:
         return []
+    ran("angle-zero")
     cosine = project(signals.nodes, [(signals.cosine, 0)], law.rows.windows.centres, law.rows.windows.half)
     found, unless = _offset(law, signals, law.friction, cosine[:, 0]), ""
     if not found.matters(law.a11, uncertainty):

@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swingid.cli.options import JsonOrRefusal, Report, RigFile
-from swingid.cli.output import announce_compilation, check_once, check_targets, check_writable, hand_over, refusals_to
+from swingid.cli.options import Certificate, JsonOrRefusal, Report, RigFile
+from swingid.cli.output import (
+    announce_compilation,
+    check_once,
+    check_report,
+    check_targets,
+    check_writable,
+    hand_over,
+    refusals_to,
+)
 from swingid.errors import UsageError
 from swingid.system import write_whole
 
@@ -17,6 +25,7 @@ if TYPE_CHECKING:
 
     from swingid.calibration.encoders import EncoderCalibration
     from swingid.calibration.motor import Calibration
+    from swingid.report.certificate import Certificate as Stated
 
 
 def calibrate(
@@ -37,6 +46,7 @@ def calibrate(
     ] = None,
     json: JsonOrRefusal = None,
     report: Report = None,
+    certificate: Certificate = None,
 ) -> None:
     """Find the motor's constants from LOGs of a voltage test, and report which cannot be distinguished.
 
@@ -48,14 +58,21 @@ def calibrate(
         raise UsageError(f"--out {out} must end in .toml, as every rig file", code="bad-target")
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
     check_targets({"--out": out, "--json": json, "--report": report}, inputs)
+    laboratory = check_report(report, certificate)
     provenance: dict[str, object] = {"log": logs[0], "logs": logs, "rig_source": rig}
     with refusals_to(json, "calibrate-encoders" if encoders else "calibrate", provenance):
-        found = _calibrate(logs, rig, encoders, out, json, report)
+        found = _calibrate(logs, rig, encoders, out, json, report, laboratory)
     hand_over(found.result, json, out, report)
 
 
 def _calibrate(
-    logs: list[str], rig: str, encoders: bool, out: str | None, json: str | None, report: str | None
+    logs: list[str],
+    rig: str,
+    encoders: bool,
+    out: str | None,
+    json: str | None,
+    report: str | None,
+    laboratory: Stated | None,
 ) -> Calibration | EncoderCalibration:
     """From files to the calibration, its rig file and its report."""
     check_writable(out, json, report)
@@ -75,5 +92,5 @@ def _calibrate(
     if report is not None:
         from swingid.report import write_report
 
-        write_report(found.result, recordings[0], plant, Path(report))
+        write_report(found.result, recordings[0], plant, Path(report), laboratory)
     return found

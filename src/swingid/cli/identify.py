@@ -10,8 +10,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swingid.cli.options import JsonOrRefusal, Logs, Method, Report, RigFile
-from swingid.cli.output import Progress, announce_compilation, check_targets, check_writable, hand_over, refusals_to
+from swingid.cli.options import Certificate, JsonOrRefusal, Logs, Method, Report, RigFile
+from swingid.cli.output import (
+    Progress,
+    announce_compilation,
+    check_report,
+    check_targets,
+    check_writable,
+    hand_over,
+    refusals_to,
+)
 from swingid.errors import SwingidError, UsageError
 from swingid.methods.table import DEFAULT
 
@@ -19,6 +27,7 @@ if TYPE_CHECKING:
     from swingid.model.rig import Rig
     from swingid.recording.large import LargeLog
     from swingid.recording.recording import Recording
+    from swingid.report.certificate import Certificate as Stated
     from swingid.result.result import Result
 
 Provenance = dict[str, object]
@@ -76,6 +85,7 @@ def identify(
     ] = None,
     json: JsonOrRefusal = None,
     report: Report = None,
+    certificate: Certificate = None,
 ) -> None:
     """Identify the moment of inertia and the friction that LOG shows, with their uncertainties.
 
@@ -83,7 +93,11 @@ def identify(
     """
     if variant is not None and method != "energy":
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
-    check_targets({"--json": json, "--report": report}, {rig: "the rig file"} | dict.fromkeys(logs, "a log"))
+    inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
+    check_targets(
+        {"--json": json, "--report": report}, inputs | ({certificate: "the laboratory's file"} if certificate else {})
+    )
+    stated = check_report(report, certificate)
     options = _options(option or [])
     if variant is not None:
         if "variant" in options:
@@ -99,7 +113,7 @@ def identify(
         source["part"] = part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     with refusals_to(json, method, provenance, report):
-        result = _identify(logs, rig, method, options, reading, provenance, json, report)
+        result = _identify(logs, rig, method, options, reading, provenance, json, report, stated)
     hand_over(result, json, report)
 
 
@@ -144,6 +158,7 @@ def _identify(
     provenance: Provenance,
     json: str | None,
     report: str | None,
+    certificate: Stated | None,
 ) -> Result:
     """From files to the result, and to its report; `provenance` gains what becomes known on the way."""
     check_writable(json, report)
@@ -169,7 +184,7 @@ def _identify(
     if report is not None:
         from swingid.report import write_report
 
-        write_report(result, recording, plant, Path(report))
+        write_report(result, recording, plant, Path(report), certificate)
     return result
 
 

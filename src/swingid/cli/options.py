@@ -39,4 +39,10 @@ Json = Annotated[str | None, typer.Option(metavar="FILE", help='Write JSON; "-":
 JsonOrRefusal = Annotated[
     str | None, typer.Option(metavar="FILE", help='Write the result as JSON, also a refusal; "-": standard output.')
 ]
-Report = Annotated[str | None, typer.Option(metavar="FILE", help="Write a report as one HTML file.")]
+Report = Annotated[
+    str | None, typer.Option(metavar="FILE", help="Write a report: one HTML file, or a PDF if the name ends in .pdf.")
+]
+Certificate = Annotated[
+    str | None,
+    typer.Option(metavar="LAB.toml", help="Laboratory, customer and item for the report; see docs/report.md."),
+]

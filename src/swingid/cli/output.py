@@ -8,10 +8,13 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Protocol, TextIO
+from typing import TYPE_CHECKING, Protocol, TextIO
 
 from swingid.errors import InputError, SwingidError, UsageError
 from swingid.system import write_whole
+
+if TYPE_CHECKING:
+    from swingid.report.certificate import Certificate
 
 
 def say(message: str) -> None:
@@ -94,10 +97,32 @@ def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) 
         used[path] = f"what {option} writes"
 
 
+def check_report(report: str | None, certificate: str | None = None) -> Certificate | None:
+    """What the laboratory states for a report, before any work; None without such a file.
+
+    Raises InputError for a PDF without the extra `pdf`, or a file that cannot be used; UsageError without a report.
+    """
+    if certificate is not None and report is None:
+        raise UsageError("--certificate is for a report; give --report FILE as well", code="no-report")
+    if report is not None:
+        from swingid.report.page import is_pdf
+
+        if is_pdf(report):
+            from swingid.report.pdf import require_typst
+
+            require_typst()
+    if certificate is None:
+        return None
+    from swingid.report.certificate import load_certificate
+
+    return load_certificate(certificate)
+
+
 def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: str | None = None) -> None:
     """`check_targets` and `check_writable` for the files of --json and --report."""
     check_targets({"--json": json, "--report": report}, inputs)
     check_writable(json, report)
+    check_report(report)
 
 
 def overwrite(line: str, *, last: bool) -> bool:

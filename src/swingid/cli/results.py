@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from swingid.cli import output
-from swingid.cli.options import Json, JsonOrRefusal, Logs, Methods, Report, RigFile
+from swingid.cli.options import Certificate, Json, JsonOrRefusal, Logs, Methods, Report, RigFile
 
 
 def compare(
@@ -89,12 +89,19 @@ def difference(
         typer.Option(metavar="'J ± U'", help='Its inertia, "961 ± 1 kg*mm^2": calibrates the scale of both runs.'),
     ] = None,
     json: JsonOrRefusal = None,
+    report: Report = None,
+    certificate: Certificate = None,
 ) -> None:
     """Determine the inertia of a body from two results, with and without it."""
-    output.check_targets({"--json": json}, {tare: "the tare result", loaded: "the loaded result"})
-    with output.refusals_to(json, "difference", {"tare": tare, "loaded": loaded}):
-        output.check_writable(json)
+    output.check_targets({"--json": json, "--report": report}, {tare: "the tare result", loaded: "the loaded result"})
+    stated = output.check_report(report, certificate)
+    with output.refusals_to(json, "difference", {"tare": tare, "loaded": loaded}, report):
+        output.check_writable(json, report)
         from swingid.pooling import difference as subtract
 
         result = subtract(tare, loaded, mass=mass, distance=distance, known=known)
-    output.hand_over(result, json)
+        if report is not None:
+            from swingid.report import write_report
+
+            write_report(result, None, None, report, stated)
+    output.hand_over(result, json, report)

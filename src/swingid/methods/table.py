@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 from swingid.errors import UnanswerableError, UsageError
@@ -55,6 +55,7 @@ class Method:
         self, log: Recording, rig: Rig, options: Mapping[str, object], *, one_of_several: bool = False
     ) -> Result:
         """Prepare the log and identify it; errors as in `Load`. one_of_several: of logs of one body."""
+        from swingid.checks.ran import in_order, recorded
         from swingid.checks.refusal import explained, require_agreement
         from swingid.preparation.prepared import prepare
 
@@ -68,9 +69,12 @@ class Method:
                 refuse_rates(rig, f"the method {self.name}")
             prepared = chosen_at_level(prepared)[0]
         try:
-            result = method(prepared, **options)
+            with recorded() as names:
+                result = method(prepared, **options)
         except UnanswerableError as error:
             raise explained(error, prepared) from None
+        if result.details is not None:
+            result = replace(result, details=replace(result.details, checks=in_order(names)))
         return result if one_of_several else require_agreement(result)
 
     def options(self) -> dict[str, inspect.Parameter]:

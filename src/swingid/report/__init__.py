@@ -1,7 +1,7 @@
-"""Figures and the HTML report of a result."""
+"""Figures and the report of a result, as HTML or PDF."""
 
 from __future__ import annotations
 
-from swingid.report.html import write_report
+from swingid.report.measurement import write_report
 
 __all__ = ["write_report"]

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from swingid.numerics.arrays import Array
-from swingid.report.html import filled, write_page
+from swingid.report.page import filled, write_page
 from swingid.report.style import envelope, house_style, legend_above, new_figure, to_svg
 from swingid.result.plot import BLUE, GREY, INK, PALE, VERMILION
 from swingid.study.reproduce.tables import Table, tables

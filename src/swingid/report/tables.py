@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from swingid.checks.ran import CHECKS
 from swingid.checks.stability import DIVIDED
 from swingid.format import interval, number, percent, plus_minus, span
-from swingid.report.words import EXTRA, NOT_USED, RIG, SENSORS, Word, parameter_word
+from swingid.report.words import DRIVES, EXTRA, METHODS, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.result.result import Result
-from swingid.result.summary import correlated_pairs, freedom_text, relative, sorted_budget, value_text, why_unknown
+from swingid.result.summary import correlated_pairs, freedom_text, relative, segment_text, value_text, why_unknown
 from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
     from swingid.recording.recording import Recording
 
 FEWEST_SWINGS = 4
+
+UNCHANGED = {("wheel-angle-reading", "note")}
+"""Messages of checks that found nothing: what they state is how the log was read."""
 
 LONGEST = 160
 """Characters of a provenance or metadata value beyond which only its size is given."""
@@ -218,15 +222,49 @@ def agreement_rows(result: Result) -> list[Row]:
     ]
 
 
-def budget_rows(result: Result) -> list[Row]:
-    """The whole budget: every source of every parameter, as in the JSON file."""
+def check_rows(result: Result) -> list[Row]:
+    """Consistency checks that the identification carried out, and what each found; [] where none is recorded."""
+    found = [(m.code, "warning") for m in result.warnings] + [(m.code, "note") for m in result.notes]
     rows = []
-    for name, parameter in result.parameters.items():
-        for entry in sorted_budget(result.budget, name):
-            u = entry.standard_uncertainty
-            share = percent(u / abs(parameter.value), fine=True) if parameter.value else "unknown"
-            rows.append(Row(name, entry.type, entry.source, number(u, parameter.unit, 2, fine=True), share))
+    for name in result.details.checks if result.details else ():
+        one = CHECKS[name]
+        codes = [(code, level) for code, level in found if code in one.codes and (code, level) not in UNCHANGED]
+        levels = {level for _, level in codes}
+        outcome = next((level for level in ("warning", "note") if level in levels), "passed")
+        rows.append(Row(one.words, name, outcome, remark=", ".join(dict.fromkeys(code for code, _ in codes))))
     return rows
+
+
+def method_rows(result: Result, rig: Rig | None) -> list[Row]:
+    """The method, its options, the corrections that were made and the repairs of the log."""
+    origin = result.provenance
+    rows = [Row("method", result.method, METHODS.get(result.method, ""))]
+    options = origin.get("options")
+    if isinstance(options, dict) and options:
+        rows.append(Row("options", "", ", ".join(f"{key} = {value}" for key, value in options.items())))
+    if result.details:
+        rows.append(Row("part used", "", segment_text(result.details, fine=True)))
+    decided = origin.get("preparation")
+    corrections = decided.get("corrections") if isinstance(decided, dict) else None
+    if isinstance(corrections, list) and corrections:
+        rows.append(Row("corrections", "", "; ".join(_correction(one) for one in corrections)))
+    repairs = origin.get("repairs")
+    done = [str(one.get("what")) for one in repairs if one.get("done")] if isinstance(repairs, list) else []
+    if done:
+        rows.append(Row("repairs of the log", "", " ".join(done)))
+    if rig is not None:
+        rows.append(Row("rig", "", f"{rig.name}: {rig.axis.kind} axis, {DRIVES.get(rig.drive.kind, rig.drive.kind)}"))
+    return rows
+
+
+def _correction(one: dict[str, Any]) -> str:
+    """'wheel latency (0.20 ± 0.10) ms, stated'."""
+    size = (
+        ""
+        if one.get("value") is None
+        else plus_minus(one["value"], one["standard_uncertainty"], one["unit"], fine=True)
+    )
+    return f"{one['channel']} {str(one['kind']).replace('_', ' ')} {size}".strip() + f", {one['origin']}"
 
 
 def correlation_rows(result: Result) -> list[Row]:

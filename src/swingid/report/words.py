@@ -90,6 +90,17 @@ EXTRA = {
 }
 """Shares that a result may carry in `details.extra`."""
 
+METHODS = {
+    "momentum": "momentum balance on modulating functions of the measured angles; neither a speed nor a motor constant "
+    "nor a friction law is needed",
+    "energy": "energy balance of passes mirrored about the turning points, with speeds by smoothing",
+    "output-error": "least squares of the simulated against the measured angles",
+    "equation-error": "least squares of the equation of motion, with filtered angles and instrumental variables",
+    "backstepping": "adaptation driven by the prediction error of the angle",
+    "difference": "difference of two results of one rig, with and without the body",
+}
+"""The methods in words."""
+
 DRIVES = {
     "reaction-wheel": "reaction wheel",
     "direct": "direct drive (torque or force known)",

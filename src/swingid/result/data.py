@@ -106,7 +106,8 @@ class Details:
     turning_angles: the turning points found. window: half-length of the modulating functions (s), None where a method
     has none. estimates: inertia and standard uncertainty by kind of window, for comparison. residual_times, residuals:
     residuals of the balance (N m or N, averaged over each window; with a residual_unit, rad or m, the angle of each
-    sample). changing: what changes within the log. agreement: of its parts. extra: shares by the names of
+    sample). changing: what changes within the log. agreement: of its parts. checks: names of the
+    consistency checks that were carried out (`checks.ran.CHECKS`). extra: shares by the names of
     `report.words.EXTRA`, such as the relative residual of equation (II) when motor constants are known.
     """
 
@@ -125,6 +126,7 @@ class Details:
     convergence: Convergence | None = None
     changing: tuple[Changing, ...] = ()
     agreement: tuple[Agreement, ...] = ()
+    checks: tuple[str, ...] = ()
     left_out: Array = field(default_factory=lambda: np.empty((0, 2)))
 
     def unused(self, first: float, last: float) -> list[tuple[float, float]]:

@@ -1,0 +1,167 @@
+"""The uncertainty budget as a table in the form of the GUM.
+
+Columns: X, x, u(x), type, distribution, sensitivity coefficient, contribution, ν (JCGM 100:2008, 4 and 5; EA-4/02
+M:2022, 4, shows the form). A contribution that is evaluated as a whole, as scatter or lack of fit, is a correction
+whose estimate is 0, with the sensitivity coefficient 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from swingid.format import common_exponent, interval, number, percent, plus_minus, power_of_ten, pretty_unit
+from swingid.report.words import RIG, parameter_word
+from swingid.result.result import Result
+from swingid.result.summary import freedom_text, sorted_budget
+from swingid.uncertainty.budget import BudgetEntry, Parameter, combined
+from swingid.uncertainty.freedom import MANY
+from swingid.units import Quantity
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+
+MOST = 30
+"""Entries of one parameter beyond which the smaller ones are summed in one line."""
+
+SENSOR_UNITS = {"latency": "s", "cosine": "rad", "sine": "rad", "clock": "1"}
+
+
+@dataclass(frozen=True)
+class Line:
+    """One input quantity of a budget as texts, in the order of the columns."""
+
+    quantity: str
+    key: str
+    estimate: str
+    uncertainty: str
+    type: str
+    distribution: str
+    sensitivity: str
+    contribution: str
+    share: str
+    freedom: str
+
+
+@dataclass(frozen=True)
+class Budget:
+    """The budget of one parameter: its lines, the unit of the contributions, and the result with U and k."""
+
+    name: str
+    words: str
+    unit: str
+    lines: tuple[Line, ...]
+    combined: str
+    freedom: str
+    factor: str
+    expanded: str
+    interval: str
+
+
+def budgets(result: Result, rig: Rig | None, *, linear: bool) -> list[Budget]:
+    """One budget for each parameter whose uncertainty is known and has entries, the leading one first."""
+    found = []
+    for name, parameter in result.parameters.items():
+        entries = [one for one in sorted_budget(result.budget, name) if one.standard_uncertainty > 0]
+        if parameter.standard_uncertainty and entries:
+            found.append(_budget(name, parameter, entries, result, rig, linear=linear))
+    return found
+
+
+def _budget(
+    name: str, parameter: Parameter, entries: list[BudgetEntry], result: Result, rig: Rig | None, *, linear: bool
+) -> Budget:
+    exponent = common_exponent([parameter.standard_uncertainty or 0.0])
+    shown, rest = (entries, []) if len(entries) <= MOST + 1 else (entries[:MOST], entries[MOST:])
+    total = combined(entries, name)
+    lines = [_line(one, parameter, exponent, total, result, rig, linear=linear) for one in shown]
+    if rest:
+        u = combined(rest, name)
+        cells = _scaled(u, exponent), percent((u / total) ** 2, fine=True)
+        lines.append(Line(f"{len(rest)} smaller ones together", "", "", "", "", "", "", *cells, ""))
+    word = parameter_word(name, linear=linear)
+    power = f"{power_of_ten(exponent)} " if exponent else ""
+    k = parameter.coverage_factor or 0.0
+    return Budget(
+        name,
+        f"{word.words} {word.symbol}".strip(),
+        f"{power}{pretty_unit(parameter.unit)}".strip(),
+        tuple(lines),
+        number(parameter.standard_uncertainty or 0.0, parameter.unit, 2, fine=True),
+        freedom_text(parameter),
+        f"{k:.2f}",
+        number(k * (parameter.standard_uncertainty or 0.0), parameter.unit, 2, fine=True),
+        interval(parameter.interval95, parameter.unit, middle=parameter.value, fine=True)
+        if parameter.interval95
+        else "",
+    )
+
+
+def _line(
+    entry: BudgetEntry,
+    parameter: Parameter,
+    exponent: int,
+    total: float,
+    result: Result,
+    rig: Rig | None,
+    *,
+    linear: bool,
+) -> Line:
+    key = entry.shared_id or entry.source
+    word = RIG.get(key)
+    unit = word.unit_on(linear=linear) if word else SENSOR_UNITS.get(key.rpartition(".")[2], "")
+    slope = entry.sensitivity
+    if slope:
+        x = _stated(key, result, rig)
+        estimate = "–" if x is None else number(x, unit, 6, fine=True)
+        u, c = number(entry.standard_uncertainty / abs(slope), unit, 2, fine=True), number(slope, "", 3, fine=True)
+    else:
+        estimate, c = "0", "1"
+        u = number(entry.standard_uncertainty, parameter.unit, 2, fine=True)
+    freedom = entry.origin.degrees_of_freedom
+    return Line(
+        f"{word.words} {word.symbol}".strip() if word else entry.source,
+        key if word and entry.sensitivity else "",
+        estimate,
+        u,
+        entry.type,
+        entry.origin.distribution,
+        c,
+        _scaled(entry.standard_uncertainty, exponent),
+        percent((entry.standard_uncertainty / total) ** 2, fine=True),
+        "∞" if freedom >= MANY else f"{freedom:.3g}",
+    )
+
+
+def _scaled(u: float, exponent: int) -> str:
+    """A contribution in the power of ten of its column, to three digits."""
+    return f"{u / 10.0**exponent:.3g}"
+
+
+def _stated(key: str, result: Result, rig: Rig | None) -> float | None:
+    """The estimate of an input quantity: a constant as the rig file states it; None where it is unknown."""
+    if key.startswith("sensors.") and rig is not None:
+        found = getattr(rig.sensors.of("wheel" if ".wheel." in key else "angle"), key.rpartition(".")[2], None)
+        return found.value if isinstance(found, Quantity) else None
+    constants = result.provenance.get("constants")
+    if isinstance(constants, dict) and isinstance(constants.get(key), dict):
+        return float(constants[key]["value"])
+    place: object = rig
+    for name in key.split("."):
+        place = getattr(place, name, None)
+    return place.value if isinstance(place, Quantity) else None
+
+
+def expanded_text(parameter: Parameter) -> str:
+    """'(3.02200 ± 0.00091) × 10⁻³ kg m²': value ± expanded uncertainty; the value where that is unknown."""
+    u, k = parameter.standard_uncertainty, parameter.coverage_factor
+    return plus_minus(parameter.value, None if u is None or k is None else k * u, parameter.unit, fine=True)
+
+
+def headings(budget: Budget) -> Sequence[str]:
+    """Headings of the columns of a budget."""
+    return (
+        *("input quantity X", "estimate x", "u(x)", "type", "distribution", "c"),
+        *(f"c u(x), {budget.unit}", "share of u²", "ν"),
+    )

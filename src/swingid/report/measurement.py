@@ -1,0 +1,216 @@
+"""The report of one result: its content in the order of ISO/IEC 17025:2017, 7.8, as an HTML page or as a PDF."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from swingid.format import interval
+from swingid.report import tables
+from swingid.report.budget import budgets, expanded_text, headings
+from swingid.report.certificate import Certificate, stated_rows
+from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
+from swingid.report.figures.motion import draw_changing, draw_friction, draw_log, draw_residuals, draw_turning_points
+from swingid.report.page import date_of_issue, filled, is_pdf, picture, write_page
+from swingid.report.pdf import Attachment, Head
+from swingid.report.style import house_style
+from swingid.report.words import DRIVES, KINDS, parameter_word
+from swingid.result.result import Result
+from swingid.result.summary import freedom_text, log_row, relative, segment_text, value_text, why_unknown
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
+
+STATUS = {"ok": "no warnings", "warning": "with warnings", "refused": "no estimate"}
+
+MOST_NAMES = 3
+"""Logs that a title names; of more it gives the number."""
+
+TITLES = {
+    "log": "Measured channels over time",
+    "turning_points": "Angle with its turning points",
+    "swings": "Inertia of every swing",
+    "friction": "Friction against speed",
+    "residuals": "Residuals over time",
+    "changing": "Changes within the log",
+    "budget": "Uncertainty budget of the inertia",
+    "kinds": "Estimates by kind of projection",
+    "logs": "Inertia of every log",
+    "convergence": "Online estimate over time",
+}
+
+REPORT, CERTIFICATE = "Measurement report", "Calibration certificate"
+
+
+def write_report(
+    result: Result,
+    log: Recording | None,
+    rig: Rig | None,
+    path: str | Path,
+    certificate: Certificate | None = None,
+) -> Path:
+    """Write the report of `result` to `path` and return it: a PDF where the name ends in .pdf, else an HTML page.
+
+    certificate: what the laboratory states, see `load_certificate`. The PDF contains the result as JSON and the rig
+    file; it is made by the extra `pdf`. What there are no data for is left out; a refused result states why, `log` and
+    `rig` may then be None. The same result gives the same bytes (a PDF: on the same day, or with SOURCE_DATE_EPOCH).
+    Raises InputError when the file cannot be written; it appears whole or not at all.
+    """
+    issued = date_of_issue() if is_pdf(path) or certificate is not None else ""
+    page = render(result, log, rig, certificate, issued)
+    attachments = [Attachment("result.json", "application/json", "the result", result.to_json())]
+    if rig is not None and rig.text:
+        attachments.append(Attachment("rig.toml", "application/toml", "the rig file", rig.text))
+    name = certificate.laboratory.name if certificate else ""
+    stated = (certificate.measurement.issued if certificate else None) or issued
+    head = Head(kind_of(result, certificate), number_of(result, certificate), name, stated)
+    return write_page(page, path, head, attachments)
+
+
+def render(
+    result: Result,
+    log: Recording | None,
+    rig: Rig | None,
+    certificate: Certificate | None = None,
+    issued: str = "",
+) -> str:
+    """The report of `write_report` as HTML text, with all figures inside; issued: the date, "" for none."""
+    return filled("report.html.j2", **_context(result, log, rig, certificate, issued))
+
+
+def kind_of(result: Result, certificate: Certificate | None) -> str:
+    """What the report is: a calibration certificate only of a number, and only if the laboratory is accredited."""
+    accredited = certificate is not None and certificate.accredited
+    return CERTIFICATE if accredited and result.status != "refused" else REPORT
+
+
+def number_of(result: Result, certificate: Certificate | None) -> str:
+    """The number of the report: as stated, else the first digits of the SHA-256 of the result's JSON."""
+    if certificate is not None and certificate.measurement.number:
+        return certificate.measurement.number
+    return hashlib.sha256(result.to_json().encode("utf-8", "backslashreplace")).hexdigest()[:12]
+
+
+def _identification(result: Result, certificate: Certificate | None, issued: str) -> list[tuple[str, str]]:
+    rows = [("number", number_of(result, certificate))]
+    stated = certificate.measurement.issued if certificate else None
+    if stated or issued:
+        rows.append(("date of issue", stated or issued))
+    rows += stated_rows(certificate) if certificate else []
+    logs = result.provenance.get("logs") or [result.provenance.get("log")]
+    named = [str(one) for one in logs if one] if isinstance(logs, list) else []
+    digest = result.provenance.get("log_sha256")
+    rows += [("log" if len(named) == 1 else "logs", ", ".join(named))] if named else []
+    rows += [("SHA-256 of the log", str(digest))] if digest else []
+    return rows
+
+
+def _context(
+    result: Result, log: Recording | None, rig: Rig | None, certificate: Certificate | None, issued: str
+) -> dict[str, object]:
+    linear = rig.axis.kind == "linear" if rig else "inertia" in result.parameters and result.inertia.unit == "kg"
+    answered = result.status != "refused"
+    laws, more_laws = tables.law_rows(result)
+    return {
+        "result": result,
+        "status_words": STATUS[result.status],
+        "kind": kind_of(result, certificate),
+        "title": _title(result, log),
+        "identification": _identification(result, certificate, issued),
+        "accredited": certificate is not None and certificate.accredited,
+        "stated": certificate is not None,
+        "method": tables.method_rows(result, rig),
+        "answer": _answer(result, linear=linear) if result.leading in result.parameters else None,
+        "linear": linear,
+        "segment": segment_text(result.details, fine=True) if result.details else "",
+        "parameters": tables.parameter_rows(result, linear=linear),
+        "rig": rig if answered else None,
+        "drive": DRIVES.get(rig.drive.kind, rig.drive.kind) if rig else "",
+        "rig_rows": tables.rig_rows(rig) if rig and answered else [],
+        "sensor_rows": tables.sensor_rows(rig) if rig and answered else [],
+        "log_rows": tables.log_rows(log, result) if log is not None and answered else [],
+        "laws": laws,
+        "more_laws": more_laws,
+        "law": result.details.friction.law if result.details and result.details.friction else "",
+        "kinds": [
+            (name, KINDS[name]) for name in (result.details.estimates if result.details else ()) if name in KINDS
+        ],
+        "logs": [log_row(one, result, fine=True) for one in result.per_log],
+        "budgets": [(one, headings(one)) for one in budgets(result, rig, linear=linear)] if answered else [],
+        "checks": tables.check_rows(result),
+        "correlations": tables.correlation_rows(result),
+        "extra": tables.extra_rows(result),
+        "agreement": tables.agreement_rows(result),
+        "swings_off": tables.swings_off(result),
+        "figures": _drawn(result, log, linear=linear) if answered else {},
+        "provenance": tables.provenance_rows(result),
+        "making": tables.flat_rows(log.metadata) if log is not None and answered else [],
+        "wheel": log is not None and log.wheel_angle is not None,
+        "friction_stated": bool(rig and (rig.axis.inertia is not None or rig.axis.friction.model_fields_set)),
+    }
+
+
+def _title(result: Result, log: Recording | None) -> str:
+    tare, loaded = (_named(result.provenance.get(key)) for key in ("tare", "loaded"))
+    if tare and loaded:
+        return f"{loaded} less {tare}"
+    path = (log.source.path if log else None) or result.provenance.get("log")
+    several = result.provenance.get("logs")
+    paths = several if isinstance(several, list) else [path] if path else []
+    names = [Path(str(one)).name for one in paths]
+    if len(names) > MOST_NAMES:
+        names = [f"{len(names)} logs"]
+    return f"{', '.join(names) or 'a log made in memory'}, {result.method} method"
+
+
+def _named(run: object) -> str:
+    """Name of the result of a run of a difference; "" for none."""
+    found = run.get("result") if isinstance(run, dict) else run
+    return Path(str(found)).name if found else ""
+
+
+def _answer(result: Result, *, linear: bool) -> dict[str, str]:
+    inertia = result.main
+    word = parameter_word(result.leading, linear=linear)
+    known = inertia.standard_uncertainty is not None
+    return {
+        "words": word.words,
+        "symbol": word.symbol,
+        "value": value_text(inertia, fine=True),
+        "expanded": expanded_text(inertia) if inertia.interval95 else "",
+        "factor": f"{inertia.coverage_factor:.2f}" if inertia.coverage_factor else "",
+        "freedom": freedom_text(inertia),
+        "interval": interval(inertia.interval95, inertia.unit, middle=inertia.value, fine=True)
+        if inertia.interval95
+        else "",
+        "relative": relative(inertia, fine=True),
+        "unknown": "" if known else why_unknown(result, result.leading),
+    }
+
+
+@house_style()
+def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, str]:
+    """Inline SVG by name, only of what there is."""
+    details = result.details
+    drawn: dict[str, Figure | None] = {
+        "budget": draw_budget(result),
+        "swings": draw_swings(result),
+        "kinds": draw_kinds(result),
+        "logs": draw_logs(result),
+        "convergence": draw_convergence(result),
+    }
+    if log is not None:
+        unused = details.unused(float(log.time[0]), float(log.time[-1])) if details else []
+        drawn["log"] = draw_log(log, unused, linear=linear)
+    if details is not None:
+        drawn["residuals"] = draw_residuals(details, linear=linear)
+        drawn["changing"] = draw_changing(details.changing)
+        if log is not None:
+            drawn["turning_points"] = draw_turning_points(log, details, linear=linear)
+        if details.friction is not None:
+            drawn["friction"] = draw_friction(details.friction, linear=linear)
+    return {name: picture(figure, name, TITLES[name]) for name, figure in drawn.items() if figure is not None}

@@ -15,6 +15,7 @@ from swingid.cli.emulate import emulate
 from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
+from swingid.cli.live import recover
 from swingid.cli.logs import convert, datasets, init, inspect
 from swingid.cli.output import flush
 from swingid.cli.results import compare, difference, validate
@@ -30,7 +31,7 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, compare, convert, datasets, difference, design, rehearse),
-    *(emulate, reproduce, tensor, validate),
+    *(emulate, recover, reproduce, tensor, validate),
 ):
     app.command()(command)
 

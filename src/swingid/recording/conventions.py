@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -111,6 +111,11 @@ class Conventions:
         turn = Scale(turn=TURN)
         scales = {"angle": turn, "wheel_angle": turn, "reference": turn}
         return cls(dict(DEFAULT_COLUMNS), scales, None, False, True, None, frozenset(), dict(DEFAULT_KEYS))
+
+    @classmethod
+    def live(cls, rig: Rig) -> Conventions:
+        """Those of the journal of a live run, whatever [log] states for other logs of the rig."""
+        return replace(cls.plain(), drive_kind=rig.drive.kind)
 
     @classmethod
     def of(cls, rig: Rig) -> Conventions:

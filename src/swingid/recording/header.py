@@ -34,6 +34,8 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
 
     Raises InputError where [log] states a unit that is not the header's.
     """
+    if table.metadata.get("live"):
+        return Conventions.live(rig), []
     conventions = Conventions.of(rig)
     if table.metadata:  # swingid wrote it, in the rig's own conventions
         return conventions, []

@@ -6,6 +6,7 @@ import io
 import json
 from collections.abc import Mapping
 from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,23 +29,31 @@ LONGEST = 9e9
 KINDS = ("position", "velocity", "effort")
 
 
+LIVE = "/sample"
+"""The topic of the log in the journal of a live run, whose metadata have the key "live"."""
+
+
 def read(content: bytes, name: str) -> Table:
     """One column per field: ``topic.field`` of JSON messages, ``topic.joint.position`` (velocity, effort) of joints.
 
     The instants are those of the header's stamp where a message has one, else of the log: ``topic.time``. Where the
-    file has one topic, its name is left out: ``time``, ``joint.position``. Raises InputError for a damaged file, one
-    without such messages, and where mcap is missing.
+    file has one topic, its name is left out: ``time``, ``joint.position``. Of the journal of a live run only the log
+    is read, and one that was cut off up to there, with a finding in the metadata. Raises InputError for a damaged file,
+    one without such messages, and where mcap is missing.
     """
-    reader_of = require("mcap.reader", "mcap", name, "an MCAP file").make_reader
+    require("mcap.reader", "mcap", name, "an MCAP file")
     topics: dict[str, list[dict[str, float]]] = {}
-    metadata: dict[str, object] = {}
     try:
-        reader = reader_of(io.BytesIO(content))
-        for record in reader.iter_metadata():
-            if record.name == METADATA_KEY:
-                metadata = json.loads(record.metadata.get("json", "{}"))
+        try:
+            found = _whole(content)
+        except Exception as error:
+            found = _up_to_the_cut(content)
+            if not found.cut:
+                raise error from None
         decode = _ros2_decoder()
-        for schema, channel, message in reader.iter_messages():
+        for schema, channel, message in found.messages:
+            if found.metadata.get("live") and channel.topic != LIVE:
+                continue
             cells = _cells(schema, channel, message, decode, name)
             if cells:
                 topics.setdefault(channel.topic.strip("/").replace("/", "."), []).append(cells)
@@ -60,7 +69,72 @@ def read(content: bytes, name: str) -> Table:
     for topic, rows in topics.items():
         prefix = "" if len(topics) == 1 else f"{topic}."
         columns |= {prefix + key: values for key, values in columns_of(rows).items()}
-    return Table(columns, metadata if isinstance(metadata, dict) else {})
+    return Table(columns, found.metadata)
+
+
+@dataclass
+class _Found:
+    """The messages of a file with their schemas and channels, swingid's metadata, and whether it is a
+    journal whose end is missing.
+    """
+
+    messages: list[tuple[Any, Any, Any]] = field(default_factory=list)
+    metadata: dict[str, object] = field(default_factory=dict)
+    cut: bool = False
+
+    def note(self, record: Any) -> None:
+        """Keep a metadata record of swingid."""
+        if record.name == METADATA_KEY:
+            known = json.loads(record.metadata.get("json", "{}"))
+            self.metadata = known if isinstance(known, dict) else {}
+
+
+def _whole(content: bytes) -> _Found:
+    from mcap.reader import make_reader
+
+    found = _Found()
+    reader = make_reader(io.BytesIO(content))
+    for record in reader.iter_metadata():
+        found.note(record)
+    found.messages = list(reader.iter_messages())
+    return found
+
+
+def _up_to_the_cut(content: bytes) -> _Found:
+    """What a file without its end holds, each block compared with its checksum; as `iter_messages`, by log time."""
+    import struct
+
+    from mcap.exceptions import EndOfFile
+    from mcap.records import Channel, Message, Metadata, Schema
+    from mcap.stream_reader import StreamReader
+
+    found = _Found()
+    schemas: dict[int, Any] = {0: None}
+    channels: dict[int, Any] = {}
+    try:
+        for record in StreamReader(io.BytesIO(content), validate_crcs=True).records:
+            if isinstance(record, Schema):
+                schemas[record.id] = record
+            elif isinstance(record, Channel):
+                channels[record.id] = record
+            elif isinstance(record, Metadata):
+                found.note(record)
+            elif isinstance(record, Message):
+                channel = channels[record.channel_id]
+                found.messages.append((schemas[channel.schema_id], channel, record))
+    except (EndOfFile, struct.error):  # the second within the last bytes
+        found.cut = bool(found.metadata.get("live"))
+    found.messages.sort(key=lambda entry: int(entry[2].log_time))
+    saved = found.metadata.get("findings")
+    entry = {"code": "cut-off", "message": CUT, "level": "warning"}
+    found.metadata = found.metadata | {"findings": [*(saved if isinstance(saved, list) else []), entry]}
+    return found
+
+
+CUT = (
+    "the file was cut off while it was written; the log goes up to there, and what was measured after it is lost; "
+    "swingid recover FILE writes a whole file of the rest."
+)
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:

@@ -1,0 +1,116 @@
+"""From frames of a run to rows of a log: device time and counts without their wraps, in SI and the model's signs."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+from swingid.live import guard as at
+from swingid.live.codes import State, Status
+from swingid.live.frames import Frame
+from swingid.live.schema import schema
+
+
+class Row(NamedTuple):
+    """One sample of a run: time since reference 0 (s), angle and wheel angle (rad, model's signs; None without a
+    wheel), voltage held from it on (V), gain of the controller, reference (rad, None where it is not known).
+    """
+
+    t: float
+    q1: float
+    q2: float | None
+    u: float
+    k: float
+    ym: float | None
+
+
+class Unwrapped:
+    """A counter of 32 bits as a whole number that goes on."""
+
+    def __init__(self) -> None:
+        self.value: int | None = None
+
+    def __call__(self, raw: int) -> int:
+        """The number behind the next reading."""
+        if self.value is None:
+            self.value = raw
+        else:
+            self.value += (raw - self.value + 2**31) % 2**32 - 2**31
+        return self.value
+
+
+@dataclass
+class Rows:
+    """Rows of the running state, in the order of their sequence; others, and samples that come twice, are left out.
+
+    parameters: those of the device (`guard.parameters_of`), for steps, signs and zero. reference: what was sent (rad).
+    lost: samples of the run that did not come.
+    """
+
+    parameters: list[float]
+    reference: list[float] = field(default_factory=list)
+    start: int | None = None
+    lost: int = 0
+    _time: Unwrapped = field(default_factory=Unwrapped)
+    _axis: Unwrapped = field(default_factory=Unwrapped)
+    _wheel: Unwrapped = field(default_factory=Unwrapped)
+    _sequence: Unwrapped = field(default_factory=Unwrapped)
+    _first: int | None = None
+    _waiting: list[Frame] = field(default_factory=list)
+
+    def feed(self, frames: Iterable[Frame]) -> list[Row]:
+        """The rows of these frames; those that come before Run's answer wait for it."""
+        rows = []
+        for frame in frames:
+            if frame.name == "Ack" and frame.message == _run_id() and frame.status == Status.DONE:
+                self.start = frame.value if self.start is None else self.start
+            elif frame.name == "Sample":
+                self._waiting.append(frame)
+        if self.start is not None or len(self._waiting) > 5000:
+            for frame in self._waiting:
+                if (row := self._row(frame)) is not None:
+                    rows.append(row)
+            self._waiting.clear()
+        return rows
+
+    def _row(self, frame: Frame) -> Row | None:
+        before = self._sequence.value
+        if before is not None and (frame.sequence - before + 2**31) % 2**32 - 2**31 <= 0:
+            return None
+        sequence, time = self._sequence(frame.sequence), self._time(frame.time)
+        axis, wheel = self._axis(frame.axis), self._wheel(frame.wheel)
+        if frame.state != State.RUNNING or self.start is None:
+            return None
+        number = (frame.sequence - self.start + 2**31) % 2**32 - 2**31
+        if number < 0:
+            return None
+        if self._first is None:
+            self._first = time - (0 if number == 0 else round(number * 1e6 / self._rate()))
+            self.lost += number
+        elif before is not None:
+            self.lost += sequence - before - 1
+        p = self.parameters
+        return Row(
+            t=(time - self._first) * 1e-6,
+            q1=(axis - int(p[at.AXIS_ZERO])) * p[at.AXIS_STEP],
+            q2=wheel * p[at.WHEEL_STEP] if p[at.WHEEL_STEP] else None,
+            u=frame.voltage * p[at.VOLTAGE_SIGN],
+            k=frame.gain,
+            ym=self.reference[number] if number < len(self.reference) else None,
+        )
+
+    def _rate(self) -> float:
+        from swingid.control import law
+
+        return 1.0 / self.parameters[at.CONTROLLER + law.SAMPLE_TIME]
+
+
+def _run_id() -> int:
+    return schema().by_name["Run"].id
+
+
+def columns(rows: list[Row]) -> dict[str, list[Any]]:
+    """Rows as columns t, q1, q2, u, k, ym; those that nothing fills are left out."""
+    found = {name: [getattr(row, name) for row in rows] for name in Row._fields}
+    return {name: values for name, values in found.items() if any(value is not None for value in values)}

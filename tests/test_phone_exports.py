@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import io
-import zipfile
-
 import numpy as np
 import pytest
 
 import swingid as sw
+from phone_files import archive, text, workbook
+from swingid.cli import main
 from swingid.errors import InputError
 from swingid.recording.formats import read_table
 from swingid.recording.inspect import describe, guess_roles
@@ -17,21 +16,8 @@ T = np.arange(600) / 100 + 0.0206
 W = {axis: size * np.cos(5 * T) * np.exp(-T / 30) for axis, size in (("x", 0.1), ("y", 0.2), ("z", 2.5))}
 
 
-def text(header: str, *columns: np.ndarray, mark: str = ",") -> str:
-    rows = (mark.join(f"{cell:.9E}" for cell in row) for row in zip(*columns, strict=True))
-    return "\n".join([mark.join(f'"{name}"' for name in header.split("|")), *rows]) + "\n"
-
-
 GYROSCOPE = text("Time (s)|Gyroscope x (rad/s)|Gyroscope y (rad/s)|Gyroscope z (rad/s)", T, *W.values())
 ACCELERATION = text("Time (s)|Acceleration x (m/s^2)|Acceleration z (m/s^2)", T[:300] * 2, W["x"][:300], W["y"][:300])
-
-
-def archive(**files: str) -> bytes:
-    sink = io.BytesIO()
-    with zipfile.ZipFile(sink, "w") as zipped:
-        for name, content in files.items():
-            zipped.writestr(name.replace("__", "/") + ".csv", content)
-    return sink.getvalue()
 
 
 def role(content: bytes, name: str) -> tuple[str, str]:
@@ -59,52 +45,6 @@ def test_an_archive_of_sensor_logger_reads_by_its_gyroscope():
     )
     assert role(content, "log.zip") == ("z", "rad/s")
     assert read_table(content, "log.zip").numbers("z")[0] == pytest.approx(W["z"], abs=1e-8)
-
-
-def workbook(sheets: dict[str, list[list[object]]], merged: tuple[str, ...] = ()) -> bytes:
-    """An .xlsx file by its parts (ECMA-376): sheets of numbers and inline texts, with merged cells in the first."""
-    sink, main = io.BytesIO(), "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
-    office = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
-    package, kind = "http://schemas.openxmlformats.org/package/2006", "application/vnd.openxmlformats-officedocument"
-    with zipfile.ZipFile(sink, "w") as zipped:
-        overrides = "".join(
-            f'<Override PartName="/xl/worksheets/sheet{k}.xml" ContentType="{kind}.spreadsheetml.worksheet+xml"/>'
-            for k in range(1, len(sheets) + 1)
-        )
-        zipped.writestr(
-            "[Content_Types].xml",
-            f'<Types xmlns="{package}/content-types"><Default Extension="rels" ContentType='
-            '"application/vnd.openxmlformats-package.relationships+xml"/><Override PartName="/xl/workbook.xml" '
-            f'ContentType="{kind}.spreadsheetml.sheet.main+xml"/>{overrides}</Types>',
-        )
-        link = f'<Relationship Id="r1" Type="{office}/officeDocument" Target="xl/workbook.xml"/>'
-        zipped.writestr("_rels/.rels", f'<Relationships xmlns="{package}/relationships">{link}</Relationships>')
-        names = "".join(f'<sheet name="{n}" sheetId="{k}" r:id="r{k}"/>' for k, n in enumerate(sheets, start=1))
-        zipped.writestr(
-            "xl/workbook.xml", f'<workbook xmlns="{main}" xmlns:r="{office}"><sheets>{names}</sheets></workbook>'
-        )
-        links = "".join(
-            f'<Relationship Id="r{k}" Type="{office}/worksheet" Target="worksheets/sheet{k}.xml"/>'
-            for k in range(1, len(sheets) + 1)
-        )
-        zipped.writestr(
-            "xl/_rels/workbook.xml.rels", f'<Relationships xmlns="{package}/relationships">{links}</Relationships>'
-        )
-        for k, rows in enumerate(sheets.values(), start=1):
-            lines = "".join(f"<row>{''.join(map(_cell, row))}</row>" for row in rows)
-            ranges = "".join(f'<mergeCell ref="{one}"/>' for one in merged if k == 1)
-            more = f"<mergeCells>{ranges}</mergeCells>" if ranges else ""
-            zipped.writestr(
-                f"xl/worksheets/sheet{k}.xml",
-                f'<worksheet xmlns="{main}"><sheetData>{lines}</sheetData>{more}</worksheet>',
-            )
-    return sink.getvalue()
-
-
-def _cell(cell: object) -> str:
-    if cell is None:
-        return "<c/>"
-    return f"<c><v>{cell!r}</v></c>" if isinstance(cell, float) else f'<c t="inlineStr"><is><t>{cell}</t></is></c>'
 
 
 NUMBERS = [[float(cell) for cell in row] for row in zip(T, *W.values(), strict=True)]
@@ -174,9 +114,9 @@ def test_a_wrong_sheet_is_named():
         'name = "phone"\n[axis]\ngravity_torque = 0.1\n[drive]\nkind = "none"\n'
         '[log]\ntime = "Time (s)"\nangle_speed = "Accelerometer.Acceleration x (m/s^2)"\n'
     )
-    with pytest.raises(InputError, match=r"300 values|has 600 values") as problem:
+    with pytest.raises(InputError, match=r"states m/s\^2, no unit of a rate") as problem:
         sw.Recording.from_table(read_table(content, "a.zip"), rig)
-    assert problem.value.code == "unequal-length"
+    assert problem.value.code == "unit-conflict"
     with pytest.raises(InputError, match="has no column 'Gyro'"):
         sw.Recording.from_table(read_table(content, "a.zip"), rig.changed({"log.angle_speed": "Gyro"}))
 
@@ -191,10 +131,13 @@ def test_a_wrong_sheet_is_named():
             "imu.angular_velocity.z",
         ),
         (("Time", "xGyro", "yGyro", "ZGyro"), "ZGyro"),
+        (("ms", "gx", "gy", "gz"), "gz"),  # as sketches for the MPU-6050 print them
+        (("t", "imu.wx", "imu.wy", "imu.wz"), "imu.wz"),
+        (("t", "omega_x", "omega_y", "omega_z"), "omega_z"),
     ],
 )
 def test_gyroscopes_are_found_by_name_and_unit(names, expected):
-    accelerations = {"linear_acceleration.x": W["x"], "accX": W["y"], "az (m/s^2)": W["z"]}
+    accelerations = {"linear_acceleration.x": W["x"], "accX": W["y"], "az (m/s^2)": W["z"], "ay": 9.8 + W["x"]}
     columns = dict(zip(names, (T, *W.values()), strict=True)) | accelerations
     content = text("|".join(columns), *columns.values()).encode()
     found = guess_roles(describe(read_table(content, "a.csv")))
@@ -203,7 +146,9 @@ def test_gyroscopes_are_found_by_name_and_unit(names, expected):
         or found.found["angle_speed"].column == expected
     )
     assert "angle" not in found.found
-    assert {name for name, what in found.others.items() if "accelerometer" in what} >= {"accX", "linear_acceleration.x"}
+    assert {name for name, what in found.others.items() if "accelerometer" in what} >= {
+        *("accX", "linear_acceleration.x", "ay")
+    }
 
 
 def test_accelerometers_alone_have_no_role():
@@ -220,3 +165,45 @@ def test_a_rate_that_is_named_as_the_angle():
     assert problem.value.code == "rate-as-angle"
     log = sw.Recording.from_columns({"t": T, "gyro_z": W["z"]}, rig)
     assert [one.code for one in log.findings if one.level == "warning"] == ["rate-as-angle"]
+
+
+@pytest.mark.parametrize("name", ["phyphox.zip", "Gyroscope.csv", "imu.csv"])
+def test_init_writes_a_rig_file_for_a_rate_which_reads_the_log(name, tmp_path, monkeypatch):
+    """Sensor Logger's file alone has columns x, y, z: its name states what they are; boards print gx, ay."""
+    stamps = [1_700_000_000_000_000_000 + round(1e9 * t) for t in T]
+    rows = (f"{stamp},{t},{z},{y},{x}" for stamp, t, z, y, x in zip(stamps, T, W["z"], W["y"], W["x"], strict=True))
+    logger = "\n".join(["time,seconds_elapsed,z,y,x", *rows]).encode()
+    board = text("ms|ax|ay|az|gx|gy|gz", 1000 * T, *3 * [9.8 + W["x"]], *(57.3 * W[axis] for axis in "xyz")).encode()
+    phone = archive(Accelerometer=ACCELERATION, Gyroscope=GYROSCOPE)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).write_bytes({"p": phone, "G": logger, "i": board}[name[0]])
+    assert main(["init", "--from", name, "rig"]) == 0
+    rig = sw.Rig.load("rig/rig.toml")
+    assert rig.log.angle_speed == {"p": "Gyroscope z (rad/s)", "G": "z", "i": "gz"}[name[0]]
+    assert rig.log.angle_speed_unit == ("deg/s" if name == "imu.csv" else "rad/s")
+    log = sw.Recording.load(name, rig)
+    assert np.ptp(log.angle) == pytest.approx(2 * 2.5 / 5, rel=0.05)
+
+
+@pytest.mark.parametrize(("column", "kind"), [("pwm", "motor"), ("duty", "motor"), ("speed", "none")])
+def test_a_voltage_without_a_wheel_is_that_of_a_motor(column, kind):
+    columns = {"t": T, "angle": 0.8 * np.sin(5 * T), column: np.round(100 * np.cos(5 * T + 1))}
+    found = guess_roles(describe(read_table(text("|".join(columns), *columns.values()).encode(), "a.csv")))
+    assert found.drive == kind
+
+
+def test_a_header_of_two_merged_cells_says_how_to_split_them():
+    rows: list[list[object]] = [["Gyro", None, "Gyro", None], *NUMBERS]
+    with pytest.raises(InputError, match=r"sheet 'Raw' has two columns named 'Gyro'.* split merged cells"):
+        read_table(workbook({"Raw": rows}, merged=("A1:B1", "C1:D1")), "a.xlsx")
+
+
+def test_a_potentiometer_in_volts_needs_a_scale():
+    text_of_rig = 'name = "p"\n[axis]\ngravity_torque = 0.1\n[drive]\nkind = "none"\n[log]\nangle = "pot"\n'
+    columns = {"t": T, "pot [V]": 2.5 + W["z"]}
+    with pytest.raises(InputError, match=r"states V, no unit of an angle .* angle_scale, such as .* per V") as problem:
+        sw.Recording.from_columns(columns, sw.Rig.from_text(text_of_rig))
+    assert problem.value.code == "unit-conflict"
+    scaled = sw.Rig.from_text(text_of_rig + 'angle_scale = "20 ± 0.2 deg"\nangle_offset = "-50 deg"\n')
+    log = sw.Recording.from_columns(columns, scaled)
+    assert log.angle == pytest.approx(np.deg2rad(20) * W["z"], abs=1e-3)

@@ -229,6 +229,7 @@ def test_the_zero_of_strings_is_found():
         (TWO_TABLES, "bifilar", "keep one"),
         ("[axis.trifilar]\nmass = 1\nradius = -0.2\nlength = 1", "radius", "positive"),
         ("[axis.trifilar]\nmass = 1\nlength = 1", "radius", "missing"),
+        ("gravity_torque = 0.1\n[axis.bifilar]\nmass = 1\nlength = 1\ndistance = 0.2", "gravity_torque", "is vertical"),
     ],
 )  # fmt: skip
 def test_contradictory_strings_are_refused(text, key, words):

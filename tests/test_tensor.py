@@ -688,3 +688,16 @@ def test_inertia_about_an_axis_is_that_of_its_points() -> None:
     across = np.cross(n, places - point)
     expected = masses @ np.einsum("ki,ki->k", across, across)
     assert inertia_about(tensor, masses.sum(), centre, n, point)[0] == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("key", ["mass", "gravity", "inertia", "distance"])
+def test_numbers_that_no_body_has_are_refused_with_their_key(key):
+    """Found by fuzzing: squares of such numbers overflow."""
+    values = {"mass": "1 ± 0.1 kg", "gravity": "9.81 m/s^2", "inertia": "1 ± 0.1 g*m^2", "distance": "1 mm"}
+    values[key] = {"mass": "1e300 kg", "gravity": "1e200 m/s^2"}.get(key, f"1e-200 ± 1e-200 {values[key].split()[-1]}")
+    text = f'[body]\nmass = "{values["mass"]}"\ngravity = "{values["gravity"]}"\n'
+    for k in range(6):
+        text += f'[[axis]]\nname = "{k}"\ndirection = [{k}, 1, 2]\ntilt = "0.1 deg"\n'
+        text += f'inertia = "{values["inertia"]}"\ndistance = "{values["distance"]}"\n'
+    with pytest.raises(InputError, match=rf"{key} contains 1e[-+]\d+ in SI units, which no body has"):
+        axes_from_text(text)

@@ -206,6 +206,11 @@ def test_a_calculation_with_quantities(text, unit, value, std):
         ("3 * 5 Hz", "rad/s", "angular speed"),
         ("0.5 ± -1 kg * 2", "kg", "not negative"),
         ("2026-11-22", "", "pure number"),
+        ("0,1 kg * 2", "kg", "write decimal points"),
+        ("0.1 kg x 2", "kg", "write decimal points, * / ^ between the factors"),
+        ("2 kg+1 kg", "kg", "blanks around + and -"),
+        ("12/255", "V", "which is a pure number, but is expected in V"),
+        ("2 kg * 9.81 m/s^2) * (3 m", "N*m", "unknown unit 'm/s^2)'"),
     ],
 )
 def test_what_is_no_calculation_is_one_sentence(text, unit, said):

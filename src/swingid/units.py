@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from functools import cache, lru_cache
+from tokenize import TokenError
 from typing import Any
 
 from swingid.errors import InputError
@@ -144,6 +145,13 @@ class _Factor:
         return _Factor(self.value + sign * other.value, std, self.unit, self.stated or other.stated)
 
 
+_SI_NAMES = "write units as kg, g, m, mm, s, N, N*m, rad, deg"
+_ADVICE_OF_CALCULATION = (
+    'write decimal points, * / ^ between the factors and blanks around + and -, as in "9.81 m/s^2 * (0.1 ± 0.001 kg * '
+    '0.2 m + 0.03 kg * 17 cm)"'
+)
+
+
 class _Calculation:
     """A sum of products of quantities, read by recursive descent; all numbers in it are independent (GUM 5.1.2)."""
 
@@ -163,9 +171,9 @@ class _Calculation:
         if "rad" in expected and _HERTZ.search(self.text):
             raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(self.shown))
         if found.unit.dimensionality != target.dimensionality:
-            given = f"{found.unit:~P}" or "a pure number"
+            given = f"in {text}" if (text := f"{found.unit:~P}") else "a pure number"
             raise _UnusableError(
-                "wrong-unit", f"is {self.shown}, which is in {given}, but is expected in {expected or 'no unit'}"
+                "wrong-unit", f"is {self.shown}, which is {given}, but is expected in {expected or 'no unit'}"
             )
         factor = float(registry.convert(1.0, found.unit, target))
         value, std = found.value * factor, found.std * factor
@@ -177,7 +185,7 @@ class _Calculation:
         rest = self.text[self.at :][:30]
         where = f"at {rest!r}" if rest else "at its end"
         return _UnusableError(
-            "not-a-quantity", f"is {self.shown}, which cannot be read {where}; write 2 * 3.1 ± 0.1 kg * 9.81 m/s^2"
+            "not-a-quantity", f"is {self.shown}, which cannot be read {where}; {_ADVICE_OF_CALCULATION}"
         )
 
     def _took(self, pattern: str) -> str | None:
@@ -236,8 +244,10 @@ class _Calculation:
         try:
             unit = registry.parse_units(text)
             zero, scaled = (registry.Quantity(x, unit).to_base_units() for x in (0.0, 1.0))
-        except (pint.errors.PintError, AttributeError, ValueError, TypeError):
-            raise _UnusableError("wrong-unit", f"is {self.shown}, which has the unknown unit {text!r}") from None
+        except (pint.errors.PintError, TokenError, AttributeError, ValueError, TypeError):
+            raise _UnusableError(
+                "wrong-unit", f"is {self.shown}, which has the unknown unit {text!r}; {_SI_NAMES}"
+            ) from None
         if float(zero.magnitude) != 0.0:
             raise _UnusableError("wrong-unit", f"is {self.shown}, where {text} has another zero than its base unit")
         factor = float(scaled.magnitude)
@@ -300,7 +310,9 @@ def _factor(given: str, expected: str) -> float:
         raise _UnusableError("wrong-unit", f"is given in {given[:40]!r}, but is a pure number without a unit")
     text = _plain(given)
     if _UNIT.fullmatch(text) is None or text.count("(") != text.count(")"):
-        raise _UnusableError("wrong-unit", f"has the unreadable unit {given[:40]!r}; expected is {expected}")
+        calculated = re.search(r"(^|[ +])\d", text) is not None
+        more = f"; in a calculation {_ADVICE_OF_CALCULATION}" if calculated else ""
+        raise _UnusableError("wrong-unit", f"has the unreadable unit {given[:40]!r}; expected is {expected}{more}")
     if "rad" in expected and _HERTZ.search(text):
         raise _UnusableError("wrong-unit", _NO_FREQUENCY.format(repr(given)))
     return _ask_pint(text, given, expected)
@@ -316,7 +328,7 @@ def _ask_pint(text: str, given: str, expected: str) -> float:
         # Logarithmic units and offset temperatures are no factors: their zero is not zero.
         alike = alike and float(registry.convert(0.0, unit, expected)) == 0.0
         factor = float(registry.convert(1.0, unit, expected)) if alike else math.nan
-    except (pint.errors.PintError, AttributeError, ValueError, TypeError):
+    except (pint.errors.PintError, TokenError, AttributeError, ValueError, TypeError):
         # pint's ways of saying that a name is no unit
         message = f"has the unknown unit {given[:40]!r}; expected is {expected}"
         raise _UnusableError("wrong-unit", message) from None

@@ -14,6 +14,7 @@ import numpy as np
 
 from fuzz.answers import answer_case
 from fuzz.corpus import FILES, csv_files, motions, parquet_files, result_files, rig_files, rig_for, rigs
+from fuzz.exports import axes_files, calculation, damaged_archive, damaged_workbook
 from fuzz.mutations import mutated, mutated_columns, mutated_rig
 from swingid.errors import SwingidError
 from swingid.recording.recording import Recording
@@ -21,10 +22,14 @@ from swingid.recording.recording import Recording
 SPARE, TIMES = 96 << 20, 40
 """Memory (bytes, and multiples of the file) that reading one more file may take."""
 
-TARGETS = (*FILES, "pieces", "inspect", "rig", "result", "columns", "identify", "answers")
-"""What is fuzzed: the readers of logs by format, reading in parts, inspect, rig files, result files; and what comes
-after a file was read: columns with faults, repaired, and identified by some method; and rigs and logs, both drawn, with
-every method, `inspect`, `validate` and `compare`."""
+TARGETS = (*FILES, "pieces", "inspect", "rig", "result", "axes", "quantity", "columns", "identify", "answers")
+"""What is fuzzed: the readers of logs by format, reading in parts, inspect, rig files, result files, files of axes with
+the tensor that follows from them, calculations with units; and what comes after a file was read: columns with faults,
+repaired, and identified by some method; and rigs and logs, both drawn, with every method, `inspect`, `validate` and
+`compare`."""
+
+DAMAGED = {"archive": damaged_archive, "workbook": damaged_workbook}
+"""Formats that are damaged inside their container, too."""
 
 METHODS = ("momentum", "momentum", "momentum", "energy", "equation-error")
 
@@ -34,6 +39,13 @@ def content_of(target: str, seed: int) -> tuple[bytes, str]:
     draw = random.Random(f"{target} {seed}")
     if target in ("columns", "identify", "answers"):
         return f"{target} {seed}".encode(), "columns"
+    if target == "quantity":
+        raw, unit = calculation(draw)
+        return repr(raw).encode("utf-8", "surrogatepass"), unit
+    if target == "axes":
+        return mutated_rig(draw.choice(axes_files()), axes_files(), draw), "axes.toml"
+    if target in DAMAGED and draw.random() < 0.8:
+        return DAMAGED[target](draw), f"log{FILES[target][1]}"
     if target == "rig":
         return mutated_rig(draw.choice(rig_files()), rig_files(), draw), "rig.toml"
     if target == "result":
@@ -92,6 +104,10 @@ def read_case(target: str, content: bytes, name: str, draw: random.Random) -> No
         _read_rig(content)
     elif target == "result":
         _read_result(content)
+    elif target == "quantity":
+        _read_quantity(content, name)
+    elif target == "axes":
+        _read_axes(content)
     elif target in ("columns", "identify"):
         _read_columns(random.Random(content.decode()), identified=target == "identify")
     elif target == "answers":
@@ -157,6 +173,27 @@ def _read_result(content: bytes) -> None:
         path = Path(folder) / "result.json"
         path.write_bytes(content)
         load_result(path)
+
+
+def _read_quantity(content: bytes, unit: str) -> None:
+    from swingid.units import parse_quantity
+
+    raw = eval(content.decode("utf-8", "surrogatepass"), {"nan": np.nan, "inf": np.inf, "__builtins__": {}})
+    found = parse_quantity(raw, unit, "axis.key")
+    assert np.isfinite(found.value)
+    assert found.std is None or 0 <= found.std < np.inf
+
+
+def _read_axes(content: bytes) -> None:
+    from swingid.body import tensor
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "axes.toml"
+        path.write_bytes(content)
+        found = tensor(path)
+    assert found.to_json()
+    assert found.summary()
+    assert all(np.isfinite(element.value) for element in found.elements.values())
 
 
 def _read_pieces(content: bytes, name: str, draw: random.Random) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from fuzz.exports import archive_files, further_rigs, workbook_files
 from swingid.model.rig import Rig
 
 ROWS = 90
@@ -45,12 +46,20 @@ def rigs() -> tuple[Rig, ...]:
                 *(("time", "arm.position"), ("column1", "column2")),
             )
         ),
+        *(
+            Rig.from_text(FREE.replace("counts_per_turn = 4096\n", "") + log, "rate.toml")
+            for log in (
+                'time = "Time (s)"\nangle_speed = "Gyroscope z"\n',
+                'time_unit = "ns"\ntime = "time"\nangle_speed = "z"\n',
+            )
+        ),
     )
 
 
 def rig_for(columns: object, draw: random.Random) -> Rig:
     """A rig, most often one whose columns are there."""
-    fits = [rig for rig in rigs() if rig.log.angle in columns and (rig.log.time in columns or rig.log.rate)]
+    axis = {rig: rig.log.angle_speed or rig.log.angle for rig in rigs()}
+    fits = [rig for rig in rigs() if axis[rig] in columns and (rig.log.time in columns or rig.log.rate)]
     return draw.choice(fits if fits and draw.random() < 0.9 else rigs())
 
 
@@ -309,7 +318,7 @@ def rig_files() -> tuple[bytes, ...]:
     root = Path(__file__).resolve().parents[2]
     folders = (root / "src/swingid/model/rig/builtin", root / "examples/rigs", root / "src/swingid/cli")
     found = [path.read_bytes() for folder in folders for path in sorted(folder.glob("*.toml"))]
-    return (*found, FREE.encode())
+    return (*found, FREE.encode(), *further_rigs())
 
 
 FILES = {
@@ -320,5 +329,7 @@ FILES = {
     "mcap": (mcap_files, ".mcap"),
     "json": (json_files, ".jsonl"),
     "objects": (object_files, ".mat"),
+    "archive": (archive_files, ".zip"),
+    "workbook": (workbook_files, ".xlsx"),
 }
 """Formats of logs: their valid files, and the ending."""

@@ -177,6 +177,7 @@ def _change(tree: dict[str, Any], draw: random.Random) -> None:
     """Set, remove, rename, move or add a key of a random table."""
     tables = [tree, *(value for value in tree.values() if isinstance(value, dict))]
     tables += [inner for table in tables[1:] for inner in table.values() if isinstance(inner, dict)]
+    tables += [one for value in tree.values() if isinstance(value, list) for one in value if isinstance(one, dict)]
     table = draw.choice(tables)
     keys = list(table)
     action = draw.choice(("set", "set", "set", "remove", "rename", "add", "move"))

@@ -26,6 +26,17 @@ LARGEST = 10_000_000
 """Bytes beyond which no file of axes is read."""
 
 
+EXTREME = 1e30
+"""SI values of a body lie between its inverse and this; beyond, a power of ten is wrong and squares overflow."""
+
+
+def _measurable(found: Quantity | None) -> Quantity | None:
+    for number in () if found is None else (found.value, found.std or 0.0):
+        if number and not 1 / EXTREME <= abs(number) <= EXTREME:
+            refuse("out-of-range", f"contains {number:.3g} in SI units, which no body has; check its power of ten")
+    return found
+
+
 def _vector(raw: object) -> tuple[float, float, float]:
     """A direction: three finite numbers, not all zero; its length has no meaning."""
     found = [part for part in raw if _is_number(part)] if isinstance(raw, list) else []
@@ -49,6 +60,8 @@ def _place(raw: object) -> tuple[Quantity, Quantity, Quantity]:
         x, y, z = (parse_quantity(part, "m", "") for part in raw)
     except InputError as error:
         refuse(error.code, error.message)
+    for part in (x, y, z):
+        _measurable(part)
     return x, y, z
 
 
@@ -85,9 +98,11 @@ def _fixture(raw: object) -> Quantity | str:
 
 def _quantity(raw: object, unit: str) -> Quantity:
     try:
-        return parse_quantity(raw, unit, "")
+        found = parse_quantity(raw, unit, "")
     except InputError as error:
         refuse(error.code, error.message)
+    _measurable(found)
+    return found
 
 
 Vector = Annotated[tuple[float, float, float], PlainValidator(_vector)]
@@ -110,7 +125,7 @@ class EveryAxis(Table):
     tilt: Annotated[float | None, PlainValidator(_tilt)] = None
     mounting: Column | None = None
     fixture: Annotated[Quantity | str | None, PlainValidator(_fixture)] = None
-    distance: Annotated[Quantity | None, quantity("m", least=0.0)] = None
+    distance: Annotated[Quantity | None, quantity("m", least=0.0), AfterValidator(_measurable)] = None
     point: Place | None = None
     gravity_torque: Annotated[Quantity | str | None, PlainValidator(_torque)] = None
 
@@ -129,7 +144,9 @@ class AxisTable(EveryAxis):
     name: Column | None = None
     direction: Vector
     result: Column | None = None
-    inertia: Annotated[Quantity | None, quantity("kg*m^2", above=0.0), AfterValidator(_known)] = None
+    inertia: Annotated[
+        Quantity | None, quantity("kg*m^2", above=0.0), AfterValidator(_known), AfterValidator(_measurable)
+    ] = None
 
     @model_validator(mode="after")
     def _one_inertia(self) -> Self:
@@ -142,9 +159,9 @@ class Body(Table):
     """[body]: its mass (kg), its centre of mass in the body frame (m), the local gravity (m/s²)."""
 
     name: Column | None = None
-    mass: Annotated[Quantity | None, quantity("kg", above=0.0)] = None
+    mass: Annotated[Quantity | None, quantity("kg", above=0.0), AfterValidator(_measurable)] = None
     centre_of_mass: Place | None = None
-    gravity: Annotated[Quantity | None, quantity("m/s^2", above=0.0)] = None
+    gravity: Annotated[Quantity | None, quantity("m/s^2", above=0.0), AfterValidator(_measurable)] = None
 
 
 class Mounting(Table):

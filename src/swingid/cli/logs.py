@@ -46,7 +46,7 @@ def init(
 
 
 def _text_for(log: str) -> str:
-    """The rig file with the [log] guessed from the columns of a log; InputError for one that has no angle."""
+    """The rig file with the [log] guessed from the columns of a log; InputError for one without angle or rate."""
     from swingid.recording.formats import read_table
     from swingid.recording.inspect import describe, guess_roles, log_table
     from swingid.recording.inspect.rig_text import rig_text
@@ -56,9 +56,10 @@ def _text_for(log: str) -> str:
     found = first_rows(log) if is_large(log) else read_table(read_bytes(log), log)
     columns = {column.name: column for column in describe(found)}
     roles = guess_roles(list(columns.values()))
-    if "angle" not in roles.found:
+    if not {"angle", "angle_speed"} & roles.found.keys():
         names = ", ".join(repr(name[:40]) for name in list(columns)[:8])
-        raise InputError(f"{log}: none of its columns ({names}) looks like the angle of a swing", code="no-angle")
+        message = f"{log}: none of its columns ({names}) looks like the angle of a swing or its rate"
+        raise InputError(f"{message}; name it under [log] of a rig file by hand (swingid init DIR).", code="no-angle")
     table = log_table(roles)
     return rig_text(TEMPLATE.read_text(encoding="utf-8"), roles, columns, table, "my-rig", Path(log).name)
 

@@ -41,6 +41,7 @@ def with_header_units(table: Table, rig: Rig, name: str) -> tuple[Conventions, l
         return conventions, []
     changes: dict[str, object] = {}
     findings = list(_rate_as_angle(table, conventions, name))
+    _check_quantity(table, rig, conventions, name)
     for channel, key, known in (
         ("time", "time_unit", TIMES),
         ("angle", "angle_unit", ANGLES),
@@ -87,6 +88,29 @@ def _rate_as_angle(table: Table, conventions: Conventions, name: str) -> Iterato
     if RATE.search(column):
         text = f"column {column!r} is called a rate, but [log] angle reads it as an angle; name it as angle_speed."
         yield Finding("rate-as-angle", text, "warning")
+
+
+OTHERS = ("V", "mV", "A", "mA", "N m", "mN m", "N", "Hz", "m/s^2", "m/s²", "m/s2", "g", "µT", "μT", "uT")
+"""Units of no angle and of no rate."""
+
+LINEAR_RATES = frozenset(("m/s", "mm/s"))
+
+
+def _check_quantity(table: Table, rig: Rig, conventions: Conventions, name: str) -> None:
+    """InputError where the header states the unit of another quantity for an angle without a scale, or for a rate."""
+    for channel in ("angle", "wheel_angle", "angle_speed", "wheel_speed"):
+        key = "wheel_scale" if channel.startswith("wheel") else f"{channel}_scale"
+        if channel not in conventions.channels or key in conventions.stated:
+            continue
+        column, unit = _stated_unit(table, conventions, channel)
+        if canonical(unit) in OTHERS or (canonical(unit) in LINEAR_RATES and channel.endswith("angle")):
+            what = "a rate" if channel.endswith("speed") else "an angle or position"
+            remedy = "name another column"
+            if channel == "angle":
+                example = "12.5 ± 0.1 mm" if rig.axis.kind == "linear" else "60 ± 0.2 deg"
+                remedy += f', or state [log] angle_scale, such as "{example}" per {unit}'
+            text = f"{name}: the header of column {column!r} states {unit}, no unit of {what}, but [log] {channel}"
+            raise InputError(f"{text} names it; {remedy}.", code="unit-conflict")
 
 
 def _stated_unit(table: Table, conventions: Conventions, channel: str) -> tuple[str, str]:

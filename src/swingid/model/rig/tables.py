@@ -166,6 +166,9 @@ class Axis(TermTable):
         if there and self.kind == "linear":
             refuse("contradiction", "has no meaning on a linear axis", there[0])
         strings = self.bifilar or self.trifilar
+        if strings is not None and getattr(self.gravity_torque, "value", 1.0) != 0.0:
+            text = f"is given beside axis.{there[0]}, whose axis is vertical; leave it out"
+            refuse("contradiction", text, "gravity_torque")
         if strings is not None:
             self.__dict__["suspension"] = Suspension.model_validate(strings.suspension())
         return self

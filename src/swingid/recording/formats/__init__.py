@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
 from swingid.recording.formats import archive, csv, hdf5, json_rows, labview, matlab, mcap, parquet, workbook
+from swingid.recording.formats.sheets import units_of_gyroscope
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -31,7 +33,7 @@ def read_table(content: bytes, name: str) -> Table:
     zipped = [_of_zip(content)] if content.startswith(ZIP) else []
     reader = (zipped + by_magic + by_text + by_ending + [csv])[0]
     table: Table = reader.read(content, name)
-    return table
+    return replace(table, units=units_of_gyroscope(Path(name).stem, table)) if reader is csv else table
 
 
 def _of_zip(content: bytes) -> ModuleType:

@@ -9,7 +9,7 @@ from swingid.errors import InputError
 from swingid.recording.formats.table import Table, canonical, split_unit
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from swingid.recording.formats.table import Columns
 
@@ -19,27 +19,39 @@ FEWEST_ROWS = 10
 """Rows of a sheet that may be a log; what describes the phone has fewer, or no numbers."""
 
 
-def joined(sheets: Mapping[str, Table], name: str, what: str) -> Table:
+def joined(sheets: Mapping[str, Table], name: str, what: str, problems: Sequence[str] = ()) -> Table:
     """The columns of all sheets (or files, `what`): of the main one by their names, of others as ``sheet.column``.
 
     The main one is the only one, else that of a gyroscope, else that with most rows. Sheets have clocks of their own,
-    so channels are of one of them. Raises InputError where none holds numbers.
+    so channels are of one of them. Raises InputError where none holds numbers; problems: what is wrong with sheets that
+    hold something and are no table, of which it then states the first.
     """
     filled = {title: own for title, own in sheets.items() if _rows(own) >= FEWEST_ROWS}
+    if not filled and problems:
+        raise InputError(f"{name}: {problems[0]}", code="not-a-table")
     if not filled:
         listed = ", ".join(repr(title[:40]) for title in list(sheets)[:8]) or "none at all"
         message = f"{name} has no {what} with {FEWEST_ROWS} rows of numbers below a header, but {listed}"
         raise InputError(f"{message}; export the raw data of the sensors.", code="no-numbers")
     main = max(filled, key=lambda title: (_is_gyroscope(title, filled[title]), _rows(filled[title])))
     columns: Columns = dict(filled[main].columns)
-    units = dict(filled[main].units)
-    if _is_gyroscope(main, filled[main]) > 1:  # what iOS and Android give apps, whose columns may be x, y, z alone
-        units |= {axis: "rad/s" for axis in "xyz" if axis in columns and axis not in units}
+    units = units_of_gyroscope(main, filled[main])
     for title, own in filled.items():
         if title != main:
             columns |= {f"{title}.{column}": values for column, values in own.columns.items()}
             units |= {f"{title}.{column}": unit for column, unit in own.units.items()}
     return Table(columns, filled[main].metadata, filled[main].unreadable_rows, units)
+
+
+def units_of_gyroscope(title: str, table: Table) -> dict[str, str]:
+    """The units of a table with the title of a sheet or file: rad/s for x, y, z of a gyroscope that state none.
+
+    So iOS and Android give them to apps; a file alone is one that Sensor Logger names Gyroscope.csv.
+    """
+    units = dict(table.units)
+    if _is_gyroscope(title, table) > 1:
+        units |= {axis: "rad/s" for axis in "xyz" if axis in table.columns and axis not in units}
+    return units
 
 
 def _rows(table: Table) -> int:

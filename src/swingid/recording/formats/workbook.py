@@ -12,7 +12,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.formats import csv
 from swingid.recording.formats.isolated import UnreadableError, is_installed, read_apart, require
-from swingid.recording.formats.sheets import joined
+from swingid.recording.formats.sheets import FEWEST_ROWS, joined
 from swingid.recording.formats.table import Table, most_unpacked
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def read(content: bytes, name: str) -> Table:
         sheets[title][column] = values
     units = json.loads(raw)["units"]
     tables = {title: Table(own, units=units.get(title, {})) for title, own in sheets.items()}
-    return joined(tables, name, "sheet")
+    return joined(tables, name, "sheet", json.loads(raw)["problems"])
 
 
 def extract(path: str) -> tuple[Columns, str]:
@@ -51,6 +51,7 @@ def extract(path: str) -> tuple[Columns, str]:
     calamine: Any = importlib.import_module("python_calamine")
     columns: Columns = {}
     units: dict[str, dict[str, str]] = {}
+    problems: list[str] = []
     spare = most_unpacked(Path(path).stat().st_size)
     book = calamine.CalamineWorkbook.from_path(path)
     for title in book.sheet_names:
@@ -59,15 +60,23 @@ def extract(path: str) -> tuple[Columns, str]:
         if spare < 0:
             raise ValueError("more cells than the file can hold")
         try:
-            table = csv.read(_text(rows), title)
-        except InputError:
+            table = csv.read(_text(rows), f"sheet {title[:40]!r}")
+        except InputError as error:
+            problems += [_problem(error)] if len(rows) > FEWEST_ROWS else []
             continue  # an empty sheet, or one of texts
         units[title] = dict(table.units)
         for column in table.columns:
             values = table.numbers(column)[0]
             if not np.isnan(values).all():
                 columns[f"{title}{SEPARATOR}{column}"] = values
-    return columns, json.dumps({"sheets": list(book.sheet_names), "units": units})
+    return columns, json.dumps({"sheets": list(book.sheet_names), "units": units, "problems": problems})
+
+
+def _problem(error: InputError) -> str:
+    """What is wrong with a sheet, with the usual cause where two columns have one name."""
+    if error.code != "double-column":
+        return error.message
+    return f"{error.message.rstrip('.')}, and split merged cells of the header, which name one column only."
 
 
 def _text(rows: list[list[object]]) -> bytes:

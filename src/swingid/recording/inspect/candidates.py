@@ -31,7 +31,9 @@ WORDS: dict[str, tuple[str, ...]] = {
         *("q2", "wheel", "flywheel", "rw", "rotor", "disk", "disc", "theta2", "th2", "phi2", "alpha2", "rad"),
         *("schwungrad", "rueckrad", "x2", "encoder2", "enc2", "angle2", "reaction", "motor", "x3"),
     ),
-    "voltage": ("u", "u0", "v", "volt", "volts", "voltage", "vin", "vm", "spannung", "ua", "input", "uc"),
+    "voltage": (
+        *("u", "u0", "v", "volt", "volts", "voltage", "vin", "vm", "spannung", "ua", "input", "uc", "pwm", "duty"),
+    ),
     "torque": ("tau", "torque", "moment", "force", "effort", "drehmoment", "kraft", "vir", "trq", "mot"),
     "current": ("i", "current", "amps", "ampere", "strom", "im", "ia"),
 }
@@ -62,9 +64,14 @@ RATE_UNITS = SPEEDS - {"m/s", "mm/s"}
 CONTAINERS = re.compile(r"\b(joint_?states?|field|header|msg|topic)\b(?=[/._])", re.IGNORECASE)
 """Parts of a name that state where a message came from, such as /joint_states/pendulum/position."""
 
-GYROSCOPE = re.compile(r"gyro|angular[ _.]*(velocity|rate|speed)|rotation[ _.]*rate|^rotation [xyz]$", re.IGNORECASE)
+GYROSCOPE = re.compile(
+    r"gyr|angular[ _.]*(velocity|rate|speed)|rotation[ _.]*rate|^rotation [xyz]$|(^|[ _./])(omega|[gw])[ _.]?[xyz]$",
+    re.IGNORECASE,
+)
 
-NO_MOTION = re.compile(r"acc(el|x|y|z|_|\b)|(^|[xyz])acc$|magnet|gravity|beschleun|aceler", re.IGNORECASE)
+NO_MOTION = re.compile(
+    r"acc(el|x|y|z|_|\b)|(^|[xyz])acc$|magnet|gravity|beschleun|aceler|(^|[ _./])[am][ _.]?[xyz]$", re.IGNORECASE
+)
 """Names of accelerometers, and of what phones compute of them: no angle and no rate follows from one column."""
 
 

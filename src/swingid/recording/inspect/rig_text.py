@@ -70,6 +70,9 @@ def _drive_lines(roles: Roles) -> list[str]:
             lines.append(_line("wheel_angle_sign = 1", "inspect --rig tests it against the angle"))
             text = 'to the pendulum, or "absolute": yours to state, for it changes the inertia'
             lines.append(_line('# wheel_angle_is = "relative"', text))
+        if key == "voltage" and roles.drive == "motor":
+            text = "volts per unit of the column, as of pulse widths, with its uncertainty"
+            lines.append(_line('# voltage_scale = "12 ± 0.1 V / 255"', text))
         if key == "torque":
             text = "N m (N) per unit of the column, with its uncertainty: yours to state, for it sets the scale"
             lines.append(_line("# torque_gain = 1", text))
@@ -134,6 +137,7 @@ HEAD = "[log]"
 KINDS = {
     "reaction-wheel": "its motor swings the axis",
     "direct": "a motor of known torque on the axis",
+    "motor": "a motor on the axis, its voltage known",
     "none": "free decay",
 }
 UNKNOWN_GRAVITY = (
@@ -180,10 +184,19 @@ def _open(section: str, *keys: str) -> str:
     return re.sub(rf"(?m)^((?:{'|'.join(keys) or '[a-z_]+'}) = [^#\n]*?)(?:  (?= *#)|$)", r"# \1", section)
 
 
+RATE_SENSOR = """[sensors.angle_speed]                 # all optional
+# noise = "0.05 deg/s"                # standard deviation, white
+# bias = "0 ± 0.5 deg/s"              # its uncertainty; the log shows the value
+
+"""
+
+
 def _sensors(roles: Roles, columns: Mapping[str, Column]) -> str:
     lines = ["[sensors]                             # all optional"]
     angle = roles.found.get("angle")
-    lines += [] if angle is None else _resolution(angle, columns[angle.column])
+    if angle is None:
+        return RATE_SENSOR
+    lines += _resolution(angle, columns[angle.column])
     lines += [
         '# nonlinearity = "0.1 deg"            # standard deviation of the once-per-turn cosine and sine parts',
         '# noise = "0.1 mrad"                  # standard deviation, white',

@@ -235,10 +235,11 @@ def _names_reference(candidate: Candidate) -> bool:
 
 
 def guess_drive(left: list[Candidate], found: dict[str, Role]) -> list[Candidate]:
-    """Voltage and torque, by name and unit; without a wheel a voltage is no known torque and stays unnamed."""
+    """Voltage and torque, by name and unit; without a wheel a voltage beside no torque is that of a motor."""
     taken: list[Candidate] = []
+    wheel = "wheel_angle" in found or any(c.scores["wheel"] >= 2 for c in left)
     for role in ("torque", "voltage"):
-        if role == "voltage" and "wheel_angle" not in found and not any(c.scores["wheel"] >= 2 for c in left):
+        if role == "voltage" and "torque" in found and not wheel:
             continue
         scored = [(traits.fits(c, role), c) for c in left if not traits.among(c, taken)]
         score, best = max(scored, key=lambda s: s[0], default=(0.0, None))
@@ -264,6 +265,7 @@ def guess_wheel_speed(speeds: list[tuple[Candidate, str]], angle: Candidate, fou
 def guess_rate(speeds: list[Candidate], found: dict[str, Role]) -> None:
     """The rate of the axis where no angle was logged: of the components of a gyroscope the one that moves most."""
     rates = [c for c in speeds if c.unit in traits.RATE_UNITS or traits.is_gyroscope(c.name)]
+    rates = rates or [c for c in speeds if c.scores["speed"] >= 2 > c.scores["wheel"] and c.unit not in ("m/s", "mm/s")]
     if not rates:
         return
     best = max(rates, key=lambda c: float(np.nanstd(c.values)))
@@ -316,7 +318,9 @@ class Roles:
         """The kind of drive that follows from the channels."""
         if "wheel_angle" in self.found or "wheel_speed" in self.found:
             return "reaction-wheel"
-        return "direct" if "torque" in self.found else "none"
+        if "torque" in self.found:
+            return "direct"
+        return "motor" if "voltage" in self.found else "none"
 
 
 def guess_roles(columns: list[Column]) -> Roles:

@@ -11,6 +11,7 @@ import typer
 
 from swingid.cli.calibrate import calibrate
 from swingid.cli.campaign import campaign
+from swingid.cli.commission import commission
 from swingid.cli.emulate import emulate
 from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
@@ -31,7 +32,7 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, compare, convert, datasets, difference, design, rehearse),
-    *(emulate, recover, reproduce, tensor, validate),
+    *(commission, emulate, recover, reproduce, tensor, validate),
 ):
     app.command()(command)
 

@@ -1,0 +1,371 @@
+"""Commissioning: what a device's counts and voltage mean, found hanging still and from tiny pulses, before a first run.
+
+Two relations decide, both free of the motor's constants and of the friction. A positive output turns the wheel: the
+sign of the voltage. And equation (I) of small angles, integrated twice, is linear in what was counted:
+
+    q2 = - A q1 - F integral q1 - B double integral q1 + c0 + c1 t,   A = a11/a12, F = f1/a12, B = b/a12
+
+A > 0 where both counts grow in the same direction. B against the stated b and a12 is the ratio of the counts per
+turn, and b A / B the inertia a11, both as far as the rig file's constants are right. Which direction of the axis is
+positive nothing in the motion says; that is a choice.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import DeviceError, InputError, UsageError
+from swingid.format import plus_minus
+from swingid.live.codes import Mode
+from swingid.live.guard import Board, Limits, parameters_of
+from swingid.live.running import Reason
+
+if TYPE_CHECKING:
+    from swingid.live.frames import Frame
+    from swingid.live.session import Session
+    from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
+
+STILL_TIME, TAIL_TIME = 2.0, 2.5
+"""Seconds of listening to a body that hangs, and of swinging after a pulse: a good part of a period."""
+
+LEAD, PULSE = 0.05, 0.08
+"""Seconds of 0 V before a pulse and of each of its two halves, + and -, which leave the wheel nearly at rest."""
+
+SHARES = (0.05, 0.1, 0.2, 0.3, 0.5)
+"""Shares of the voltage limit that are tried until wheel and axis move."""
+
+SWING, TURN = math.radians(0.3), math.radians(2.0)
+"""Motions (rad, peak to peak) of axis and wheel beyond which a rig is not still."""
+
+WHEEL_MOVES, AXIS_MOVES = 0.1, 0.006
+"""Angles (rad) that a pulse must make, and 8 counts of each at least."""
+
+MOST_ANGLE, MOST_SPEED = 0.5, 6.0
+"""Limits of the guard (rad, rad/s) while it is tested."""
+
+CLOSE, FAR = 0.05, 0.25
+"""Relative deviations of the ratio of counts from which it is a warning, and a refusal."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """An encoder while the body hangs: counts per turn, counts of the mean, noise (rad) without that of rounding."""
+
+    counts: int
+    zero: float
+    noise: float
+
+    @property
+    def step(self) -> float:
+        """Angle (rad) of a count."""
+        return 2 * math.pi / self.counts
+
+
+@dataclass(frozen=True)
+class Pulses:
+    """A pulse and the swing after it: times (s), counts less their zero, voltage (V) held from each sample on."""
+
+    time: Array
+    axis: Array
+    wheel: Array
+    voltage: Array
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class Commissioning:
+    """What was found.
+
+    delay: from the voltage to the wheel's motion (s), with that of its encoder. ratio: how far the wheel turns over
+    what its counts say, beside the axis', with its standard uncertainty; inertia likewise (kg m², of axis, wheel and
+    rotor: a11). Both None where the rig file does not state gravity torque and wheel.
+    """
+
+    board: Board
+    axis: Channel
+    wheel: Channel
+    amplitude: float
+    axis_sign: int
+    wheel_sign: int
+    voltage_sign: int
+    delay: float
+    ratio: tuple[float, float] | None
+    inertia: tuple[float, float] | None
+    warnings: tuple[str, ...] = ()
+
+    def values(self, rig: Rig, address: str) -> dict[str, object]:
+        """What is written into the rig file, by its keys; the limits that were in force stand beside it."""
+        found: dict[str, object] = {"sensors.counts_per_turn": self.axis.counts}
+        if self.wheel.counts != self.axis.counts:
+            found["sensors.wheel.counts_per_turn"] = self.wheel.counts
+        for key, channel in (("sensors.noise", self.axis), ("sensors.wheel.noise", self.wheel)):
+            if channel.noise > 0.1 * channel.step:
+                found[key] = float(f"{channel.noise:.3g}")
+        signs = {"axis_sign": self.axis_sign, "wheel_sign": self.wheel_sign, "voltage_sign": self.voltage_sign}
+        found |= {"device.address": address, **{f"device.{key}": sign for key, sign in signs.items()}}
+        device = rig.device
+        return found | {
+            "device.axis_zero": round(self.axis.zero),
+            "device.angle_limit": device.angle_limit,
+            "device.speed_limit": device.speed_limit,
+            "device.wheel_speed_limit": device.wheel_speed_limit,
+        }
+
+    def lines(self) -> list[str]:
+        """What was found, for people."""
+        board = self.board
+        where = f"{board.rate:g} samples per second, {board.voltage_limit:g} V at most, firmware {board.firmware:08x}"
+        said = [where]
+        for name, channel in (("axis", self.axis), ("wheel", self.wheel)):
+            noise = f"noise {channel.noise / channel.step:.2g} counts" if channel.noise else "no noise beside rounding"
+            said.append(f"{name}: {channel.counts} counts per turn, hangs at {channel.zero:.1f}, {noise}")
+        said.append(f"moves at {self.amplitude:g} V, {1e3 * self.delay:.1f} ms after the voltage")
+        said.append(
+            f"signs: axis {self.axis_sign:+d} (a choice), wheel {self.wheel_sign:+d}, voltage {self.voltage_sign:+d}"
+        )
+        if self.ratio is not None:
+            said.append(f"turn of the wheel over what its counts say: {plus_minus(*self.ratio)}")
+        if self.inertia is not None:
+            said.append(f"inertia of body and wheel, roughly: {plus_minus(*self.inertia, 'kg*m^2')}")
+        return [*said, *(f"warning: {warning}" for warning in self.warnings)]
+
+
+def commission(session: Session, rig: Rig, *, progress: Callable[[str], None] = lambda _: None) -> Commissioning:
+    """Find zero, noise, signs, delay and what can be known of the counts of a device whose body hangs still.
+
+    Raises UsageError for a rig without a reaction wheel, InputError where rig file and device contradict each other
+    (code "wrong-sign", "wrong-counts"), DeviceError where the rig is not still, does not move, or its guard trips.
+    """
+    if rig.drive.kind != "reaction-wheel":
+        text = f"commissioning needs a reaction wheel, and rig {rig.name!r} has drive.kind = {rig.drive.kind!r}; "
+        raise UsageError(text + "find its signs by hand, as docs/rig.md says", code="not-offered")
+    board = session.connect()
+    session.require_ready()
+    _agrees(rig, board)
+    progress(f"listening for {STILL_TIME:g} s to the hanging body")
+    axis, wheel = _hanging(session.listen(STILL_TIME), board)
+    pulses = _moving(session, rig, board, (axis, wheel), progress)
+    found = _relation(pulses, axis.step, wheel.step)
+    signs = _signs(rig, pulses, found)
+    ratio, inertia = _constants(rig, found)
+    warnings = []
+    delay = _delay(pulses)
+    if delay > 1.5 / board.rate:
+        text = (
+            f"the wheel answers {1e3 * delay:.1f} ms after the voltage, more than a sample: expect a larger tracking "
+        )
+        warnings.append(text + "error; state sensors.latency if it is that of an encoder")
+    if ratio is not None and abs(ratio[0] - 1.0) > CLOSE + 2 * ratio[1]:
+        warnings.append(_counts_words(ratio))
+    return Commissioning(board, axis, wheel, pulses.amplitude, *signs, delay, ratio, inertia, tuple(warnings))
+
+
+def _agrees(rig: Rig, board: Board) -> None:
+    """InputError where the device says what the file contradicts; UsageError without a voltage limit."""
+    limit = Limits.of(rig).voltage
+    if limit > board.voltage_limit * (1 + 1e-6):
+        text = f"{rig.source}: drive.motor.voltage_limit is {limit:g} V and the device gives {board.voltage_limit:g} V "
+        raise InputError(text + "at most; lower it to that", code="wrong-limit")
+    if not board.wheel_counts:
+        raise InputError("the device has no encoder of the wheel, which commissioning needs", code="no-wheel-encoder")
+    sensors = rig.sensors
+    for name, sensor, counts in (
+        ("axis", sensors.of("angle"), board.axis_counts),
+        ("wheel", sensors.of("wheel"), board.wheel_counts),
+    ):
+        stated = round(2 * math.pi / sensor.resolution) if sensor.resolution > 0.0 else counts
+        if stated != counts:
+            key = f"counts_per_turn of the {name} in [sensors]"
+            text = f"{rig.source}: {key} is {stated} and the device says {counts}; correct the file, or the firmware"
+            raise InputError(f"{text} where the encoder makes {stated}", code="wrong-counts")
+
+
+def _counts(frames: list[Frame]) -> tuple[Array, Array, Array, Array]:
+    """Device time (s), counts of axis and wheel without their wraps, voltage (V) of Sample frames."""
+    whole = np.array([(f.time, f.axis, f.wheel) for f in frames], np.int64)
+    time, axis, wheel = (np.unwrap(column, period=2**32) for column in whole.T)
+    return (time - time[0]) * 1e-6, axis.astype(float), wheel.astype(float), np.array([f.voltage for f in frames])
+
+
+def _hanging(frames: list[Frame], board: Board) -> tuple[Channel, Channel]:
+    """Zero and noise of both encoders; DeviceError where axis or wheel move."""
+    _, axis, wheel, _ = _counts(frames)
+    found = []
+    for name, counts, turn, most in (
+        ("body", axis, board.axis_counts, SWING),
+        ("wheel", wheel, board.wheel_counts, TURN),
+    ):
+        step = 2 * math.pi / turn
+        width = max(1, min(len(counts) // 8, round(0.04 * board.rate)))
+        mean = np.convolve(counts, np.full(width, 1.0 / width), "valid")
+        motion = float(np.ptp(mean)) * step
+        if motion > most:
+            text = f"the {name} is not hanging still: it moves by {math.degrees(motion):.2g} deg in {STILL_TIME:g} s; "
+            raise DeviceError(text + "let it come to rest and do not touch it, then commission again", code="not-still")
+        variance = float(np.var(np.diff(counts))) / 2 - 1 / 12
+        found.append(Channel(turn, float(np.mean(counts)), math.sqrt(max(variance, 0.0)) * step))
+    return found[0], found[1]
+
+
+def _moving(
+    session: Session, rig: Rig, board: Board, channels: tuple[Channel, Channel], progress: Callable[[str], None]
+) -> Pulses:
+    """The first pulse that moves wheel and axis; DeviceError where none does or the guard ends one."""
+    from swingid.control.compensator import Compensator
+    from swingid.model.rig import Rig as Rigs
+
+    axis, wheel = channels
+    stated = Limits.of(rig)
+    pulses = None
+    for share in SHARES:
+        amplitude = float(np.float32(share * stated.voltage))
+        limits = Limits(
+            angle=min(MOST_ANGLE, stated.angle),
+            speed=min(MOST_SPEED, stated.speed),
+            wheel_speed=stated.wheel_speed,
+            voltage=stated.voltage,
+            current=stated.current,
+            frozen_voltage=stated.voltage,
+            axis_zero=round(axis.zero),
+        )
+        gains = Compensator.paper(Rigs.load("paper"))  # not used by a device in an open loop, which needs some
+        session.load(parameters_of(gains, board, limits))
+        progress(f"a pulse of {amplitude:g} V")
+        pulses = _pulse(session, amplitude, board.rate, channels)
+        turned = float(np.ptp(pulses.wheel)) * wheel.step
+        swung = float(np.ptp(pulses.axis)) * axis.step
+        wheel_moves = turned > max(WHEEL_MOVES, 8 * wheel.step + 8 * wheel.noise)
+        axis_moves = swung > max(AXIS_MOVES, 8 * axis.step + 8 * axis.noise)
+        if wheel_moves and axis_moves:
+            return pulses
+    if not wheel_moves and not axis_moves:
+        what = "neither wheel nor body moves: is the amplifier enabled, its supply on, the motor connected"
+    elif axis_moves:
+        what = "the body moves and the wheel's counts do not: is the wheel's encoder connected and its magnet in place"
+    else:
+        what = "the wheel turns and the body's counts do not: is the body free, its encoder connected, its magnet there"
+    raise DeviceError(f"no motion at pulses up to {amplitude:.3g} V: {what}?", code="no-motion")
+
+
+def _pulse(session: Session, amplitude: float, rate: float, channels: tuple[Channel, Channel]) -> Pulses:
+    """One pulse and the swing after it; DeviceError where it does not end as planned."""
+    lead, half, tail = (round(t * rate) for t in (LEAD, PULSE, TAIL_TIME))
+    volts = np.concatenate([np.zeros(lead), np.full(half, amplitude), np.full(half, -amplitude), np.zeros(tail)])
+    run = session.run(volts, mode=Mode.OPEN_LOOP, fade=0.0)
+    if run.end.reason is not Reason.FINISHED or run.lost:
+        why = run.end.sentence if run.end.reason is not Reason.FINISHED else f"{run.lost} samples were lost on the link"
+        raise DeviceError(f"the pulse of {amplitude:.3g} V did not end as planned: {why}", code="pulse-ended")
+    time, axis, wheel, voltage = _counts(run.samples[: len(volts)])
+    zero = wheel[:lead].mean()
+    return Pulses(time, axis - channels[0].zero, wheel - zero, voltage, amplitude)
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A and B (1/s²) of equation (I) in stated steps of the encoders, and their covariance."""
+
+    a: float
+    b: float
+    covariance: Array
+
+
+def _relation(pulses: Pulses, axis_step: float, wheel_step: float) -> Relation:
+    """A and B by least squares over a pulse and the swing after it."""
+    t, h = pulses.time, float(np.median(np.diff(pulses.time)))
+    q1, q2 = pulses.axis * axis_step, pulses.wheel * wheel_step
+
+    def integral(x: Array) -> Array:
+        return np.asarray(np.concatenate([[0.0], np.cumsum((x[1:] + x[:-1]) / 2)]) * h)
+
+    once = integral(q1)
+    columns = np.column_stack([-q1, -once, -integral(once), np.ones_like(t), t])
+    scale = np.abs(columns).max(axis=0)
+    solution, *_ = np.linalg.lstsq(columns / scale, q2, rcond=None)
+    residual = q2 - columns @ (solution / scale)
+    # errors of an integral are alike over many samples: count as many as there are halves of a pulse
+    freedom = max(float(t[-1]) / PULSE - len(solution), 1.0)
+    normal = (
+        np.linalg.pinv((columns / scale).T @ (columns / scale))
+        * (len(t) / freedom)
+        * float(residual @ residual)
+        / len(t)
+    )
+    covariance = normal / np.outer(scale, scale)
+    theta = solution / scale
+    return Relation(float(theta[0]), float(theta[2]), covariance[np.ix_([0, 2], [0, 2])])
+
+
+def _signs(rig: Rig, pulses: Pulses, found: Relation) -> tuple[int, int, int]:
+    """Signs of axis, wheel and voltage; InputError where the file states others."""
+    same = 1 if found.a > 0 else -1
+    if abs(found.a) < 5 * math.sqrt(found.covariance[0, 0]):
+        text = (
+            "the body's motion after the pulse is not that of the wheel's reaction; is the body free to swing, and is "
+        )
+        raise DeviceError(text + "the wheel's encoder on the wheel?", code="no-motion")
+    pushed = pulses.voltage > 0
+    last = int(np.flatnonzero(pushed)[-1]) + 1
+    response = 1 if pulses.wheel[last] - pulses.wheel[np.flatnonzero(pushed)[0]] > 0 else -1
+    device = rig.device
+    axis = device.axis_sign
+    wheel = axis * same
+    measured = {"wheel_sign": wheel, "voltage_sign": wheel * response}
+    for key, sign in measured.items():
+        if key in device.model_fields_set and getattr(device, key) != sign:
+            text = (
+                f"{rig.source}: wrong sign: device.{key} is {-sign:+d} and the pulses show {sign:+d}; swap the wires "
+            )
+            what = "of the motor" if key == "voltage_sign" else "of an encoder's channels"
+            raise InputError(f"{text}{what}, or delete the key and commission again", code="wrong-sign")
+    return axis, measured["wheel_sign"], measured["voltage_sign"]
+
+
+def _constants(rig: Rig, found: Relation) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
+    """The ratio of the counts and the inertia a11 with standard uncertainties; None without gravity torque or wheel."""
+    from swingid.units import Quantity
+
+    gravity, drive = rig.axis.gravity_torque, rig.drive
+    wheel = None if drive.wheel is None else drive.wheel.inertia
+    if not isinstance(gravity, Quantity) or not gravity.value or not isinstance(wheel, Quantity):
+        return None, None
+    motor = drive.motor
+    a12 = wheel.value
+    if motor is not None:
+        a12 += motor.gear_ratio.value * motor.rotor_inertia.value
+    a, b = abs(found.a), found.b * math.copysign(1.0, found.a)
+    ua, ub = math.sqrt(found.covariance[0, 0]), math.sqrt(found.covariance[1, 1])
+    if b < 3 * ub:
+        return None, None
+    ratio, inertia = gravity.value / (a12 * b), gravity.value * a / b
+    mixed = found.covariance[0, 1] * math.copysign(1.0, found.a) * math.copysign(1.0, found.b)
+    spread = max((ua / a) ** 2 + (ub / b) ** 2 - 2 * mixed / (a * b), 0.0)
+    ratio_u = ratio * ub / b
+    if abs(math.log(ratio)) > math.log1p(FAR) and abs(ratio - 1.0) > 3 * ratio_u:
+        raise InputError(f"wrong counts: {_counts_words((ratio, ratio_u))}", code="wrong-counts")
+    return (ratio, ratio_u), (inertia, inertia * math.sqrt(spread))
+
+
+def _counts_words(ratio: tuple[float, float]) -> str:
+    text = (
+        f"the wheel turns {plus_minus(*ratio)} times as far as its counts say, if the body's angle, gravity_torque and "
+    )
+    return (
+        text + "drive.wheel.inertia are right; check counts per turn (edges of a quadrature encoder, a gear) and these"
+    )
+
+
+def _delay(pulses: Pulses) -> float:
+    """Seconds from the begin of the pulse to the wheel's motion: where a cubic through its first half is at rest."""
+    pushed = np.flatnonzero(pulses.voltage > 0)
+    first, last = int(pushed[0]), int(pushed[-1]) + 1
+    t, wheel = pulses.time - pulses.time[first], np.abs(pulses.wheel)
+    start = first + int(np.argmax(wheel[first:last] > wheel[first:last].max() / 16))
+    curve = np.polynomial.Polynomial.fit(t[start:last], wheel[start:last], 3)
+    rest = [float(x.real) for x in curve.deriv().roots() if abs(x.imag) < 1e-9 and x.real <= t[start]]
+    return max(*rest, 0.0) if rest else 0.0

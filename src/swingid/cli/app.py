@@ -12,6 +12,7 @@ import typer
 from swingid.cli.calibrate import calibrate
 from swingid.cli.campaign import campaign
 from swingid.cli.commission import commission
+from swingid.cli.dashboard import dashboard
 from swingid.cli.emulate import emulate
 from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
@@ -31,8 +32,8 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (
-    *(init, simulate, inspect, identify, calibrate, campaign, compare, convert, datasets, difference, design, rehearse),
-    *(commission, emulate, recover, reproduce, tensor, validate),
+    *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, convert, dashboard),
+    *(datasets, design, difference, emulate, recover, rehearse, reproduce, tensor, validate),
 ):
     app.command()(command)
 

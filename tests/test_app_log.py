@@ -1,0 +1,99 @@
+"""The page on a log, in a real browser: every step clicked."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import pytest
+
+from browser import browser, listen, picture, served
+from swingid import Recording, Rig, identify, parse_reference, simulate
+
+SLOW = 90_000  # ms, with kernels that are compiled
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("page") / "run.parquet"
+    simulate(Rig.load("paper"), parse_reference("sine 0.8 rad 8.5 rad/s"), duration=12.0, seed=1).save(path)
+    return path
+
+
+def shown(text: str) -> float:
+    """The number of '(3.0220 ± 0.0001)e-3 kg m²'."""
+    found = re.search(r"\(([\d.]+) ± [\d.]+\)e(-?\d+)", text)
+    assert found, text
+    return float(found[1]) * 10.0 ** int(found[2])
+
+
+def test_every_step_of_the_page_on_a_log(log, tmp_path):
+    with served("--log", str(log), "--rig", "paper") as (address, _), browser() as chromium:
+        page = chromium.new_page(viewport={"width": 1200, "height": 1000})
+        errors = listen(page)
+        page.goto(address)
+        page.get_by_text("ready", exact=False).first.wait_for(timeout=SLOW)
+        assert page.locator("table[aria-label='checks of the log'] tbody tr").count() > 5
+        picture(page, "log-check")
+
+        page.get_by_role("tab", name="Result").click()
+        answers = page.locator("table[aria-label='moment of inertia by every method']")
+        answers.get_by_text("…").first.wait_for(state="detached", timeout=SLOW)
+        truth = Rig.load("paper").axis.inertia.value
+        for method in ("momentum", "energy", "output-error"):
+            row = answers.locator("tr", has_text=method).inner_text()
+            assert shown(row) == pytest.approx(truth, rel=1e-3), row
+        picture(page, "log-result")
+
+        # another part of the log
+        start = page.get_by_label("from, s")
+        start.fill("4")
+        start.press("Enter")
+        answers.get_by_text("…").first.wait_for(timeout=SLOW)
+        answers.get_by_text("…").first.wait_for(state="detached", timeout=SLOW)
+
+        page.get_by_role("tab", name="Constants").click()
+        slider = page.get_by_label("relative change of axis.gravity_torque").locator("[tabindex='0']").first
+        slider.focus()
+        for _ in range(5):
+            slider.press("ArrowRight")
+        page.get_by_text(re.compile(r"inertia = .*% from")).wait_for(timeout=SLOW)
+        effect, factor = page.get_by_text("inertia = ", exact=False), 1.0
+        stated, until = Rig.load("paper"), time.monotonic() + 30
+        while time.monotonic() < until:
+            moved = slider.locator("xpath=ancestor::*[contains(@class,'row')][1]").inner_text()
+            factor = 1.0 + float(re.search(r"([+-][\d.]+) %", moved)[1]) / 100
+            off = stated.changed({"axis.gravity_torque": stated.axis.gravity_torque.value * factor})
+            expected = identify(Recording.load(log, off).segment(4.0, 13.0), off).inertia.value
+            if factor > 1.0 and abs(shown(effect.inner_text()) / expected - 1) < 1e-4:
+                break
+        picture(page, "log-constants")
+        assert factor > 1.0
+        assert shown(effect.inner_text()) == pytest.approx(expected, rel=1e-4)
+
+        page.get_by_role("tab", name="Report").click()
+        with page.expect_download(timeout=SLOW) as download:
+            page.get_by_role("button", name="HTML report").click()
+        download.value.save_as(tmp_path / "report.html")
+        assert "<svg" in (tmp_path / "report.html").read_text(encoding="utf-8")
+        picture(page, "log-report")
+
+        page.set_viewport_size({"width": 390, "height": 800})
+        page.get_by_label("dark or light page").click()
+        page.get_by_role("tab", name="Result").click()
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        picture(page, "log-phone")
+        assert not errors
+
+
+def test_a_token_keeps_others_out(log):
+    wide = served("--log", str(log), "--rig", "paper", "--host", "0.0.0.0", SWINGID_TOKEN="s3cret")
+    with wide as (address, _), browser() as chromium:
+        page = chromium.new_page()
+        assert page.goto(address).status == 403
+        assert "token" in page.content()
+        assert page.goto(f"{address}?token=s3cre").status == 403
+        assert page.goto(f"{address}?token=s3cret").status == 200
+        page.get_by_role("tab", name="Check").wait_for(timeout=SLOW)
+        assert page.goto(address).status == 200  # the cookie

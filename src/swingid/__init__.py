@@ -58,7 +58,9 @@ _HOMES = {
     "validate": "swingid.study.validate",
 }
 
-__all__ = ["errors", *_HOMES]
+_MODULES = ("errors", "live")
+
+__all__ = ["errors", "live", *_HOMES]
 
 
 def __getattr__(name: str) -> Any:
@@ -66,8 +68,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version
 
         value: Any = version("swingid")
-    elif name == "errors":
-        value = import_module("swingid.errors")
+    elif name in _MODULES:
+        value = import_module(f"swingid.{name}")
     elif name in _HOMES:
         value = getattr(import_module(_HOMES[name]), name)
     else:

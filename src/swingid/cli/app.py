@@ -18,6 +18,7 @@ from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.live import recover
+from swingid.cli.live import run as run_live
 from swingid.cli.logs import convert, datasets, init, inspect
 from swingid.cli.output import flush
 from swingid.cli.results import compare, difference, validate
@@ -36,6 +37,7 @@ for command in (
     *(datasets, design, difference, emulate, recover, rehearse, reproduce, tensor, validate),
 ):
     app.command()(command)
+app.command("run")(run_live)
 
 
 def _version(wanted: bool) -> None:

@@ -1,12 +1,28 @@
-"""``swingid recover``: whole journals of broken ones."""
+"""``swingid run`` and ``recover``: experiments on a live rig, and whole journals of broken ones."""
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from swingid.cli import output
+from swingid.cli.options import JsonOrRefusal, Method, Report, RigFile
+from swingid.cli.simulate import Gains, compensator_of, motion_of
+from swingid.errors import UsageError
+from swingid.methods.table import DEFAULT
+
+if TYPE_CHECKING:
+    from swingid.live.codes import StopMode
+    from swingid.live.progress import Progress
+    from swingid.model.rig import Rig
+    from swingid.result.result import Result
 
 
 def recover(
@@ -31,3 +47,133 @@ def recover(
         return
     lost = f"; {found.damaged} damaged blocks left out" if found.damaged else ""
     output.tell(f"wrote {path}: {counts}{lost}")
+
+
+def run(
+    rig: RigFile,
+    reference: Annotated[str, typer.Option(metavar="MOTION", help='Motion, such as "sine 0.8 rad 8.5 rad/s".')],
+    out: Annotated[str, typer.Option(metavar="FILE.mcap", help="Journal to write.")],
+    device: Annotated[
+        str | None,
+        typer.Option(
+            metavar="DEV", help="Such as serial:///dev/ttyACM0; default: device.address of RIG, else its twin."
+        ),
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Length of the run, s.")] = 25.0,
+    until: Annotated[
+        str | None,
+        typer.Option(metavar="SHARE", help='Stop when the estimate has this relative uncertainty, such as "0.05%".'),
+    ] = None,
+    gains: Annotated[Gains | None, typer.Option(help="Of the compensator; default: the paper's experiment.")] = None,
+    method: Method = DEFAULT,
+    clear: Annotated[
+        bool, typer.Option("--clear", help="You have looked at the rig: clear its latched fault.")
+    ] = False,
+    json: JsonOrRefusal = None,
+    report: Report = None,
+) -> None:
+    """Run an experiment on a live rig, record it, and identify what it shows.
+
+    The twin of RIG rehearses it first. Ctrl-C stops softly, a second one gives 0 V at once. However the run ends, the
+    rig is at 0 V; a hardware emergency stop is yours to provide.
+    """
+    if not out.endswith(".mcap"):
+        raise UsageError(f"--out {out}: a journal is MCAP; give a name that ends in .mcap", code="bad-target")
+    output.check_targets({"--out": out, "--json": json, "--report": report}, {rig: "the rig file"})
+    output.check_writable(out, json, report)
+    from swingid.live.experiment import Conductor, Order, opened, require_usable, required
+    from swingid.model.rig import Rig
+
+    plant = Rig.load(rig)
+    share = 0.0 if until is None else _share(until)
+    order = Order(motion_of(reference, plant), compensator_of(plant, gains, {}), duration, share, clear=clear)
+    required(order)
+    output.announce_compilation("simulate")
+    address = device if device is not None else plant.device.address or ""
+    if not address:
+        output.say(f"no --device given: this is the emulator of {plant.name}, its twin in virtual time")
+    provenance: dict[str, object] = {"log": out, "rig_source": rig}
+    with output.refusals_to(json, method, provenance, report):
+        conductor = Conductor(plant, opened(address, plant), say=output.say, show=LiveLine())
+        with _stopping(conductor.stop):
+            done = conductor.run(order, Path(out))
+        output.overwrite("", last=True)
+        for note in done.notes:
+            output.say(note)
+        lost = f", {done.lost} samples lost" if done.lost else ""
+        output.say(f"{done.end.sentence}: 0 V{lost}; wrote {out}")
+        require_usable(done, out)
+        result = identified(out, plant, method, provenance, report)
+    output.hand_over(result, json, report)
+
+
+def identified(out: str, plant: Rig, method: str, provenance: dict[str, object], report: str | None) -> Result:
+    """The result of a journal, and its report."""
+    from swingid.identification import identify
+    from swingid.recording.recording import Recording
+
+    log = Recording.load(out, plant)
+    provenance |= {"rig": plant.name, "log_sha256": log.source.sha256, "rows": len(log)}
+    output.announce_compilation("identify")
+    result = identify(log, plant, method)
+    if report is not None:
+        from swingid.report import write_report
+
+        write_report(result, log, plant, Path(report))
+    return result
+
+
+def _share(text: str) -> float:
+    """A relative uncertainty such as "0.05%"; UsageError for what is none."""
+    from swingid.errors import InputError
+    from swingid.units import parse_quantity
+
+    try:
+        found = parse_quantity(text, "", "--until").value
+    except InputError as error:
+        raise UsageError(f'{error.message}; write for example "0.05%"', code=error.code) from None
+    if not 0.0 < found < 1.0:
+        raise UsageError(f'--until {text} is no share of the inertia; write for example "0.05%"', code="out-of-range")
+    return found
+
+
+class LiveLine:
+    """Shows the progress: a line that overwrites itself on a terminal, else one per `EVERY` seconds of the run."""
+
+    EVERY = 5.0
+
+    def __init__(self) -> None:
+        self._shown = -math.inf
+
+    def __call__(self, progress: Progress) -> None:
+        """Show it where it is time, or a swing has its estimate."""
+        due = progress.time - self._shown >= (0.25 if output.on_terminal() else self.EVERY)
+        if not due and not (progress.fresh and output.on_terminal()):
+            return
+        self._shown = progress.time
+        if not output.overwrite(f"{progress.line():<110}", last=False) and progress.rows:
+            output.say(progress.line())
+
+
+@contextmanager
+def _stopping(stop: Callable[[StopMode, str], None]) -> Iterator[None]:
+    """Ctrl-C once is a soft stop, twice a hard one; a third time ends the program. Restores what was before."""
+    from swingid.live.codes import StopMode
+
+    pressed = 0
+
+    def handle(_number: int, _frame: object) -> None:
+        nonlocal pressed
+        pressed += 1
+        if pressed > 2:
+            raise KeyboardInterrupt
+        stop(*((StopMode.SOFT, "stopped by Ctrl-C") if pressed == 1 else (StopMode.HARD, "stopped by Ctrl-C twice")))
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, handle)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

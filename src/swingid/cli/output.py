@@ -125,9 +125,14 @@ def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: s
     check_report(report)
 
 
+def on_terminal() -> bool:
+    """Whether standard error is a terminal."""
+    return sys.stderr is not None and sys.stderr.isatty()
+
+
 def overwrite(line: str, *, last: bool) -> bool:
     """Show progress on a terminal in a line that overwrites itself; False where standard error is none."""
-    if sys.stderr is None or not sys.stderr.isatty():
+    if not on_terminal():
         return False
     with suppress(OSError):
         sys.stderr.write(f"\r{line:<70}" + ("\n" if last else ""))

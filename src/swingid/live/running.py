@@ -112,7 +112,7 @@ class Running:
         now = link.clock()
         self._progress = Progress(moved=now)
         self._seen = Seen(when=now)
-        self._start: int | None = None
+        self.start: int | None = None
         self._asked: tuple[StopMode, str, Reason] | None = None
         self._asked_at = self._stop_sent = self._run_sent = self._beaten = -1e9
         self._began = now
@@ -135,8 +135,8 @@ class Running:
                 self._check_time()
         if self._end.reason is Reason.LOST:
             self.abandon()
-        samples = [] if self._start is None else _from(self._seen.samples, self._start)
-        return Run(samples, self._start or 0, self._end, self._seen.lost)
+        samples = [] if self.start is None else _from(self._seen.samples, self.start)
+        return Run(samples, self.start or 0, self._end, self._seen.lost)
 
     def ask_stop(self, mode: StopMode, why: str, reason: Reason | None = None) -> None:
         """Stop at the next turn; a hard stop replaces a soft one that waits."""
@@ -164,7 +164,7 @@ class Running:
             self._beaten = now
         if self._asked is None:
             out += self._blocks(now)
-            if self._start is None and self._primed() and now - self._run_sent >= RETRY:
+            if self.start is None and self._primed() and now - self._run_sent >= RETRY:
                 out += encode("Run", session=self._number)
                 self._run_sent = now
         return out
@@ -176,9 +176,9 @@ class Running:
 
     def _used(self) -> int:
         """How many samples of the reference the device has used, as far as its samples have come."""
-        if self._start is None or self._seen.last is None:
+        if self.start is None or self._seen.last is None:
             return 0
-        return max(_apart(self._seen.last.sequence, self._start) + 1, 0)
+        return max(_apart(self._seen.last.sequence, self.start) + 1, 0)
 
     def _blocks(self, now: float) -> bytes:
         """The next messages of the reference, from where the device wants them."""
@@ -214,7 +214,7 @@ class Running:
             return
         if self._on_batch is not None:
             self._on_batch(batch)
-        if self._watch is not None and self._start is not None and (why := self._watch(batch)) is not None:
+        if self._watch is not None and self.start is not None and (why := self._watch(batch)) is not None:
             self.ask_stop(StopMode.HARD, why, Reason.GUARD)
         for frame in batch:
             if self._end is None:
@@ -228,7 +228,7 @@ class Running:
                 if gap < -int(self._rate):
                     self._end = self._end or End(Reason.RESET, RESET.format(self._link.name))
                 return
-            seen.lost += (gap - 1) if self._start is not None else 0
+            seen.lost += (gap - 1) if self.start is not None else 0
         seen.last, seen.when = frame, self._link.clock()
         seen.samples.append(frame)
 
@@ -236,7 +236,7 @@ class Running:
         at = self._progress
         if ack.message == self._run_id:
             if ack.status == Status.DONE:
-                self._start = ack.value
+                self.start = ack.value
             elif ack.status != Status.NO_REFERENCE and ack.state == State.IDLE and self._asked is None:
                 self._end = self._end or End(Reason.RESET, RESET.format(self._link.name))
         elif ack.message == self._reference_id and ack.status in (Status.DONE, Status.GAP, Status.FULL):
@@ -255,9 +255,9 @@ class Running:
             known = f" ({value[1]:.4g})" if value is not None and value[0] is code and value[1] else ""
             said = FAULTS.get(code, f"code {frame.fault}")
             return End(Reason.FAULT, f"{name}: the guard of the firmware ended the run at 0 V: {said}{known}", code)
-        if frame.state != State.IDLE or (self._start is None and self._asked is None):
+        if frame.state != State.IDLE or (self.start is None and self._asked is None):
             return self._early(frame) if frame.state == State.IDLE else None
-        if self._start is not None and self._asked is None and _apart(frame.sequence, self._start) < 0:
+        if self.start is not None and self._asked is None and _apart(frame.sequence, self.start) < 0:
             return None  # from before the run
         if self._asked is not None:
             return End(self._asked[2], self._asked[1])
@@ -282,7 +282,7 @@ class Running:
             self._end = End(Reason.LOST, f"{text}; look after cable and supply, connect again", seen=False)
         elif self._asked is not None:
             self._check_stop(now)
-        elif self._start is None and now - self._began > 10.0 + 0.002 * self._room_size:
+        elif self.start is None and now - self._began > 10.0 + 0.002 * self._room_size:
             self._end = End(Reason.LOST, f"{name} did not begin the run; the link loses too many frames", seen=False)
 
     def _check_stop(self, now: float) -> None:

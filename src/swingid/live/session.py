@@ -102,6 +102,11 @@ class Session:
         text = f"{name} does not answer; check its supply and the cable, and that its firmware is running"
         return DeviceError(text, code="no-answer")
 
+    @property
+    def started(self) -> int | None:
+        """Sequence of the sample of reference 0 in the present run, once it is known."""
+        return None if self._running is None else self._running.start
+
     def require_ready(self) -> None:
         """Raise DeviceError unless the device is idle: a latched fault is for a person to clear, a run is another's."""
         frame = self._answer("Hello", encode("Who", schema=schema().hash), PATIENCE)

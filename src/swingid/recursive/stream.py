@@ -17,7 +17,7 @@ from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.scale import Scale, refuse_motor, refuse_rates, require_motor
 from swingid.recording.recording import Recording
 from swingid.recursive.blocks import Block, energy_block, momentum_block
-from swingid.recursive.rows import Reader, SwingBuffer
+from swingid.recursive.rows import Reader, Row, SwingBuffer
 from swingid.recursive.solution import Recursion, Reporter, SwingEstimate, first_solution, solve_all
 
 Maker = Callable[[Recording, Rig, Scale, Noise, Motion, Encoders, int], Block | None]
@@ -50,26 +50,56 @@ def online(rig: Rig, samples: Iterable[object] | Recording, method: str = "momen
     Raises UsageError for another method, InputError for samples that are no rows or a wheel of the wrong sign,
     UnanswerableError where the stream ends without enough swings.
     """
-    swings = _Swings(rig, method)
-    reporter = Reporter(swings.scale, rig.axis.model_uncertainty)
-    recursion: Recursion | None = None
-    waiting: list[Block] = []
-    for block in swings.blocks(samples):
-        if recursion is None:
-            waiting.append(block)
-            if len(waiting) < FIRST:
-                continue
-            recursion = Recursion(block.unknowns, first_solution(waiting), swings.scale, swings.noise)
-            for early in waiting[:-1]:
-                recursion.add(early)
+    estimator = Estimator(rig, method)
+    for block in estimator.swings.blocks(samples):
+        estimate = estimator.add(block)
+        if estimate is not None:
+            yield estimate
+    if estimator.recursion is None:
+        raise _too_few(len(estimator.waiting))
+
+
+class Estimator:
+    """`online` for rows that are handed over as they come: `push` them, in any portions.
+
+    Raises as `online` does; too few swings are no error here.
+    """
+
+    def __init__(self, rig: Rig, method: str = "momentum") -> None:
+        self.swings = _Swings(rig, method)
+        self.recursion: Recursion | None = None
+        self.waiting: list[Block] = []
+        self._reporter = Reporter(self.swings.scale, rig.axis.model_uncertainty)
+        self._early: list[Row] = []
+
+    def push(self, samples: Iterable[object]) -> list[SwingEstimate]:
+        """The estimates that further rows give: (t, angle, wheel_angle, voltage or torque), as of `online`."""
+        rows = list(self.swings.reader.rows(samples))
+        if self.swings.buffer is None:
+            self._early += rows
+            if len(self._early) < WARM:
+                return []
+            rows, self._early = self._early, []
+            self.swings.begin(rows[:WARM])
+        found = [self.add(block) for block in self.swings.blocks_of(rows)]
+        return [estimate for estimate in found if estimate is not None]
+
+    def add(self, block: Block) -> SwingEstimate | None:
+        """The estimate after one more swing; None before there are enough."""
+        swings, reporter = self.swings, self._reporter
+        if self.recursion is None:
+            self.waiting.append(block)
+            if len(self.waiting) < FIRST:
+                return None
+            self.recursion = Recursion(block.unknowns, first_solution(self.waiting), swings.scale, swings.noise)
+            for early in self.waiting[:-1]:
+                self.recursion.add(early)
                 reporter.skip()
-            waiting.clear()
-        recursion.add(block)
-        estimate = reporter.estimate(block, recursion.solution(), swings.reader.skipped, swings.lost)
+            self.waiting.clear()
+        self.recursion.add(block)
+        estimate = reporter.estimate(block, self.recursion.solution(), swings.reader.skipped, swings.lost)
         _check_sign(estimate)
-        yield estimate
-    if recursion is None:
-        raise _too_few(len(waiting))
+        return estimate
 
 
 def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[SwingEstimate]:
@@ -125,8 +155,17 @@ class _Swings:
         early = list(islice(rows, WARM))
         if not early:
             return
+        self.begin(early)
+        yield from self.blocks_of(chain(early, rows))
+
+    def begin(self, early: list[Row]) -> None:
+        """Find the noise in the first rows, which `blocks_of` then takes with the others."""
         self.buffer = SwingBuffer(self._least(np.array(early)))
-        for row in chain(early, rows):
+
+    def blocks_of(self, rows: Iterable[Row]) -> Iterator[Block]:
+        """The blocks that further rows complete."""
+        assert self.buffer is not None
+        for row in rows:
             piece = self.buffer.push(row)
             block = None if piece is None else self._block(*piece)
             if block is not None:

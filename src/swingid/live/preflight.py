@@ -1,0 +1,150 @@
+"""Before a run: the experiment on the twin against the limits, the device against the rig file, the body at rest."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.errors import DeviceError, InputError, UsageError
+from swingid.live.guard import Board, Limits
+from swingid.live.watch import TIGHTER, energy_of
+from swingid.units import Quantity
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from swingid.control.compensator import Compensator
+    from swingid.control.references import Reference
+    from swingid.live.frames import Frame
+    from swingid.model.rig import Rig
+
+
+ENERGY = 2.0
+"""How many times the largest energy of the rehearsal the body may have."""
+
+STILL, STEPS = 0.01, 3
+"""Motion (rad) that counts as hanging still, and counts of an encoder that any signal may jitter."""
+
+
+@dataclass(frozen=True)
+class Rehearsed:
+    """The largest values of the experiment on the twin: angle (rad), speeds (rad/s), voltage (V), time at the voltage
+    limit without a break (s), energy of the body (J); tracking: root of the mean square error in the second half (rad).
+    """
+
+    angle: float
+    speed: float
+    wheel_speed: float
+    voltage: float
+    saturated: float
+    energy: float
+    tracking: float
+
+    def words(self) -> str:
+        """One line for people."""
+        return (
+            f"on the twin: {self.angle:.3g} rad, {self.speed:.3g} rad/s, wheel {self.wheel_speed:.3g} rad/s, "
+            f"{self.voltage:.3g} V, tracking error {self.tracking:.2g} rad"
+        )
+
+
+def rehearsed(
+    rig: Rig, motion: Reference, controller: Compensator, limits: Limits, *, duration: float, rate: float
+) -> Rehearsed:
+    """Run the experiment on the twin of the rig file.
+
+    Raises UsageError (code "beyond-limits") where it passes the host's limits, which are tighter than the firmware's,
+    InputError where the rig file does not have what the twin needs.
+    """
+    from swingid.simulation import simulate
+
+    try:
+        log = simulate(rig, motion, controller, duration=duration, rate=rate)
+    except InputError as error:
+        if error.code != "not-finite":
+            raise
+        raise UsageError(f"{BEYOND}: the loop is unstable; choose other gains", code="beyond-limits") from None
+    assert log.voltage is not None
+    assert log.reference is not None
+    angle, step = log.angle, limits.speed_span
+    speed = (angle[step:] - angle[:-step]) * (rate / step)
+    wheel = np.zeros(1)
+    if log.wheel_angle is not None:
+        wheel = (log.wheel_angle[step:] - log.wheel_angle[:-step]) * (rate / step)
+    inertia, gravity = expected(rig)
+    energy = [energy_of(q, v, inertia, gravity) for q, v in zip(angle[step:], speed, strict=True)]
+    missed = (log.reference - angle)[len(log) // 2 :]
+    found = Rehearsed(
+        angle=float(np.abs(angle).max()),
+        speed=float(np.abs(speed).max()),
+        wheel_speed=float(np.abs(wheel).max()),
+        voltage=float(np.abs(log.voltage).max()),
+        saturated=_longest(np.abs(log.voltage) >= limits.voltage * (1 - 1e-9)) / rate,
+        energy=float(np.nanmax(energy)) if np.isfinite(energy).any() else math.inf,
+        tracking=float(np.sqrt(np.mean(missed**2))),
+    )
+    for name, value, limit, unit in (
+        ("the angle", found.angle, limits.angle, "rad"),
+        ("the speed of the axis", found.speed, limits.speed, "rad/s"),
+        ("the speed of the wheel", found.wheel_speed, limits.wheel_speed, "rad/s"),
+        ("the time at the voltage limit", found.saturated, limits.saturated, "s"),
+    ):
+        if value > TIGHTER * limit:
+            text = f"{BEYOND}: {name} reaches {value:.3g} {unit}, and the host stops at {TIGHTER * limit:.3g} {unit}; "
+            raise UsageError(text + "choose a smaller or slower --reference", code="beyond-limits")
+    return found
+
+
+BEYOND = "the rehearsal on the twin passes the limits of the guard"
+
+
+def _longest(true: NDArray[np.bool_]) -> int:
+    """Length of the longest run of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], true.astype(int), [0]])))
+    return int((edges[1::2] - edges[::2]).max(initial=0))
+
+
+def expected(rig: Rig) -> tuple[float, float]:
+    """Inertia (kg m^2) and gravity torque (N m) that the rig file states, nan where it doesn't."""
+    inertia, gravity = rig.axis.inertia, rig.axis.gravity_torque
+    return (
+        inertia.value if isinstance(inertia, Quantity) else math.nan,
+        gravity.value if isinstance(gravity, Quantity) else math.nan,
+    )
+
+
+def require_same_rig(rig: Rig, board: Board, name: str) -> None:
+    """Raise InputError where device and rig file contradict each other in counts per turn or voltage."""
+    for channel, has in (("angle", board.axis_counts), ("wheel", board.wheel_counts)):
+        stated = rig.sensors.of(channel).resolution  # type: ignore[arg-type]
+        if stated > 0.0 and has and abs(2 * math.pi / stated / has - 1) > 1e-3:
+            text = (
+                f"{rig.source}: sensors state {2 * math.pi / stated:.0f} counts per turn ({channel}), and {name} has "
+            )
+            raise InputError(f"{text}{has}; correct the one that is wrong", code="other-counts")
+    limit = None if rig.drive.motor is None else rig.drive.motor.voltage_limit
+    if limit is not None and limit > board.voltage_limit * (1 + 1e-6):
+        text = f"{rig.source}: drive.motor.voltage_limit is {limit:g} V, and {name} gives {board.voltage_limit:g} V"
+        raise InputError(f"{text} at most; state that", code="other-voltage")
+    if rig.drive.kind == "reaction-wheel" and not board.wheel_counts:
+        raise InputError(f"{rig.source} has a reaction wheel, and {name} no encoder for it", code="other-rig")
+
+
+def zero_of(frames: list[Frame], limits: Limits, board: Board, name: str) -> Limits:
+    """The limits with the counts at which the body hangs, from samples without a voltage.
+
+    Raises DeviceError (code "not-still") where it moves.
+    """
+    for channel, counts in (("axis", board.axis_counts), ("wheel", board.wheel_counts)):
+        if not counts:
+            continue
+        values = np.array([getattr(frame, channel) for frame in frames])
+        moved = float(np.quantile(values, 0.99) - np.quantile(values, 0.01)) * 2 * math.pi / counts
+        if moved > STILL + STEPS * 2 * math.pi / counts:
+            body = "body" if channel == "axis" else "wheel"
+            text = f"{name}: the {body} moves by {moved:.2g} rad, and must hang still before a run; wait until it rests"
+            raise DeviceError(text, code="not-still")
+    return replace(limits, axis_zero=round(float(np.median([frame.axis for frame in frames]))))

@@ -1,0 +1,183 @@
+"""`swingid run` and `sw.live.connect` on the emulator: the paper's experiment, its ends, what is refused before it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import live_host
+import swingid as sw
+from swingid.cli.app import run as swingid
+from swingid.errors import DeviceError, InputError, UsageError
+from swingid.live.codes import State
+from swingid.live.devices.twin import TwinDevice, twin_of
+from swingid.live.experiment import Conductor, LiveRig, Order
+from swingid.live.guard import Board, Limits
+from swingid.live.plant import Plant
+from swingid.live.preflight import zero_of
+from swingid.live.progress import Progress
+from swingid.live.session import Reason
+from swingid.recording.recording import Recording
+
+RIG = live_host.RIG
+REFERENCE = "sine 0.8 rad 8.5 rad/s"
+INERTIA = {"paper": 3.022e-3, "paper-body": sw.Rig.load("paper-body").axis.inertia.value}  # type: ignore[union-attr]
+
+
+def order(**changes: object) -> Order:
+    known = {"motion": sw.parse_reference(REFERENCE), "controller": sw.Compensator.paper(RIG), "duration": 6.0}
+    return Order(**{**known, **changes})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", ["paper", "paper-body"])
+def test_the_papers_experiment_on_the_emulator(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, found = tmp_path / "run.mcap", tmp_path / "result.json"
+    report = tmp_path / "report.html"
+    command = ["run", "--rig", name, "--reference", REFERENCE, "--out", str(out), "--json", str(found)]
+    assert swingid([*command, *(["--report", str(report)] if name == "paper" else [])]) == 0
+    printed = capsys.readouterr()
+    assert "emulator" in printed.err
+    assert "on the twin" in printed.err
+    assert "swing" in printed.err
+    assert "Identification" in printed.out
+    result = json.loads(found.read_text())
+    inertia = result["parameters"]["inertia"]
+    assert abs(inertia["value"] / INERTIA[name] - 1) < 2e-4
+    assert inertia["interval95"][0] <= INERTIA[name] <= inertia["interval95"][1]
+    assert result["status"] == "ok"
+    assert swingid(["identify", str(out), "--rig", name]) == 0
+    assert "no --device" not in capsys.readouterr().err
+    assert name != "paper" or report.stat().st_size > 10_000
+
+
+def test_the_wanted_uncertainty_ends_the_run_and_the_rest_is_faded(tmp_path: Path) -> None:
+    seen: list[Progress] = []
+    done = Conductor(RIG, twin_of(RIG), show=seen.append).run(order(duration=25.0, until=5e-4), tmp_path / "run.mcap")
+    assert (done.end.reason, done.progress is not None) == (Reason.STOPPED, True)
+    assert "0.00063 %" in done.end.sentence
+    log = Recording.load(tmp_path / "run.mcap", RIG)
+    assert 3.0 < log.duration < 8.0
+    assert sw.identify(log, RIG).inertia.value == pytest.approx(3.022e-3, rel=5e-4)
+
+
+def test_python_gives_the_log_and_leaves_nothing(tmp_path: Path) -> None:
+    with sw.live.connect("twin://paper?seed=3") as rig:
+        assert isinstance(rig, LiveRig)
+        log = rig.run(REFERENCE, duration=8.0)
+        again = rig.run(REFERENCE, duration=8.0, out=tmp_path / "kept.mcap")
+    np.testing.assert_array_equal(log.angle, again.angle)
+    assert sw.identify(log, rig.rig).inertia.value == pytest.approx(3.022e-3, rel=5e-4)
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.mcap"]
+    assert rig.last is not None
+    assert rig.last.end.reason is Reason.FINISHED
+
+
+def test_the_same_seed_gives_the_same_file(tmp_path: Path) -> None:
+    for name in "ab":
+        Conductor(RIG, twin_of(RIG, seed=4, draw=True)).run(order(duration=2.0), tmp_path / f"{name}.mcap")
+    assert (tmp_path / "a.mcap").read_bytes() == (tmp_path / "b.mcap").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "code", "words"),
+    [
+        (["--reference", "sine 1.6 rad 3 rad/s"], 2, "rehearsal on the twin passes the limits of the guard: the angle"),
+        (["--reference", "circle"], 2, "circle"),
+        (["--reference", REFERENCE, "--until", "much"], 2, "0.05%"),
+        (["--reference", REFERENCE, "--until", "200%"], 2, "0.05%"),
+        (["--reference", REFERENCE, "--duration", "-3"], 2, "duration"),
+        (["--reference", REFERENCE, "--device", "warp://9"], 2, "warp"),
+        (["--reference", REFERENCE, "--device", "twin://paper?rate=3"], 2, "rate"),
+        (["--reference", REFERENCE, "--device", "tcp://127.0.0.1:1"], 5, "127.0.0.1"),
+        (["--reference", REFERENCE, "--device", "serial:///dev/none"], 5, "/dev/none"),
+    ],
+)
+def test_what_is_refused_before_the_rig_moves(
+    options: list[str], code: int, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert swingid(["run", "--rig", "paper", "--out", str(tmp_path / "run.mcap"), *options]) == code
+    printed = capsys.readouterr().err
+    assert words in printed
+    assert "Traceback" not in printed
+
+
+@pytest.mark.parametrize("out", ["run.csv", "none/run.mcap"])
+def test_a_journal_that_cannot_be_written_is_refused_first(out: str, tmp_path: Path) -> None:
+    code = swingid(["run", "--rig", "paper", "--reference", REFERENCE, "--out", str(tmp_path / out)])
+    assert code == (2 if out.endswith("csv") else 3)
+
+
+class Pressed(TwinDevice):
+    """A device in whose 3000th sample somebody presses Ctrl-C, once or twice."""
+
+    times = 1
+
+    def step(self) -> None:
+        super().step()
+        if self.plant.row in (3000, 3100)[: self.times]:
+            os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="os.kill with SIGINT ends a process on Windows")
+@pytest.mark.parametrize(("times", "code", "state"), [(1, 0, State.STOPPING), (2, 5, State.IDLE)])
+def test_ctrl_c_once_is_a_soft_stop_and_twice_a_hard_one(
+    times: int,
+    code: int,
+    state: State,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    twin = twin_of(RIG)
+    device = Pressed(twin.plant, twin.board)
+    device.times = times
+    monkeypatch.setattr("swingid.live.experiment.opened", lambda address, rig: device)
+    out = str(tmp_path / "run.mcap")
+    assert swingid(["run", "--rig", "paper", "--reference", REFERENCE, "--out", out, "--duration", "12"]) == code
+    assert "Ctrl-C" in capsys.readouterr().err
+    faded = 500 if state is State.STOPPING else 100
+    assert device.plant.row == pytest.approx(3000 + faded, abs=60)
+    assert device.machine.state is State.IDLE  # type: ignore[attr-defined]
+    assert device.machine.voltage == 0.0  # type: ignore[attr-defined]
+    assert len(Recording.load(out, RIG)) > 2000
+
+
+def test_a_body_that_swings_is_not_at_rest() -> None:
+    device = TwinDevice(Plant(RIG, initial_speed=0.5), twin_of(RIG).board)
+    with pytest.raises(DeviceError, match="must hang still"):
+        Conductor(RIG, device).run(order(), Path(os.devnull))
+
+
+def test_the_zero_is_where_the_body_hangs() -> None:
+    from swingid.live.frames import Frame
+
+    frames = [Frame("Sample", {"axis": 5000 + k % 2, "wheel": -7}) for k in range(100)]
+    assert zero_of(frames, Limits.of(RIG), Board(), "x").axis_zero in (5000, 5001)
+
+
+def test_a_device_with_other_encoders_than_the_rig_file_is_refused(tmp_path: Path) -> None:
+    other = sw.Rig.load("paper").changed({"sensors.counts_per_turn": 4096})
+    with pytest.raises(InputError, match="counts per turn"):
+        Conductor(RIG, twin_of(other)).run(order(), tmp_path / "run.mcap")
+
+
+def test_a_device_without_a_rig_file_is_refused() -> None:
+    with pytest.raises(UsageError, match=r"rig\.toml"):
+        sw.live.connect("/dev/ttyACM0", None)
+
+
+def test_recover_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "run.mcap"
+    Conductor(RIG, twin_of(RIG)).run(order(duration=4.0), out)
+    assert swingid(["recover", str(out)]) == 0
+    assert "is whole" in capsys.readouterr().out
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(out.read_bytes()[: out.stat().st_size * 9 // 10])
+    assert swingid(["recover", str(cut), "--out", str(tmp_path / "new.mcap")]) == 0
+    assert len(Recording.load(tmp_path / "new.mcap", RIG)) > 3000
+    assert swingid(["recover", str(tmp_path / "none.mcap")]) == 3

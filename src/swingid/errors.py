@@ -50,3 +50,10 @@ class DeviceError(SwingidError):
     """A device of a live rig cannot be reached, does not answer, or has stopped (exit code 5)."""
 
     exit_code = 5
+
+
+def missing_package(what: str, package: str, extra: str) -> InputError:
+    """The error that says which extra brings a package that is not installed; what: that needs it, in words."""
+    return InputError(
+        f"{what} needs the package {package}; run: pip install 'swingid[{extra}]'.", code="missing-package"
+    )

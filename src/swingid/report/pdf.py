@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from swingid.errors import InputError
+from swingid.errors import InputError, missing_package
 from swingid.report.blocks import blocks_of
 
 STANDARD = "a-3a"
@@ -49,10 +49,7 @@ def require_typst() -> None:
     try:
         import typst  # noqa: F401
     except ImportError:
-        raise InputError(
-            "a report as PDF needs the package typst; run: pip install 'swingid[pdf]', or give a name ending in .html.",
-            code="missing-package",
-        ) from None
+        raise missing_package("a report as PDF", "typst", "pdf") from None
 
 
 def to_pdf(page: str, head: Head, attachments: Sequence[Attachment], issued: datetime.datetime) -> bytes:

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from swingid.errors import UnanswerableError, missing_package
 from swingid.numerics.arrays import Array
 from swingid.uncertainty.freedom import coverage_factor, effective_freedom
 from swingid.units import time_power
@@ -131,6 +132,21 @@ class Parameter:
         if self.interval95 is None or self.standard_uncertainty is None:
             return None
         return coverage_factor(self.degrees_of_freedom)
+
+    def ufloat(self) -> Any:
+        """Value and standard uncertainty as a ufloat of `uncertainties`, independent of any other.
+
+        Raises InputError without the extra `exchange`, UnanswerableError where the uncertainty is unknown.
+        """
+        try:
+            from uncertainties import ufloat
+        except ImportError:
+            raise missing_package("a ufloat", "uncertainties", "exchange") from None
+        if self.standard_uncertainty is None:
+            raise UnanswerableError(
+                "the uncertainty of this parameter is unknown, so it is no ufloat.", code="no-ufloat"
+            )
+        return ufloat(self.value, self.standard_uncertainty)
 
     def to_dict(self) -> dict[str, object]:
         """As in the JSON of a result; infinitely many degrees of freedom are None."""

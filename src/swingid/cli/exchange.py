@@ -1,0 +1,39 @@
+"""``swingid export`` and ``schema``: results for other programs, and the schemas of our files."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+
+from swingid.cli import output
+
+
+class Format(StrEnum):
+    """Formats of `swingid.exchange.export`."""
+
+    MJCF = "mjcf"
+    URDF = "urdf"
+    PYTHON_CONTROL = "python-control"
+    SIMULINK_M = "simulink-m"
+
+
+def export(
+    result: Annotated[str, typer.Argument(metavar="RESULT.json", help="Result of identify --json.")],
+    to: Annotated[Format, typer.Option(help="Format of the file.")],
+    out: Annotated[str, typer.Option(metavar="FILE", help="File to write: .xml, .urdf, .py or .m.")],
+    rig: Annotated[
+        str | None, typer.Option(metavar="RIG", help="The rig of the result, if its file is not where it was.")
+    ] = None,
+) -> None:
+    """Write the identified rig as a model for MuJoCo, URDF, python-control or MATLAB."""
+    inputs = {result: "the result"} | ({rig: "the rig file"} if rig else {})
+    output.check_targets({"--out": out}, inputs)
+    output.check_writable(out)
+    from swingid.exchange.export import export as run
+    from swingid.exchange.model import rig_of
+    from swingid.result.file import load_result
+
+    found = load_result(result)
+    output.tell(run(found, rig_of(found, rig), to.value, out).summary())

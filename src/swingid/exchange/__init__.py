@@ -1,4 +1,4 @@
-"""The identified rig for other programs: MJCF, URDF, python-control, MATLAB, and a Gymnasium environment."""
+"""The identified rig for other programs: MJCF, URDF, python-control, MATLAB."""
 
 from __future__ import annotations
 

@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import math
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,7 +15,6 @@ from swingid.errors import UsageError
 from swingid.methods.table import DEFAULT
 
 if TYPE_CHECKING:
-    from swingid.live.codes import StopMode
     from swingid.live.progress import Progress
     from swingid.model.rig import Rig
     from swingid.result.result import Result
@@ -82,6 +77,7 @@ def run(
     output.check_targets({"--out": out, "--json": json, "--report": report}, {rig: "the rig file"})
     output.check_writable(out, json, report)
     from swingid.live.experiment import Conductor, Order, opened, require_usable, required
+    from swingid.live.interrupt import stopping
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
@@ -95,7 +91,7 @@ def run(
     provenance: dict[str, object] = {"log": out, "rig_source": rig}
     with output.refusals_to(json, method, provenance, report):
         conductor = Conductor(plant, opened(address, plant), say=output.say, show=LiveLine())
-        with _stopping(conductor.stop):
+        with stopping(conductor.stop):
             done = conductor.run(order, Path(out))
         output.overwrite("", last=True)
         for note in done.notes:
@@ -153,27 +149,3 @@ class LiveLine:
         self._shown = progress.time
         if not output.overwrite(f"{progress.line():<110}", last=False) and progress.rows:
             output.say(progress.line())
-
-
-@contextmanager
-def _stopping(stop: Callable[[StopMode, str], None]) -> Iterator[None]:
-    """Ctrl-C once is a soft stop, twice a hard one; a third time ends the program. Restores what was before."""
-    from swingid.live.codes import StopMode
-
-    pressed = 0
-
-    def handle(_number: int, _frame: object) -> None:
-        nonlocal pressed
-        pressed += 1
-        if pressed > 2:
-            raise KeyboardInterrupt
-        stop(*((StopMode.SOFT, "stopped by Ctrl-C") if pressed == 1 else (StopMode.HARD, "stopped by Ctrl-C twice")))
-
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, handle)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

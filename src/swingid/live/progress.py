@@ -27,7 +27,7 @@ class Progress:
 
     time, left (s); error (rad): of the last sample against the reference; tracking (rad): root of the mean square over
     the last second; voltage, limit (V). estimate: after the last swing, fresh: whether that came with this call.
-    reached: why the run may stop, "" while it may not.
+    reached: why the run may stop, "" while it may not. rows, lost: numbers so far; new: rows of this call.
     """
 
     state: State = State.IDLE
@@ -43,6 +43,7 @@ class Progress:
     reached: str = ""
     rows: int = 0
     lost: int = 0
+    new: list[Row] = field(default_factory=list)
 
     def line(self) -> str:
         """One line for a terminal."""
@@ -91,7 +92,7 @@ class Follower:
         rows = self._rows.feed(frames)
         if frames and frames[-1].name == "Sample" and frames[-1].state in set(State):
             shown.state = State(frames[-1].state)
-        shown.fresh = False
+        shown.fresh, shown.new = False, rows
         if not rows:
             return shown
         last = rows[-1]

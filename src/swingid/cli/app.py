@@ -14,7 +14,7 @@ from swingid.cli.campaign import campaign
 from swingid.cli.commission import commission
 from swingid.cli.dashboard import dashboard
 from swingid.cli.emulate import emulate
-from swingid.cli.exchange import export
+from swingid.cli.exchange import export, schema
 from swingid.cli.experiments import design, rehearse, reproduce
 from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
@@ -35,7 +35,7 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, convert, dashboard),
-    *(datasets, design, difference, emulate, export, recover, rehearse, reproduce, tensor, validate),
+    *(datasets, design, difference, emulate, export, recover, rehearse, reproduce, schema, tensor, validate),
 ):
     app.command()(command)
 app.command("run")(run_live)

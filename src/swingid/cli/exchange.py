@@ -37,3 +37,20 @@ def export(
 
     found = load_result(result)
     output.tell(run(found, rig_of(found, rig), to.value, out).summary())
+
+
+class Name(StrEnum):
+    """The published schemas."""
+
+    RESULT = "result"
+    RIG = "rig"
+    PLAN = "plan"
+
+
+def schema(name: Annotated[Name, typer.Argument(help="Of which file.")]) -> None:
+    """Print the JSON schema of a result, a rig file or a plan, for editors and other programs."""
+    import json
+
+    from swingid.exchange.schemas import schema as find
+
+    output.write_json(json.dumps(find(name.value), indent=2, ensure_ascii=False) + "\n", "-")

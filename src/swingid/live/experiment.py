@@ -142,7 +142,11 @@ class Conductor:
 
         def batch(frames: list[Frame]) -> None:
             progress = follower.feed(frames, session.started)
-            self._show(progress)
+            try:
+                self._show(progress)
+            except Exception as error:  # whatever a view does, the run goes on
+                self._show = lambda _: None
+                follower.notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
             if progress.reached:
                 session.ask_stop(StopMode.SOFT, progress.reached)
 

@@ -22,8 +22,11 @@ BLOCK, WINDOW, PER_TURN = 14, 36, 12
 one turn.
 """
 
-BEAT, RETRY, SILENT = 0.025, 0.06, 0.5
+BEAT, RETRY, SILENT = 0.015, 0.06, 0.5
 """Seconds between heartbeats, until reference or Stop are sent again, and without a sample until the link is lost."""
+
+AGAIN = 2
+"""How often a message goes out at once that must not keep step with a link that loses every n-th frame."""
 
 Watch = Callable[[list[Frame]], str | None]
 
@@ -156,7 +159,7 @@ class Running:
         """The bytes of this turn: Stop before all else, a heartbeat, reference, Run."""
         now, out = self._link.clock(), b""
         if self._asked is not None and now - self._stop_sent >= RETRY:
-            out += encode("Stop", session=self._number, mode=self._asked[0])
+            out += encode("Stop", session=self._number, mode=self._asked[0]) * AGAIN
             self._stop_sent = now
         if now - self._beaten >= BEAT:
             self._beats = (self._beats + 1) % 65536
@@ -165,7 +168,7 @@ class Running:
         if self._asked is None:
             out += self._blocks(now)
             if self.start is None and self._primed() and now - self._run_sent >= RETRY:
-                out += encode("Run", session=self._number)
+                out += encode("Run", session=self._number) * AGAIN
                 self._run_sent = now
         return out
 
@@ -183,8 +186,9 @@ class Running:
     def _blocks(self, now: float) -> bytes:
         """The next messages of the reference, from where the device wants them."""
         at, total = self._progress, len(self._reference)
+        times = 1
         if at.sent > at.accepted and now - at.moved >= RETRY:
-            at.sent, at.moved = at.accepted, now
+            at.sent, at.moved, times = at.accepted, now, AGAIN
         out = b""
         for _ in range(PER_TURN):
             part = self._reference[at.sent : at.sent + BLOCK]
@@ -193,7 +197,8 @@ class Running:
                 break
             ends = at.sent + len(part) >= total
             values = {"start": at.sent, "count": len(part), "last": int(ends), "session": self._number}
-            out += encode("Reference", value=tuple(part), **values)
+            out += encode("Reference", value=tuple(part), **values) * times
+            times = 1
             if at.sent == at.accepted:
                 at.moved = now
             at.sent += len(part)

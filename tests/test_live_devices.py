@@ -45,7 +45,7 @@ def hello_of(address: str) -> Any:
     [
         ("paper", "no address of a device, which is SCHEME"),
         ("seriel:///dev/ttyACM0", "did you mean serial://"),
-        ("rtde://robot", "schemes are can://.*serial://.*tcp://.*twin://"),
+        ("rtde://robot", "schemes are can://.*csv://.*serial://.*tcp://.*twin://"),
         ("tcp://localhost", "tcp://HOST:PORT"),
         ("tcp://localhost:http", "tcp://HOST:PORT"),
         ("tcp://localhost:99999", "tcp://HOST:PORT"),
@@ -55,6 +55,8 @@ def hello_of(address: str) -> Any:
         ("serial:///dev/ttyACM0?baud=9600.5", "baud must be a whole number"),
         ("serial:///dev/ttyACM0?baud=nan", "baud must be a whole number"),
         ("serial:///dev/ttyACM0?speed=9600", "speed is not offered; options are baud"),
+        ("csv://", "must be csv://PATH"),
+        ("csv:///tmp/log.csv?baud=9600", "a file has no baud"),
         ("can://", "must be can://CHANNEL"),
         ("can://can0?interface=canopener", "python-can has no interface canopener; it has .*socketcan"),
     ],

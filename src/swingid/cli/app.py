@@ -22,6 +22,7 @@ from swingid.cli.live import recover
 from swingid.cli.live import run as run_live
 from swingid.cli.logs import convert, datasets, init, inspect
 from swingid.cli.output import flush
+from swingid.cli.record import record
 from swingid.cli.results import compare, difference, validate
 from swingid.cli.simulate import simulate
 from swingid.cli.tensor import tensor
@@ -35,7 +36,7 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, convert, dashboard),
-    *(datasets, design, difference, emulate, export, recover, rehearse, reproduce, schema, tensor, validate),
+    *(datasets, design, difference, emulate, export, record, recover, rehearse, reproduce, schema, tensor, validate),
 ):
     app.command()(command)
 app.command("run")(run_live)

@@ -21,6 +21,7 @@ SCHEMES = {
     "twin": "swingid.live.devices.twin:open_twin",
     "serial": "swingid.live.devices.serial_port:open_serial",
     "tcp": "swingid.live.devices.tcp:open_tcp",
+    "csv": "swingid.live.devices.columns:open_columns",
     "can": "swingid.live.devices.can_bus:open_can",
 }
 """Schemes of this package: module and function that opens."""

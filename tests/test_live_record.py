@@ -94,7 +94,9 @@ def test_a_growing_file_becomes_a_log_with_the_same_inertia(tmp_path: Path, caps
     assert main(["record", "--device", f"csv://{growing}", "--out", str(out), "--idle", "2"]) == 0
     thread.join()
     assert "12001 rows of t, q1, q2, u" in capsys.readouterr().out
-    assert sw.identify(sw.Recording.load(out, RIG), RIG).parameters["inertia"].value == pytest.approx(expected, rel=1e-7)
+    assert sw.identify(sw.Recording.load(out, RIG), RIG).parameters["inertia"].value == pytest.approx(
+        expected, rel=1e-7
+    )
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")

@@ -1,4 +1,4 @@
-"""The identified rig for other programs: MJCF, URDF, python-control, MATLAB."""
+"""The identified rig for other programs: MJCF, URDF, python-control, MATLAB, and a Gymnasium environment."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def hello_of(address: str) -> Any:
     [
         ("paper", "no address of a device, which is SCHEME"),
         ("seriel:///dev/ttyACM0", "did you mean serial://"),
-        ("rtde://robot", "schemes are can://.*csv://.*serial://.*tcp://.*twin://"),
+        ("rtde://robot", "schemes are can://.*csv://.*moteus://.*serial://.*tcp://.*twin://"),
         ("tcp://localhost", "tcp://HOST:PORT"),
         ("tcp://localhost:http", "tcp://HOST:PORT"),
         ("tcp://localhost:99999", "tcp://HOST:PORT"),

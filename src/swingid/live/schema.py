@@ -33,11 +33,10 @@ MOST_PAYLOAD = 64
 Values = dict[str, Any]
 
 
-def missing_extra(package: str) -> UsageError:
+def missing_extra(package: str, extra: str = "live") -> UsageError:
     """The error that names the extra of a package that is not installed."""
-    return UsageError(
-        f"a live rig needs the package {package}; run: pip install 'swingid[live]'.", code="missing-package"
-    )
+    text = f"a live rig needs the package {package}; run: pip install 'swingid[{extra}]'."
+    return UsageError(text, code="missing-package")
 
 
 @dataclass(frozen=True)

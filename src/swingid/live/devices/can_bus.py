@@ -84,25 +84,28 @@ class CanDevice:
 
 def open_can(address: str) -> CanDevice:
     """Join the bus of ``can://CHANNEL?interface=...``; UsageError for a bad address, DeviceError without such a bus."""
-    try:
-        import can
-    except ImportError:
-        raise missing_extra("python-can") from None
     parts = split_address(address)
     parts.require("interface", "bitrate", "data_bitrate")
     if not parts.target:
         text = f"{address!r} must be can://CHANNEL?interface=NAME, such as can://can0?interface=socketcan"
         raise UsageError(text, code="bad-address")
     rates = {name: parts.whole(name, 0) for name in ("bitrate", "data_bitrate") if name in parts.options}
-    interface = parts.options.get("interface", "socketcan")
+    return CanDevice(join_bus(address, parts.target, parts.options.get("interface", "socketcan"), **rates), address)
+
+
+def join_bus(address: str, channel: str, interface: str, **rates: int) -> Any:
+    """A CAN-FD bus of python-can; rates: bitrate and data_bitrate. Errors as `open_can`."""
+    try:
+        import can
+    except ImportError:
+        raise missing_extra("python-can") from None
     if interface not in can.VALID_INTERFACES:
         text = f"{address!r}: python-can has no interface {interface}; it has {', '.join(sorted(can.VALID_INTERFACES))}"
         raise UsageError(text, code="bad-address")
     try:
-        bus: Any = can.Bus(channel=parts.target, interface=interface, fd=True, **rates)
+        return can.Bus(channel=channel, interface=interface, fd=True, **rates)
     except Exception as error:
         raise _refused(address, interface, error) from None
-    return CanDevice(bus, address)
 
 
 def _refused(address: str, interface: str, error: Exception) -> SwingidError:

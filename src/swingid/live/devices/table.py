@@ -21,6 +21,7 @@ SCHEMES = {
     "twin": "swingid.live.devices.twin:open_twin",
     "serial": "swingid.live.devices.serial_port:open_serial",
     "tcp": "swingid.live.devices.tcp:open_tcp",
+    "moteus": "swingid.live.devices.moteus_drive:open_moteus",
     "csv": "swingid.live.devices.columns:open_columns",
     "can": "swingid.live.devices.can_bus:open_can",
 }

@@ -1,0 +1,235 @@
+"""``moteus://ID?nm_per_volt=0.05``: a moteus drive on a CAN-FD bus as the motor of the wheel, the loop in the host.
+
+The machine of a device runs here, at most 500 times a second, while the host reads. A sample asks the drive for the
+position of the motor (the wheel) and of its second encoder (the axis), and answers with a torque: `nm_per_volt` times
+the controller's voltage. The drive's own watchdog ends the torque 100 ms after the last command, whatever the host
+does. Needs the package moteus, whose frames these are, and python-can for the bus.
+
+Options: channel, interface (of python-can; default can0, socketcan), rate (default 250), nm_per_volt (required, in
+N m/V at the wheel), limit (V, default 10), encoder (1 or 2, that of the axis; default 1).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+import zlib
+from collections.abc import Callable
+from typing import Any
+
+from swingid.errors import DeviceError, UsageError
+from swingid.live.codes import State
+from swingid.live.devices.can_bus import join_bus
+from swingid.live.devices.stream import closed_error, gone, split_address
+from swingid.live.guard import Board, Readings
+from swingid.live.machine import VERSION, Machine
+from swingid.live.schema import missing_extra
+
+COUNTS = 100_000
+"""Counts per turn of the drive's 32 bit positions."""
+
+MOST_RATE, ANSWER_TIME, WATCHDOG, SILENT = 500.0, 0.003, 0.1, 1.0
+"""Samples per second at most; seconds: for an answer, of the drive's watchdog, until a silent drive is gone."""
+
+FAULT_MODE = 1
+
+
+class Steady:
+    """The host's own time (s)."""
+
+    def now(self) -> float:
+        """Seconds since some moment."""
+        return time.monotonic()
+
+    def wait(self, seconds: float) -> None:
+        """Let so much time pass."""
+        if seconds > 0.0:
+            time.sleep(seconds)
+
+
+class MoteusDevice:
+    """A drive as a device. bus: of python-can; drive: number of the moteus; steady: another clock, for tests."""
+
+    virtual = False
+
+    def __init__(
+        self,
+        bus: Any,
+        address: str,
+        board: Board,
+        *,
+        drive: int,
+        nm_per_volt: float,
+        encoder: int = 1,
+        steady: Any = None,
+    ) -> None:
+        import moteus
+
+        self.address, self.board, self.machine = address, board, Machine(board)
+        self._bus: Any = bus
+        self._drive, self._gain = drive, nm_per_volt
+        self._steady = steady or Steady()
+        self._registers = moteus.Register
+        self._axis_register = {1: moteus.Register.ENCODER_1_POSITION, 2: moteus.Register.ENCODER_2_POSITION}[encoder]
+        self._moteus = moteus.Controller(id=drive, query_resolution=_asked(moteus, self._axis_register))
+        self._parse: Callable[[bytes], Any] = moteus.parse_registers
+        self._pending = b""
+        self._last = Readings(0, 0)
+        self._turn: float | None = None
+        self._begin = self._due = self._heard = self._steady.now()
+
+    def write(self, data: bytes) -> None:
+        """Bytes from the host."""
+        self._open()
+        self.machine.receive(data)
+        self._pending += self.machine.output()
+
+    def read(self, timeout: float = 0.0) -> bytes:
+        """Make the samples that are due, the first of them within `timeout` (s); DeviceError where the drive goes."""
+        self._open()
+        until = self._steady.now() + max(timeout, 0.0)
+        while True:
+            now = self._steady.now()
+            if self._due <= now:
+                self._sample()
+                self._due += 1.0 / self.board.rate
+                behind = self._steady.now() - self._due
+                if behind > 0.0:  # late samples are not made up for: the guard sees the gap
+                    self._due += math.ceil(behind * self.board.rate) / self.board.rate
+            elif self._pending or now >= until:
+                break
+            else:
+                self._steady.wait(min(self._due, until) - now)
+        data, self._pending = self._pending, b""
+        return data
+
+    def close(self) -> None:
+        """Stop the motor and leave the bus."""
+        if self._bus is None:
+            return
+        try:
+            self._send(self._moteus.make_stop())
+        except DeviceError:
+            pass
+        finally:
+            bus, self._bus = self._bus, None
+            bus.shutdown()
+
+    def _sample(self) -> None:
+        """One sample: readings, the machine, the torque."""
+        readings = self._read()
+        now = self._steady.now()
+        if readings.valid:
+            self._heard = now
+        elif now - self._heard > SILENT:
+            raise gone(self.address, "the drive does not answer")
+        voltage = self.machine.tick(round((now - self._begin) * 1e6) % 2**32, readings)
+        self._pending += self.machine.output()
+        if self.machine.state in (State.RUNNING, State.STOPPING):
+            self._send(
+                self._moteus.make_position(
+                    position=math.nan,
+                    kp_scale=0.0,
+                    kd_scale=0.0,
+                    ilimit_scale=0.0,
+                    feedforward_torque=self._gain * voltage,
+                    watchdog_timeout=WATCHDOG,
+                )
+            )
+        else:
+            self._send(self._moteus.make_stop())
+
+    def _read(self) -> Readings:
+        """The drive's answer as counts; without one the last ones, not valid. DeviceError where it has a fault."""
+        while self._receive(0.0) is not None:  # an answer that came too late is none of this sample
+            pass
+        self._send(self._moteus.make_query())
+        until = time.monotonic() + ANSWER_TIME
+        while (message := self._receive(max(until - time.monotonic(), 0.0))) is not None:
+            if message.arbitration_id >> 8 & 0x7F == self._drive and message.arbitration_id & 0x7F == 0:
+                return self._counts(self._parse(bytes(message.data)).response)
+        return self._last._replace(valid=False)
+
+    def _counts(self, values: dict[int, float]) -> Readings:
+        """Readings of an answer; the axis' encoder may count within a turn or on."""
+        registers = self._registers
+        if values.get(registers.MODE) == FAULT_MODE:
+            code = round(values.get(registers.FAULT, 0))
+            text = (
+                f"{self.address}: the drive has fault {code} (table of faults in moteus' reference); remove the cause"
+            )
+            raise DeviceError(f"{text}, then start again", code="drive-fault")
+        position, axis = values.get(registers.POSITION, math.nan), values.get(self._axis_register, math.nan)
+        if not (math.isfinite(position) and math.isfinite(axis)):
+            return self._last._replace(valid=False)
+        now, before = axis, self._turn
+        turns = now if before is None else before + math.remainder(now - before, 1.0)
+        self._turn = turns
+        current = values.get(registers.Q_CURRENT, math.nan)
+        self._last = Readings(_wrapped(turns), _wrapped(position), current)
+        return self._last
+
+    def _send(self, command: Any) -> None:
+        import can
+
+        identifier = (0x8000 if command.reply_required else 0) | self._drive
+        data = bytes(command.data)
+        size = next(size for size in (*range(9), 12, 16, 20, 24, 32, 48, 64) if size >= len(data))
+        data += b"\x50" * (size - len(data))  # moteus' own byte for nothing
+        message = can.Message(
+            arbitration_id=identifier, data=data, is_extended_id=identifier > 0x7FF, is_fd=True, bitrate_switch=True
+        )
+        try:
+            self._open().send(message)
+        except (can.CanError, OSError) as error:
+            raise gone(self.address, error) from None
+
+    def _receive(self, timeout: float) -> Any:
+        import can
+
+        try:
+            return self._open().recv(timeout)
+        except (can.CanError, OSError) as error:
+            raise gone(self.address, error) from None
+
+    def _open(self) -> Any:
+        if self._bus is None:
+            raise closed_error(self.address)
+        return self._bus
+
+
+def _asked(moteus: Any, axis: int) -> Any:
+    """What a sample asks for."""
+    asked = moteus.QueryResolution()
+    asked.mode = asked.fault = moteus.INT8
+    asked.position = moteus.INT32
+    asked.q_current = moteus.F32
+    asked.velocity = asked.torque = asked.voltage = asked.temperature = moteus.IGNORE
+    asked._extra = {axis: moteus.INT32}
+    return asked
+
+
+def _wrapped(turns: float) -> int:
+    return (round(turns * COUNTS) + 2**31) % 2**32 - 2**31
+
+
+def open_moteus(address: str) -> MoteusDevice:
+    """Join the bus of ``moteus://ID?...``; UsageError for a bad address, DeviceError without bus or drive."""
+    parts = split_address(address)
+    parts.require("channel", "interface", "rate", "nm_per_volt", "limit", "encoder")
+    try:
+        import moteus
+    except ImportError:
+        raise missing_extra("moteus", "moteus") from None
+    del moteus
+    number = parts.target.strip("/") or "1"
+    rate, gain = parts.number("rate", 250.0), parts.number("nm_per_volt", math.nan)
+    limit, encoder = parts.number("limit", 10.0), parts.whole("encoder", 1)
+    good = number.isdecimal() and 1 <= int(number) < 127 and 20.0 <= rate <= MOST_RATE and encoder in (1, 2)
+    if not good or not math.isfinite(gain) or gain == 0.0 or not 0.0 < limit < 1000.0:
+        text = f"{address!r} must be moteus://ID?nm_per_volt=X with ID 1 to 126, rate 20 to {MOST_RATE:g}, limit in V, "
+        raise UsageError(text + "encoder 1 or 2; nm_per_volt is the torque at the wheel per volt", code="bad-address")
+    interface = parts.options.get("interface", "socketcan")
+    bus = join_bus(address, parts.options.get("channel", "can0"), interface)
+    board = Board(rate, COUNTS, COUNTS, limit, zlib.crc32(f"swingid moteus {VERSION}".encode()))
+    return MoteusDevice(bus, address, board, drive=int(number), nm_per_volt=gain, encoder=encoder)

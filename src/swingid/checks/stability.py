@@ -148,7 +148,8 @@ def _changes(change: Changing) -> str:
     where = f"between {number(times[low], 's', 3)} and {number(times[high], 's', 3)}"
     if change.what == "friction":
         by = percent(float(values[high] - values[low]), sign=True)
-        return f"the friction changes by {by} of its mean {where} (loss at equal motion), as of a bearing that warms"
+        text = f"the friction changes by {by} of its mean {where} (loss at equal motion), as of a bearing that warms"
+        return f"{text} (one free decay hardly distinguishes this from friction that depends on the size of the swings)"
     by = number(1e3 * float(values[high] - values[low]), "mrad" if change.unit == "rad" else "mm", 2)
     return f"the zero of the angle drifts by {by} {where}"
 

@@ -5,13 +5,14 @@
 # make bench-ensemble  many runs at once beside scalar C programs; the last line is the ratio
 # make peers      what other packages do with the same log and loop, into docs/benchmarks.md
 # make compare-with REV=…  results of an old revision beside those of the working tree; QUICK=1, CASES=text, WORDS=1
+# make docs       the documentation site into docs/_build/html, its gallery executed (two minutes)
 # make venv       only set up .venv with the development tools (every target but demo does that first)
 
 BIN := .venv/bin
 PACKAGE := .venv/.package
 STAMP := .venv/.installed
 
-.PHONY: demo test test-long bench bench-ensemble peers compare-with venv format style types layers wheel unit clean
+.PHONY: demo test test-long docs bench bench-ensemble peers compare-with venv format style types layers wheel unit clean
 
 demo: $(PACKAGE)
 	@$(BIN)/python examples/demo.py
@@ -21,6 +22,10 @@ test: style types layers wheel unit
 test-long: $(STAMP)
 	@echo "== long tests"
 	@$(BIN)/python -m pytest -m long --durations=10
+
+docs: $(STAMP)
+	@echo "== documentation site (Sphinx)"
+	@$(BIN)/python tools/build_docs.py
 
 bench: $(STAMP)
 	@set -e; for script in $(filter-out benchmarks/test_%,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python "$$script"; done
@@ -66,7 +71,7 @@ unit: $(STAMP)
 	@$(BIN)/python -m pytest -n 2
 
 clean:
-	rm -rf .venv build dist out .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache
+	rm -rf .venv build dist out .mypy_cache .ruff_cache .pytest_cache .hypothesis .benchmarks .import_linter_cache docs/_build
 
 $(PACKAGE): pyproject.toml tools/venv.sh
 	@bash tools/venv.sh .venv

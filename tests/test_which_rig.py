@@ -31,7 +31,9 @@ def test_pictures_lie_within_their_frame_and_have_a_dark_form():
         text = tool.picture(name)
         assert "prefers-color-scheme: dark" in text
         for one in ET.fromstring(text).iter("{http://www.w3.org/2000/svg}text"):
-            assert 0 < float(one.get("x")) < tool.WIDTH
+            width = 0.65 * 13 * len(one.text)  # of a wide font without serifs
+            left = float(one.get("x")) - {"start": 0.0, "middle": 0.5}[one.get("text-anchor")] * width
+            assert 0 < left < left + width < tool.WIDTH + 8, one.text
             assert 0 < float(one.get("y")) < tool.HEIGHT
 
 

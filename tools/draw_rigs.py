@@ -96,8 +96,8 @@ def driven_wheel() -> list[str]:
         words(144, 112, "q₁", "b", "start"),
         arc(155.4, 118, 39, 120, 200, "arrow"),
         words(214, 104, "q₂", "d", "start"),
-        words(60, 150, "wheel J₂", "d"),
-        words(60, 168, "weighed, measured"),
+        words(8, 150, "wheel J₂", "d", "start"),
+        words(8, 168, "weighed, measured", "", "start"),
     ]
 
 
@@ -146,7 +146,7 @@ def servo() -> list[str]:
     """A motor on the axis with a voltage."""
     return [
         box(84, 18, 62, 44, "drive", 6),
-        words(115, 36, "motor, gear", "d"),
+        words(152, 36, "motor, gear", "d", "start"),
         circle(115, 50, 6, "ink"),
         pendulum(115, 50, -28, 80, 13),
         line(84, 40, 40, 40, "arrow"),

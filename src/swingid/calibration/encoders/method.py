@@ -50,6 +50,9 @@ class EncoderCalibration:
 def calibrate_encoders(logs: Recording | Sequence[Recording], rig: Rig) -> EncoderCalibration:
     """Once-per-turn nonlinearity of each encoder and the latency between the channels, from logs of one body.
 
+    Not for encoders whose zero changes from log to log, as that of an incremental encoder without index does:
+    calibrate each such log separately.
+
     Parameters
     ----------
     logs : Recording or sequence of Recording
@@ -58,9 +61,6 @@ def calibrate_encoders(logs: Recording | Sequence[Recording], rig: Rig) -> Encod
     rig : Rig
         As for `identify`. `sensors.nonlinearity` and the uncertainty of the latencies are priors; without them 1° and
         10 ms. Values of an earlier calibration are not used.
-
-    Not for encoders whose zero changes from log to log, as that of an incremental encoder without index does:
-    calibrate each such log separately.
 
     Raises
     ------

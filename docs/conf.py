@@ -1,0 +1,101 @@
+"""Settings of the documentation site, which `make docs` builds from the pages that tools/build_docs.py laid out."""
+
+from __future__ import annotations
+
+import re
+from importlib.metadata import version as installed
+from pathlib import Path
+from typing import Any
+
+project = "swingid"
+author = "the authors of swingid"
+version = release = installed("swingid")
+copyright = author  # shown in the footer
+
+HERE = Path(__file__).resolve().parent
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+    "sphinx_copybutton",
+    "sphinx_gallery.gen_gallery",
+]
+root_doc = "index"
+exclude_patterns = ["gallery/README.rst"]
+suppress_warnings = ["config.cache"]  # the order of the gallery is a function, so the configuration is read anew
+
+myst_heading_anchors = 5
+myst_enable_extensions: list[str] = []
+
+html_theme = "furo"
+html_title = "swingid"
+html_static_path = [str(HERE / "_static")]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sourcelink = False
+
+autodoc_member_order = "bysource"
+autodoc_typehints = "signature"
+python_use_unqualified_type_names = True
+
+sphinx_gallery_conf = {
+    "examples_dirs": str(HERE / "_build" / "scripts"),
+    "gallery_dirs": "gallery",
+    "capture_repr": (),
+    "abort_on_example_error": True,
+    "plot_gallery": "True",
+    "download_all_examples": False,
+    "remove_config_comments": True,
+    "reset_modules": ("matplotlib",),
+    "min_reported_time": 1000,
+    "show_signature": False,
+    "image_scrapers": ("matplotlib",),
+    "backreferences_dir": None,
+}
+
+ORDER = ("own_rig", "weigh_a_body", "compare_methods", "calibrate_encoders", "design", "campaign", "class_exercise")
+
+
+def order_of_tutorials(filename: str) -> int:
+    """Place of a script in the gallery, that of docs/index.md."""
+    stem = Path(filename).stem.removeprefix("plot_")
+    return ORDER.index(stem) if stem in ORDER else len(ORDER)
+
+
+sphinx_gallery_conf["within_subsection_order"] = order_of_tutorials
+
+
+def plain_to_rest(lines: list[str]) -> None:
+    """Docstrings are plain text with `names` and indented code: as reStructuredText, in place."""
+    found: list[str] = []
+    literal = False
+    for k, line in enumerate(lines):
+        indented = line.startswith("    ") and (literal or (k > 0 and not lines[k - 1].strip()))
+        if indented and not literal:
+            found += ["::", ""]
+        literal = indented or (literal and not line.strip())
+        found.append(line if literal else _escaped(line))
+    lines[:] = found
+
+
+def _escaped(line: str) -> str:
+    """A line of prose: code in backticks as literals, what reStructuredText would read as a mark escaped."""
+    parts = re.split(r"(``.+?``|`.+?`)", line)
+    return "".join(
+        f"``{part.strip('`')}``"
+        if part.startswith("`") and len(part) > 2
+        else re.sub(r"([*|\\]|_(?=\W|$))", r"\\\1", part)
+        for part in parts
+    )
+
+
+def on_docstring(app: Any, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Handler of autodoc, before napoleon."""
+    plain_to_rest(lines)
+
+
+def setup(app: Any) -> None:
+    """Register the handler."""
+    app.connect("autodoc-process-docstring", on_docstring, priority=400)

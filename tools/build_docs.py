@@ -9,6 +9,7 @@ any other warning is an error. Prints why and ends well where the packages of th
 from __future__ import annotations
 
 import importlib.util
+import inspect
 import os
 import re
 import shutil
@@ -148,8 +149,10 @@ def api_page() -> str:
     """The reference of the Python interface: everything in `swingid.__all__`, the results, the errors."""
     import swingid
 
-    functions = [name for name in swingid.__all__ if name[0].islower() and name != "errors"]
-    classes = [name for name in swingid.__all__ if name[0].isupper()]
+    names = {name: getattr(swingid, name) for name in swingid.__all__}
+    classes = [name for name, one in names.items() if inspect.isclass(one)]
+    modules = [name for name, one in names.items() if inspect.ismodule(one) and name != "errors"]
+    functions = [name for name in names if name not in (*classes, *modules, "errors")]
     lines = [
         "Python",
         "======",
@@ -160,6 +163,7 @@ def api_page() -> str:
         *(f".. autofunction:: swingid.{name}\n" for name in functions),
         *_section("Classes"),
         *(f".. autoclass:: swingid.{name}\n   :members:\n" for name in classes),
+        *(line for name in modules for line in _module(name)),
         *_section("Parameters, budget, messages"),
         ".. autoclass:: swingid.uncertainty.budget.Parameter\n   :members:\n",
         ".. autoclass:: swingid.uncertainty.budget.BudgetEntry\n   :members:\n",
@@ -168,6 +172,10 @@ def api_page() -> str:
         ".. automodule:: swingid.errors\n   :members:\n   :show-inheritance:\n",
     ]
     return "\n".join(lines)
+
+
+def _module(name: str) -> list[str]:
+    return [*_section(f"swingid.{name}"), f".. automodule:: swingid.{name}\n   :members:\n"]
 
 
 def _section(title: str) -> list[str]:

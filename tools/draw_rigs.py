@@ -93,7 +93,7 @@ def driven_wheel() -> list[str]:
         line(118, 34, 118, 110, "thin"),
         turned(118, 34, -24, wheel),
         arc(118, 34, 62, 0, 22),
-        words(144, 112, "q₁", "b", "start"),
+        words(102, 112, "q₁", "b", "start"),
         arc(155.4, 118, 39, 120, 200, "arrow"),
         words(214, 104, "q₂", "d", "start"),
         words(8, 150, "wheel J₂", "d", "start"),

@@ -15,7 +15,7 @@ from swingid.errors import SwingidError
 from swingid.live.codes import FaultCode
 from swingid.live.commission import Commissioning, commission
 from swingid.live.devices.twin import TwinDevice
-from swingid.live.guard import Readings
+from swingid.live.guard import Guard, Readings
 from swingid.live.plant import Plant, board_of
 from swingid.live.session import Session
 from swingid.model.parameters import A11, rig_vector
@@ -70,9 +70,11 @@ def test_every_wiring_is_found(axis: int, wheel: int, voltage: int) -> None:
     """The axis' direction is a choice, +1 where the file states none: the others are found relative to it."""
     found = found_on(Wired(axis=axis, wheel=wheel, voltage=voltage))
     assert (found.axis_sign, found.wheel_sign, found.voltage_sign) == (1, axis * wheel, axis * voltage)
-    other = RIG.changed({"device.axis_sign": -1})
-    found = found_on(Wired(axis=axis, wheel=wheel, voltage=voltage), other)
-    assert (found.axis_sign, found.wheel_sign, found.voltage_sign) == (-1, -axis * wheel, -axis * voltage)
+
+
+def test_the_axis_direction_of_the_file_is_kept() -> None:
+    found = found_on(Wired(wheel=-1), RIG.changed({"device.axis_sign": -1}))
+    assert (found.axis_sign, found.wheel_sign, found.voltage_sign) == (-1, 1, -1)
 
 
 @pytest.mark.parametrize("name", ["paper", "paper-body"])
@@ -184,6 +186,19 @@ def test_the_guard_is_in_force_during_the_pulses() -> None:
     device = session.link.stream
     assert isinstance(device, TwinDevice)
     assert (device.machine.fault, device.machine.voltage) == (FaultCode.WHEEL_SPEED, 0.0)  # type: ignore[attr-defined]
+
+
+def test_the_guard_is_tested_and_cleared() -> None:
+    with session_of(Wired()) as session:
+        found = commission(session, RIG)
+        assert 0.0 < found.guard_angle < 0.1
+        session.require_ready()  # no latched fault is left
+
+
+def test_a_device_whose_guard_does_not_trip_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Guard, "check", lambda *_: (FaultCode.NONE, 0.0))
+    error = refused(Wired())
+    assert (error.code, error.exit_code) == ("no-guard", 5)
 
 
 # ---- the command

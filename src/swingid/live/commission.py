@@ -21,67 +21,23 @@ import numpy as np
 
 from swingid.errors import DeviceError, InputError, UsageError
 from swingid.format import plus_minus
-from swingid.live.codes import Mode
-from swingid.live.guard import Board, Limits, parameters_of
-from swingid.live.running import Reason
+from swingid.live.guard import Board, Limits
+from swingid.live.pulses import PULSE, STILL_TIME, Channel, Pulses, guard_trips, hanging, moving
 
 if TYPE_CHECKING:
-    from swingid.live.frames import Frame
     from swingid.live.session import Session
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
-
-STILL_TIME, TAIL_TIME = 2.0, 2.5
-"""Seconds of listening to a body that hangs, and of swinging after a pulse: a good part of a period."""
-
-LEAD, PULSE = 0.05, 0.08
-"""Seconds of 0 V before a pulse and of each of its two halves, + and -, which leave the wheel nearly at rest."""
-
-SHARES = (0.05, 0.1, 0.2, 0.3, 0.5)
-"""Shares of the voltage limit that are tried until wheel and axis move."""
-
-SWING, TURN = math.radians(0.3), math.radians(2.0)
-"""Motions (rad, peak to peak) of axis and wheel beyond which a rig is not still."""
-
-WHEEL_MOVES, AXIS_MOVES = 0.1, 0.006
-"""Angles (rad) that a pulse must make, and 8 counts of each at least."""
-
-MOST_ANGLE, MOST_SPEED = 0.5, 6.0
-"""Limits of the guard (rad, rad/s) while it is tested."""
 
 CLOSE, FAR = 0.05, 0.25
 """Relative deviations of the ratio of counts from which it is a warning, and a refusal."""
 
 
 @dataclass(frozen=True)
-class Channel:
-    """An encoder while the body hangs: counts per turn, counts of the mean, noise (rad) without that of rounding."""
-
-    counts: int
-    zero: float
-    noise: float
-
-    @property
-    def step(self) -> float:
-        """Angle (rad) of a count."""
-        return 2 * math.pi / self.counts
-
-
-@dataclass(frozen=True)
-class Pulses:
-    """A pulse and the swing after it: times (s), counts less their zero, voltage (V) held from each sample on."""
-
-    time: Array
-    axis: Array
-    wheel: Array
-    voltage: Array
-    amplitude: float
-
-
-@dataclass(frozen=True)
 class Commissioning:
     """What was found.
 
+    guard_angle: at which the guard has given 0 V when it was tested (rad).
     delay: from the voltage to the wheel's motion (s), with that of its encoder. ratio: how far the wheel turns over
     what its counts say, beside the axis', with its standard uncertainty; inertia likewise (kg m², of axis, wheel and
     rotor: a11). Both None where the rig file does not state gravity torque and wheel.
@@ -95,6 +51,7 @@ class Commissioning:
     wheel_sign: int
     voltage_sign: int
     delay: float
+    guard_angle: float
     ratio: tuple[float, float] | None
     inertia: tuple[float, float] | None
     warnings: tuple[str, ...] = ()
@@ -149,11 +106,13 @@ def commission(session: Session, rig: Rig, *, progress: Callable[[str], None] = 
     session.require_ready()
     _agrees(rig, board)
     progress(f"listening for {STILL_TIME:g} s to the hanging body")
-    axis, wheel = _hanging(session.listen(STILL_TIME), board)
-    pulses = _moving(session, rig, board, (axis, wheel), progress)
+    axis, wheel = hanging(session.listen(STILL_TIME), board)
+    pulses = moving(session, rig, board, (axis, wheel), progress)
     found = _relation(pulses, axis.step, wheel.step)
     signs = _signs(rig, pulses, found)
     ratio, inertia = _constants(rig, found)
+    progress("the guard, at a lower limit")
+    trips = guard_trips(session, rig, board, axis, pulses)
     warnings = []
     delay = _delay(pulses)
     if delay > 1.5 / board.rate:
@@ -163,7 +122,7 @@ def commission(session: Session, rig: Rig, *, progress: Callable[[str], None] = 
         warnings.append(text + "error; state sensors.latency if it is that of an encoder")
     if ratio is not None and abs(ratio[0] - 1.0) > CLOSE + 2 * ratio[1]:
         warnings.append(_counts_words(ratio))
-    return Commissioning(board, axis, wheel, pulses.amplitude, *signs, delay, ratio, inertia, tuple(warnings))
+    return Commissioning(board, axis, wheel, pulses.amplitude, *signs, delay, trips, ratio, inertia, tuple(warnings))
 
 
 def _agrees(rig: Rig, board: Board) -> None:
@@ -184,86 +143,6 @@ def _agrees(rig: Rig, board: Board) -> None:
             key = f"counts_per_turn of the {name} in [sensors]"
             text = f"{rig.source}: {key} is {stated} and the device says {counts}; correct the file, or the firmware"
             raise InputError(f"{text} where the encoder makes {stated}", code="wrong-counts")
-
-
-def _counts(frames: list[Frame]) -> tuple[Array, Array, Array, Array]:
-    """Device time (s), counts of axis and wheel without their wraps, voltage (V) of Sample frames."""
-    whole = np.array([(f.time, f.axis, f.wheel) for f in frames], np.int64)
-    time, axis, wheel = (np.unwrap(column, period=2**32) for column in whole.T)
-    return (time - time[0]) * 1e-6, axis.astype(float), wheel.astype(float), np.array([f.voltage for f in frames])
-
-
-def _hanging(frames: list[Frame], board: Board) -> tuple[Channel, Channel]:
-    """Zero and noise of both encoders; DeviceError where axis or wheel move."""
-    _, axis, wheel, _ = _counts(frames)
-    found = []
-    for name, counts, turn, most in (
-        ("body", axis, board.axis_counts, SWING),
-        ("wheel", wheel, board.wheel_counts, TURN),
-    ):
-        step = 2 * math.pi / turn
-        width = max(1, min(len(counts) // 8, round(0.04 * board.rate)))
-        mean = np.convolve(counts, np.full(width, 1.0 / width), "valid")
-        motion = float(np.ptp(mean)) * step
-        if motion > most:
-            text = f"the {name} is not hanging still: it moves by {math.degrees(motion):.2g} deg in {STILL_TIME:g} s; "
-            raise DeviceError(text + "let it come to rest and do not touch it, then commission again", code="not-still")
-        variance = float(np.var(np.diff(counts))) / 2 - 1 / 12
-        found.append(Channel(turn, float(np.mean(counts)), math.sqrt(max(variance, 0.0)) * step))
-    return found[0], found[1]
-
-
-def _moving(
-    session: Session, rig: Rig, board: Board, channels: tuple[Channel, Channel], progress: Callable[[str], None]
-) -> Pulses:
-    """The first pulse that moves wheel and axis; DeviceError where none does or the guard ends one."""
-    from swingid.control.compensator import Compensator
-    from swingid.model.rig import Rig as Rigs
-
-    axis, wheel = channels
-    stated = Limits.of(rig)
-    pulses = None
-    for share in SHARES:
-        amplitude = float(np.float32(share * stated.voltage))
-        limits = Limits(
-            angle=min(MOST_ANGLE, stated.angle),
-            speed=min(MOST_SPEED, stated.speed),
-            wheel_speed=stated.wheel_speed,
-            voltage=stated.voltage,
-            current=stated.current,
-            frozen_voltage=stated.voltage,
-            axis_zero=round(axis.zero),
-        )
-        gains = Compensator.paper(Rigs.load("paper"))  # not used by a device in an open loop, which needs some
-        session.load(parameters_of(gains, board, limits))
-        progress(f"a pulse of {amplitude:g} V")
-        pulses = _pulse(session, amplitude, board.rate, channels)
-        turned = float(np.ptp(pulses.wheel)) * wheel.step
-        swung = float(np.ptp(pulses.axis)) * axis.step
-        wheel_moves = turned > max(WHEEL_MOVES, 8 * wheel.step + 8 * wheel.noise)
-        axis_moves = swung > max(AXIS_MOVES, 8 * axis.step + 8 * axis.noise)
-        if wheel_moves and axis_moves:
-            return pulses
-    if not wheel_moves and not axis_moves:
-        what = "neither wheel nor body moves: is the amplifier enabled, its supply on, the motor connected"
-    elif axis_moves:
-        what = "the body moves and the wheel's counts do not: is the wheel's encoder connected and its magnet in place"
-    else:
-        what = "the wheel turns and the body's counts do not: is the body free, its encoder connected, its magnet there"
-    raise DeviceError(f"no motion at pulses up to {amplitude:.3g} V: {what}?", code="no-motion")
-
-
-def _pulse(session: Session, amplitude: float, rate: float, channels: tuple[Channel, Channel]) -> Pulses:
-    """One pulse and the swing after it; DeviceError where it does not end as planned."""
-    lead, half, tail = (round(t * rate) for t in (LEAD, PULSE, TAIL_TIME))
-    volts = np.concatenate([np.zeros(lead), np.full(half, amplitude), np.full(half, -amplitude), np.zeros(tail)])
-    run = session.run(volts, mode=Mode.OPEN_LOOP, fade=0.0)
-    if run.end.reason is not Reason.FINISHED or run.lost:
-        why = run.end.sentence if run.end.reason is not Reason.FINISHED else f"{run.lost} samples were lost on the link"
-        raise DeviceError(f"the pulse of {amplitude:.3g} V did not end as planned: {why}", code="pulse-ended")
-    time, axis, wheel, voltage = _counts(run.samples[: len(volts)])
-    zero = wheel[:lead].mean()
-    return Pulses(time, axis - channels[0].zero, wheel - zero, voltage, amplitude)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Samples per second of a device at every level: Python, the C core, its process, a Cortex-M3 that is emulated.
+"""Samples per second of a device at every level: Python, the C core, its process, Cortex-M that are emulated.
 
 A sample is one tick of a running device, with its telemetry; the plant is not in it. Levels whose tools are missing are
 left out.
@@ -50,6 +50,7 @@ def levels() -> dict[str, Callable[[], Any]]:
     """Makers of the device of each level."""
     from firmware_build import CoreDevice
     from firmware_emulator import Emulator
+    from firmware_qemu import Emulated
     from test_firmware_process import NativeDevice
 
     return {
@@ -58,6 +59,8 @@ def levels() -> dict[str, Callable[[], Any]]:
         "process, TCP, lockstep": lambda: NativeDevice(BOARD, "tcp"),
         "process, pseudo terminal, lockstep": lambda: NativeDevice(BOARD, "pty"),
         "Cortex-M3 in unicorn": lambda: Emulator(BOARD),
+        "Cortex-M3 board in QEMU, lockstep": lambda: Emulated("mps2-an385"),
+        "Cortex-M7 board in QEMU, lockstep": lambda: Emulated("mps2-an500"),
     }
 
 

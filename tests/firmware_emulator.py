@@ -45,10 +45,10 @@ class Emulator:
     """
 
     def __init__(self, board: Board | None = None) -> None:
+        elf = image().read_bytes()
         import unicorn
         from unicorn import arm_const
 
-        elf = image().read_bytes()
         self._registers = arm_const
         self._cpu: Any = unicorn.Uc(unicorn.UC_ARCH_ARM, unicorn.UC_MODE_THUMB | unicorn.UC_MODE_MCLASS)
         self._cpu.ctl_set_cpu_model(arm_const.UC_CPU_ARM_CORTEX_M3)

@@ -14,9 +14,10 @@ import live_host
 import swingid as sw
 from swingid.cli.app import run as swingid
 from swingid.errors import DeviceError, InputError, UsageError
+from swingid.live.api import LiveRig
 from swingid.live.codes import State
 from swingid.live.devices.twin import TwinDevice, twin_of
-from swingid.live.experiment import Conductor, LiveRig, Order
+from swingid.live.experiment import Conductor, Order
 from swingid.live.guard import Board, Limits
 from swingid.live.plant import Plant
 from swingid.live.preflight import zero_of
@@ -136,7 +137,7 @@ def test_ctrl_c_once_is_a_soft_stop_and_twice_a_hard_one(
     twin = twin_of(RIG)
     device = Pressed(twin.plant, twin.board)
     device.times = times
-    monkeypatch.setattr("swingid.live.experiment.opened", lambda address, rig: device)
+    monkeypatch.setattr("swingid.live.processes.opened", lambda address, rig: device)
     out = str(tmp_path / "run.mcap")
     assert swingid(["run", "--rig", "paper", "--reference", REFERENCE, "--out", out, "--duration", "12"]) == code
     assert "Ctrl-C" in capsys.readouterr().err

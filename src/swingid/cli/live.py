@@ -76,8 +76,9 @@ def run(
         raise UsageError(f"--out {out}: a journal is MCAP; give a name that ends in .mcap", code="bad-target")
     output.check_targets({"--out": out, "--json": json, "--report": report}, {rig: "the rig file"})
     output.check_writable(out, json, report)
-    from swingid.live.experiment import Conductor, Order, opened, require_usable, required
+    from swingid.live.experiment import Order, require_usable, required
     from swingid.live.interrupt import stopping
+    from swingid.live.processes import conductor_of
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
@@ -90,7 +91,7 @@ def run(
         output.say(f"no --device given: this is the emulator of {plant.name}, its twin in virtual time")
     provenance: dict[str, object] = {"log": out, "rig_source": rig}
     with output.refusals_to(json, method, provenance, report):
-        conductor = Conductor(plant, opened(address, plant), say=output.say, show=LiveLine())
+        conductor = conductor_of(plant, address, say=output.say, show=LiveLine())
         with stopping(conductor.stop):
             done = conductor.run(order, Path(out))
         output.overwrite("", last=True)

@@ -11,8 +11,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from swingid.live.experiment import LiveRig as LiveRig
-    from swingid.live.experiment import connect as connect
+    from swingid.live.api import LiveRig as LiveRig
+    from swingid.live.api import connect as connect
 
 __all__ = ["LiveRig", "connect"]
 
@@ -20,6 +20,6 @@ __all__ = ["LiveRig", "connect"]
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'swingid.live' has no attribute {name!r}")
-    from swingid.live import experiment
+    from swingid.live import api
 
-    return getattr(experiment, name)
+    return getattr(api, name)

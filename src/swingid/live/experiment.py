@@ -7,19 +7,18 @@ with connect("twin://paper") as rig:
 from __future__ import annotations
 
 import math
-import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.errors import DeviceError, InputError, SwingidError, UsageError
 from swingid.live.codes import StopMode
 from swingid.live.guard import Board, Limits, parameters_of
-from swingid.live.journal import Journal, Plan
+from swingid.live.journal import Journal, Plan, Recorder
 from swingid.live.preflight import ENERGY, Rehearsed, expected, rehearsed, require_same_rig, zero_of
 from swingid.live.progress import Follower, Progress
 from swingid.live.session import End, Reason, Session
@@ -30,8 +29,8 @@ if TYPE_CHECKING:
     from swingid.control.references import Reference
     from swingid.live.devices.stream import Stream
     from swingid.live.frames import Frame
+    from swingid.live.pace import Pace
     from swingid.model.rig import Rig
-    from swingid.recording.recording import Recording
 
 LISTEN = 0.5
 """Seconds for which the rig is looked at before a run."""
@@ -78,7 +77,9 @@ def required(order: Order) -> None:
 class Conductor:
     """One run from the order to the end, on a stream. rig: the rig file. say: called with a line for people.
 
-    show: called with the `Progress` after each batch of samples, and after each swing.
+    show: called with the `Progress` after each batch of samples, and after each swing. For a run in several processes
+    (`live/processes.py`): recorder makes what keeps the run, default a journal; follow: whether estimates are made
+    here; asked: a stop that somebody has asked for elsewhere; pace: the turns of the loop.
     """
 
     def __init__(
@@ -88,8 +89,13 @@ class Conductor:
         *,
         say: Callable[[str], None] | None = None,
         show: Callable[[Progress], None] | None = None,
+        recorder: Callable[[Path], Recorder] | None = None,
+        follow: bool = True,
+        asked: Callable[[], tuple[StopMode, str] | None] | None = None,
+        pace: Pace | None = None,
     ) -> None:
         self.rig, self.stream = rig, stream
+        self._recorder, self._follow, self._asked, self._pace = recorder or self._journal, follow, asked, pace
         self._say = say or (lambda _: None)
         self._show = show or (lambda _: None)
         self.session: Session | None = None
@@ -98,9 +104,9 @@ class Conductor:
         """Do it all; raises DeviceError where the run does not begin, and as `rehearsed`."""
         required(order)
         limits = Limits.of(self.rig)
-        began = 0 if self.stream.virtual else time.time_ns()
-        journal = Journal(out, self.rig, began=began, sync=not self.stream.virtual)
+        journal = self._recorder(out)
         session = self.session = Session(self.stream, tap=journal.take)
+        session.link.pace = self._pace
         try:
             return self._run(session, journal, order, limits)
         except SwingidError as error:
@@ -116,7 +122,11 @@ class Conductor:
         if self.session is not None:
             self.session.ask_stop(mode, why)
 
-    def _run(self, session: Session, journal: Journal, order: Order, limits: Limits) -> Done:
+    def _journal(self, out: Path) -> Recorder:
+        began = 0 if self.stream.virtual else time.time_ns()
+        return Journal(out, self.rig, began=began, sync=not self.stream.virtual)
+
+    def _run(self, session: Session, journal: Recorder, order: Order, limits: Limits) -> Done:
         name = session.link.name
         board = session.connect()
         self._say(f"{name}: firmware {board.firmware:08x}, {board.rate:g} samples per second, {_counts(board)}")
@@ -141,18 +151,26 @@ class Conductor:
         watch = HostGuard(parameters.tolist(), inertia=inertia, gravity_torque=gravity, energy=energy)
 
         def batch(frames: list[Frame]) -> None:
-            progress = follower.feed(frames, session.started)
-            try:
-                self._show(progress)
-            except Exception as error:  # whatever a view does, the run goes on
-                self._show = lambda _: None
-                follower.notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
-            if progress.reached:
-                session.ask_stop(StopMode.SOFT, progress.reached)
+            asked = None if self._asked is None else self._asked()
+            if asked is not None:
+                session.ask_stop(*asked)
+            if self._follow:
+                self._look(follower, frames, session)
 
         done = session.run(reference, fade=order.fade, watch=watch, on_batch=batch)
         journal.event("end", f"{done.end.reason.value}: {done.end.sentence}")
         return Done(done.end, twin, follower.progress, journal.error, done.lost, list(follower.notes))
+
+    def _look(self, follower: Follower, frames: list[Frame], session: Session) -> None:
+        """Show the progress, and stop where the wanted uncertainty is reached."""
+        progress = follower.feed(frames, session.started)
+        try:
+            self._show(progress)
+        except Exception as error:  # whatever a view does, the run goes on
+            self._show = lambda _: None
+            follower.notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
+        if progress.reached:
+            session.ask_stop(StopMode.SOFT, progress.reached)
 
 
 def _counts(board: Board) -> str:
@@ -174,54 +192,6 @@ def require_usable(done: Done, out: Path | str) -> None:
         raise DeviceError(f"{end.sentence}: 0 V at once; {out} holds the run up to there", code="run-halted")
 
 
-class LiveRig:
-    """A device and its rig file, for Python: `connect` makes it.
-
-    rig: the rig file. last: what the last run left, None before.
-    """
-
-    def __init__(self, address: str, rig: Rig) -> None:
-        self.address, self.rig = address, rig
-        self.last: Done | None = None
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Each run connects and disconnects by itself, so nothing is left open."""
-
-    def run(
-        self,
-        reference: str | Reference,
-        controller: Compensator | None = None,
-        *,
-        duration: float = 25.0,
-        until: float = 0.0,
-        out: str | Path | None = None,
-        show: Callable[[Progress], None] | None = None,
-        clear: bool = False,
-    ) -> Recording:
-        """Follow a reference for `duration` (s) and give the log; identify it as any other.
-
-        reference: words as of ``swingid simulate``, or a motion. controller: default the paper's gains. until: relative
-        standard uncertainty at which the run stops, 0 for never. out: file of the journal, default none is kept. show:
-        called with the progress. clear: clear a latched fault first. Raises DeviceError where the run did not begin or
-        ended otherwise than planned (the journal then holds what there is), UsageError where the twin passes a limit.
-        """
-        from swingid.control.compensator import Compensator as Chosen
-        from swingid.control.references import parse_reference
-        from swingid.recording.recording import Recording
-
-        motion = parse_reference(reference) if isinstance(reference, str) else reference
-        order = Order(motion, controller or Chosen.paper(self.rig), duration, until, clear=clear)
-        required(order)
-        with tempfile.TemporaryDirectory() as folder:
-            path = Path(folder) / "run.mcap" if out is None else Path(out)
-            self.last = Conductor(self.rig, opened(self.address, self.rig), show=show).run(order, path)
-            require_usable(self.last, path if out is not None else "no journal")
-            return Recording.load(path, self.rig)
-
-
 def opened(address: str, rig: Rig) -> Stream:
     """The device of an address; "" is the emulator of the rig file."""
     from swingid.live.devices.table import open_device
@@ -232,18 +202,3 @@ def opened(address: str, rig: Rig) -> Stream:
     device = twin_of(rig)
     device.address = f"twin://{rig.name}"
     return device
-
-
-def connect(address: str, rig: Rig | str | Path | None = None) -> LiveRig:
-    """A live rig for Python, as ``connect("twin://paper")`` or ``connect("/dev/ttyACM0", "rig.toml")``.
-
-    rig: the rig file; of a twin:// it is that of the twin. Raises UsageError where it is missing.
-    """
-    from swingid.live.devices.stream import split_address
-    from swingid.model.rig import Rig as File
-
-    if rig is None:
-        if not address.startswith("twin://"):
-            raise UsageError(f"{address}: which rig is it? Give connect(address, 'rig.toml')", code="no-rig")
-        rig = split_address(address).target
-    return LiveRig(address, rig if isinstance(rig, File) else File.load(rig))

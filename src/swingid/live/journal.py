@@ -14,7 +14,7 @@ import os
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from swingid.errors import InputError
 from swingid.live.codes import FaultCode, State
@@ -43,6 +43,24 @@ class Plan:
     parameters: Array
     reference: Array
     words: str = ""
+
+
+class Recorder(Protocol):
+    """What keeps a run: `Journal`, or the way to one in another process. error: why it has stopped, in words."""
+
+    error: str
+
+    def take(self, came: bool, now: float, data: bytes) -> None:
+        """Bytes of the link."""
+
+    def plan(self, plan: Plan, **facts: object) -> None:
+        """What is about to be run."""
+
+    def event(self, event: str, text: str, now: float | None = None) -> None:
+        """Something that a reader of the journal wants to know."""
+
+    def close(self) -> None:
+        """The end of the file."""
 
 
 class Journal:

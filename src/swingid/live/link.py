@@ -1,7 +1,8 @@
 """A device's stream of bytes as frames: what goes out, what comes in, when something was last heard.
 
 Time is that of the stream: one that is virtual sets it, by its ``clock()`` or by how long it was read; for any other it
-is the host's steady clock. Nothing here sleeps; time passes in ``read(timeout)`` alone.
+is the host's steady clock. Nothing here sleeps; time passes in ``read(timeout)``, or between the
+turns of a `Pace`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 from swingid.errors import DeviceError
 from swingid.live.devices.stream import Stream
 from swingid.live.frames import Decoder, Frame, encode
+from swingid.live.pace import Pace
 
 TURN = 0.016
 """Longest wait for bytes (s): what a USB adapter needs at worst, and a sixth of the heartbeat's time."""
@@ -22,7 +24,10 @@ Tap = Callable[[bool, float, bytes], None]
 
 
 class Link:
-    """Frames over a stream. name: of the device, for messages. tap: sees every byte."""
+    """Frames over a stream. name: of the device, for messages. tap: sees every byte.
+
+    pace: waits for the next turn of a loop at a fixed rate, in the place of the stream.
+    """
 
     def __init__(self, stream: Stream, name: str | None = None, tap: Tap | None = None) -> None:
         self.stream, self.name, self.tap = stream, name or stream.address, tap
@@ -31,6 +36,7 @@ class Link:
         self.clock: Callable[[], float] = getattr(stream, "clock", steady)
         self.heard = self.clock()
         self.bytes_in = 0
+        self.pace: Pace | None = None
         self._decoder = Decoder()
 
     @property
@@ -52,7 +58,9 @@ class Link:
             if out:
                 self.stream.write(out)
                 self._show(False, out)
-            data = self.stream.read(timeout)
+            if self.pace is not None:
+                self.pace.wait()
+            data = self.stream.read(timeout if self.pace is None else 0.0)
             self._passed += timeout
         except OSError as error:
             reason = error.strerror or type(error).__name__

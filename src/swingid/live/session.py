@@ -176,6 +176,8 @@ class Session:
         wanted: Array = np.asarray(samples, np.float32).astype(float)
         if wanted.ndim != 1 or not len(wanted) or not np.isfinite(wanted).all():
             raise UsageError("the samples of a run are one row of finite numbers", code="bad-reference")
+        if self.link.pace is not None:
+            self.link.pace.restart()
         steps = min(round(fade * self.hello.rate), 65535)
         arm = encode("Arm", session=self.number, mode=mode, parameters=self._check, fade=steps)
         arm += encode("Heartbeat", session=self.number)  # where the answer gets lost it is armed and waits for one

@@ -1,0 +1,301 @@
+"""A run in real time, in processes: link, recorder and view, each of which is killed; the ring between them.
+
+The rig is the firmware's process with the twin's motion, stepped by a thread at the rate of real time. How long after a
+death the motor still gets a voltage is counted in the device's samples, not by a clock of this machine; and where a
+loaded machine keeps the link's process waiting, the rig waits, too.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from live_host import RIG
+from swingid.control.compensator import Compensator
+from swingid.control.references.parse import parse_reference
+from swingid.errors import DeviceError, InputError
+from swingid.identification import identify
+from swingid.live import native
+from swingid.live.codes import FaultCode, State, StopMode
+from swingid.live.devices.table import open_device
+from swingid.live.emulator import NativeRig, emulated
+from swingid.live.experiment import Done, Order, require_usable
+from swingid.live.processes import ProcessConductor
+from swingid.live.progress import Progress
+from swingid.live.ring import ROOM, Kind, Reader, Ring
+from swingid.live.session import Reason, Session
+from swingid.recording.recording import Recording
+
+needs_native = pytest.mark.skipif(native.obstacle() is not None, reason=f"the firmware's process: {native.obstacle()}")
+MOTION = parse_reference("sine 0.8 rad 8.5 rad/s")
+
+
+def test_a_ring_gives_its_records_in_order_over_its_end() -> None:
+    ring = Ring()
+    try:
+        other = Ring(ring.path)
+        reader, sent = Reader(other), []
+        for k in range(400):
+            data = bytes([k % 256]) * (1 + 997 * k % 200_000)
+            ring.write(Kind.DEVICE, float(k), data)
+            sent.append(data)
+            if k % 7 == 0:
+                found = reader.read()
+                assert [record.data for record in found] == sent
+                sent.clear()
+        assert sum(len(record.data) for record in reader.read()) == sum(map(len, sent))
+        assert ring.head > ROOM
+        assert reader.lost == 0
+    finally:
+        ring.close()
+    assert not ring.path.exists()
+
+
+def test_a_reader_that_is_too_slow_loses_the_oldest_and_goes_on() -> None:
+    ring = Ring()
+    try:
+        reader = Reader(ring)
+        for _ in range(3 * ROOM // 100_000):
+            ring.write(Kind.HOST, 0.0, bytes(100_000))
+        assert reader.read() == []
+        assert reader.lost == ring.head
+        ring.write(Kind.SAY, 1.0, b"on")
+        assert [record.data for record in reader.read()] == [b"on"]
+    finally:
+        ring.close()
+
+
+class Bench:
+    """The firmware's process, stepped in real time; `applied` holds the voltage of every sample."""
+
+    def __init__(self) -> None:
+        rig = emulated(RIG, native=True, tcp=0)
+        assert isinstance(rig, NativeRig)
+        self.rig, self.applied = rig, []  # type: ignore[var-annotated]
+        exchange = rig._process.exchange
+
+        def noted(now: int, readings: object) -> float:
+            voltage = exchange(now, readings)  # type: ignore[arg-type]
+            self.applied.append(voltage)
+            return voltage
+
+        rig._process.exchange = noted  # type: ignore[method-assign, assignment]
+        self.over, self.free = threading.Event(), threading.Event()
+        self.ring: Ring | None = None
+        self.thread = threading.Thread(target=self._go, daemon=True)
+        self.thread.start()
+
+    def _go(self) -> None:
+        due = time.perf_counter()
+        while not self.over.is_set():
+            if self._host_waits():
+                time.sleep(1e-3)
+                continue
+            self.rig.step()
+            due += 1e-3
+            left = due - time.perf_counter()
+            if left > 0:
+                time.sleep(left)
+            elif left < -0.05:
+                due -= left  # samples that this machine could not make are left out
+
+    def _host_waits(self) -> bool:
+        try:
+            return self.ring is not None and not self.free.is_set() and self.ring.silence > 0.03
+        except ValueError:  # the run is over and its ring closed
+            return False
+
+    def close(self) -> None:
+        self.over.set()
+        self.thread.join()
+        self.rig.close()
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.close()
+
+
+def order(seconds: float, **changes: object) -> Order:
+    return Order(MOTION, Compensator.paper(RIG), seconds, **changes)  # type: ignore[arg-type]
+
+
+class At:
+    """A view that does something once, when the run has come to a time (s)."""
+
+    def __init__(self, time: float, act: object) -> None:
+        self.time, self.act, self.done = time, act, False
+
+    def __call__(self, progress: Progress) -> None:
+        if progress.time >= self.time and not self.done:
+            self.done = True
+            self.act()  # type: ignore[operator]
+
+
+def run(bench: Bench, out: Path, seconds: float, time: float = 1e9, act: object = None) -> tuple[Done, list[str]]:
+    said: list[str] = []
+    conductor = ProcessConductor(RIG, bench.rig.address, say=said.append)
+    at = At(time, lambda: act(conductor))  # type: ignore[operator]
+
+    def show(progress: Progress) -> None:
+        bench.ring = conductor._ring
+        at(progress)
+
+    conductor._show = show
+    try:
+        return conductor.run(order(seconds), out), said
+    finally:
+        bench.free.set()
+
+
+@needs_native
+def test_a_run_in_processes_is_a_run(bench: Bench, tmp_path: Path) -> None:
+    done, said = run(bench, tmp_path / "run.mcap", 6.0)
+    require_usable(done, tmp_path / "run.mcap")
+    assert done.end.reason is Reason.FINISHED
+    assert any("host's loop" in line and "late by at most" in line for line in said)
+    log = Recording.load(tmp_path / "run.mcap", RIG)
+    assert len(log) + done.lost == 6000
+    assert identify(log, RIG).parameters["inertia"].value == pytest.approx(3.022e-3, rel=2e-3)
+    assert bench.applied[-1] == 0.0
+
+
+@pytest.mark.long
+@needs_native
+@pytest.mark.parametrize(("mode", "reason"), [(StopMode.SOFT, Reason.STOPPED), (StopMode.HARD, Reason.HALTED)])
+def test_a_stop_from_the_view(mode: StopMode, reason: Reason, bench: Bench, tmp_path: Path) -> None:
+    done, _ = run(bench, tmp_path / "run.mcap", 20.0, 1.0, lambda conductor: conductor.stop(mode, "asked"))
+    assert done.end.reason is reason
+    assert bench.applied[-1] == 0.0
+
+
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
+def test_the_link_killed_is_0_volts_in_100_ms_and_the_journal_is_whole(bench: Bench, tmp_path: Path) -> None:
+    at: list[int] = []
+
+    def kill(conductor: ProcessConductor) -> None:
+        os.kill(conductor.pids["link"], signal.SIGKILL)
+        bench.free.set()
+        at.append(len(bench.applied))
+
+    with pytest.raises(DeviceError, match="has died"):
+        run(bench, tmp_path / "run.mcap", 20.0, 1.5, kill)
+    time.sleep(0.3)
+    driven = np.flatnonzero(bench.applied)[-1]
+    assert driven - at[0] <= 100 + 50  # and what was on its way when it died
+    log = Recording.load(tmp_path / "run.mcap", RIG)
+    assert "cut-off" not in [finding.code for finding in log.findings]
+    assert log.duration > 1.0
+    with Session(open_device(bench.rig.address)) as session:
+        session.connect()
+        assert session.hello is not None
+        assert (session.hello.state, session.hello.fault) == (State.FAULT, FaultCode.HEARTBEAT)
+
+
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
+def test_the_recorder_killed_does_not_stop_the_loop_and_loses_half_a_second_at_most(
+    bench: Bench, tmp_path: Path
+) -> None:
+    out = tmp_path / "run.mcap"
+    killed_at: list[float] = []
+
+    def kill(conductor: ProcessConductor) -> None:
+        assert conductor._follower is not None
+        os.kill(conductor.pids["recorder"], signal.SIGKILL)
+        killed_at.append(conductor._follower.progress.time)
+
+    done, _ = run(bench, out, 4.0, 2.0, kill)
+    assert done.end.reason is Reason.FINISHED
+    with pytest.raises(InputError, match="could not be written"):
+        require_usable(done, out)
+    log = Recording.load(out, RIG)
+    assert "cut-off" in [finding.code for finding in log.findings]
+    assert log.time[-1] > killed_at[0] - 0.5
+
+
+@pytest.mark.long
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGSTOP is POSIX")
+def test_a_recorder_that_stands_still_for_a_second_loses_nothing(bench: Bench, tmp_path: Path) -> None:
+    def pause(conductor: ProcessConductor) -> None:
+        os.kill(conductor.pids["recorder"], signal.SIGSTOP)
+        threading.Timer(1.0, os.kill, (conductor.pids["recorder"], signal.SIGCONT)).start()
+
+    done, _ = run(bench, tmp_path / "run.mcap", 4.0, 1.0, pause)
+    require_usable(done, tmp_path / "run.mcap")
+    assert len(Recording.load(tmp_path / "run.mcap", RIG)) + done.lost == 4000
+
+
+@pytest.mark.long
+@needs_native
+def test_a_view_that_sleeps_does_not_stop_the_loop(bench: Bench, tmp_path: Path) -> None:
+    done, _ = run(bench, tmp_path / "run.mcap", 3.0, 1.0, lambda conductor: time.sleep(1.0))
+    assert done.end.reason is Reason.FINISHED
+
+
+VIEW = """
+import sys
+from pathlib import Path
+from test_live_processes import RIG, order
+from swingid.live.processes import ProcessConductor
+conductor = ProcessConductor(RIG, sys.argv[1])
+conductor._show = lambda p: p.time > 1.0 and print(conductor.pids["link"], conductor.pids["recorder"], flush=True)
+conductor.run(order(3.0), Path(sys.argv[2]))
+"""
+
+
+@pytest.mark.long
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
+def test_the_view_killed_leaves_a_whole_run_and_journal(bench: Bench, tmp_path: Path) -> None:
+    out = tmp_path / "run.mcap"
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    view = subprocess.Popen(
+        [sys.executable, "-c", VIEW, bench.rig.address, str(out)],
+        stdout=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": paths},
+        text=True,
+    )
+    assert view.stdout is not None
+    pids = [int(word) for word in view.stdout.readline().split()]
+    view.kill()
+    view.wait()
+    for _ in range(400):
+        if not any(alive(pid) for pid in pids):
+            break
+        time.sleep(0.05)
+    assert not any(alive(pid) for pid in pids)
+    log = Recording.load(out, RIG)
+    assert len(log) > 2900
+    assert "cut-off" not in [finding.code for finding in log.findings]
+    assert bench.applied[-1] == 0.0
+
+
+def alive(pid: int) -> bool:
+    """Whether a process runs; one that nobody has waited for yet does not."""
+    status = Path(f"/proc/{pid}/stat")
+    if status.exists():
+        return status.read_text().rpartition(")")[2].split()[0] != "Z"
+    try:
+        os.kill(pid, 0)
+    except OSError:
+        return False
+    return not sys.platform.startswith("linux")
+
+
+def test_a_device_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(DeviceError, match=r"127\.0\.0\.1"):
+        ProcessConductor(RIG, "tcp://127.0.0.1:1").run(order(1.0), tmp_path / "run.mcap")

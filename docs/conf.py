@@ -55,7 +55,10 @@ sphinx_gallery_conf = {
     "backreferences_dir": None,
 }
 
-ORDER = ("own_rig", "weigh_a_body", "compare_methods", "calibrate_encoders", "design", "campaign", "class_exercise")
+ORDER = (
+    *("own_rig", "weigh_a_body", "compare_methods", "calibrate_encoders", "design", "campaign", "live"),
+    "class_exercise",
+)
 
 
 def order_of_tutorials(filename: str) -> int:

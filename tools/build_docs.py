@@ -8,6 +8,7 @@ any other warning is an error. Prints why and ends well where the packages of th
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import inspect
 import os
@@ -175,7 +176,12 @@ def api_page() -> str:
 
 
 def _module(name: str) -> list[str]:
-    return [*_section(f"swingid.{name}"), f".. automodule:: swingid.{name}\n   :members:\n"]
+    """The section of a module: what it says of itself, and what its `__all__` names."""
+    module = importlib.import_module(f"swingid.{name}")
+    own = [(each, inspect.isclass(getattr(module, each))) for each in module.__all__]
+    parts = [f".. auto{'class' if is_class else 'function'}:: swingid.{name}.{each}\n" for each, is_class in own]
+    parts = [part + "   :members:\n" if part.startswith(".. autoclass") else part for part in parts]
+    return [*_section(f"swingid.{name}"), f".. automodule:: swingid.{name}\n", *parts]
 
 
 def _section(title: str) -> list[str]:

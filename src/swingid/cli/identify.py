@@ -18,6 +18,7 @@ from swingid.cli.output import (
     check_targets,
     check_writable,
     hand_over,
+    overwrite,
     refusals_to,
 )
 from swingid.errors import SwingidError, UsageError
@@ -84,6 +85,10 @@ def identify(
         list[str] | None, typer.Option(metavar="NAME", help="Leave this fault of the log as it is; may be repeated.")
     ] = None,
     json: JsonOrRefusal = None,
+    monte_carlo: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Draw everything that is uncertain N times through the method (GUM S1)."),
+    ] = None,
     report: Report = None,
     certificate: Certificate = None,
 ) -> None:
@@ -113,7 +118,7 @@ def identify(
         source["part"] = part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
     with refusals_to(json, method, provenance, report):
-        result = _identify(logs, rig, method, options, reading, provenance, json, report, stated)
+        result = _identify(logs, rig, method, options, reading, provenance, json, report, stated, monte_carlo)
     hand_over(result, json, report)
 
 
@@ -159,6 +164,7 @@ def _identify(
     json: str | None,
     report: str | None,
     certificate: Stated | None,
+    draws: int | None,
 ) -> Result:
     """From files to the result, and to its report; `provenance` gains what becomes known on the way."""
     check_writable(json, report)
@@ -170,6 +176,8 @@ def _identify(
     switched_off(reading.repairs)  # a name that is none is a wrong usage, not a log that cannot be used
     plant = Rig.load(rig)
     provenance |= {"rig": plant.name, "rig_source": plant.source}
+    if draws is not None and len(logs) > 1:
+        raise UsageError("--monte-carlo is for one log; identify the logs one by one", code="not-drawn")
     if len(logs) > 1:
         recording = None
         announce_compilation("identify")
@@ -181,11 +189,25 @@ def _identify(
             provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
         announce_compilation("identify")
         result = run(log, plant, method, **options)
+        if draws is not None:
+            if recording is None:
+                raise UsageError("--monte-carlo is not for logs that are read in parts; give --part", code="not-drawn")
+            result = _with_draws(recording, plant, result, draws, options)
     if report is not None:
         from swingid.report import write_report
 
         write_report(result, recording, plant, Path(report), certificate)
     return result
+
+
+def _with_draws(log: Recording, rig: Rig, result: Result, draws: int, options: dict[str, object]) -> Result:
+    """The result with the distribution of its parameters."""
+    from swingid.study.monte_carlo import monte_carlo
+
+    def progress(done: int, planned: int) -> None:
+        overwrite(f"swingid: {done} of {planned} draws", last=done == planned)
+
+    return monte_carlo(log, rig, result.method, result, draws, options=options, progress=progress)
 
 
 def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | LargeLog | SwingidError]:

@@ -91,6 +91,7 @@ def result_schema() -> Schema:
                 "covariance": _map(_map(MAYBE)),
                 "correlation": _map(_map(MAYBE)),
                 "ratios": {"type": "boolean"},
+                "monte_carlo": anything,
                 "per_log": _list({"$ref": "#"}),
             },
         ),

@@ -10,7 +10,14 @@ from swingid.format import interval
 from swingid.report import tables
 from swingid.report.budget import budgets, expanded_text, headings
 from swingid.report.certificate import Certificate, stated_rows
-from swingid.report.figures.estimates import draw_budget, draw_convergence, draw_kinds, draw_logs, draw_swings
+from swingid.report.figures.estimates import (
+    draw_budget,
+    draw_convergence,
+    draw_distribution,
+    draw_kinds,
+    draw_logs,
+    draw_swings,
+)
 from swingid.report.figures.motion import draw_changing, draw_friction, draw_log, draw_residuals, draw_turning_points
 from swingid.report.page import date_of_issue, filled, is_pdf, picture, write_page
 from swingid.report.pdf import Attachment, Head
@@ -39,6 +46,7 @@ TITLES = {
     "changing": "Changes within the log",
     "budget": "Uncertainty budget of the inertia",
     "kinds": "Estimates by kind of projection",
+    "distribution": "Distribution of the inertia by random draws",
     "logs": "Inertia of every log",
     "convergence": "Online estimate over time",
 }
@@ -142,6 +150,8 @@ def _context(
         "logs": [log_row(one, result, fine=True) for one in result.per_log],
         "budgets": [(one, headings(one)) for one in budgets(result, rig, linear=linear)] if answered else [],
         "checks": tables.check_rows(result),
+        "distributions": tables.distribution_rows(result),
+        "drawn": result.monte_carlo,
         "correlations": tables.correlation_rows(result),
         "extra": tables.extra_rows(result),
         "agreement": tables.agreement_rows(result),
@@ -200,6 +210,7 @@ def _drawn(result: Result, log: Recording | None, *, linear: bool) -> dict[str, 
         "budget": draw_budget(result),
         "swings": draw_swings(result),
         "kinds": draw_kinds(result),
+        "distribution": draw_distribution(result),
         "logs": draw_logs(result),
         "convergence": draw_convergence(result),
     }

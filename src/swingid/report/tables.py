@@ -14,7 +14,15 @@ from swingid.checks.stability import DIVIDED
 from swingid.format import interval, number, percent, plus_minus, span
 from swingid.report.words import DRIVES, EXTRA, METHODS, NOT_USED, RIG, SENSORS, Word, parameter_word
 from swingid.result.result import Result
-from swingid.result.summary import correlated_pairs, freedom_text, relative, segment_text, value_text, why_unknown
+from swingid.result.summary import (
+    AGREEMENT,
+    correlated_pairs,
+    freedom_text,
+    relative,
+    segment_text,
+    value_text,
+    why_unknown,
+)
 from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.freedom import MANY
 from swingid.units import Quantity
@@ -220,6 +228,19 @@ def agreement_rows(result: Result) -> list[Row]:
         )
         for one in found
     ]
+
+
+def distribution_rows(result: Result) -> list[Row]:
+    """Each parameter by propagation of distributions: value, shortest interval, and the comparison in words."""
+    found = result.monte_carlo.parameters if result.monte_carlo else {}
+    rows = []
+    for name, one in found.items():
+        unit = result.parameters[name].unit
+        value = plus_minus(one.mean, one.standard_uncertainty, unit, fine=True)
+        ends = interval(one.interval95, middle=one.mean, fine=True)
+        tolerance = number(one.tolerance, unit, 2, fine=True)
+        rows.append(Row(name, "", value, ends, f"{AGREEMENT[one.agrees]} (δ = {tolerance})"))
+    return rows
 
 
 def check_rows(result: Result) -> list[Row]:

@@ -15,7 +15,7 @@ from swingid.recording.findings import Kind
 from swingid.uncertainty.budget import BudgetEntry, Parameter
 
 SCHEMA = "swingid.result/1"
-WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "ratios", "per_log")
+WHERE_GIVEN = ("sensitivities", "covariance", "correlation", "ratios", "monte_carlo", "per_log")
 """Fields that a file has only where they hold something."""
 
 
@@ -136,6 +136,36 @@ class Details:
 
 
 @dataclass(frozen=True)
+class Distributed:
+    """A parameter by propagation of distributions (JCGM 101:2008).
+
+    interval95: the shortest one. agrees: whether the interval of the linear budget agrees with it within `tolerance`;
+    None where `interval_error`, the standard error of its ends, is too large to know. values (n,): the sample, sorted.
+    """
+
+    mean: float
+    standard_uncertainty: float
+    interval95: tuple[float, float]
+    agrees: bool | None
+    tolerance: float
+    interval_error: float
+    values: Array
+
+
+@dataclass(frozen=True)
+class MonteCarlo:
+    """Distributions of the parameters by name; draws: how many were made; answered: how many gave an estimate.
+
+    refusals: number of the others by the code of their error.
+    """
+
+    draws: int
+    answered: int
+    refusals: dict[str, int]
+    parameters: dict[str, Distributed]
+
+
+@dataclass(frozen=True)
 class ResultData:
     """The result of one method from one log, as plain data; `Result` adds the text and the picture of it.
 
@@ -145,7 +175,7 @@ class ResultData:
     between parameters fitted together where that matters (inertia and an unknown gravity torque). correlation: of all
     parameters whose uncertainty is known, of type A and B together. per_log: the ordinary results of several logs, of
     which this one is the common result. ratios: whether nothing set the scale, so that the parameters are ratios such
-    as "gravity_torque/inertia" and there is no "inertia".
+    as "gravity_torque/inertia" and there is no "inertia". monte_carlo: distributions by Supplement 1 of the GUM.
     """
 
     method: str
@@ -161,6 +191,7 @@ class ResultData:
     covariance: dict[str, dict[str, float]] = field(default_factory=dict)
     correlation: dict[str, dict[str, float]] = field(default_factory=dict)
     ratios: bool = False
+    monte_carlo: MonteCarlo | None = None
     per_log: tuple[ResultData, ...] = ()
 
     @property

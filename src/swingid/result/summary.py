@@ -44,6 +44,7 @@ def summarise(result: ResultData) -> str:
         ("Correlations", _correlations(result)),
         ("Logs", _logs(result)),
         (f"Uncertainty of {named(result)}", _budget(result)),
+        ("Propagation of distributions", _distributions(result)),
         ("Friction", _friction(result.details)),
         ("Estimates by kind of window", _kinds(result)),
         ("Warnings", _messages(result.warnings)),
@@ -200,6 +201,30 @@ def _budget(result: ResultData) -> list[str]:
         if part
     )
     return [*lines, f"    {text}"]
+
+
+AGREEMENT = {
+    True: "the linear interval agrees with it",
+    False: "the linear interval does not agree with it",
+    None: "too few draws to know whether the linear interval agrees with it",
+}
+"""What the comparison of JCGM 101, 8.1, found."""
+
+
+def _distributions(result: ResultData) -> list[str]:
+    """Of each parameter: mean, standard uncertainty and shortest interval of the draws, and the comparison."""
+    found = result.monte_carlo
+    if found is None:
+        return []
+    lines = [f"    {found.answered} of {found.draws} draws of everything that is uncertain have an estimate"]
+    for name, one in found.parameters.items():
+        value = plus_minus(one.mean, one.standard_uncertainty, result.parameters[name].unit)
+        ends = interval(one.interval95, middle=one.mean)
+        lines += _wrapped(f"{name}: {value}  shortest 95 %: {ends}; {AGREEMENT[one.agrees]}", "    ", "      ")
+    missing = [name for name in result.parameters if name not in found.parameters]
+    if missing:
+        lines += _wrapped(f"no distribution: {', '.join(missing)} (most draws have another friction law)", "    ")
+    return lines
 
 
 def sorted_budget(budget: Iterable[BudgetEntry], parameter: str) -> list[BudgetEntry]:

@@ -181,3 +181,26 @@ def draw_budget(result: Result) -> Figure | None:
     ax.set_xlabel("standard uncertainty, % of the estimate")
     legend_above(ax, 2)
     return figure
+
+
+def draw_distribution(result: Result) -> Figure | None:
+    """Histogram of the draws of the leading parameter with both 95 % intervals; None without draws."""
+    found = result.monte_carlo.parameters.get(result.leading) if result.monte_carlo else None
+    own = result.parameters.get(result.leading)
+    if found is None or own is None or not own.standard_uncertainty or own.interval95 is None:
+        return None
+    exponent = common_exponent([own.value])
+    scale = 10.0**-exponent
+    figure, (ax,) = new_figure(2.7)
+    ax.hist(found.values * scale, bins="sqrt", density=True, color=BLUE, alpha=0.5, label="draws")
+    reach = np.linspace(-4, 4, 161)
+    density = np.exp(-(reach**2) / 2) / np.sqrt(2 * np.pi) / (own.standard_uncertainty * scale)
+    ax.plot((own.value + reach * own.standard_uncertainty) * scale, density, color=GREEN, label="linear budget")
+    for ends, colour, style in ((found.interval95, BLUE, "-"), (own.interval95, GREEN, (0, (4, 2)))):
+        for end in ends:
+            ax.axvline(end * scale, color=colour, lw=1.1, ls=style)
+    power = f"{power_of_ten(exponent)} " if exponent else ""
+    ax.set_xlabel(f"{result.leading}, {power}{pretty_unit(own.unit)}")
+    ax.set_yticks([])
+    legend_above(ax)
+    return figure

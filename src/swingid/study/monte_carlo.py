@@ -1,0 +1,300 @@
+"""Propagation of distributions through a whole method (GUM Supplement 1, JCGM 101:2008), beside the linear budget.
+
+Each draw changes what the rig file declares as uncertain and the readings, and identifies the log anew:
+
+- a constant: its stated value is drawn from N(value, standard uncertainty); a tilt is drawn and then counts as exact;
+- an encoder: the readings get a drawn latency and once-per-turn nonlinearity, and white noise as large as the log's;
+- the log's clock: the time is stretched by a drawn share; scales of logged channels multiply them.
+
+What has no such draw (lack of fit, disagreement of windows, the model's share, the scatter beyond the sensors' noise)
+is a correction that is added to each estimate, drawn from its distribution in the budget (JCGM 101, 5.1.1, 6.4).
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+import numpy as np
+
+from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
+from swingid.identification import identify
+from swingid.model.parameters import TILTS
+from swingid.model.rig import Rig
+from swingid.model.rig.fields import Table
+from swingid.model.terms import further_terms, stated_at
+from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import moved
+from swingid.recording.recording import Recording
+from swingid.result.data import Distributed, MonteCarlo
+from swingid.result.result import Result
+from swingid.system import cores
+from swingid.uncertainty.budget import BudgetEntry
+from swingid.uncertainty.freedom import COVERAGE
+from swingid.units import Quantity, UnknownScale
+
+FEWEST = 100
+NOISE_DRAWS = 100
+"""Draws of the noise alone, by which the scatter beyond it is found, at most."""
+
+SCATTER = "scatter"
+"""First word of the source of the scatter in a budget, part of which is the sensors' noise."""
+
+SCALES = ("log.torque_gain", "log.angle_scale", "log.angle_offset", "log.wheel_scale", "log.voltage_scale")
+CLOCK = "log.clock"
+UNDRAWN = ("axis.inertia", "axis.friction.", "axis.model_uncertainty")
+"""Keys that identification does not read, and the share that is a correction."""
+
+
+@dataclass(frozen=True)
+class Draw:
+    """One draw: standard normal numbers by key of the rig, and the seed of the noise (None: no noise).
+
+    units: "sensors.angle.latency" and the like are those of the encoders.
+    """
+
+    units: Mapping[str, float]
+    noise: int | None
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What every draw has in common: log, rig, method, options, standard deviations of the noise of both angles."""
+
+    log: Recording
+    rig: Rig
+    method: str
+    options: Mapping[str, object]
+    noise: tuple[float, float]
+    constants: Mapping[str, Quantity] = field(default_factory=dict)
+
+    def estimate(self, draw: Draw) -> dict[str, float] | str:
+        """Parameters of one draw by name, or the code of its refusal."""
+        try:
+            result = identify(self._log(draw), self._rig(draw), self.method, **self.options)
+        except (UnanswerableError, InputError) as error:
+            return error.code
+        return {name: one.value for name, one in result.parameters.items()}
+
+    def _rig(self, draw: Draw) -> Rig:
+        changes: dict[str, object] = {}
+        for key, one in self.constants.items():
+            if key in draw.units and key != CLOCK:
+                value = one.value + (one.std or 0.0) * draw.units[key]
+                changes[key] = Quantity(value, None if key in TILTS else one.std)
+        return self.rig.changed(changes) if changes else self.rig
+
+    def _log(self, draw: Draw) -> Recording:
+        """The log as it would have been read with other errors of its sensors, clock and scales."""
+        log, units = self.log, draw.units
+        channels = {"angle": log.angle, "wheel": log.wheel_angle}
+        generator = None if draw.noise is None else np.random.default_rng(draw.noise)
+        for (name, values), sigma in zip(channels.items(), self.noise, strict=True):
+            if values is None:
+                continue
+            sensor, own = self.rig.sensors.of(name), f"sensors.{name}."  # type: ignore[arg-type]
+            late = (sensor.latency.std or 0.0) * units.get(f"{own}latency", 0.0)
+            alpha, beta = ((part.std or 0.0) * units.get(f"{own}{kind}", 0.0) for kind, part in sensor.parts.items())
+            read = moved(log.time, values, late)
+            read = read + alpha * np.cos(values) + beta * np.sin(values)
+            channels[name] = read if generator is None else read + sigma * generator.standard_normal(len(read))
+        clock = self.constants.get(CLOCK, Quantity(0.0))
+        time = log.time * (1 + (clock.std or 0.0) * units.get(CLOCK, 0.0))
+        angle = channels["angle"]
+        assert angle is not None
+        angle = angle * self._ratio("log.angle_scale", units) + self._shift("log.angle_offset", units)
+        wheel = channels["wheel"]
+        wheel = None if wheel is None else wheel * self._ratio("log.wheel_scale", units)
+        volts, torque = (
+            None if values is None else values * self._ratio(key, units)
+            for values, key in ((log.voltage, "log.voltage_scale"), (log.torque, "log.torque_gain"))
+        )
+        return replace(log, time=time, angle=angle, wheel_angle=wheel, voltage=volts, torque=torque)
+
+    def _ratio(self, key: str, units: Mapping[str, float]) -> float:
+        one = self.constants.get(key)
+        return 1.0 if one is None or key not in units else 1 + (one.std or 0.0) * units[key] / one.value
+
+    def _shift(self, key: str, units: Mapping[str, float]) -> float:
+        one = self.constants.get(key)
+        return 0.0 if one is None else (one.std or 0.0) * units.get(key, 0.0)
+
+
+def uncertain_constants(rig: Rig) -> dict[str, Quantity]:
+    """Every quantity of the rig with a standard uncertainty that a draw changes, by its dotted key."""
+    found: dict[str, Quantity] = {}
+    for section in ("axis", "drive"):
+        _collect(getattr(rig, section), section, found)
+    keys = [key for term in further_terms() for key in (term.key, term.shift) if key]
+    found |= {key: one for key in (*keys, *SCALES, CLOCK) if isinstance(one := stated_at(rig, key), Quantity)}
+    if rig.drive.kind != "direct":
+        found.pop("log.torque_gain", None)
+    return {
+        key: one
+        for key, one in found.items()
+        if one.std and not isinstance(one, UnknownScale) and not key.startswith(UNDRAWN)
+    }
+
+
+def _collect(table: Table, path: str, found: dict[str, Quantity]) -> None:
+    for name in type(table).model_fields:
+        value = getattr(table, name)
+        if isinstance(value, Quantity):
+            found[f"{path}.{name}"] = value
+        elif isinstance(value, Table):
+            _collect(value, f"{path}.{name}", found)
+
+
+def monte_carlo(
+    log: Recording,
+    rig: Rig,
+    method: str,
+    result: Result,
+    draws: int,
+    *,
+    options: Mapping[str, object] | None = None,
+    seed: int = 0,
+    workers: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Result:
+    """`result` of this log with the distribution of its parameters by so many draws, see the module.
+
+    workers: processes, by default one per core; the numbers do not depend on them. progress(done, draws).
+
+    Raises UsageError for too few draws, for ratios and for logs of rates; UnanswerableError where hardly any draw has
+    an answer.
+    """
+    if draws < FEWEST:
+        raise UsageError(f"{draws} draws are too few for a distribution; take {FEWEST} or more.", code="few-draws")
+    if result.ratios or log.angle_speed is not None or log.wheel_speed is not None:
+        raise UsageError("draws are made of logs of angles whose rig has a scale, not of rates.", code="not-drawn")
+    decided = result.provenance.get("preparation")
+    noise = decided.get("noise") if isinstance(decided, dict) else None
+    sigma = (float(noise["angle"] or 0.0), float(noise["wheel"] or 0.0)) if isinstance(noise, dict) else (0.0, 0.0)
+    constants = uncertain_constants(rig)
+    experiment = Experiment(log, rig, method, dict(options or {}), sigma, constants)
+    keys = [*constants, *_sensor_keys(rig, log)]
+    planned = [Draw({}, seed * 2**32 + k) for k in range(min(NOISE_DRAWS, draws))]
+    planned += [_drawn(keys, seed, k) for k in range(draws)]
+    outcomes: list[dict[str, float] | str] = []
+    for one in _estimates(experiment, planned, workers or cores()):
+        outcomes.append(one)
+        if progress is not None:
+            progress(len(outcomes), len(planned))
+    alone, whole = outcomes[: len(planned) - draws], outcomes[len(planned) - draws :]
+    answered = [one for one in whole if not isinstance(one, str)]
+    if len(answered) < max(FEWEST // 2, draws // 2):
+        codes = ", ".join(sorted({one for one in whole if isinstance(one, str)}))
+        message = f"only {len(answered)} of {draws} draws have an estimate ({codes}), too few for a distribution."
+        raise UnanswerableError(message, code="draws-refused")
+    refusals = dict(Counter(one for one in whole if isinstance(one, str)))
+    generator = np.random.default_rng([seed, 1])
+    found = {}
+    for name, parameter in result.parameters.items():
+        values = np.array([one[name] for one in answered if name in one])
+        quiet = np.array([one[name] for one in alone if not isinstance(one, str) and name in one])
+        if parameter.standard_uncertainty is None or len(values) < len(answered) / 2 or len(quiet) < 2:
+            continue
+        entries = [one for one in result.budget if one.parameter == name]
+        values = values + _corrections(entries, keys, float(np.std(quiet, ddof=1)), len(values), generator)
+        found[name] = distributed(values, parameter.interval95, parameter.standard_uncertainty)
+    return replace(result, monte_carlo=MonteCarlo(draws, len(answered), refusals, found))
+
+
+def _sensor_keys(rig: Rig, log: Recording) -> list[str]:
+    """Keys of what the encoders are declared to have, such as "sensors.angle.latency" and "sensors.wheel.cosine"."""
+    found = []
+    for name, values in (("angle", log.angle), ("wheel", log.wheel_angle)):
+        sensor = rig.sensors.of(name)  # type: ignore[arg-type]
+        kinds = {"latency": sensor.latency, **sensor.parts}
+        found += [f"sensors.{name}.{kind}" for kind, one in kinds.items() if one.std and values is not None]
+    return found
+
+
+def _identity(key: str) -> str:
+    """The `shared_id` of a budget for a key of a draw: "sensors.angle.cosine" is "sensors.nonlinearity.cosine"."""
+    if not key.startswith("sensors."):
+        return key
+    _, channel, kind = key.split(".")
+    prefix = "sensors" if channel == "angle" else "sensors.wheel"
+    return f"{prefix}.{kind}" if kind == "latency" else f"{prefix}.nonlinearity.{kind}"
+
+
+def _drawn(keys: list[str], seed: int, k: int) -> Draw:
+    """Draw k: a stream of its own for each number, whatever the others are."""
+    generator = np.random.default_rng([seed, 0, k])
+    return Draw(dict(zip(keys, generator.standard_normal(len(keys)).tolist(), strict=True)), seed * 2**32 + 2**31 + k)
+
+
+def _estimates(experiment: Experiment, planned: list[Draw], workers: int) -> Iterator[dict[str, float] | str]:
+    """The estimates in the order of the draws; the first one here, so that kernels are compiled once."""
+    yield experiment.estimate(planned[0])
+    if workers == 1:
+        yield from map(experiment.estimate, planned[1:])
+        return
+    with ProcessPoolExecutor(min(workers, len(planned))) as pool:
+        yield from pool.map(partial(_estimate, experiment), planned[1:], chunksize=8)
+
+
+def _estimate(experiment: Experiment, draw: Draw) -> dict[str, float] | str:
+    try:
+        return experiment.estimate(draw)
+    except SwingidError as error:
+        return error.code
+
+
+def _corrections(
+    entries: list[BudgetEntry], keys: list[str], noise: float, count: int, generator: np.random.Generator
+) -> Array:
+    """Sum of the drawn corrections (count,) for what no draw changes; noise: what the readings' noise alone does."""
+    total = np.zeros(count)
+    drawn = {_identity(key) for key in keys}
+    for entry in entries:
+        u = entry.standard_uncertainty
+        if entry.shared_id in drawn or entry.source in drawn or not u > 0:
+            continue
+        if entry.type == "A" and entry.source.startswith(SCATTER):
+            u = math.sqrt(max(u**2 - noise**2, 0.0))
+        if entry.origin.distribution == "rectangular":
+            total += generator.uniform(-1.0, 1.0, count) * u * math.sqrt(3.0)
+        elif math.isfinite(entry.origin.degrees_of_freedom):
+            total += generator.standard_t(max(entry.origin.degrees_of_freedom, 1.0), count) * u
+        else:
+            total += generator.standard_normal(count) * u
+    return total
+
+
+def distributed(values: Array, linear: tuple[float, float] | None, u: float) -> Distributed:
+    """Mean, standard deviation and shortest 95 % interval of a sample, and whether the linear interval agrees with it.
+
+    JCGM 101, 7.7 and 8.1: the ends of both intervals must agree within δ, half of the last place of u to one digit.
+    None where the ends of the sample's interval are themselves not certain to δ (7.9), so more draws are needed.
+    """
+    ordered = np.sort(values)
+    count = len(ordered)
+    inside = min(max(round(COVERAGE * count), 1), count - 1)
+    widths = ordered[inside:] - ordered[: count - inside]
+    k = int(np.argmin(widths))
+    low, high = float(ordered[k]), float(ordered[k + inside])
+    tolerance = 0.5 * 10.0 ** math.floor(math.log10(u)) if u > 0 else 0.0
+    error = _end_error(values)
+    agrees: bool | None = None
+    if linear is not None:
+        apart = max(abs(linear[0] - low), abs(linear[1] - high))
+        if apart + 2 * error <= tolerance or apart - 2 * error > tolerance:
+            agrees = apart <= tolerance
+    return Distributed(
+        float(np.mean(values)), float(np.std(values, ddof=1)), (low, high), agrees, tolerance, error, ordered
+    )
+
+
+def _end_error(values: Array, groups: int = 10) -> float:
+    """Standard error of an end of the 95 % interval, by the scatter between groups of the sample (JCGM 101, 7.9.4)."""
+    parts = np.array_split(values, groups)
+    tail = (1 - COVERAGE) / 2
+    ends = np.array([np.quantile(part, (tail, 1 - tail)) for part in parts])
+    return float(np.max(np.std(ends, axis=0, ddof=1)) / math.sqrt(groups))

@@ -192,6 +192,7 @@ def test_the_guard_is_tested_and_cleared() -> None:
     with session_of(Wired()) as session:
         found = commission(session, RIG)
         assert 0.0 < found.guard_angle < 0.1
+        assert any(line.startswith("guard: 0 V at ") for line in found.lines())
         session.require_ready()  # no latched fault is left
 
 

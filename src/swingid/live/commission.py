@@ -83,6 +83,7 @@ class Commissioning:
             noise = f"noise {channel.noise / channel.step:.2g} counts" if channel.noise else "no noise beside rounding"
             said.append(f"{name}: {channel.counts} counts per turn, hangs at {channel.zero:.1f}, {noise}")
         said.append(f"moves at {self.amplitude:g} V, {1e3 * self.delay:.1f} ms after the voltage")
+        said.append(f"guard: 0 V at {math.degrees(self.guard_angle):.2g} deg when it was tested")
         said.append(
             f"signs: axis {self.axis_sign:+d} (a choice), wheel {self.wheel_sign:+d}, voltage {self.voltage_sign:+d}"
         )

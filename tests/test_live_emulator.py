@@ -21,7 +21,7 @@ from swingid.live import native
 from swingid.live.codes import State
 from swingid.live.devices.stream import Stream
 from swingid.live.devices.table import open_device
-from swingid.live.emulator import BINS, NativeRig, Pace, PythonRig, emulated, keep_pace
+from swingid.live.emulator import BINS, Held, NativeRig, PythonRig, emulated, keep_pace
 from swingid.live.frames import Decoder, Frame, encode
 from swingid.live.ports import TcpPort
 
@@ -183,7 +183,7 @@ def test_what_a_delay_leaves_out_is_said(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_percentiles_of_the_lateness() -> None:
-    pace = Pace(samples=1000, seconds=1.0)
+    pace = Held(samples=1000, seconds=1.0)
     pace.late[int(np.searchsorted(BINS, 0.9e-4))] = 990
     pace.late[int(np.searchsorted(BINS, 0.9e-2))] = 10
     assert [pace.percentile(share) for share in (0.5, 0.99, 0.999)] == pytest.approx([1e-4, 1e-4, 1e-2])

@@ -1,12 +1,11 @@
 """A rig that is not there, in real time behind a port: the firmware and the twin's motion, for `swingid emulate`.
 
 The device's clock counts its samples. A machine that is too slow for the rate makes that clock go slower than the
-real one; the rate that was held is in `Pace`.
+real one; the rate that was held is in `Held`.
 """
 
 from __future__ import annotations
 
-import gc
 import time
 import zlib
 from collections.abc import Callable
@@ -18,6 +17,7 @@ import numpy as np
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.machine import VERSION
 from swingid.live.native import NativeProcess
+from swingid.live.pace import alone
 from swingid.live.plant import Plant, board_of
 from swingid.live.ports import Port, PtyPort, TcpPort
 
@@ -32,7 +32,7 @@ BINS = 10.0 ** np.arange(-6.0, 1.01, 0.1)
 
 
 @dataclass
-class Pace:
+class Held:
     """How well a loop has kept its time. late: histogram of the lateness of its samples, bounds `BINS`."""
 
     samples: int = 0
@@ -129,38 +129,34 @@ def _warm_up(rig: Rig) -> None:
 
 def keep_pace(
     step: Callable[[], None], rate: float, *, seconds: float | None = None, over: Callable[[], bool] | None = None
-) -> Pace:
+) -> Held:
     """Call `step` `rate` times a second, at absolute deadlines, for `seconds` or until `over` or KeyboardInterrupt.
 
-    No garbage is collected meanwhile. The samples of a delay are made up for, at most those of `MOST_BEHIND`.
+    No garbage is collected meanwhile, and the process goes first where the system permits it (`pace.alone`). The
+    samples of a delay are made up for, at most those of `MOST_BEHIND`.
     """
-    pace, period = Pace(), 1.0 / rate
-    collecting = gc.isenabled()
-    gc.collect()
-    gc.freeze()
-    gc.disable()
-    begin = due = time.perf_counter()
+    held, period = Held(), 1.0 / rate
+    begin = time.perf_counter()
     try:
-        while seconds is None or pace.samples < round(seconds * rate):
-            if over is not None and over():
-                break
-            now = time.perf_counter()
-            if now < due:
-                time.sleep(due - now)
+        with alone():
+            begin = due = time.perf_counter()
+            while seconds is None or held.samples < round(seconds * rate):
+                if over is not None and over():
+                    break
                 now = time.perf_counter()
-            late = now - due
-            if late > MOST_BEHIND:
-                pace.left_out += late - MOST_BEHIND
-                due = now - MOST_BEHIND
-            step()
-            pace.late[int(np.searchsorted(BINS, late))] += 1
-            pace.samples += 1
-            due += period
+                if now < due:
+                    time.sleep(due - now)
+                    now = time.perf_counter()
+                late = now - due
+                if late > MOST_BEHIND:
+                    held.left_out += late - MOST_BEHIND
+                    due = now - MOST_BEHIND
+                step()
+                held.late[int(np.searchsorted(BINS, late))] += 1
+                held.samples += 1
+                due += period
     except KeyboardInterrupt:
         pass
     finally:
-        pace.seconds = max(time.perf_counter() - begin, period)
-        gc.unfreeze()
-        if collecting:
-            gc.enable()
-    return pace
+        held.seconds = max(time.perf_counter() - begin, period)
+    return held

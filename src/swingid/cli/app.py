@@ -26,6 +26,7 @@ from swingid.cli.record import record
 from swingid.cli.results import compare, difference, validate
 from swingid.cli.simulate import simulate
 from swingid.cli.tensor import tensor
+from swingid.cli.weigh import weigh
 
 app = typer.Typer(
     name="swingid",
@@ -36,7 +37,21 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, convert, dashboard),
-    *(datasets, design, difference, emulate, export, record, recover, rehearse, reproduce, schema, tensor, validate),
+    *(
+        datasets,
+        design,
+        difference,
+        emulate,
+        export,
+        record,
+        recover,
+        rehearse,
+        reproduce,
+        schema,
+        tensor,
+        validate,
+        weigh,
+    ),
 ):
     app.command()(command)
 app.command("run")(run_live)

@@ -15,6 +15,7 @@ from swingid.errors import UsageError
 from swingid.methods.table import DEFAULT
 
 if TYPE_CHECKING:
+    from swingid.live.experiment import Order
     from swingid.live.progress import Progress
     from swingid.model.rig import Rig
     from swingid.result.result import Result
@@ -76,9 +77,7 @@ def run(
         raise UsageError(f"--out {out}: a journal is MCAP; give a name that ends in .mcap", code="bad-target")
     output.check_targets({"--out": out, "--json": json, "--report": report}, {rig: "the rig file"})
     output.check_writable(out, json, report)
-    from swingid.live.experiment import Order, require_usable, required
-    from swingid.live.interrupt import stopping
-    from swingid.live.processes import conductor_of
+    from swingid.live.experiment import Order, required
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
@@ -86,22 +85,37 @@ def run(
     order = Order(motion_of(reference, plant), compensator_of(plant, gains, {}), duration, share, clear=clear)
     required(order)
     output.announce_compilation("simulate")
+    address = address_of(device, plant)
+    provenance: dict[str, object] = {"log": out, "rig_source": rig}
+    with output.refusals_to(json, method, provenance, report):
+        conduct(plant, address, order, out)
+        result = identified(out, plant, method, provenance, report)
+    output.hand_over(result, json, report)
+
+
+def address_of(device: str | None, plant: Rig) -> str:
+    """The device of --device, else of the rig file, else the emulator (""), which is said."""
     address = device if device is not None else plant.device.address or ""
     if not address:
         output.say(f"no --device given: this is the emulator of {plant.name}, its twin in virtual time")
-    provenance: dict[str, object] = {"log": out, "rig_source": rig}
-    with output.refusals_to(json, method, provenance, report):
-        conductor = conductor_of(plant, address, say=output.say, show=LiveLine())
-        with stopping(conductor.stop):
-            done = conductor.run(order, Path(out))
-        output.overwrite("", last=True)
-        for note in done.notes:
-            output.say(note)
-        lost = f", {done.lost} samples lost" if done.lost else ""
-        output.say(f"{done.end.sentence}: 0 V{lost}; wrote {out}")
-        require_usable(done, out)
-        result = identified(out, plant, method, provenance, report)
-    output.hand_over(result, json, report)
+    return address
+
+
+def conduct(plant: Rig, address: str, order: Order, out: str) -> None:
+    """Run an order with its progress on standard error; raises where the run left no log to identify."""
+    from swingid.live.experiment import require_usable
+    from swingid.live.interrupt import stopping
+    from swingid.live.processes import conductor_of
+
+    conductor = conductor_of(plant, address, say=output.say, show=LiveLine())
+    with stopping(conductor.stop):
+        done = conductor.run(order, Path(out))
+    output.overwrite("", last=True)
+    for note in done.notes:
+        output.say(note)
+    lost = f", {done.lost} samples lost" if done.lost else ""
+    output.say(f"{done.end.sentence}: 0 V{lost}; wrote {out}")
+    require_usable(done, out)
 
 
 def identified(out: str, plant: Rig, method: str, provenance: dict[str, object], report: str | None) -> Result:

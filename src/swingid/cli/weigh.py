@@ -1,0 +1,111 @@
+"""``swingid weigh``: the paper's whole experiment, with the body, without it, and the difference."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from swingid.cli import output
+from swingid.cli.live import address_of, conduct, identified
+from swingid.cli.options import JsonOrRefusal, Method, RigFile
+from swingid.cli.simulate import Gains, compensator_of, motion_of
+from swingid.errors import UsageError
+from swingid.format import percent
+from swingid.methods.table import DEFAULT
+from swingid.system import write_whole
+
+if TYPE_CHECKING:
+    from swingid.live.experiment import Order
+    from swingid.model.rig import Rig
+    from swingid.result.result import Result
+
+
+def weigh(
+    rig: RigFile,
+    loaded: Annotated[str, typer.Option(metavar="RIG", help="The same rig with the body: its rig file.")],
+    reference: Annotated[str, typer.Option(metavar="MOTION", help='Motion, such as "sine 0.8 rad 8.5 rad/s".')],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Folder for journals and results; made if need be.")],
+    device: Annotated[
+        str | None, typer.Option(metavar="DEV", help="As of swingid run; default: device.address of RIG, else twins.")
+    ] = None,
+    duration: Annotated[float, typer.Option(help="Length of each run, s.")] = 25.0,
+    gains: Annotated[Gains | None, typer.Option(help="Of the compensator; default: the paper's experiment.")] = None,
+    method: Method = DEFAULT,
+    mass: Annotated[
+        str | None, typer.Option(metavar="'M ± U'", help='Mass of the body, "68.0 ± 0.1 g": with --distance.')
+    ] = None,
+    distance: Annotated[
+        str | None, typer.Option(metavar="'D ± U'", help="Its centre from the axis: gives the inertia about that.")
+    ] = None,
+    json: JsonOrRefusal = None,
+) -> None:
+    """Weigh the inertia of a body: run with it, run without it, and subtract.
+
+    Says what to mount and waits for the Enter key; on the emulator nothing is to be mounted.
+    """
+    from swingid.live.experiment import Order, required
+    from swingid.model.rig import Rig
+    from swingid.pooling import difference
+
+    output.check_targets({"--json": json}, {rig: "the rig file", loaded: "the rig file with the body"})
+    plants = {"loaded": Rig.load(loaded), "tare": Rig.load(rig)}
+    if plants["tare"].text == plants["loaded"].text:
+        text = "--rig and --loaded are the same; they differ in axis.gravity_torque, which the body changes"
+        raise UsageError(text, code="same-rig")
+    if device is not None and device.startswith("twin://"):
+        text = "one twin can't be with and without the body; leave --device out, and each rig file is its own twin"
+        raise UsageError(text, code="same-rig")
+    orders = {
+        name: Order(motion_of(reference, plant), compensator_of(plant, gains, {}), duration)
+        for name, plant in plants.items()
+    }
+    for order in orders.values():
+        required(order)
+    _make(out)
+    output.check_writable(json, *(str(out / f"{name}{end}") for name in plants for end in (".mcap", ".json")))
+    output.announce_compilation("simulate")
+    address = address_of(device, plants["tare"])
+    with output.refusals_to(json, "difference", {"tare": rig, "loaded": loaded}):
+        results = {}
+        for name, plant in plants.items():
+            _wait(name, address)
+            results[name] = _weighed(plant, address, orders[name], out / name, method)
+        found = difference(results["tare"], results["loaded"], mass=mass, distance=distance)
+    write_whole(out / "body.json", found.to_json().encode())
+    output.hand_over(found, json, str(out / "body.json"))
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise output.cannot_write(folder, error.strerror or str(error)) from None
+
+
+def _wait(name: str, address: str) -> None:
+    """Say what to do with the body, and wait until it is done."""
+    if not address:
+        output.say("with the body" if name == "loaded" else "without the body")
+        return
+    what = "mount the body" if name == "loaded" else "take the body off"
+    output.say(f"{what}, let the rig hang still, then press Enter (Ctrl-C: stop here)")
+    try:
+        input()
+    except EOFError:
+        text = "weigh waits for the Enter key between its runs, and standard input is closed; run it in a terminal"
+        raise UsageError(text, code="no-terminal") from None
+
+
+def _weighed(plant: Rig, address: str, order: Order, out: Path, method: str) -> Result:
+    """One run and its result, beside its journal."""
+    journal = f"{out}.mcap"
+    conduct(plant, address, order, journal)
+    provenance: dict[str, object] = {"log": journal, "rig_source": plant.source}
+    result = identified(journal, plant, method, provenance, None)
+    write_whole(Path(f"{out}.json"), result.to_json().encode())
+    found, spread = result.inertia, result.inertia.standard_uncertainty
+    known = "" if spread is None else f" ± {percent(spread / abs(found.value))}"
+    output.say(f"inertia {found.value:.6g} {found.unit}{known}")
+    return result

@@ -65,6 +65,7 @@ def test_the_shortest_interval_of_an_exponential_sample_begins_at_zero() -> None
     values = np.random.default_rng(2).permutation(-np.log1p(-(np.arange(20000) + 0.5) / 20000))
     found = distributed(values, (-0.96, 2.96), 1.0)
     assert found.interval95 == pytest.approx((0.0, -math.log(0.05)), abs=0.01)
+    assert found.symmetric95 == pytest.approx((-math.log(0.975), -math.log(0.025)), abs=0.01)
     assert found.mean == pytest.approx(1.0, abs=1e-3)
     assert found.standard_uncertainty == pytest.approx(1.0, abs=0.01)
     assert found.agrees is False

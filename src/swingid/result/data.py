@@ -139,13 +139,15 @@ class Details:
 class Distributed:
     """A parameter by propagation of distributions (JCGM 101:2008).
 
-    interval95: the shortest one. agrees: whether the interval of the linear budget agrees with it within `tolerance`;
-    None where `interval_error`, the standard error of its ends, is too large to know. values (n,): the sample, sorted.
+    interval95: the shortest one; symmetric95: with 2.5 % on either side. agrees: whether the interval of the linear
+    budget agrees with the symmetric one within `tolerance`; None where `interval_error`, the standard error of its
+    ends, is too large to know. values (n,): the sample, sorted.
     """
 
     mean: float
     standard_uncertainty: float
     interval95: tuple[float, float]
+    symmetric95: tuple[float, float]
     agrees: bool | None
     tolerance: float
     interval_error: float

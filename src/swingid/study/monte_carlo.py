@@ -269,10 +269,11 @@ def _corrections(
 
 
 def distributed(values: Array, linear: tuple[float, float] | None, u: float) -> Distributed:
-    """Mean, standard deviation and shortest 95 % interval of a sample, and whether the linear interval agrees with it.
+    """Mean, standard deviation, shortest and symmetric 95 % interval of a sample, and whether the linear one agrees.
 
-    JCGM 101, 7.7 and 8.1: the ends of both intervals must agree within δ, half of the last place of u to one digit.
-    None where the ends of the sample's interval are themselves not certain to δ (7.9), so more draws are needed.
+    JCGM 101, 7.7 and 8.1: the ends of the linear and the symmetric interval must agree within δ, half of the last place
+    of u to one digit. (The ends of the shortest one scatter much more from sample to sample.) None where the ends are
+    themselves not certain to δ (7.9), so more draws are needed.
     """
     ordered = np.sort(values)
     count = len(ordered)
@@ -280,20 +281,21 @@ def distributed(values: Array, linear: tuple[float, float] | None, u: float) -> 
     widths = ordered[inside:] - ordered[: count - inside]
     k = int(np.argmin(widths))
     low, high = float(ordered[k]), float(ordered[k + inside])
+    tail = (1 - COVERAGE) / 2
+    symmetric = float(np.quantile(ordered, tail)), float(np.quantile(ordered, 1 - tail))
     tolerance = 0.5 * 10.0 ** math.floor(math.log10(u)) if u > 0 else 0.0
     error = _end_error(values)
     agrees: bool | None = None
     if linear is not None:
-        apart = max(abs(linear[0] - low), abs(linear[1] - high))
+        apart = max(abs(one - other) for one, other in zip(linear, symmetric, strict=True))
         if apart + 2 * error <= tolerance or apart - 2 * error > tolerance:
             agrees = apart <= tolerance
-    return Distributed(
-        float(np.mean(values)), float(np.std(values, ddof=1)), (low, high), agrees, tolerance, error, ordered
-    )
+    mean, spread = float(np.mean(values)), float(np.std(values, ddof=1))
+    return Distributed(mean, spread, (low, high), symmetric, agrees, tolerance, error, ordered)
 
 
 def _end_error(values: Array, groups: int = 10) -> float:
-    """Standard error of an end of the 95 % interval, by the scatter between groups of the sample (JCGM 101, 7.9.4)."""
+    """Standard error of an end of the symmetric 95 % interval, by its scatter between groups (JCGM 101, 7.9.4)."""
     parts = np.array_split(values, groups)
     tail = (1 - COVERAGE) / 2
     ends = np.array([np.quantile(part, (tail, 1 - tail)) for part in parts])

@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 
 from live_host import PARAMETERS, RIG, experiment
+from swingid import identify
 from swingid.cli import main
+from swingid.control.compensator import Compensator
 from swingid.control.references.parse import parse_reference
 from swingid.errors import DeviceError
 from swingid.live import native
@@ -23,7 +25,10 @@ from swingid.live.devices.stream import Stream
 from swingid.live.devices.table import open_device
 from swingid.live.emulator import BINS, Held, NativeRig, PythonRig, emulated, keep_pace
 from swingid.live.frames import Decoder, Frame, encode
+from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.ports import TcpPort
+from swingid.model.rig import Rig
+from test_live_twin import recording_of
 
 needs_native = pytest.mark.skipif(native.obstacle() is not None, reason=f"the firmware's process: {native.obstacle()}")
 posix = pytest.mark.skipif(sys.platform == "win32", reason="pseudo terminals are POSIX")
@@ -48,8 +53,8 @@ class Stepped:
 
 
 @contextlib.contextmanager
-def connected(kind: str, tcp: int | None) -> Iterator[Stepped]:
-    rig = emulated(RIG, native=kind == "native", tcp=tcp)
+def connected(kind: str, tcp: int | None, rig_file: Rig = RIG) -> Iterator[Stepped]:
+    rig = emulated(rig_file, native=kind == "native", tcp=tcp)
     try:
         stream = open_device(rig.address)
         yield Stepped(rig, stream)
@@ -87,6 +92,22 @@ def test_a_run_over_the_port_is_that_of_the_twin(kind: str, tcp: int | None) -> 
     )
     expected = [frame.values for frame in telemetry("python", 0) if frame.name == "Sample"]
     assert [repr(sample) for sample in samples] == [repr(sample) for sample in expected]
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["paper", "paper-body"])
+@pytest.mark.parametrize("tcp", [0, pytest.param(None, marks=posix)])
+@pytest.mark.parametrize("kind", ["python", pytest.param("native", marks=needs_native)])
+def test_the_papers_experiment_over_the_port_gives_the_twins_inertia(kind: str, tcp: int | None, name: str) -> None:
+    rig = Rig.load(name)
+    assert rig.axis.inertia is not None
+    with connected(kind, tcp, rig) as device:
+        reference = parse_reference("sine 0.8 rad 8.5 rad/s")(np.arange(25_000) / 1000.0)
+        frames, _ = experiment(device, parameters_of(Compensator.paper(rig), Board(), Limits.of(rig)), reference)
+    inertia = identify(recording_of(frames, 25.0), rig).parameters["inertia"]
+    low, high = inertia.interval95
+    assert low <= rig.axis.inertia.value <= high
+    assert abs(inertia.value / rig.axis.inertia.value - 1) < 2e-4
 
 
 def test_one_host_at_a_time_and_the_next_after_it() -> None:

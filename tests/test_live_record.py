@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import swingid as sw
 from live_host import RIG
@@ -44,11 +46,11 @@ def read_in_pieces(text: bytes, size: int, *, cut: bool = False) -> tuple[list[l
 @pytest.mark.parametrize("end", [b"\n", b"\r\n"])
 def test_rows_header_and_what_is_no_row(size: int, end: bytes) -> None:
     printed = [b"Booting...", b"t,q1,u", b"0,1,2", b"0.1,1.5,2", b"0.2,x,2", b"0.3,1,2", b"", b"0.4,1"]
-    printed += [b"0.5,1,2", b"0.6,nan,2", b"0.7,1,2", b"\xff\xfe,1,2", b"0.8,1,2"]
+    printed += [b"0.5,1,2", b"0.6,nan,2", b"0.65,1_0,2", b"0.7,1,2", b"\xff\xfe,1,2", b"0.8,1,2"]
     rows, lines = read_in_pieces(end.join([*printed, b"0.9,1"]), size)
     assert [row[0] for row in rows] == ["0", "0.1", "0.3", "0.5", "0.7", "0.8"]
     assert lines.names == ["t", "q1", "u"]
-    assert lines.bad == 4
+    assert lines.bad == 5
 
 
 def test_labels_of_the_plotter_name_the_columns() -> None:
@@ -65,6 +67,16 @@ def test_a_line_without_end_takes_no_memory() -> None:
     for _ in range(1000):
         lines.feed(b"1234567890" * 100)
     assert len(lines._rest) <= 4096
+
+
+@given(st.lists(st.binary(max_size=60) | st.sampled_from([b"1,2\n", b"a,b\r\n", b"x:1\ty:2\n", b"\r"]), max_size=40))
+def test_any_bytes_give_rows_of_numbers_of_one_width(pieces: list[bytes]) -> None:
+    lines = Lines(cut=False)
+    rows = [row for piece in pieces for row in lines.feed(piece)] + lines.finish()
+    assert len({len(row) for row in rows}) <= 1
+    assert all(np.isfinite(float(text)) for row in rows for text in row)
+    whole = Lines(cut=False)
+    assert whole.feed(b"".join(pieces)) + whole.finish() == rows
 
 
 def printed_run(path: Path, *, header: bool) -> float:

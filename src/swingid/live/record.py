@@ -44,7 +44,7 @@ def fields_of(line: str) -> list[str]:
 
 def _is_number(text: str) -> bool:
     try:
-        return math.isfinite(float(text))
+        return "_" not in text and text.isascii() and math.isfinite(float(text))
     except ValueError:
         return False
 

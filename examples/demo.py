@@ -7,8 +7,11 @@ file and the rig named "paper", as from a user.
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
@@ -24,6 +27,9 @@ static = 1.6e-3
 stribeck_speed = 0.3
 quadratic = 2.0e-4
 """
+
+DOTS = ((0x01, 0x02, 0x04, 0x40), (0x08, 0x10, 0x20, 0x80))
+"""Dots of a Braille character, left and right column from the top."""
 
 console = Console(highlight=False, soft_wrap=True)
 
@@ -54,6 +60,25 @@ def compare(results: dict[str, sw.Result], truth: float) -> Table:
     return table
 
 
+def picture(values: Sequence[float], width: int = 72, height: int = 5) -> list[str]:
+    """A curve as lines of Braille characters, each two dots wide and four high."""
+    low, high = min(values), max(values)
+    cells = [[0] * width for _ in range(height)]
+    for k in range(2 * width):
+        value = values[k * (len(values) - 1) // (2 * width - 1)]
+        row = round((high - value) / ((high - low) or 1.0) * (4 * height - 1))
+        cells[row // 4][k // 2] |= DOTS[k % 2][row % 4]
+    return ["".join(chr(0x2800 + cell) for cell in line) for line in cells]
+
+
+def program() -> str:
+    """The command as it can be typed in this folder, whether or not its folder is on PATH."""
+    own = Path(sys.executable).with_name("swingid.exe" if os.name == "nt" else "swingid")
+    if not own.exists():
+        return f"{sys.executable} -m swingid"
+    return os.path.relpath(own) if own.is_relative_to(Path.cwd()) else str(own)
+
+
 def main() -> None:
     """Simulate, identify twice, compare, report."""
     from swingid.report import write_report
@@ -80,7 +105,14 @@ def main() -> None:
     console.print()
     console.print(results["momentum"].summary(), markup=False)
     console.print(compare(results, hidden.axis.inertia.value))
+    if console.is_terminal and "utf" in console.encoding.lower():
+        console.print("the angle from 10 s to 13 s")
+        for line in picture(log.angle[10000:13000].tolist()):
+            console.print(f"  {line}")
     console.print(f"The report is {page.resolve()}  ({time.perf_counter() - started:.0f} s in all)", soft_wrap=True)
+    console.print("Next, the methods side by side, and a rig file for your own log:")
+    console.print(f"  {program()} compare {path} --rig paper --report {FOLDER / 'compare.html'}")
+    console.print(f"  {program()} init my-rig")
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from swingid.cli.calibrate import calibrate
 from swingid.cli.campaign import campaign
 from swingid.cli.commission import commission
 from swingid.cli.dashboard import dashboard
+from swingid.cli.doctor import doctor
 from swingid.cli.emulate import emulate
 from swingid.cli.exchange import export, schema
 from swingid.cli.experiments import design, rehearse, reproduce
@@ -30,28 +31,15 @@ from swingid.cli.weigh import weigh
 
 app = typer.Typer(
     name="swingid",
-    add_completion=False,
+    add_completion=True,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, convert, dashboard),
-    *(
-        datasets,
-        design,
-        difference,
-        emulate,
-        export,
-        record,
-        recover,
-        rehearse,
-        reproduce,
-        schema,
-        tensor,
-        validate,
-        weigh,
-    ),
+    *(datasets, design, difference, doctor, emulate, export, record, recover, rehearse, reproduce, schema, tensor),
+    *(validate, weigh),
 ):
     app.command()(command)
 app.command("run")(run_live)

@@ -1,4 +1,4 @@
-"""``swingid doctor``: what is installed, where files go, which ports there are, and what to do where something lacks."""
+"""``swingid doctor``: what is installed, where files go, which ports there are, and what to do about it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Literal
-
 
 from swingid.cli import output
 from swingid.cli.options import Json
@@ -150,16 +149,14 @@ def _ports() -> Iterator[Finding]:
     if importlib.util.find_spec("serialx") is None:
         yield Finding("ports", "note", "serial ports", "not looked for", "pip install 'swingid[live]' for a live rig")
         return
-    from swingid.live.devices.serial_port import ports
+    from swingid.live.devices.serial_port import group_of, ports
 
     found = ports()
     if not found:
         yield Finding("ports", "ok", "serial ports", "none")
     for port in found:
         if os.name == "posix" and Path(port).exists() and not os.access(port, os.R_OK | os.W_OK):
-            remedy = "add yourself to its group (often: sudo usermod -a -G dialout $USER), then log in anew"
+            remedy = f"sudo usermod -aG {group_of(port)} $USER, then log in again"
             yield Finding("ports", "fault", port, "permission denied", remedy)
         else:
             yield Finding("ports", "ok", port, f"serial://{port}")
-
-

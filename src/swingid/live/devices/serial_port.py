@@ -84,12 +84,11 @@ def _refused(address: str, target: str, error: Exception) -> SwingidError:
     """Why a port can't be opened, with the remedy."""
     number = getattr(error, "errno", None)
     if isinstance(error, FileNotFoundError) or number in (errno.ENXIO, errno.ENODEV):
-        found = ", ".join(_ports()) or "none"
+        found = ", ".join(ports()) or "none"
         return DeviceError(f"{address}: there is no port {target}; ports here: {found}", code="no-device")
     if isinstance(error, PermissionError) and sys.platform != "win32":
-        text = (
-            f"{address}: no permission for {target}; add yourself to its group: sudo usermod -aG {_group(target)} $USER"
-        )
+        command = f"sudo usermod -aG {group_of(target)} $USER"
+        text = f"{address}: no permission for {target}; add yourself to its group: {command}"
         return DeviceError(f"{text}, then log in again", code="no-permission")
     if isinstance(error, PermissionError) or number in (errno.EBUSY, errno.EAGAIN):
         text = f"{address}: another program uses {target}; close it (a terminal, an IDE's serial monitor, another run)"
@@ -99,7 +98,7 @@ def _refused(address: str, target: str, error: Exception) -> SwingidError:
     return DeviceError(f"{address}: {target} is no serial port that can be used: {error}", code="no-device")
 
 
-def _ports() -> list[str]:
+def ports() -> list[str]:
     """Serial ports of this machine."""
     try:
         import serialx
@@ -109,7 +108,7 @@ def _ports() -> list[str]:
         return []
 
 
-def _group(target: str) -> str:
+def group_of(target: str) -> str:
     """Name of the group that may use a port."""
     try:
         import grp

@@ -44,20 +44,21 @@ class LogPage:
     def build(self) -> None:
         """Lay the page out; what takes time is filled in as it is found."""
         page_frame(f"{self.log} · {self.recording.duration:.4g} s", rig=self.rig)
-        self._plots()
-        with steps(STEPS, "check") as (self.tabs, panels):
+        self.plots()
+        with steps(STEPS) as (_, panels):
             with panels["check"]:
                 self.findings = ui.column().classes("w-full")
                 said(self.findings, "inspecting …")
             with panels["result"]:
-                self._result_panel()
+                self.result_panel()
             with panels["constants"]:
-                self._constants_panel()
+                self.constants_panel()
             with panels["report"]:
-                self._report_panel()
+                self.report_panel()
         ui.timer(0.05, self._begin, once=True)
 
-    def _plots(self) -> None:
+    def plots(self) -> None:
+        """The channels of the log; a part that is drawn over the angle is used."""
         log = self.recording
         unit = "m" if log.angle.size and Rig.load(self.rig).axis.kind == "linear" else "rad"
         self.angle = Plot("angle", [Line("angle", unit)], pick=self._use)
@@ -67,7 +68,7 @@ class LogPage:
                 Plot(name, [Line(name, own)], height=120).show(log.time, [values])
 
     async def _begin(self) -> None:
-        await asyncio.gather(self._inspect(), self._identify_all())
+        await asyncio.gather(self._inspect(), self.identify_all())
 
     async def _inspect(self) -> None:
         found = await self.analyst.do(inspected, self.log, self.rig)
@@ -87,7 +88,8 @@ class LogPage:
             ]
             table("checks of the log", ("", "check", "found", "what to do"), rows)
 
-    def _result_panel(self) -> None:
+    def result_panel(self) -> None:
+        """The part that is used, and every method side by side."""
         first, last = float(self.recording.time[0]), float(self.recording.time[-1])
         ui.label("Part of the log that is used: move the ends, or draw over the angle above.")
         with ui.row(wrap=False).classes("w-full items-center px-4"):
@@ -106,7 +108,8 @@ class LogPage:
             ui.button("whole log", on_click=lambda: self._use(first, last)).props("flat")
         self.side_by_side = Answers("moment of inertia by every method")
 
-    def _constants_panel(self) -> None:
+    def constants_panel(self) -> None:
+        """A slider for each constant, and its effect."""
         ui.label(
             f"What a change of a constant does to the inertia by the method {DEFAULT}, for the part used. The rig file "
             "stays as it is."
@@ -115,7 +118,8 @@ class LogPage:
         self.sliders = ui.column().classes("w-full")
         said(self.sliders, "identifying …")
 
-    def _report_panel(self) -> None:
+    def report_panel(self) -> None:
+        """Files to keep."""
         ui.label("The report of the part and the constants chosen here, as one file.")
         with ui.row():
             method = ui.select(list(METHODS), value=DEFAULT, label="method").classes("w-48")
@@ -140,9 +144,9 @@ class LogPage:
         for end, value in zip(self.ends, (start, stop), strict=True):
             end.set_value(value)
         self.angle.shade(start, stop)
-        ui.timer(0.01, self._identify_all, once=True)
+        ui.timer(0.01, self.identify_all, once=True)
 
-    async def _identify_all(self) -> None:
+    async def identify_all(self) -> None:
         """Every method, the default one first; a newer round ends an older one."""
         self.round += 1
         mine, factors = self.round, dict(self.factors)

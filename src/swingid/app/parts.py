@@ -50,11 +50,11 @@ def page_frame(title: str, *, rig: str) -> ui.header:
 
 
 @contextmanager
-def steps(all_steps: Sequence[Step], first: str) -> Iterator[tuple[Mapping[str, ui.tab], Mapping[str, ui.tab_panel]]]:
-    """Tabs of the steps, and their panels; a tab that must wait is disabled with `ready`."""
-    with ui.tabs().classes("w-full").props("inline-label outside-arrows mobile-arrows") as tabs:
+def steps(all_steps: Sequence[Step]) -> Iterator[tuple[Mapping[str, ui.tab], Mapping[str, ui.tab_panel]]]:
+    """Tabs of the steps, the first one shown, and their panels; a tab that must wait is disabled with `ready`."""
+    with ui.tabs().classes("w-full").props("inline-label outside-arrows mobile-arrows no-caps") as tabs:
         found = {step.name: ui.tab(step.name, f"{k + 1}. {step.word}") for k, step in enumerate(all_steps)}
-    with ui.tab_panels(tabs, value=first).classes("w-full").props("keep-alive animated=false"):
+    with ui.tab_panels(tabs, value=all_steps[0].name).classes("w-full").props("keep-alive animated=false"):
         panels = {step.name: ui.tab_panel(step.name) for step in all_steps}
     yield found, panels
 

@@ -14,7 +14,12 @@ function unpacked(packed) {
 
 export default {
   template: '<div class="swingid-plot" role="img" :aria-label="title"><div class="swingid-plot-title">{{ heading }}</div><div ref="place"></div></div>',
-  props: { title: String, lines: Array, limits: Array, window: Number, height: Number, pickable: Boolean },
+  props: { title: String, lines: Array, limits: Array, window: Number, height: Number, pickable: Boolean, shown: Array },
+  watch: {
+    shown(packed) {
+      this.show(...packed);
+    },
+  },
   computed: {
     heading() {
       return this.lines.length === 1 && this.lines[0].unit ? `${this.title}, ${this.lines[0].unit}` : this.title;
@@ -32,6 +37,7 @@ export default {
     this.sizes.observe(this.$refs.place);
     this.dark = new MutationObserver(() => this.make());
     this.dark.observe(document.body, { attributes: true, attributeFilter: ["class"] });
+    if (this.shown) this.show(...this.shown);
     (this.waiting || []).forEach(([name, args]) => this[name](...args));
     this.waiting = null;
   },
@@ -133,6 +139,11 @@ export default {
         }
       });
       if (!document.hidden) this.plot.setData(this.aligned());
+    },
+    clear() {
+      if (this.later("clear", [])) return;
+      this.channels = this.lines.map(() => [[], []]);
+      this.plot.setData(this.aligned());
     },
     limit(levels) {
       if (this.later("limit", [levels])) return;

@@ -57,12 +57,18 @@ class Plot(Element, component="plot.js"):
 
     def show(self, time: Array, values: Sequence[Array], bins: int = 2500) -> None:
         """Replace what is drawn by channels (n,) over time (n,), thinned by smallest and largest value of a bin."""
-        self.run_method("show", *[packed(thinned(time, each, bins)) for each in values])
+        # a property, so that a plot in a tab that nobody has opened yet has it, too
+        self._props["shown"] = [packed(thinned(time, each, bins)) for each in values]
+        self.update()
 
     def append(self, time: Array, values: Sequence[Array]) -> None:
-        """Add rows (n,) of all channels."""
+        """Add rows (n,) of all channels; a browser that does not show the plot yet does without them."""
         if len(time):
             self.run_method("append", *[packed((time, each)) for each in values])
+
+    def clear_rows(self) -> None:
+        """Take all rows away."""
+        self.run_method("clear")
 
     def limit(self, levels: Sequence[float]) -> None:
         """Other dashed lines."""

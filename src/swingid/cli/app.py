@@ -38,8 +38,8 @@ app = typer.Typer(
 )
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, convert, dashboard),
-    *(datasets, design, difference, doctor, emulate, export, record, recover, rehearse, reproduce, schema, tensor),
-    *(validate, weigh),
+    *(datasets, design, difference, doctor, emulate, export, record, recover, rehearse, reproduce, schema),
+    *(tensor, validate, weigh),
 ):
     app.command()(command)
 app.command("run")(run_live)

@@ -1,17 +1,21 @@
-"""``swingid dashboard``: the page in a browser, on a log."""
+"""``swingid dashboard``: the page in a browser, on a log or beside a live rig."""
 
 from __future__ import annotations
 
 import os
 import secrets
 from importlib.util import find_spec
-from typing import Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from swingid.cli import output
 from swingid.cli.options import RigFile
 from swingid.errors import UsageError
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
 
 TOKEN = "SWINGID_TOKEN"
 
@@ -21,35 +25,62 @@ def dashboard(
     log: Annotated[
         str | None, typer.Option(metavar="FILE", help="Show this log: findings, all methods, effect of constants.")
     ] = None,
+    device: Annotated[
+        str | None,
+        typer.Option(metavar="DEV", help="Beside this device; default: device.address of RIG, else its twin."),
+    ] = None,
+    folder: Annotated[str, typer.Option(metavar="DIR", help="Where journals of runs are written.")] = ".",
     host: Annotated[
         str, typer.Option(metavar="ADDRESS", help="Where the page is served; 0.0.0.0: to other machines, by a token.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(metavar="PORT", min=1, max=65535, help="The next free one is taken.")] = 8080,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
-    """Serve a page in the browser until Ctrl-C: a log with all methods side by side.
+    """Serve a page in the browser until Ctrl-C: a live rig step by step, or a log with all methods side by side.
 
     The page is for this machine alone, unless --host is another address; then it needs the token that is printed, or
     the one in $SWINGID_TOKEN.
     """
-    if log is None:
-        raise UsageError("give the log to show: swingid dashboard --rig RIG --log FILE", code="no-log")
+    if log is not None and device is not None:
+        raise UsageError("--log and --device are two different pages; give one of them", code="contradiction")
     if find_spec("nicegui") is None:
         text = "the page needs the package nicegui; run: pip install 'swingid[app]'"
         raise UsageError(text, code="missing-package")
-    output.check_files({log: "the log", rig: "the rig file"})
-    from swingid.app.dashboard import log_dashboard
     from swingid.app.server import LOCAL, Place, free_port
     from swingid.model.rig import Rig
-    from swingid.recording.large import is_large
-    from swingid.recording.recording import Recording
 
-    if is_large(log):
-        text = f"{log} is too large for a page; identify it, or show a part of it that you saved to a file of its own"
-        raise UsageError(text, code="too-large")
-    Recording.load(log, Rig.load(rig))
+    plant = Rig.load(rig)
+    _require_log(log, plant) if log is not None else _require_live(folder)
     token = "" if host in LOCAL else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
     place = Place(host, free_port(host, port), token)
     output.announce_compilation("identify")
     output.tell(f"the page is {place.address}\nCtrl-C ends it")
-    log_dashboard(log, rig, place, show=browser)
+    if log is not None:
+        from swingid.app.dashboard import log_dashboard
+
+        log_dashboard(log, rig, place, show=browser)
+    else:
+        from swingid.app.dashboard import live_dashboard
+
+        address = device if device is not None else plant.device.address or ""
+        live_dashboard(address, rig, Path(folder), place, show=browser)
+
+
+def _require_log(log: str, rig: Rig) -> None:
+    """Raise where there is no page of this log."""
+    from swingid.recording.large import is_large
+    from swingid.recording.recording import Recording
+
+    output.check_files({log: "the log"})
+    if is_large(log):
+        text = f"{log} is too large for a page; identify it, or show a part of it that you saved to a file of its own"
+        raise UsageError(text, code="too-large")
+    Recording.load(log, rig)
+
+
+def _require_live(folder: str) -> None:
+    """Raise where nothing could be run or recorded."""
+    if find_spec("cantools") is None or find_spec("mcap") is None:
+        text = "a live rig needs more packages; run: pip install 'swingid[app,live]'"
+        raise UsageError(text, code="missing-package")
+    output.check_writable(str(Path(folder) / "run.mcap"))

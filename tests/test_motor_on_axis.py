@@ -251,3 +251,9 @@ def test_the_scale_of_the_voltage_reaches_the_torque_per_volt_it_was_found_with(
     found = {e.parameter: e.standard_uncertainty for e in result.budget if e.source == "log.voltage_scale"}
     assert found["torque_per_volt"] == pytest.approx(5e-3 * K, rel=0.01)
     assert found["inertia"] < 1e-6 * J  # gravity sets the scale
+
+
+def test_calibrate_says_that_identify_finds_the_constants_of_a_motor_on_the_axis():
+    with pytest.raises(InputError, match="use identify for this rig, which finds the constants of a motor") as caught:
+        sw.calibrate(twin_log(1), TRUE)
+    assert caught.value.code == "no-wheel"

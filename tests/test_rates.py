@@ -220,3 +220,13 @@ def test_intervals_from_a_gyroscope_cover(kind):
         bias_inside += bias[0] < log.metadata["truth"]["angle_speed_bias"] < bias[1]
     assert inside >= 91  # 95 ± 2.2
     assert bias_inside >= 85
+
+
+def test_a_result_of_a_rate_predicts_another_log():
+    """Its bias is the sensor's of that log, and no term of the model."""
+    first, own = run(seed=1)
+    other, _ = run(seed=2)
+    result = sw.identify(first, own)
+    assert "angle_speed_bias" in result.parameters
+    found = sw.validate(result, other, own)
+    assert found.predictions[0].free_fit > 95

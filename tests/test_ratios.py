@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -127,6 +128,21 @@ def test_summary_json_and_picture_are_of_the_ratio(log, tmp_path):
     assert result.details.estimates["law"][0] == pytest.approx(result.main.value, rel=1e-9)
     swings = result.details.swings
     assert np.median(swings.values) == pytest.approx(B / J, rel=2e-3)
+
+
+def test_a_report_of_ratios_compares_parts_of_the_log_in_the_leading_ratio(log, tmp_path):
+    from swingid.report import write_report
+    from swingid.report.tables import agreement_rows
+
+    result = sw.identify(log, UNSCALED)
+    rows = agreement_rows(result)
+    assert rows
+    for row in rows:
+        for cell in row.value, row.spread:
+            assert float(re.search(r"[\d.]+", cell)[0]) == pytest.approx(B / J, rel=2e-3)
+            assert cell.endswith("1/s²")
+    write_report(result, log, UNSCALED, tmp_path / "report.html")
+    assert "gravity_torque/inertia" in (tmp_path / "report.html").read_text("utf-8")
 
 
 def test_ratios_have_no_inertia(log):

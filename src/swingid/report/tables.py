@@ -215,15 +215,20 @@ def extra_rows(result: Result) -> list[Row]:
 
 
 def agreement_rows(result: Result) -> list[Row]:
-    """Inertias of two parts of the log, and their difference in its standard uncertainties."""
+    """Inertias (without a scale: leading ratios) of two parts of the log; the difference in standard uncertainties."""
     found = result.details.agreement if result.details else ()
-    unit = result.inertia.unit if found else ""
+    unit = result.main.unit if found else ""
+    inverse = result.leading.endswith("/inertia")  # the fit had the inertia over what is in the numerator here
+
+    def shown(value: float, u: float) -> str:
+        return plus_minus(*((1 / value, u / value**2) if inverse else (value, u)), unit, fine=True)
+
     return [
         Row(
             DIVIDED[one.division],
             one.division,
-            plus_minus(*one.first, unit, fine=True),
-            plus_minus(*one.second, unit, fine=True),
+            shown(*one.first),
+            shown(*one.second),
             number(one.difference / one.standard_uncertainty, "", 2, fine=True),
         )
         for one in found

@@ -14,6 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from swingid.balance.fits import BASIS, fit_rows
+from swingid.balance.level import PARAMETER as RATE_BIAS
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
@@ -286,6 +287,8 @@ def model_vector(result: Result, rig: Rig) -> Array:
 def _by_key(found: Mapping[str, float], rig: Rig) -> dict[str, float]:
     """Identified values under the keys of rig.toml. Raises InputError for what the model has no term for."""
     parts = {name for term in further_terms() for name in term.parts}
+    of_sensor = (RATE_BIAS,)  # nothing of the body: a log to predict has its own
+    found = {name: value for name, value in found.items() if name not in of_sensor}
     unknown = [name for name in found if name not in parts and (name not in TERMS or not TERMS[name].key)]
     if unknown:
         raise InputError(

@@ -93,7 +93,7 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     Raises
     ------
     InputError
-        A log without voltage, a rig with a direct drive, no log at all.
+        A log without voltage, a rig with a direct drive or a motor on the axis, no log at all.
     UnanswerableError
         Nothing moves, the voltage excites too little to distinguish gain from damping, a wrong sign.
     """
@@ -102,10 +102,11 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     several = [log for log, _, _ in read]
     if not several:
         raise InputError("no log was given; calibrate needs at least one voltage test or free swing.", code="no-log")
-    if rig.drive.kind == "direct":
+    if rig.drive.kind in ("direct", "motor"):
+        more = ", which finds the constants of a motor on the axis beside the inertia" * (rig.drive.kind == "motor")
         raise InputError(
             f"rig {rig.name}: drive.kind is {rig.drive.kind!r}, but calibrate is for the motor of a reaction wheel and "
-            "for free swings; use identify for this rig.",
+            f"for free swings; use identify for this rig{more}.",
             code="no-wheel",
         )
     free = rig.drive.wheel is None

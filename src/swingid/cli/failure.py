@@ -12,11 +12,14 @@ from contextlib import suppress
 
 import typer
 
-from swingid.cli.output import flush, say
+from swingid.cli.output import flush, say, tell
 from swingid.errors import SwingidError
 
 INTERRUPTED, CLOSED_PIPE, BUG = 130, 141, 70
 """128 + SIGINT, 128 + SIGPIPE, and EX_SOFTWARE of sysexits.h."""
+
+EXPLAINED = "docs/errors.md"
+"""The page with every code, written by tools/list_errors.py."""
 
 _WrongUsage: type[Exception] = typer.BadParameter.__mro__[2]
 """click's ClickException, which newer versions of typer hold inside and older ones import."""
@@ -26,6 +29,7 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     """Print in one sentence what went wrong; returns the exit code that stands for it."""
     if isinstance(error, SwingidError):
         say(error.message)
+        _point(error.code)
         return error.exit_code
     if isinstance(error, _WrongUsage):
         say(_usage(error))
@@ -42,6 +46,12 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     where = f"please report it with the file {path}" if path else "please report it with the command you gave"
     say(f"this is a bug of swingid, {what}; {where}")
     return BUG
+
+
+def _point(code: str) -> None:
+    """In a terminal, a second line: where the code is explained. Scripts get the one sentence alone."""
+    if sys.stderr is not None and sys.stderr.isatty():
+        tell(f"         {EXPLAINED}#{code}", to_error=True)
 
 
 def interrupted() -> int:

@@ -143,9 +143,8 @@ def killed(folder: Path, name: str) -> None:
         out = folder / f"{name}.mcap"
         watcher, _, _ = run(address, out, name)
         log = Recording.load(out, RIG)
-        print(
-            f"kill -9 of the {name}: {1e3 * max(watcher.killed - float(log.time[-1]), 0.0):.0f} ms of what the view had shown are not in the log"
-        )
+        lost = 1e3 * max(watcher.killed - float(log.time[-1]), 0.0)
+        print(f"kill -9 of the {name}: the log ends {lost:.0f} ms before what the view had shown")
     finally:
         process.send_signal(signal.SIGINT)
         process.wait()

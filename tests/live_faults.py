@@ -10,7 +10,7 @@ from live_host import RIG
 from swingid.errors import DeviceError
 from swingid.live.codes import FaultCode, Mode, StopMode
 from swingid.live.devices.twin import TwinDevice
-from swingid.live.frames import encode
+from swingid.live.frames import Decoder, encode
 from swingid.live.guard import Readings
 from swingid.live.machine import Machine
 from swingid.live.plant import Plant, board_of
@@ -124,6 +124,13 @@ def swapped() -> Rule:
         return frame + (held.pop() if held else b"")
 
     return rule
+
+
+def other_schema(_number: int, frame: bytes) -> bytes:
+    found = Decoder().feed(frame)
+    if not found or found[0].name != "Hello":
+        return frame
+    return encode("Hello", **{**found[0].values, "schema": 1})
 
 
 def in_pieces() -> Rule:
@@ -277,6 +284,7 @@ LINK = [
     Fault("link: error of the system", lambda: Rules(reading=os_error), "lost", 5, dead_by=100, log=1.0),
     Fault("link: silent upwards", lambda: Rules(bytes_up=from_row(lambda d: b"")), "lost", 5, dead_by=600, log=1.0),
     Fault("link: wrong baud rate", lambda: Rules(bytes_up=lambda row, d: b"\xf8\x81\x80" * 9), "no-frames", 5),
+    Fault("link: firmware of another schema", lambda: Rules(up=other_schema), "other-firmware", 5),
     Fault("link: nothing answers", lambda: Rules(bytes_up=lambda row, d: b""), "no-answer", 5),
     Fault("link: stalls for 60 ms", lambda: stalled(60)),
 ]

@@ -75,7 +75,7 @@ def emulate(
         output.tell(f"{device.address}: {what} on the twin of {rig}, {rate:g} samples per second; Ctrl-C ends it")
         reference = '--reference "sine 0.8 rad 8.5 rad/s"'
         output.tell(f"connect by: swingid run --device {device.address} --rig {rig} {reference} --out run.mcap")
-        pace = keep_pace(device.step, rate, seconds=duration)
+        pace = keep_pace(device.step, rate, seconds=duration, processes=device.processes)
     finally:
         device.close()
     output.tell(pace.words(rate))

@@ -60,7 +60,7 @@ class Held:
 class PythonRig:
     """The machine in Python on the twin, behind a port."""
 
-    firmware = "python"
+    processes: tuple[int, ...] = ()
 
     def __init__(self, device: TwinDevice, port: Port) -> None:
         self._device, self._port, self.address = device, port, port.address
@@ -83,10 +83,9 @@ class PythonRig:
 class NativeRig:
     """The firmware's process with the twin's motion as its plant."""
 
-    firmware = "native"
-
     def __init__(self, plant: Plant, process: NativeProcess) -> None:
         self._plant, self._process, self.address = plant, process, process.address
+        self.processes: tuple[int, ...] = (process.number,)
 
     def step(self) -> None:
         """One sample."""
@@ -128,17 +127,22 @@ def _warm_up(rig: Rig) -> None:
 
 
 def keep_pace(
-    step: Callable[[], None], rate: float, *, seconds: float | None = None, over: Callable[[], bool] | None = None
+    step: Callable[[], None],
+    rate: float,
+    *,
+    seconds: float | None = None,
+    over: Callable[[], bool] | None = None,
+    processes: tuple[int, ...] = (),
 ) -> Held:
     """Call `step` `rate` times a second, at absolute deadlines, for `seconds` or until `over` or KeyboardInterrupt.
 
-    No garbage is collected meanwhile, and the process goes first where the system permits it (`pace.alone`). The
-    samples of a delay are made up for, at most those of `MOST_BEHIND`.
+    No garbage is collected meanwhile, and the process goes first where the system permits it (`pace.alone`), with
+    `processes`. The samples of a delay are made up for, at most those of `MOST_BEHIND`.
     """
     held, period = Held(), 1.0 / rate
     begin = time.perf_counter()
     try:
-        with alone():
+        with alone(*processes):
             begin = due = time.perf_counter()
             while seconds is None or held.samples < round(seconds * rate):
                 if over is not None and over():

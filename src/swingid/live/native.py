@@ -95,6 +95,7 @@ class NativeProcess:
             text=True,
             start_new_session=True,  # Ctrl-C is for this program, which ends the process
         )
+        self.number = self._process.pid
         assert self._process.stdout is not None
         words = self._process.stdout.readline().split()
         port = self._process.stdout.readline().split()

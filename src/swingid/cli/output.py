@@ -81,6 +81,8 @@ def check_writable(*targets: str | None) -> None:
 def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) -> None:
     """Raise UsageError where what an option writes would overwrite an input or what another option writes.
 
+    Raises InputError for a --report as PDF without the extra `pdf`.
+
     targets: file by option, "-" only for --json; inputs: what each input file is in words, by its path.
     """
     used = {os.path.realpath(path): words for path, words in inputs.items()}
@@ -95,34 +97,38 @@ def check_targets(targets: Mapping[str, str | None], inputs: Mapping[str, str]) 
         if path in used:
             raise UsageError(f"{option} {target} would overwrite {used[path]}; give another name", code="overwrite")
         used[path] = f"what {option} writes"
+        if option == "--report":
+            _check_pdf(target)
 
 
-def check_report(report: str | None, certificate: str | None = None) -> Certificate | None:
-    """What the laboratory states for a report, before any work; None without such a file.
+def check_report(report: str | None, certificate: str | None) -> Certificate | None:
+    """What the laboratory states for a report, read before any work; None without such a file.
 
-    Raises InputError for a PDF without the extra `pdf`, or a file that cannot be used; UsageError without a report.
+    Raises InputError for a file that cannot be used, UsageError without a report.
     """
-    if certificate is not None and report is None:
-        raise UsageError("--certificate is for a report; give --report FILE as well", code="no-report")
-    if report is not None:
-        from swingid.report.page import is_pdf
-
-        if is_pdf(report):
-            from swingid.report.pdf import require_typst
-
-            require_typst()
     if certificate is None:
         return None
+    if report is None:
+        raise UsageError("--certificate is for a report; give --report FILE as well", code="no-report")
     from swingid.report.certificate import load_certificate
 
     return load_certificate(certificate)
+
+
+def _check_pdf(report: str) -> None:
+    """Raise InputError for a report as PDF without the extra `pdf`."""
+    from swingid.report.page import is_pdf
+
+    if is_pdf(report):
+        from swingid.report.pdf import require_typst
+
+        require_typst()
 
 
 def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: str | None = None) -> None:
     """`check_targets` and `check_writable` for the files of --json and --report."""
     check_targets({"--json": json, "--report": report}, inputs)
     check_writable(json, report)
-    check_report(report)
 
 
 def on_terminal() -> bool:

@@ -9,6 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import swingid as sw
+from swingid.cli import main
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.further import angle_energy, angle_factor, angle_slope
 from swingid.model.parameters import FIRST_SLOT, rig_vector
@@ -263,3 +264,15 @@ def test_a_torsion_pendulum_is_covered():
         assert found.value == pytest.approx(2e-3, rel=5e-4)
         inside += found.interval95[0] <= 2e-3 <= found.interval95[1]
     assert inside >= 90
+
+
+@pytest.mark.parametrize("springs", ["[axis.bifilar]\nmass = 1\nlength = 1\ndistance = 0.2\n", "stiffness = 0.05\n"])
+def test_simulate_lets_go_a_body_on_strings_or_a_wire(springs, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "rig.toml").write_text(f'[axis]\ninertia = 4e-3\n{springs}[drive]\nkind = "none"\n')
+    command = ["simulate", "--rig", "rig.toml", "--duration", "5", "--out", "run.csv", "--initial-angle", "0.3"]
+    assert main(command) == 0
+    assert np.ptp(sw.Recording.load("run.csv", sw.Rig.load("rig.toml")).angle) == pytest.approx(0.6, rel=0.01)
+    (tmp_path / "rig.toml").write_text('[axis]\ninertia = 4e-3\n[drive]\nkind = "none"\n')
+    assert main(command) == 2
+    assert "no gravity torque and no spring" in capsys.readouterr().err

@@ -125,8 +125,10 @@ def _require_decay(rig: Rig, angle: float) -> None:
 
     if angle == 0.0:
         raise UsageError("nothing would move; give --reference, --voltage or --initial-angle", code="no-motion")
-    if rig.axis.gravity_torque == Quantity(0.0) and rig.axis.friction.offset is None:
-        message = f"nothing would move: rig {rig.name!r} has no gravity torque; give --reference or --voltage"
+    springs = getattr(rig.axis, "stiffness", None), rig.axis.suspension
+    if rig.axis.gravity_torque == Quantity(0.0) and rig.axis.friction.offset is None and springs == (None, None):
+        message = f"nothing would move: rig {rig.name!r} has no gravity torque and no spring; give --reference"
+        message += " or --voltage"
         raise UsageError(message, code="no-motion")
 
 

@@ -387,7 +387,13 @@ HOST = [
 ]
 
 USER = [
-    Fault("user: body does not hang still", device={"plant": at_rest_swinging}, end="not-still", exit=5),
+    Fault(
+        "user: body does not hang still",
+        device={"plant": at_rest_swinging},
+        order={"wait": 0.0},
+        end="not-still",
+        exit=5,
+    ),
     Fault("user: body pushed in the run", lambda: Rules(each=pushed), "guard", 5, dead_by=200, log=1.0),
     Fault("user: zero of the encoder elsewhere", lambda: Rules(read=lambda row, r: counts(axis=5000)(r))),
     Fault("user: body not mounted", rig=lambda: Rig.load("paper-body"), device={"rig": RIG}, exit=4, end="finished"),

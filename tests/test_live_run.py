@@ -15,7 +15,7 @@ import swingid as sw
 from swingid.cli.app import run as swingid
 from swingid.errors import DeviceError, InputError, UsageError
 from swingid.live.api import LiveRig
-from swingid.live.codes import State
+from swingid.live.codes import State, StopMode
 from swingid.live.devices.twin import TwinDevice, twin_of
 from swingid.live.experiment import Conductor, Order
 from swingid.live.guard import Board, Limits
@@ -151,7 +151,32 @@ def test_ctrl_c_once_is_a_soft_stop_and_twice_a_hard_one(
 def test_a_body_that_swings_is_not_at_rest() -> None:
     device = TwinDevice(Plant(RIG, initial_speed=0.5), twin_of(RIG).board)
     with pytest.raises(DeviceError, match="must hang still"):
-        Conductor(RIG, device).run(order(), Path(os.devnull))
+        Conductor(RIG, device).run(order(wait=0.0), Path(os.devnull))
+
+
+def test_a_body_that_comes_to_rest_is_waited_for(tmp_path: Path) -> None:
+    said: list[str] = []
+    device = TwinDevice(Plant(RIG, initial_speed=0.5), twin_of(RIG).board)
+    done = Conductor(RIG, device, say=said.append).run(order(), tmp_path / "run.mcap")
+    assert done.end.reason is Reason.FINISHED
+    assert any("waiting until the body hangs still" in line for line in said)
+    assert sw.identify(Recording.load(tmp_path / "run.mcap", RIG), RIG).inertia.value == pytest.approx(
+        3.022e-3, rel=1e-3
+    )
+
+
+def test_a_stop_before_the_run_is_no_run(tmp_path: Path) -> None:
+    device = twin_of(RIG)
+    conductor = Conductor(RIG, device, say=lambda line: conductor.stop(StopMode.SOFT, "enough"))
+    with pytest.raises(DeviceError, match="enough, before the run began"):
+        conductor.run(order(), tmp_path / "run.mcap")
+    assert device.plant.row < 200
+
+
+def test_the_twin_of_a_rig_file_has_the_signs_of_the_model(tmp_path: Path) -> None:
+    turned = RIG.changed({"device.axis_sign": -1, "device.wheel_sign": -1, "device.voltage_sign": -1})
+    done = Conductor(turned, twin_of(turned)).run(order(duration=4.0), tmp_path / "run.mcap")
+    assert done.end.reason is Reason.FINISHED
 
 
 def test_the_zero_is_where_the_body_hangs() -> None:

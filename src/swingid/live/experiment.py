@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from swingid.errors import DeviceError, InputError, SwingidError, UsageError
 from swingid.live.codes import StopMode
+from swingid.live.devices.twin import TwinDevice
 from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.journal import Journal, Plan, Recorder
 from swingid.live.preflight import ENERGY, Rehearsed, expected, rehearsed, require_same_rig, zero_of
@@ -42,7 +43,7 @@ class Order:
 
     motion: the reference. duration (s), fade (s): of the run and of a soft stop. until: relative standard uncertainty
     of the online estimate at which the run stops softly, 0 for never. clear: whether a person has looked at the rig and
-    a latched fault may be cleared. rehearse: whether the twin runs it first.
+    a latched fault may be cleared. wait (s): for the body to hang still. rehearse: whether the twin runs it first.
     """
 
     motion: Reference
@@ -51,6 +52,7 @@ class Order:
     until: float = 0.0
     fade: float = 0.5
     clear: bool = False
+    wait: float = 30.0
     rehearse: bool = True
 
 
@@ -99,11 +101,16 @@ class Conductor:
         self._say = say or (lambda _: None)
         self._show = show or (lambda _: None)
         self.session: Session | None = None
+        self._stop: tuple[StopMode, str] | None = None
 
     def run(self, order: Order, out: Path) -> Done:
         """Do it all; raises DeviceError where the run does not begin, and as `rehearsed`."""
         required(order)
         limits = Limits.of(self.rig)
+        if isinstance(
+            self.stream, TwinDevice
+        ):  # its counts and output have the model's signs, whatever those of a board
+            limits = replace(limits, axis_sign=1, wheel_sign=1, voltage_sign=1)
         journal = self._recorder(out)
         session = self.session = Session(self.stream, tap=journal.take)
         session.link.pace = self._pace
@@ -115,12 +122,24 @@ class Conductor:
         finally:
             session.close()
             journal.close()
-            self.session = None
+            self.session = self._stop = None
 
     def stop(self, mode: StopMode, why: str) -> None:
         """Stop the run; from a signal handler or another thread."""
+        if self._stop is None or mode is StopMode.HARD:
+            self._stop = mode, why
         if self.session is not None:
             self.session.ask_stop(mode, why)
+
+    def _stop_asked(self) -> tuple[StopMode, str] | None:
+        """The stop that somebody has asked for, here or elsewhere."""
+        return self._stop or (None if self._asked is None else self._asked())
+
+    def _require_wanted(self) -> None:
+        """Raise DeviceError where a stop was asked for before the run began."""
+        asked = self._stop_asked()
+        if asked is not None:
+            raise DeviceError(f"{asked[1]}, before the run began; nothing has moved", code="stopped")
 
     def _journal(self, out: Path) -> Recorder:
         began = 0 if self.stream.virtual else time.time_ns()
@@ -138,7 +157,7 @@ class Conductor:
         if order.rehearse:
             twin = rehearsed(self.rig, order.motion, order.controller, limits, duration=order.duration, rate=board.rate)
             self._say(twin.words())
-        limits = zero_of(session.listen(LISTEN), limits, board, name)
+        limits = self._at_rest(session, order, limits, board)
         parameters = parameters_of(order.controller, board, limits)
         session.load(parameters)
         rows = max(int(order.duration * board.rate + 1e-9), 1)
@@ -151,15 +170,30 @@ class Conductor:
         watch = HostGuard(parameters.tolist(), inertia=inertia, gravity_torque=gravity, energy=energy)
 
         def batch(frames: list[Frame]) -> None:
-            asked = None if self._asked is None else self._asked()
+            asked = self._stop_asked()
             if asked is not None:
                 session.ask_stop(*asked)
             if self._follow:
                 self._look(follower, frames, session)
 
+        self._require_wanted()
         done = session.run(reference, fade=order.fade, watch=watch, on_batch=batch)
         journal.event("end", f"{done.end.reason.value}: {done.end.sentence}")
         return Done(done.end, twin, follower.progress, journal.error, done.lost, list(follower.notes))
+
+    def _at_rest(self, session: Session, order: Order, limits: Limits, board: Board) -> Limits:
+        """The limits with the zero of a body that hangs still, waited for; raises as `zero_of`."""
+        until, waits = session.link.clock() + order.wait, False
+        while True:
+            self._require_wanted()
+            try:
+                return zero_of(session.listen(LISTEN), limits, board, session.link.name)
+            except DeviceError as error:
+                if error.code != "not-still" or session.link.clock() >= until:
+                    raise
+            if not waits:
+                self._say(f"waiting until the body hangs still, up to {order.wait:g} s")
+            waits = True
 
     def _look(self, follower: Follower, frames: list[Frame], session: Session) -> None:
         """Show the progress, and stop where the wanted uncertainty is reached."""

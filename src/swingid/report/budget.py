@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 MOST = 30
 """Entries of one parameter beyond which the smaller ones are summed in one line."""
 
+LEAST = 1e-4
+"""Share of the combined variance below which its digits say nothing."""
+
 SENSOR_UNITS = {"latency": "s", "cosine": "rad", "sine": "rad", "clock": "1"}
 
 
@@ -78,7 +81,7 @@ def _budget(
     lines = [_line(one, parameter, exponent, total, result, rig, linear=linear) for one in shown]
     if rest:
         u = combined(rest, name)
-        cells = _scaled(u, exponent), percent((u / total) ** 2, fine=True)
+        cells = _scaled(u, exponent), _share(u, total)
         lines.append(Line(f"{len(rest)} smaller ones together", "", "", "", "", "", "", *cells, ""))
     word = parameter_word(name, linear=linear)
     power = f"{power_of_ten(exponent)} " if exponent else ""
@@ -129,9 +132,15 @@ def _line(
         entry.origin.distribution,
         c,
         _scaled(entry.standard_uncertainty, exponent),
-        percent((entry.standard_uncertainty / total) ** 2, fine=True),
+        _share(entry.standard_uncertainty, total),
         "∞" if freedom >= MANY else f"{freedom:.3g}",
     )
+
+
+def _share(u: float, total: float) -> str:
+    """Share of the combined variance."""
+    share = (u / total) ** 2
+    return "<\u00a00.01\u00a0%" if share < LEAST else percent(share, fine=True)
 
 
 def _scaled(u: float, exponent: int) -> str:

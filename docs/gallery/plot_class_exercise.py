@@ -84,7 +84,8 @@ axes.set(xscale="log", xlabel="standard uncertainty, % of the inertia")
 figure.tight_layout()
 
 # %%
-# Answer: the gravity torque, so the lever: 1 mm in 181 mm is 0.55 %. The phone contributes less than a hundredth of that.
+# Answer: the gravity torque, so the lever: 1 mm in 181 mm is 0.55 %. The phone contributes less than a hundredth of
+# that.
 #
 # 5. Without a scale
 # ------------------

@@ -281,10 +281,11 @@ def _rehearse(task: Task, rig: Rig, view: View) -> None:
 
 
 def _run(task: Task, rig: Rig, view: View) -> None:
-    from swingid.live.experiment import Conductor, opened, require_usable
+    from swingid.live.experiment import require_usable
     from swingid.live.interrupt import stopping
+    from swingid.live.processes import conductor_of
 
-    conductor = Conductor(rig, opened(task.address, rig), say=view.say, show=view.show)
+    conductor = conductor_of(rig, task.address, say=view.say, show=view.show)
     view.stop = conductor.stop
     with stopping(conductor.stop):
         done = conductor.run(_order(task, rig), Path(task.out))

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ import numpy as np
 from swingid.errors import DeviceError, InputError, UsageError
 from swingid.format import plus_minus
 from swingid.live.guard import Board, Limits
+from swingid.live.pace import alone
 from swingid.live.pulses import PULSE, STILL_TIME, Channel, Pulses, guard_trips, hanging, moving
 
 if TYPE_CHECKING:
@@ -103,17 +105,18 @@ def commission(session: Session, rig: Rig, *, progress: Callable[[str], None] = 
     if rig.drive.kind != "reaction-wheel":
         text = f"commissioning needs a reaction wheel, and rig {rig.name!r} has drive.kind = {rig.drive.kind!r}; "
         raise UsageError(text + "find its signs by hand, as docs/rig.md says", code="not-offered")
-    board = session.connect()
-    session.require_ready()
-    _agrees(rig, board)
-    progress(f"listening for {STILL_TIME:g} s to the hanging body")
-    axis, wheel = hanging(session.listen(STILL_TIME), board)
-    pulses = moving(session, rig, board, (axis, wheel), progress)
-    found = _relation(pulses, axis.step, wheel.step)
-    signs = _signs(rig, pulses, found)
-    ratio, inertia = _constants(rig, found)
-    progress("the guard, at a lower limit")
-    trips = guard_trips(session, rig, board, axis, pulses)
+    with nullcontext() if session.link.stream.virtual else alone():
+        board = session.connect()
+        session.require_ready()
+        _agrees(rig, board)
+        progress(f"listening for {STILL_TIME:g} s to the hanging body")
+        axis, wheel = hanging(session.listen(STILL_TIME), board)
+        pulses = moving(session, rig, board, (axis, wheel), progress)
+        found = _relation(pulses, axis.step, wheel.step)
+        signs = _signs(rig, pulses, found)
+        ratio, inertia = _constants(rig, found)
+        progress("the guard, at a lower limit")
+        trips = guard_trips(session, rig, board, axis, pulses)
     warnings = []
     delay = _delay(pulses)
     if delay > 1.5 / board.rate:

@@ -79,9 +79,7 @@ def main() -> None:
                 share = (used(server.pid) - own) / took
                 rest = {pid: (used(pid) - before) / took for pid, before in others.items()}
                 draws = sum(at > began for at in came) / took
-                print(
-                    f"server of the page: {100 * share:.1f} % of a core at {draws:.0f} messages with new rows per second"
-                )
+                print(f"server of the page: {100 * share:.1f} % of a core, {draws:.0f} messages per second from it")
                 for pid, each in rest.items():
                     if each > 0.005:
                         print(f"process {pid} of the rig: {100 * each:.1f} %")

@@ -2,6 +2,7 @@
 
 import ast
 import os
+import re
 import subprocess
 import sys
 import threading
@@ -39,7 +40,11 @@ POSIX_NAMES = {
 
 
 def posix_only(text: str) -> list[str]:
-    """Uses of what Windows does not have; os.name or hasattr(os, "name") in the test of an enclosing if guards one."""
+    """Uses of what Windows does not have.
+
+    hasattr(os, "name") in the test of an enclosing if guards a name, a handler of ImportError an import.
+
+    """
     found: list[str] = []
 
     def visit(node: ast.AST, guarded: frozenset[str]) -> None:
@@ -50,6 +55,11 @@ def posix_only(text: str) -> list[str]:
                 visit(child, guarded | guards)
             for child in node.orelse if isinstance(node, ast.If) else [node.orelse]:
                 visit(child, guarded)
+            return
+        if isinstance(node, ast.Try) and any("ImportError" in ast.dump(handler) for handler in node.handlers):
+            for child in [*node.body, *node.handlers, *node.orelse, *node.finalbody]:
+                if not (child in node.body and isinstance(child, ast.Import | ast.ImportFrom)):
+                    visit(child, guarded)
             return
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             if node.attr in POSIX_NAMES.get(node.value.id, ()) and node.attr not in guarded:
@@ -81,11 +91,13 @@ def test_uses_of_posix_are_seen() -> None:
     assert posix_only("import os\nos.getuid()") == ["2: os.getuid"]
     assert posix_only("def f():\n    import fcntl, resource") == ["2: fcntl", "2: resource"]
     assert posix_only("from os import fork") == ["1: fork"]
+    assert posix_only("try:\n    import pty\nexcept ImportError:\n    import grp") == ["4: grp"]
     assert posix_only("import os\nif hasattr(os, 'getuid'):\n    os.getuid()\nelse:\n    os.fork()") == ["5: os.fork"]
 
 
 def test_devices_are_named_by_os_alone() -> None:
-    found = [path.name for path in SOURCE.rglob("*.py") if '"/dev/' in path.read_text("utf-8")]
+    devices = re.compile('"/dev/(null|zero|u?random|std|fd)')
+    found = [path.name for path in SOURCE.rglob("*.py") if devices.search(path.read_text("utf-8"))]
     assert found == []
 
 

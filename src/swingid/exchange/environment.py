@@ -186,4 +186,4 @@ def baseline(env: SwingEnv) -> Callable[[dict[str, float]], Array]:
 
 
 if NAME not in gymnasium.registry:
-    gymnasium.register(NAME, entry_point="swingid.exchange.environment:SwingEnv")
+    gymnasium.register(NAME, entry_point=SwingEnv)

@@ -8,7 +8,6 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable
-from importlib import import_module
 from importlib.metadata import entry_points
 from typing import cast
 
@@ -17,15 +16,52 @@ from swingid.live.devices.stream import Stream, split_address
 
 GROUP = "swingid.devices"
 
-SCHEMES = {
-    "twin": "swingid.live.devices.twin:open_twin",
-    "serial": "swingid.live.devices.serial_port:open_serial",
-    "tcp": "swingid.live.devices.tcp:open_tcp",
-    "moteus": "swingid.live.devices.moteus_drive:open_moteus",
-    "csv": "swingid.live.devices.columns:open_columns",
-    "can": "swingid.live.devices.can_bus:open_can",
+
+def _twin(address: str) -> Stream:
+    from swingid.live.devices.twin import open_twin
+
+    return open_twin(address)
+
+
+def _serial(address: str) -> Stream:
+    from swingid.live.devices.serial_port import open_serial
+
+    return open_serial(address)
+
+
+def _tcp(address: str) -> Stream:
+    from swingid.live.devices.tcp import open_tcp
+
+    return open_tcp(address)
+
+
+def _moteus(address: str) -> Stream:
+    from swingid.live.devices.moteus_drive import open_moteus
+
+    return open_moteus(address)
+
+
+def _csv(address: str) -> Stream:
+    from swingid.live.devices.columns import open_columns
+
+    return open_columns(address)
+
+
+def _can(address: str) -> Stream:
+    from swingid.live.devices.can_bus import open_can
+
+    return open_can(address)
+
+
+SCHEMES: dict[str, Callable[[str], Stream]] = {
+    "twin": _twin,
+    "serial": _serial,
+    "tcp": _tcp,
+    "moteus": _moteus,
+    "csv": _csv,
+    "can": _can,
 }
-"""Schemes of this package: module and function that opens."""
+"""Schemes of this package; each imports what it needs when it is opened."""
 
 _PORT = re.compile(r"/dev/\S+|COM\d+", re.IGNORECASE)
 
@@ -50,8 +86,7 @@ def schemes() -> list[str]:
 def _opener(scheme: str) -> Callable[[str], Stream]:
     """The function that opens an address of this scheme."""
     if scheme in SCHEMES:
-        module, _, name = SCHEMES[scheme].partition(":")
-        return cast(Callable[[str], Stream], getattr(import_module(module), name))
+        return SCHEMES[scheme]
     for point in entry_points(group=GROUP, name=scheme):
         try:
             return cast(Callable[[str], Stream], point.load())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from pathlib import Path
@@ -10,6 +11,19 @@ import pytest
 
 from browser import browser, listen, picture, served
 from swingid import Recording, Rig, identify, parse_reference, simulate
+
+LINEAR = """
+name = "slide"
+[axis]
+kind = "linear"
+gravity_torque = 0
+[drive]
+kind = "direct"
+[log]
+time = "t"
+angle = "x"
+torque = "f"
+"""
 
 SLOW = 90_000  # ms, with kernels that are compiled
 
@@ -85,6 +99,40 @@ def test_every_step_of_the_page_on_a_log(log, tmp_path):
         assert page.evaluate("document.documentElement.scrollWidth") <= 390
         picture(page, "log-phone")
         assert not errors
+
+
+def test_a_log_that_is_gone_is_said_on_the_page_and_not_in_the_terminal(log, tmp_path):
+    path = tmp_path / "gone.parquet"
+    path.write_bytes(log.read_bytes())
+    with served("--log", str(path), "--rig", "paper") as (address, process), browser() as chromium:
+        page = chromium.new_page(viewport={"width": 390, "height": 800})
+        page.goto(address)
+        page.get_by_role("tab", name="Constants").click()
+        row = page.locator("[aria-label='relative change of drive.wheel.inertia']")
+        row.wait_for(timeout=SLOW)
+        assert row.bounding_box()["width"] > 150  # on a phone, too
+        path.unlink()
+        row.locator("[tabindex='0']").first.focus()
+        page.keyboard.press("ArrowRight")
+        page.get_by_text("gone.parquet does not exist").first.wait_for(timeout=SLOW)
+        assert page.reload().status == 200
+        page.get_by_role("heading", name="gone.parquet does not exist").wait_for(timeout=SLOW)
+        process.terminate()
+        assert "Traceback" not in process.communicate(timeout=20)[0]
+
+
+def test_a_linear_axis_has_a_position(tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(LINEAR, encoding="utf-8")
+    time = [0.002 * k for k in range(3000)]
+    rows = [f"{t},{0.1 * math.sin(3 * t):.7f},{-9.0 * math.sin(3 * t):.6f}" for t in time]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(["t,x,f", *rows]), encoding="utf-8")
+    with served("--log", str(path), "--rig", str(rig)) as (address, _), browser() as chromium:
+        page = chromium.new_page()
+        page.goto(address)
+        page.get_by_text("position, m").first.wait_for(timeout=SLOW)
+        page.get_by_text("force, N", exact=True).first.wait_for(timeout=SLOW)
 
 
 def test_a_token_keeps_others_out(log):

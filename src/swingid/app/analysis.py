@@ -74,7 +74,7 @@ def _answer(log: str, rig: str, method: str, part: Part, factors: Factors) -> Re
 
 
 def _given(log: str, rig: str, part: Part, factors: Factors) -> tuple[Rig, Recording]:
-    plant, recording = _loaded(log, rig, Path(log).stat().st_mtime_ns)
+    plant, recording = _loaded(log, rig, (_changed_at(log), _changed_at(rig)))
     other = {key: Times(factor) for key, factor in factors.items() if factor != 1.0}
     if other:
         plant = changed(plant, other)
@@ -82,7 +82,15 @@ def _given(log: str, rig: str, part: Part, factors: Factors) -> tuple[Rig, Recor
     return plant, recording if part is None else recording.segment(*part)
 
 
+def _changed_at(path: str) -> int:
+    """When a file was changed, ns; 0 for a built-in name and for a file that is gone, which its reader refuses."""
+    try:
+        return Path(path).stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
 @lru_cache(4)
-def _loaded(log: str, rig: str, _changed: int) -> tuple[Rig, Recording]:
+def _loaded(log: str, rig: str, _changed: tuple[int, int]) -> tuple[Rig, Recording]:
     plant = Rig.load(rig)
     return plant, Recording.load(log, plant)

@@ -9,7 +9,9 @@ from nicegui import app
 from swingid.app.analysis import Analyst
 from swingid.app.live_page import Desk, live_page
 from swingid.app.log_page import LogPage
+from swingid.app.parts import heading, page_frame
 from swingid.app.server import Place, serve
+from swingid.errors import SwingidError
 
 POLLED = 0.02
 """Seconds between two looks at what the rig's process sent."""
@@ -18,7 +20,17 @@ POLLED = 0.02
 def log_dashboard(log: str, rig: str, place: Place, *, show: bool) -> None:
     """Serve the page on a log and its rig file, which can be loaded."""
     analyst = Analyst()
-    serve(lambda: LogPage(log, rig, analyst).build(), place, show=show, closing=analyst.close)
+
+    def build() -> None:
+        try:
+            page = LogPage(log, rig, analyst)
+        except SwingidError as error:  # a file that is gone, or that changed since the start
+            page_frame(log, rig=rig)
+            heading(error.message)
+        else:
+            page.build()
+
+    serve(build, place, show=show, closing=analyst.close)
 
 
 def live_dashboard(address: str, rig: str, folder: Path, place: Place, *, show: bool) -> None:

@@ -60,10 +60,12 @@ class LogPage:
     def plots(self) -> None:
         """The channels of the log; a part that is drawn over the angle is used."""
         log = self.recording
-        unit = "m" if log.angle.size and Rig.load(self.rig).axis.kind == "linear" else "rad"
-        self.angle = Plot("angle", [Line("angle", unit)], pick=self._use)
+        linear = Rig.load(self.rig).axis.kind == "linear"
+        word, unit = ("position", "m") if linear else ("angle", "rad")
+        drive = ("force", log.torque, "N") if linear else ("torque", log.torque, "N m")
+        self.angle = Plot(word, [Line(word, unit)], pick=self._use)
         self.angle.show(log.time, [log.angle])
-        for name, values, own in (("voltage", log.voltage, "V"), ("torque", log.torque, "N m")):
+        for name, values, own in (("voltage", log.voltage, "V"), drive):
             if values is not None:
                 Plot(name, [Line(name, own)], height=120).show(log.time, [values])
 
@@ -71,7 +73,11 @@ class LogPage:
         await asyncio.gather(self._inspect(), self.identify_all())
 
     async def _inspect(self) -> None:
-        found = await self.analyst.do(inspected, self.log, self.rig)
+        try:
+            found = await self.analyst.do(inspected, self.log, self.rig)
+        except SwingidError as error:
+            said(self.findings, error.message)
+            return
         self.findings.clear()
         with self.findings:
             heading(found["verdict"].line)
@@ -160,17 +166,23 @@ class LogPage:
                 if not factors:
                     self.stated = found
                     self._make_sliders(found)
+                else:
+                    self.stated = await self.analyst.do(answered, self.log, self.rig, DEFAULT, self.part, {})
+                    if self.round != mine:
+                        return
                 self._show_effect(found)
 
     def _make_sliders(self, found: Mapping[str, Any]) -> None:
         self.sliders.clear()
         with self.sliders:
             for key in found.get("sensitivities") or {}:
-                with ui.row(wrap=False).classes("w-full items-center"):
-                    ui.label(key).classes("w-64 shrink-0 font-mono text-sm")
+                with ui.row().classes("w-full items-center"):  # on a phone the name stands above its slider
+                    ui.label(key).classes("w-full sm:w-64 shrink-0 font-mono text-sm")
                     ui.slider(min=-WIDEST, max=WIDEST, step=WIDEST / 50, value=0.0).props(
                         f'label aria-label="relative change of {key}"'
-                    ).on("change", lambda event, key=key: self._changed(key, float(event.args)))
+                    ).classes("flex-1 min-w-32").on(
+                        "change", lambda event, key=key: self._changed(key, float(event.args))
+                    )
                     self.values[key] = ui.label("+0.0 %").classes("w-16 shrink-0 text-right")
             if not found.get("sensitivities"):
                 ui.label("This result depends on no constant of the rig file.")

@@ -28,7 +28,7 @@ MOST = 30
 LEAST = 1e-4
 """Share of the combined variance below which its digits say nothing."""
 
-SENSOR_UNITS = {"latency": "s", "cosine": "rad", "sine": "rad", "clock": "1"}
+SENSOR_UNITS = {"latency": "s", "cosine": "rad", "sine": "rad", "clock": ""}
 
 
 @dataclass(frozen=True)

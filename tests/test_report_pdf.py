@@ -214,6 +214,16 @@ def test_a_refusal_and_a_log_without_a_rig_make_a_pdf(tmp_path: Path) -> None:
     assert set(pdf.attachments) == {"result.json"}
 
 
+def test_the_report_of_a_refusal_has_what_the_laboratory_states(tmp_path: Path) -> None:
+    log, report = tmp_path / "still.csv", tmp_path / "r.pdf"
+    log.write_text("t,q1,q2,u\n" + "".join(f"{k / 100},0,0,0\n" for k in range(500)), encoding="utf-8")
+    given = ["--rig", "paper", "--report", str(report), "--certificate", str(lab(tmp_path))]
+    assert run(["identify", str(log), *given]) == 4
+    _, pages = read(report)
+    assert "Measurement report 2026-017" in pages[0] and "No number" in pages[0]
+    assert "Customer Ltd" in pages[0] and "are not stated" not in pages[0]
+
+
 def without(name: str) -> Callable[..., Any]:
     real = builtins.__import__
 

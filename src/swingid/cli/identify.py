@@ -117,7 +117,7 @@ def identify(
     if part is not None:
         source["part"] = part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
-    with refusals_to(json, method, provenance, report):
+    with refusals_to(json, method, provenance, report, stated):
         result = _identify(logs, rig, method, options, reading, provenance, json, report, stated, monte_carlo)
     hand_over(result, json, report)
 

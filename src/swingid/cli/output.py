@@ -198,7 +198,11 @@ def hand_over(found: Answer, json: str | None, *written: str | None) -> None:
 
 @contextmanager
 def refusals_to(
-    json: str | None, method: str, provenance: dict[str, object], report: str | None = None
+    json: str | None,
+    method: str,
+    provenance: dict[str, object],
+    report: str | None = None,
+    certificate: Certificate | None = None,
 ) -> Iterator[None]:
     """Write JSON and report with the reason why there is no number where the block raises; its error goes on.
 
@@ -221,7 +225,7 @@ def refusals_to(
             from swingid.report import write_report
 
             with suppress(SwingidError):
-                write_report(refused, None, None, Path(report))
+                write_report(refused, None, None, Path(report), certificate)
         raise
 
 

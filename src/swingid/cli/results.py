@@ -95,7 +95,7 @@ def difference(
     """Determine the inertia of a body from two results, with and without it."""
     output.check_targets({"--json": json, "--report": report}, {tare: "the tare result", loaded: "the loaded result"})
     stated = output.check_report(report, certificate)
-    with output.refusals_to(json, "difference", {"tare": tare, "loaded": loaded}, report):
+    with output.refusals_to(json, "difference", {"tare": tare, "loaded": loaded}, report, stated):
         output.check_writable(json, report)
         from swingid.pooling import difference as subtract
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,10 +20,12 @@ from swingid.live.codes import State, StopMode
 from swingid.live.devices.twin import TwinDevice, twin_of
 from swingid.live.experiment import Conductor, Order
 from swingid.live.guard import Board, Limits
+from swingid.live.interrupt import stopping
 from swingid.live.plant import Plant
-from swingid.live.preflight import zero_of
+from swingid.live.preflight import Rehearsed, energy_limit, expected, zero_of
 from swingid.live.progress import Progress
 from swingid.live.session import Reason
+from swingid.live.watch import energy_of
 from swingid.recording.recording import Recording
 
 RIG = live_host.RIG
@@ -122,6 +125,38 @@ class Pressed(TwinDevice):
         super().step()
         if self.plant.row in (3000, 3100)[: self.times]:
             os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="os.kill ends a process on Windows")
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGHUP"])
+def test_the_end_that_the_system_asks_for_is_a_soft_stop_and_then_a_hard_one(name: str) -> None:
+    number, asked = signal.Signals[name], []
+    before = signal.getsignal(number)
+    with stopping(lambda mode, why: asked.append((mode, why))):
+        os.kill(os.getpid(), number)
+        os.kill(os.getpid(), number)
+    assert asked == [(StopMode.SOFT, f"stopped by {name}"), (StopMode.HARD, f"stopped by {name}")]
+    assert signal.getsignal(number) is before
+
+
+@pytest.mark.parametrize("seconds", [1.0, 2.0])
+def test_a_short_run_whose_motion_still_grows_passes_the_hosts_guard(seconds: float, tmp_path: Path) -> None:
+    done = Conductor(RIG, twin_of(RIG)).run(order(duration=seconds), tmp_path / "run.mcap")
+    assert done.end.reason is Reason.FINISHED
+    assert done.rehearsed is not None
+
+
+def test_a_run_shorter_than_the_guards_speeds_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="is 1 samples of the device") as caught:
+        Conductor(RIG, twin_of(RIG)).run(order(duration=0.001), tmp_path / "run.mcap")
+    assert caught.value.code == "out-of-range"
+
+
+def test_the_guard_allows_the_energy_of_a_small_angle() -> None:
+    inertia, gravity = expected(RIG)
+    tiny = Rehearsed(angle=0.0, speed=0.0, wheel_speed=0.0, voltage=0.0, saturated=0.0, energy=0.0, tracking=0.0)
+    assert energy_limit(tiny, RIG) == energy_of(0.1, 0.0, inertia, gravity)
+    assert energy_limit(replace(tiny, energy=1.0), RIG) == 2.0
 
 
 @pytest.mark.skipif(os.name == "nt", reason="os.kill with SIGINT ends a process on Windows")

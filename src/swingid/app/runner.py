@@ -275,7 +275,8 @@ def _rehearse(task: Task, rig: Rig, view: View) -> None:
 
     order, limits = _order(task, rig), Limits.of(rig)
     view.say("the twin runs it …")
-    found = rehearsed(rig, order.motion, order.controller, limits, duration=order.duration, rate=1000.0)
+    span = {"duration": order.duration, "rate": 1000.0, "fade": order.fade}
+    found = rehearsed(rig, order.motion, order.controller, limits, **span)
     view.say(found.words())
     view.say("within the limits of the guard")
 

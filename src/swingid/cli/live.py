@@ -114,7 +114,8 @@ def conduct(plant: Rig, address: str, order: Order, out: str) -> None:
     for note in done.notes:
         output.say(note)
     lost = f", {done.lost} samples lost" if done.lost else ""
-    output.say(f"{done.end.sentence}: 0 V{lost}; wrote {out}")
+    zero = "0 V" if done.end.seen else "0 V by the firmware's guard, not seen"
+    output.say(f"{done.end.sentence}: {zero}{lost}; wrote {out}")
     require_usable(done, out)
 
 

@@ -20,7 +20,7 @@ from swingid.live.codes import StopMode
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.journal import Journal, Plan, Recorder
-from swingid.live.preflight import ENERGY, Rehearsed, expected, rehearsed, require_same_rig, zero_of
+from swingid.live.preflight import Rehearsed, energy_limit, expected, rehearsed, require_same_rig, zero_of
 from swingid.live.progress import Follower, Progress
 from swingid.live.session import End, Reason, Session
 from swingid.live.watch import HostGuard
@@ -155,7 +155,8 @@ class Conductor:
         session.require_ready()
         twin = None
         if order.rehearse:
-            twin = rehearsed(self.rig, order.motion, order.controller, limits, duration=order.duration, rate=board.rate)
+            span = {"duration": order.duration, "rate": board.rate, "fade": order.fade}
+            twin = rehearsed(self.rig, order.motion, order.controller, limits, **span)
             self._say(twin.words())
         limits = self._at_rest(session, order, limits, board)
         parameters = parameters_of(order.controller, board, limits)
@@ -166,7 +167,7 @@ class Conductor:
         journal.plan(Plan(parameters, reference, words), firmware=f"{board.firmware:08x}", device=name, rate=board.rate)
         follower = Follower(self.rig, parameters.tolist(), reference.tolist(), order.until, board.rate)
         inertia, gravity = expected(self.rig)
-        energy = math.inf if twin is None else ENERGY * twin.energy
+        energy = math.inf if twin is None else energy_limit(twin, self.rig)
         watch = HostGuard(parameters.tolist(), inertia=inertia, gravity_torque=gravity, energy=energy)
 
         def batch(frames: list[Frame]) -> None:

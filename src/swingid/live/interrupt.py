@@ -1,4 +1,4 @@
-"""Ctrl-C while a rig moves: once a soft stop, twice 0 V at once."""
+"""Ctrl-C while a rig moves: once a soft stop, twice 0 V at once; SIGTERM and SIGHUP too."""
 
 from __future__ import annotations
 
@@ -12,21 +12,32 @@ from swingid.live.codes import StopMode
 
 @contextmanager
 def stopping(stop: Callable[[StopMode, str], None]) -> Iterator[None]:
-    """Ctrl-C once is a soft stop, twice a hard one; a third time ends the program. Restores what was before."""
+    """Ctrl-C once is a soft stop, twice a hard one; a third time ends the program. Restores what was before.
+
+    The signals SIGTERM and SIGHUP (a closed terminal; not under nohup) count as Ctrl-C.
+    """
     pressed = 0
 
-    def handle(_number: int, _frame: object) -> None:
+    def handle(number: int, _frame: object) -> None:
         nonlocal pressed
         pressed += 1
         if pressed > 2:
             raise KeyboardInterrupt
-        stop(*((StopMode.SOFT, "stopped by Ctrl-C") if pressed == 1 else (StopMode.HARD, "stopped by Ctrl-C twice")))
+        name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
+        if pressed == 1:
+            stop(StopMode.SOFT, f"stopped by {name}")
+        else:
+            stop(StopMode.HARD, f"stopped by {name} twice" if name == "Ctrl-C" else f"stopped by {name}")
 
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGINT, handle)
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    numbers = [signal.Signals[name] for name in names]
+    taken = [n for n in numbers if n == signal.SIGINT or signal.getsignal(n) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, handle) for number in taken}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, was in before.items():
+            signal.signal(number, was)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -20,10 +21,14 @@ if TYPE_CHECKING:
     from swingid.control.references import Reference
     from swingid.live.frames import Frame
     from swingid.model.rig import Rig
+    from swingid.numerics.arrays import Array
 
 
 ENERGY = 2.0
 """How many times the largest energy of the rehearsal the body may have."""
+
+SMALL = 0.1
+"""Angle (rad) whose energy at rest is always allowed: less is no danger, and a tiny motion has its noise."""
 
 STILL, STEPS = 0.01, 3
 """Motion (rad) that counts as hanging still, and counts of an encoder that any signal may jitter."""
@@ -52,17 +57,22 @@ class Rehearsed:
 
 
 def rehearsed(
-    rig: Rig, motion: Reference, controller: Compensator, limits: Limits, *, duration: float, rate: float
+    rig: Rig, motion: Reference, controller: Compensator, limits: Limits, *, duration: float, rate: float, fade: float
 ) -> Rehearsed:
-    """Run the experiment on the twin of the rig file.
+    """Run the experiment on the twin of the rig file, with the fade (s) that ends it.
 
-    Raises UsageError (code "beyond-limits") where it passes the host's limits, which are tighter than the firmware's,
+    Raises UsageError (code "out-of-range") for too few samples, (code "beyond-limits") where it passes the host's
+    limits, which are tighter than the firmware's,
     InputError where the rig file does not have what the twin needs.
     """
     from swingid.simulation import simulate
 
+    rows = int(duration * rate + 1e-9)
+    if rows < 2 * limits.speed_span:
+        text = f"--duration {duration:g} s is {rows} samples of the device, and the guard needs {2 * limits.speed_span}"
+        raise UsageError(f"{text}; give a longer one", code="out-of-range")
     try:
-        log = simulate(rig, motion, controller, duration=duration, rate=rate)
+        log = simulate(rig, _faded(motion, duration, fade), controller, duration=duration + fade, rate=rate)
     except InputError as error:
         if error.code != "not-finite":
             raise
@@ -76,7 +86,7 @@ def rehearsed(
         wheel = (log.wheel_angle[step:] - log.wheel_angle[:-step]) * (rate / step)
     inertia, gravity = expected(rig)
     energy = [energy_of(q, v, inertia, gravity) for q, v in zip(angle[step:], speed, strict=True)]
-    missed = (log.reference - angle)[len(log) // 2 :]
+    missed = (log.reference - angle)[rows // 2 : rows]
     found = Rehearsed(
         angle=float(np.abs(angle).max()),
         speed=float(np.abs(speed).max()),
@@ -98,6 +108,16 @@ def rehearsed(
     return found
 
 
+def _faded(motion: Reference, duration: float, fade: float) -> Callable[[Array], Array]:
+    """The motion up to `duration` (s), then what the device makes of it: its last value goes to 0 within `fade` (s)."""
+
+    def reference(t: Array) -> Array:
+        share = np.clip((duration + fade - t) / fade, 0.0, 1.0) if fade > 0.0 else np.where(t < duration, 1.0, 0.0)
+        return np.asarray(motion(np.minimum(t, duration)) * share)
+
+    return reference
+
+
 BEYOND = "the rehearsal on the twin passes the limits of the guard"
 
 
@@ -114,6 +134,13 @@ def expected(rig: Rig) -> tuple[float, float]:
         inertia.value if isinstance(inertia, Quantity) else math.nan,
         gravity.value if isinstance(gravity, Quantity) else math.nan,
     )
+
+
+def energy_limit(twin: Rehearsed, rig: Rig) -> float:
+    """The energy (J) at which the host's guard stops a run: twice that of the rehearsal, or that of a small angle."""
+    inertia, gravity = expected(rig)
+    small = energy_of(SMALL, 0.0, inertia, gravity)
+    return max(ENERGY * twin.energy, small if math.isfinite(small) else 0.0)
 
 
 def require_same_rig(rig: Rig, board: Board, name: str) -> None:

@@ -100,6 +100,8 @@ class Session:
                 text + "that of firmware/, or name a csv:// device for one that prints", code="no-frames"
             )
         text = f"{name} does not answer; check its supply and the cable, and that its firmware is running"
+        if name.startswith("tcp://"):
+            text += ", and that no other host is connected to that port"
         return DeviceError(text, code="no-answer")
 
     @property

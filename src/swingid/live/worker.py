@@ -27,8 +27,8 @@ POLL, DEAD = 0.05, 1.5
 """Seconds between two looks at the ring, and without a sign of life after which its writer counts as dead."""
 
 STOPS = {
-    1: (StopMode.SOFT, "stopped by Ctrl-C"),
-    2: (StopMode.HARD, "stopped by Ctrl-C twice"),
+    1: (StopMode.SOFT, "stopped by Ctrl-C, STOP or the system"),
+    2: (StopMode.HARD, "stopped at once by Ctrl-C twice or STOP"),
     3: (StopMode.SOFT, "the wanted uncertainty is reached"),
 }
 

@@ -106,7 +106,8 @@ class LivePage:
                 "color=white text-color=black size=xl aria-keyshortcuts=Esc"
             )
         ui.keyboard(on_key=self._key, ignore=[])
-        self._enable()
+        self._enable(mine=False)  # a page controls once its browser is there
+        self.watching.set_visibility(False)
         ui.timer(1 / DRAWS, self._draw)
 
     def _order_panel(self) -> None:
@@ -173,7 +174,7 @@ class LivePage:
             self._add_rows(np.array([seen.rows[k] for k in range(-new, 0)], float))
             self.cursor = seen.count
         self._add_estimates()
-        self._enable()
+        self._enable(mine=self.desk.controls(self.me))
 
     def _add_rows(self, rows: np.ndarray) -> None:
         t, angle, reference, gain, voltage = rows.T
@@ -194,9 +195,9 @@ class LivePage:
             share = "" if u is None else f", {percent(u / abs(value))}"
             self.estimate_text.set_text(f"after swing {swing}: {plus_minus(value, u, unit)}{share}")
 
-    def _enable(self) -> None:
-        """Which steps are open, what the state line says."""
-        mine, runner, passed = self.desk.controls(self.me), self.runner, self.runner.passed
+    def _enable(self, *, mine: bool) -> None:
+        """Which steps are open, what the state line says; mine: whether this page controls."""
+        runner, passed = self.runner, self.runner.passed
         order = (str(self.motion.value), float(self.duration.value or 0.0))
         fresh = "rehearse" in passed and self.desk.rehearsed == order
         open_steps: dict[Kind, bool] = {

@@ -242,3 +242,13 @@ def test_recover_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert swingid(["recover", str(cut), "--out", str(tmp_path / "new.mcap")]) == 0
     assert len(Recording.load(tmp_path / "new.mcap", RIG)) > 3000
     assert swingid(["recover", str(tmp_path / "none.mcap")]) == 3
+
+
+def test_an_older_journal_is_not_overwritten(tmp_path: Path) -> None:
+    """Also where the run is refused later: the file of a measurement stays as it is."""
+    older = tmp_path / "run.mcap"
+    older.write_bytes(b"a measurement")
+    with pytest.raises(InputError, match="does not overwrite a measurement") as raised:
+        sw.live.connect("twin://paper").run("sine 0.8 rad 8.5 rad/s", duration=2.0, out=older)
+    assert raised.value.code == "file-exists"
+    assert older.read_bytes() == b"a measurement"

@@ -19,7 +19,7 @@ from swingid.errors import DeviceError, InputError, SwingidError, UsageError
 from swingid.live.codes import StopMode
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.guard import Board, Limits, parameters_of
-from swingid.live.journal import Journal, Plan, Recorder
+from swingid.live.journal import Journal, Plan, Recorder, require_new
 from swingid.live.preflight import Rehearsed, energy_limit, expected, rehearsed, require_same_rig, zero_of
 from swingid.live.progress import Follower, Progress
 from swingid.live.session import End, Reason, Session
@@ -106,6 +106,7 @@ class Conductor:
     def run(self, order: Order, out: Path) -> Done:
         """Do it all; raises DeviceError where the run does not begin, and as `rehearsed`."""
         required(order)
+        require_new(out)
         limits = Limits.of(self.rig)
         if isinstance(
             self.stream, TwinDevice

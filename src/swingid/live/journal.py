@@ -63,6 +63,14 @@ class Recorder(Protocol):
         """The end of the file."""
 
 
+def require_new(path: str | Path) -> None:
+    """Raise InputError where a file with content stands there: a run does not overwrite a measurement."""
+    file = Path(path)
+    if file.is_file() and file.stat().st_size:
+        text = f"{path} exists, and a run does not overwrite a measurement; give another --out, or remove it"
+        raise InputError(text, code="file-exists")
+
+
 class Journal:
     """Writes one journal. Feed it every byte (`take`, a `link.Tap`); a full disk stops the journal, never the run.
 

@@ -20,6 +20,7 @@ from swingid.live.codes import StopMode
 from swingid.live.experiment import Conductor, Done, Order, opened, required
 from swingid.live.frames import Decoder
 from swingid.live.guard import Limits
+from swingid.live.journal import require_new
 from swingid.live.progress import Follower, Progress
 from swingid.live.ring import Kind, Reader, Record, Ring
 from swingid.live.worker import DEAD, POLL, Job
@@ -61,6 +62,7 @@ class ProcessConductor:
         """Do it all; raises as `experiment.Conductor.run`, and DeviceError where the process of the link dies."""
         required(order)
         Limits.of(self.rig)
+        require_new(out)
         self._check_out(out)
         ring = self._ring = Ring()
         workers: dict[str, subprocess.Popen[bytes]] = {}

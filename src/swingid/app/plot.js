@@ -31,7 +31,6 @@ export default {
     await loadResource(`${prefix}/swingid/vendor/uPlot.min.css`);
     await loadResource(`${prefix}/swingid/vendor/uPlot.iife.min.js`);
     this.channels = this.lines.map(() => [[], []]);
-    this.levels = this.limits;
     this.make();
     this.sizes = new ResizeObserver(() => this.resize());
     this.sizes.observe(this.$refs.place);
@@ -98,7 +97,7 @@ export default {
       return ticks.map((v) => v.toFixed(digits));
     },
     range(low, high) {
-      const levels = this.levels || [];
+      const levels = this.limits || [];
       const all = [low, high, ...levels].filter((v) => v != null && Number.isFinite(v));
       if (!all.length) return [-1, 1];
       const [from, to] = [Math.min(...all), Math.max(...all)];
@@ -145,11 +144,6 @@ export default {
       this.channels = this.lines.map(() => [[], []]);
       this.plot.setData(this.aligned());
     },
-    limit(levels) {
-      if (this.later("limit", [levels])) return;
-      this.levels = levels;
-      this.plot.setData(this.aligned());
-    },
     shade(from, to) {
       if (this.later("shade", [from, to])) return;
       this.part = [from, to];
@@ -161,7 +155,7 @@ export default {
       draw.save();
       draw.strokeStyle = this.was ? "#ff8a5c" : "#D55E00";
       draw.setLineDash([6, 4]);
-      for (const level of this.levels || []) {
+      for (const level of this.limits || []) {
         const y = plot.valToPos(level, "y", true);
         if (y < top || y > top + height) continue;
         draw.beginPath();

@@ -57,7 +57,7 @@ class Plot(Element, component="plot.js"):
 
     def show(self, time: Array, values: Sequence[Array], bins: int = 2500) -> None:
         """Replace what is drawn by channels (n,) over time (n,), thinned by smallest and largest value of a bin."""
-        # a property, so that a plot in a tab that nobody has opened yet has it, too
+        # a property, so that a plot in a tab that is not opened yet has it, too
         self._props["shown"] = [packed(thinned(time, each, bins)) for each in values]
         self.update()
 
@@ -69,10 +69,6 @@ class Plot(Element, component="plot.js"):
     def clear_rows(self) -> None:
         """Take all rows away."""
         self.run_method("clear")
-
-    def limit(self, levels: Sequence[float]) -> None:
-        """Other dashed lines."""
-        self.run_method("limit", [float(level) for level in levels])
 
     def shade(self, start: float, stop: float) -> None:
         """Shade what lies outside a part (s)."""

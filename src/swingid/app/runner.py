@@ -1,6 +1,6 @@
 """What acts on the rig, in a process of its own: a page that is closed, slow or dead does not touch it.
 
-The process sends what there is to see as datagrams to this machine, which are lost where nobody reads them and never
+The process sends what there is to see as datagrams to this machine, which are lost where they are not read and never
 hold it up. Stops come through a pipe that it looks at with each batch of samples; where the page's process has died the
 run goes on to its end.
 """
@@ -249,9 +249,7 @@ def _check(task: Task, rig: Rig, view: View) -> None:
         found = commission(session, rig, progress=view.say)
     for line in found.lines():
         view.say(line)
-    wrong = [
-        name for name in ("wheel_sign", "voltage_sign") if getattr(found, name) != (getattr(rig.device, name, 1) or 1)
-    ]
+    wrong = [name for name in ("wheel_sign", "voltage_sign") if getattr(found, name) != (getattr(rig.device, name))]
     if wrong:
         text = f"{task.rig}: device.{' and device.'.join(wrong)} must be the other sign; swingid commission writes it"
         raise InputError(text, code="wrong-sign")

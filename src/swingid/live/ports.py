@@ -21,7 +21,7 @@ class Port(Protocol):
         """What the host has sent, without waiting."""
 
     def send(self, data: bytes) -> None:
-        """Bytes for the host; lost where nobody takes them, as on a serial line."""
+        """Bytes for the host; lost where they are not taken, as on a serial line."""
 
     def close(self) -> None:
         """Give the place up."""
@@ -112,7 +112,7 @@ class PtyPort:
             return b""
 
     def send(self, data: bytes) -> None:
-        """Bytes for the host; lost where nobody reads them."""
+        """Bytes for the host; lost where they are not read."""
         with suppress(OSError):
             os.write(self._master, data)
 

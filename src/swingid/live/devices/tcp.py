@@ -59,7 +59,7 @@ class TcpDevice:
 
 
 def open_tcp(address: str) -> TcpDevice:
-    """Connect to ``tcp://HOST:PORT``; UsageError for another address, DeviceError where nobody answers."""
+    """Connect to ``tcp://HOST:PORT``; UsageError for another address, DeviceError where nothing answers."""
     parts = split_address(address)
     parts.require()
     host, _, port = parts.target.rstrip("/").rpartition(":")

@@ -25,6 +25,7 @@ import numpy as np
 from swingid.control.compensator import Compensator
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
+from swingid.numerics.vectors import widest
 from swingid.simulation import simulate
 from swingid.simulation.ensemble import simulate_ensemble
 from swingid.simulation.ensemble.block import move_all
@@ -49,6 +50,7 @@ def reference(times: np.ndarray) -> np.ndarray:
 
 @numba.njit(error_model="numpy", fastmath={"contract", "nsz"})
 def step_of_block(lane: np.ndarray) -> int:
+    widest()
     return move_all(lane, 0, 0)
 
 

@@ -8,13 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.vectors import njit_lane, njit_threads, widest
 from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.events import redo
 from swingid.simulation.ensemble.lanes import LANES
 
 
-@series.njit_lane
+@njit_lane
 def control(lane: Array, i: int, h: float) -> None:
     """Command of run i of a block from its readings, and its controller moved on by a sample of h (s), in place."""
     e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
@@ -65,7 +66,7 @@ FIFTH, PEAKED_FIFTH, FOURTH = 1e-13, 1e-14, 1e-11
 """rad per step: terms below which what follows is negligible."""
 
 
-@series.njit_lane
+@njit_lane
 def reading(q: float, zero: float, noise: float, resolution: float) -> float:
     """Reading (rad) of an encoder without nonlinearity: `model.sensors.encoder_reading`."""
     value = q + zero + noise
@@ -73,7 +74,7 @@ def reading(q: float, zero: float, noise: float, resolution: float) -> float:
     return step * np.rint(value / step) if resolution > 0.0 else value
 
 
-@series.njit_lane
+@njit_lane
 def read_bent(lane: Array, i: int, angle: int, encoder: int, place: int, noise: float) -> None:
     """Reading of run i's row `angle` by the nonlinear encoder whose rows begin at `encoder`, into the row `place`."""
     q, step = lane[angle * LANES + i], lane[encoder * LANES + i]
@@ -83,14 +84,14 @@ def read_bent(lane: Array, i: int, angle: int, encoder: int, place: int, noise: 
     lane[place * LANES + i] = reading(q, lane[(encoder + 3) * LANES + i], noise + bend, step)
 
 
-@series.njit_lane
+@njit_lane
 def too_long(fourth: float, fifth: float, peaked: int) -> bool:
     """Whether a step is too long for a series with these last terms: the next is theirs squared, divided."""
     error, least = (PEAKED_ERROR, PEAKED_FIFTH) if peaked else (ERROR, FIFTH)
     return (abs(fifth) > least) & (fifth * fifth > error * abs(fourth))
 
 
-@series.njit_lane
+@njit_lane
 def motor(lane: Array, i: int, command: float, gear: float, y: float) -> tuple[float, float, float, float, bool, bool]:
     """Run i's motor: torque η c1 u, back-EMF, load and drag on the wheel; whether above or below the dead zone."""
     volts, emf = lane[at.GAIN * LANES + i] * command, lane[at.BACK_EMF * LANES + i]
@@ -104,7 +105,7 @@ def motor(lane: Array, i: int, command: float, gear: float, y: float) -> tuple[f
     return volts, emf, drive, drag, above, below
 
 
-@series.njit_lane
+@njit_lane
 def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     """Run i of a block one step on; 1 and nothing moved where its mode may end in the step, else 0.
 
@@ -184,18 +185,20 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     return 1 if flagged else 0
 
 
-@series.njit_lane
+@njit_lane
 def move_all(lane: Array, peaked: int, resting: int) -> int:
     """All runs of a block one step on; how many are left for `redo`."""
+    widest()
     count = 0
     for i in range(LANES):
         count += move(lane, i, peaked, resting)
     return count
 
 
-@series.njit_lane
+@njit_lane
 def any_rests(lane: Array) -> int:
     """How many runs of a block have an axis or a wheel at rest, where it can stick."""
+    widest()
     count = 0
     for i in range(LANES):
         rests = (lane[at.U * LANES + i] == 0.0) & (lane[at.AXIS_STICKS * LANES + i] != 0.0)
@@ -204,9 +207,10 @@ def any_rests(lane: Array) -> int:
     return count
 
 
-@series.njit_lane
+@njit_lane
 def read_all(lane: Array, bent: int, noise: Array, row: int) -> None:
     """Readings of both encoders of all runs, with the `row` of the noise (2, rows or 1, LANES)."""
+    widest()
     if bent:
         for i in range(LANES):
             read_bent(lane, i, at.Q1, at.ANGLE_STEP, at.ANGLE_READING, noise[0, row, i])
@@ -218,9 +222,10 @@ def read_all(lane: Array, bent: int, noise: Array, row: int) -> None:
         lane[at.WHEEL_READING * LANES + i] = reading(lane[at.Q2 * LANES + i], zero, noise[1, row, i], step)
 
 
-@series.njit_lane
+@njit_lane
 def command_all(lane: Array, closed: int, sample: float) -> None:
     """Commands of all runs, of the controllers or as given, within each rig's own limit."""
+    widest()
     if closed:
         for i in range(LANES):
             control(lane, i, sample)
@@ -234,7 +239,7 @@ def command_all(lane: Array, closed: int, sample: float) -> None:
         lane[at.COMMAND * LANES + i] = command if command < limit else limit
 
 
-@series.njit_threads
+@njit_threads
 def run_block(
     lane: Array,
     p: Array,
@@ -254,6 +259,7 @@ def run_block(
     noise (2, rows or 1, LANES) (rad). log (channels, runs <= LANES, rows) receives angle, wheel angle, command and
     k tilde of every row, as many as it has channels.
     """
+    widest()
     closed, peaked, bent = kinds
     rows, channels, noisy = len(inputs), len(log), noise.shape[1] > 1
     sample = h * steps

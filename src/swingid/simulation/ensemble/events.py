@@ -17,6 +17,7 @@ from swingid.model.motion import LONGEST, advance
 from swingid.model.motor import motor_branch
 from swingid.model.sticking import mode_at_rest, side
 from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.vectors import njit_lane, njit_threads
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
 from swingid.simulation.ensemble.series import INVERSES, TERMS
@@ -34,7 +35,7 @@ SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK = range(6)
 """Rows of the series (6, TERMS + 1)."""
 
 
-@series.njit_lane
+@njit_lane
 def mode_constants(
     mode: Mode, h: float, u: float, p: Array
 ) -> tuple[series.Axis, tuple[float, float], series.Mobility]:
@@ -63,7 +64,7 @@ def mode_constants(
     return axis, (drive - s2 * p[at.GEAR] * p[at.F3], drag), (m11, m12, m22)
 
 
-@series.njit_lane
+@njit_lane
 def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: series.Mobility) -> None:
     """Taylor's coefficients up to `TERMS`, as `series.coefficients` has them up to 5, into a from its first column.
 
@@ -98,7 +99,7 @@ def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: se
         a[WHEEL_SPEED, k + 1] = (m22 * r2 - m12 * r1) * INVERSES[k + 1]
 
 
-@series.njit_lane
+@njit_lane
 def first_change(
     mode: Mode, u: Array, y: Array, ends: tuple[float, float], edges: tuple[float, float]
 ) -> tuple[int, float]:
@@ -135,7 +136,7 @@ def first_change(
     return what, x
 
 
-@series.njit_lane
+@njit_lane
 def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, float]:
     """Speeds Y of the wheel (rad per step of h) at which the torque is at the edges of the motor's branch."""
     if p[at.C2] == 0.0 or (p[at.D1] == 0.0 and p[at.D2] == 0.0):
@@ -149,7 +150,7 @@ def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, floa
     return upper, lower
 
 
-@series.njit_lane
+@njit_lane
 def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -> bool:
     """Whether what rests in a mode may be released within a step, by what friction must hold at its ends."""
     s1, s2, _ = mode
@@ -166,7 +167,7 @@ def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -
     return False
 
 
-@series.njit_threads
+@njit_threads
 def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -> float:
     """Move row NOW of `work` by up to h (s) under the command u through changes of mode; returns what is left (s).
 
@@ -212,7 +213,7 @@ def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -
     return left
 
 
-@series.njit_threads
+@njit_threads
 def redo(lane: Array, p: Array, h: float, work: Array, a: Array, nothing: Array, nowhere: Array, counts: Ints) -> None:
     """Take the flagged steps of a block again, with each change located."""
     for i in range(LANES):

@@ -13,24 +13,10 @@ products wait for others.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
-import numba
 import numpy as np
 
-from swingid.numerics import compiled
 from swingid.numerics.arrays import Array
-
-njit_lane: Callable[[compiled.Function], compiled.Function] = partial(
-    numba.njit, cache=True, error_model="numpy", forceinline=True, fastmath={"contract", "nsz"}
-)
-"""For the arithmetic of one run inside a loop over runs: inlined, products and sums fused."""
-
-njit_threads: Callable[[compiled.Function], compiled.Function] = partial(
-    numba.njit, cache=True, error_model="numpy", nogil=True, fastmath={"contract", "nsz"}
-)
-"""For what runs beside other threads."""
+from swingid.numerics.vectors import njit_lane
 
 LARGEST_ANGLE = 1e5
 """rad: up to here `sine_cosine` is exact to 1e-15; a rig that turns further is not for the ensemble."""

@@ -2,6 +2,7 @@
 # make test       style, types, layers, the installed wheel, the quick tests  (under ten minutes)
 # make test-long  the tests that take minutes
 # make bench      accuracy and speed as tables
+# make speed      speed as ratios to references in the same run; fails where one is worse than benchmarks/history allows
 # make bench-ensemble  many runs at once beside scalar C programs; the last line is the ratio
 # make peers      what other packages do with the same log and loop, into docs/benchmarks.md
 # make compare-with REV=…  results of an old revision beside those of the working tree; QUICK=1, CASES=text, WORDS=1
@@ -12,7 +13,7 @@ BIN := .venv/bin
 PACKAGE := .venv/.package
 STAMP := .venv/.installed
 
-.PHONY: demo test test-long docs bench bench-ensemble peers compare-with venv format style types layers wheel unit clean
+.PHONY: demo test test-long docs bench speed bench-ensemble peers compare-with venv format style types layers wheel unit clean
 
 demo: $(PACKAGE)
 	@$(BIN)/python examples/demo.py
@@ -31,6 +32,9 @@ bench: $(STAMP)
 	@set -e; for script in $(filter-out benchmarks/test_%,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python "$$script"; done
 	@echo "== benchmarks/test_kernels.py"
 	@$(BIN)/python -m pytest benchmarks/test_kernels.py --benchmark-enable --benchmark-only --benchmark-columns=min,median,rounds
+
+speed: $(STAMP)
+	@$(BIN)/python benchmarks/speed --check
 
 peers: $(STAMP)
 	@$(BIN)/python benchmarks/peers

@@ -3,8 +3,8 @@
 The logarithm of a ratio scatters from run to run, by the machine's other work and by where code and data happen to lie
 in memory. Its standard deviation is estimated from the latest `LATEST` records of the same processor and mixed with
 `TYPICAL` as if that were known from `WEIGHT` further records. A new ratio is called worse where it is above the upper
-prediction limit of a normal variable (Student's t, one side, `ALARM` in a case of a run) in two measurements one after
-the other. `python benchmarks/speed --alarms` counts how often each record would have been called worse than those before.
+prediction limit of a normal variable (Student's t, one side, `ALARM` in a case of a run) in two measurements, one after
+the other. `python benchmarks/speed --alarms` counts the records that would have been called worse than those before.
 
 On a processor without `FEWEST` records the limit is `ELSEWHERE` times the median of all records: the ratios of the
 ensembles to scalar C differed by up to two between processors of 256 and 512 bits.

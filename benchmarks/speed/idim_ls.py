@@ -1,7 +1,7 @@
 """The inertia by IDIM-LS as a researcher writes it with SciPy: the reference of `identify` in benchmarks/speed.
 
-Inverse dynamic identification model with least squares (M. Gautier, "Dynamic identification of robots with power model",
-ICRA 1997): both ways through a Butterworth filter, central differences, the regressors, decimated by a parallel
+Inverse dynamic identification model and least squares (M. Gautier, "Dynamic identification of robots with power
+model", ICRA 1997): both ways through a Butterworth filter, central differences, the regressors, decimated by a parallel
 filter, a straight line of least squares, standard deviations from the residual.
 """
 

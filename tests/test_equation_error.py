@@ -26,9 +26,11 @@ from swingid.balance.rows import Signals
 from swingid.checks.consistency import DISAGREES
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
-from swingid.methods.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff, choose_cutoff, lowpass
+from swingid.methods.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff, choose_cutoff
 from swingid.methods.equation_error.estimate import OnGrid, estimate
 from swingid.methods.equation_error.grid import curvature, slope
+from swingid.methods.equation_error.lowpass import ZeroPhase, lowpass
+from swingid.methods.equation_error.scatter import autocorrelation
 from swingid.numerics.regression import hac_covariance, parzen
 from swingid.preparation.prepared import prepare
 from swingid.preparation.scale import Scale
@@ -185,10 +187,10 @@ def test_what_noise_makes_of_the_difference_of_two_cutoffs_is_known():
         log = noisy(clean, 1e-3, seed)
         part = prepare(log, rig).part(reread=True)
         signals = Signals.of(part.log, rig, part.motion, part.encoders)
-        judged, _ = estimate(OnGrid.of(part, rig), signals, scale, Cutoff(8.0, ""), "viscous", instruments=True)
+        judged, _ = estimate(OnGrid.of(part, rig, scale), signals, scale, Cutoff(8.0, ""), "viscous", instruments=True)
         (other, *_) = judged.cutoffs.values()
         differences.append(other.fit.a11 - judged.chosen.fit.a11)
-        predicted.append(judged.chosen.variance_of_difference(other, judged.motion))
+        predicted.append(judged.chosen.variance_of_difference(other))
     # 40 values tell a spread to 11 %
     assert np.std(differences) == pytest.approx(np.sqrt(np.mean(predicted)), rel=0.35)
 
@@ -323,7 +325,7 @@ def test_the_lowpass_has_zero_phase_and_half_the_amplitude_at_its_cutoff():
     middle = slice(15_000, 25_000)
     for frequency, gain in ((1.0, 1 / (1 + (1 / 10) ** 8)), (10.0, 0.5)):
         wave = np.sin(2 * np.pi * frequency * time)
-        left = lowpass(wave[None], 1e-3, Cutoff(10.0, ""))[0]
+        left = lowpass(wave[None], 1e-3, 10.0)[0]
         assert left[middle] == pytest.approx(gain * wave[middle], abs=1e-3)
 
 
@@ -336,3 +338,29 @@ def test_parzen_covariance_of_white_and_of_differenced_noise():
     assert hac_covariance(bent, 40, 1, bent.shape[1])[0, 0] < 0.002 * float((bent**2).sum())
     assert parzen(9)[0] == 1.0
     assert parzen(9)[5] == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(
+    ("count", "frequency", "step", "every", "first"),
+    [(24_501, 9.96, 1e-3, 20, 2), (24_501, 3.5, 1e-3, 57, 2), (3000, 20.0, 1e-2, 1, 0), (150, 0.5, 1e-2, 40, 2)],
+)
+def test_the_lowpass_in_blocks_is_that_of_scipy(count, frequency, step, every, first):
+    signal = pytest.importorskip("scipy.signal")
+    columns = np.random.default_rng(4).standard_normal((3, count)).cumsum(axis=1)
+    own = ZeroPhase(frequency, step, every, first)
+    sections, pad = signal.butter(4, frequency, fs=1 / step, output="sos"), min(own.padding, count - 1)
+    wanted = signal.sosfiltfilt(sections, columns, padlen=pad)[:, first:-2:every]
+    scale = np.max(np.abs(wanted))
+    assert own.rows(columns, wanted.shape[1]) == pytest.approx(wanted, abs=1e-11 * scale)
+    place = first + every * np.arange(wanted.shape[1])
+    weights = np.where((place > pad) & (place < count - 1 - pad), wanted, 0.0)
+    spread = np.zeros((3, count))
+    spread[:, place] = weights
+    back = signal.sosfiltfilt(sections, spread, padlen=pad)
+    assert own.spread(weights, count) == pytest.approx(back, abs=1e-11 * scale)
+
+
+def test_autocorrelation_is_the_sum_of_products():
+    values = np.random.default_rng(5).standard_normal(50)
+    wanted = [values[k:] @ values[: len(values) - k] for k in range(50)]
+    assert autocorrelation(values, 70) == pytest.approx([*wanted, *[0.0] * 21], abs=1e-12)

@@ -250,7 +250,14 @@ def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array
     used: scores that are not zero. Small-sample factor n / (n − p), n = 1.85 used / reach independent stretches.
     """
     reach = min(reach, scores.shape[1] - 1)
-    covariance = _weighted_products(scores, parzen(reach))
+    # a quadratic form with a Toeplitz matrix, by its spectrum
+    size = 1 << (scores.shape[1] + reach).bit_length()
+    kernel, spectra = np.zeros(size), np.fft.rfft(scores, size)
+    kernel[: reach + 1] = parzen(reach)
+    kernel[size - reach :] = kernel[reach:0:-1]
+    weighted = np.fft.irfft(spectra * np.fft.rfft(kernel).real, size)[:, : scores.shape[1]]
+    covariance = weighted @ scores.T
+    covariance = (covariance + covariance.T) / 2
     independent = 1.85 * used / (reach + 1)
     result: Array = covariance * max(independent / max(independent - unknowns, 1.0), 1.0)
     return result

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.errors import UnanswerableError, UsageError
-from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.speed import Speed
 
@@ -35,7 +34,6 @@ HIGHEST = 0.2
 BESIDE = 2**0.5
 """Factor between a cut-off and those that it is compared with."""
 
-ORDER = 4
 SETTLING = 2.0
 """Periods of the cut-off after which the transient of the filter has decayed to about 1 %."""
 
@@ -109,13 +107,3 @@ def motion_frequency(speed: Speed, start: float, stop: float) -> tuple[float, fl
     share = np.cumsum(spectrum) / spectrum.sum()
     motion = max(float(np.interp(0.99, share, frequencies)), float(frequencies[1]))
     return motion, float(np.mean(np.gradient(values, spacing) ** 2))
-
-
-def lowpass(columns: Array, step: float, cutoff: Cutoff) -> Array:
-    """Butterworth low-pass of order 4, forward and backward (zero phase), along the last axis."""
-    from scipy.signal import butter, sosfiltfilt
-
-    sections = butter(ORDER, cutoff.frequency, fs=1 / step, output="sos")
-    padding = min(columns.shape[-1] - 1, int(2 / (cutoff.frequency * step)))
-    result: Array = np.asarray(sosfiltfilt(sections, columns, axis=-1, padlen=padding), dtype=np.float64)
-    return result

@@ -19,7 +19,8 @@ from swingid.methods.equation_error.cutoff import AT_LEAST, SETTLING, Cutoff
 from swingid.methods.equation_error.fit import ROWS_PER_UNKNOWN, best_lag, fit_rows
 from swingid.methods.equation_error.grid import Grid, even_grid
 from swingid.methods.equation_error.laws import Law, Laws, LawTable
-from swingid.methods.equation_error.rows import RowFilter, filtered_rows
+from swingid.methods.equation_error.regressors import Regressors
+from swingid.methods.equation_error.rows import RowFilter
 from swingid.methods.equation_error.scatter import Fitted
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -51,21 +52,30 @@ SETTLED = 0.1
 
 @dataclass(frozen=True)
 class OnGrid:
-    """The used part of the log on its grid, its motion, and intervals whose rows are excluded."""
+    """The used part of the log on its grid, its motion and regressors, and intervals whose rows are excluded."""
 
     grid: Grid
-    motion: Motion
+    regressors: Regressors
     closed: Array
     noise: Noise
 
     @classmethod
-    def of(cls, part: Part, rig: Rig) -> OnGrid:
+    def of(cls, part: Part, rig: Rig, scale: Scale) -> OnGrid:
         """The grid of a part; rests of the axis and gaps between rows are excluded."""
         time, motion = part.log.time, part.motion
         late = np.nonzero(np.diff(time) > part.longest_gap)[0]
         gaps = np.column_stack([time[late], time[late + 1]])
         grid = even_grid(part.log, rig, part.encoders)
-        return cls(grid, motion, np.vstack([motion.rests, gaps]), part.noise)
+        return cls(grid, Regressors(grid, motion, scale), np.vstack([motion.rests, gaps]), part.noise)
+
+    @property
+    def motion(self) -> Motion:
+        """The motion, with its turning points."""
+        return self.regressors.motion
+
+    def earlier(self, late: Array) -> OnGrid:
+        """The same with every turning point `late` seconds earlier (one value each)."""
+        return replace(self, regressors=self.regressors.earlier(late))
 
     def reach(self, row_step: float, rows: int) -> int:
         """Rows up to which correlation is taken into account: two periods."""
@@ -101,18 +111,18 @@ class Selection:
     @property
     def common(self) -> list[tuple[Source, str, float]]:
         """Type A errors that the scatter does not contain: common to all rows, or shown by other fits."""
-        found = self.chosen.common(self.motion)
+        found = self.chosen.common()
         found["choice of the friction law"] = self.between_laws
         if "memory" not in self.chosen.fit.unknowns:
             effect = float(self.chosen.fit.fit.influence[0] @ self.memory)
             found["timing of the turning points"] = abs(effect) * self.impulse
         # the cut-offs have the same noise and lack of fit, so their differences are one error
-        apart = [self.chosen.contradicted(other, self.motion) for other in self.cutoffs.values()]
+        apart = [self.chosen.contradicted(other) for other in self.cutoffs.values()]
         found |= {"drift with the cut-off": max(apart, default=0.0), DISAGREES: self.from_momentum}
         found[CONFLICT] = self.conflict
         entries = [(systematic(source), "inertia", spread) for source, spread in found.items()]
         for name in self.chosen.scale.unknown:
-            own = self.chosen.common(self.motion, name)
+            own = self.chosen.common(name)
             entries += [(systematic(source), name, spread) for source, spread in own.items()]
         return entries
 
@@ -129,12 +139,12 @@ def estimate(
     else:
         row_filter = choose_lower(part, scale, cutoff)
     law, laws, late = _law(part, signals, scale, row_filter, given)
-    part = replace(part, motion=part.motion.earlier(late))
+    part = part.earlier(late)
     others = [(other, weight) for other, weight in laws.likely if other.name != law.name]
     plain = _fit(part, scale, row_filter, law, (), instruments)
     memory = _fit(part, scale, row_filter, law, ("memory",), instruments, plain.lag)
     # dynamic friction is part of the model where its impulse at each reversal is significant
-    spread, size = memory.spread("memory", part.motion), abs(memory.fit.value("memory"))
+    spread, size = memory.spread("memory"), abs(memory.fit.value("memory"))
     levels = dry_levels(signals, plain.fit)
     dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
     dry += float(np.abs(np.mean(levels)))
@@ -163,7 +173,7 @@ def choose_lower(part: OnGrid, scale: Scale, rule: Cutoff) -> RowFilter:
         row_filter = RowFilter.of(part.grid, cutoff, part.closed)
         if tried and row_filter.usable.sum() < ROWS_PER_UNKNOWN * RICHEST:
             break
-        tried.append((_plain(part, scale, row_filter).relative(part.motion), row_filter))
+        tried.append((_plain(part, scale, row_filter).relative(), row_filter))
     least = min(relative for relative, _ in tried)
     row_filter = next(one for relative, one in tried if relative <= FLAT * least)
     if row_filter.cutoff.frequency == rule.frequency:
@@ -175,11 +185,11 @@ def choose_lower(part: OnGrid, scale: Scale, rule: Cutoff) -> RowFilter:
 def _plain(part: OnGrid, scale: Scale, row_filter: RowFilter) -> Fitted:
     """The fit with Coulomb and viscous friction."""
     terms = ("coulomb", "viscous")
-    rows = filtered_rows(row_filter, part.motion, terms, scale)
+    rows = part.regressors.rows(row_filter, terms)
     reach = part.reach(row_filter.row_step, len(rows.windows))
     fit = fit_rows(rows, scale, terms, row_filter.usable, reach, 0)
     b = fit.value("gravity_torque") if scale.b is None else scale.b
-    return Fitted(fit, row_filter, rows, 0, reach, 0.0 if scale.linear else b, scale, part.noise)
+    return Fitted(fit, row_filter, part.regressors, rows, 0, reach, 0.0 if scale.linear else b, scale, part.noise)
 
 
 def _law(
@@ -189,16 +199,14 @@ def _law(
 
     Friction delays them, and its regressors depend on them: both are found by iteration.
     """
-    table = LawTable(row_filter, part.motion, part.noise.angle)
+    table = LawTable(row_filter, part.regressors, part.noise.angle)
     late = np.zeros(len(part.motion.turning_times))
     for _ in range(PASSES):
-        motion = part.motion.earlier(late)
-        rows = filtered_rows(row_filter, motion, EXACT, scale)
+        moved = part.earlier(late) if np.any(late) else part
+        rows = moved.regressors.rows(row_filter, EXACT)
         reach = part.reach(row_filter.row_step, len(rows.windows))
         first = fit_rows(rows, scale, ("coulomb", "viscous"), row_filter.usable, reach, 0)
-        laws = table.choose(rows, first.weights, scale).where(
-            partial(_peaked, replace(part, motion=motion), scale, row_filter)
-        )
+        laws = table.choose(rows, first.weights, scale).where(partial(_peaked, moved, scale, row_filter))
         law = laws.best if given is None else table.fitted(given, rows, first.weights, scale)
         before, late = late, late_reversals(signals, law.torque, abs(first.a11), part.noise, dry_levels(signals, first))
         if np.max(np.abs(late - before)) <= SETTLED * np.max(np.abs(late)):
@@ -209,7 +217,7 @@ def _law(
 def _peaked(part: OnGrid, scale: Scale, row_filter: RowFilter, law: Law) -> bool:
     """Whether Stribeck's peak is significant beside noise and the encoder's grid, whose errors repeat."""
     fit = _fit(part, scale, row_filter, law, (), instruments=False)
-    return abs(fit.fit.value("stribeck")) > INDICATED * fit.spread("stribeck", part.motion)
+    return abs(fit.fit.value("stribeck")) > INDICATED * fit.spread("stribeck")
 
 
 def _fit(
@@ -223,13 +231,13 @@ def _fit(
 ) -> Fitted:
     """The fit of the rows of one filter with one law, and `more` terms; lag: of the instruments, None to choose it."""
     terms = (*law.unknowns, *more)
-    rows = filtered_rows(row_filter, part.motion, terms, scale, law.stribeck_speed, law.peak)
+    rows = part.regressors.rows(row_filter, terms, law.stribeck_speed, law.peak)
     if lag is None:
         lag = _lag(part, scale, row_filter, rows, terms) if instruments else 0
     reach = part.reach(row_filter.row_step, len(rows.windows))
     fit = fit_rows(rows, scale, terms, row_filter.usable, reach, lag)
     b = fit.value("gravity_torque") if scale.b is None else scale.b
-    return Fitted(fit, row_filter, rows, lag, reach, 0.0 if scale.linear else b, scale, part.noise)
+    return Fitted(fit, row_filter, part.regressors, rows, lag, reach, 0.0 if scale.linear else b, scale, part.noise)
 
 
 def _lag(part: OnGrid, scale: Scale, row_filter: RowFilter, rows: Rows, terms: tuple[str, ...]) -> int:

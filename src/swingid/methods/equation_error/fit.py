@@ -62,7 +62,9 @@ def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, re
     weights = usable.astype(np.float64)
     for _ in range(ROUNDS):
         fit, inverse = _solve(columns, target, instruments, weights)
-        weights = usable * _huber(fit.residuals, usable)
+        before, weights = weights, usable * _huber(fit.residuals, usable)
+        if np.array_equal(weights, before):
+            break
     covariance = hac_covariance(fit.influence * fit.residuals, reach, len(unknowns), int(usable.sum()))
     return RowFit(unknowns, fit, covariance, weights, inverse)
 
@@ -108,8 +110,9 @@ def _solve(columns: Array, target: Array, instruments: Array, weights: Array) ->
     scale[scale == 0] = 1.0
     weighted = (instruments / scale).T * weights
     gram = weighted @ (columns / scale)
-    spread = np.linalg.svd(gram, compute_uv=False)
-    inverse = np.linalg.pinv(gram, rcond=1e-14) / scale[:, None]
+    left, spread, right = np.linalg.svd(gram)
+    seen = np.divide(1.0, spread, out=np.zeros_like(spread), where=spread > 1e-14 * spread[0])
+    inverse = (right.T * seen) @ left.T / scale[:, None]
     influence = inverse @ weighted
     values = influence @ target
     condition = float(np.sqrt(spread[0] / spread[-1])) if spread[-1] > 0 else float("inf")

@@ -7,7 +7,7 @@ them, weighted by their criterion, is an uncertainty (Bayesian model averaging; 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +24,16 @@ from swingid.balance.friction_laws import (
 )
 from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.rows import Rows
+from swingid.methods.equation_error.regressors import Regressors
 from swingid.methods.equation_error.rows import RowFilter
 from swingid.numerics.arrays import Array
-from swingid.preparation.motion import Motion
 from swingid.preparation.scale import Scale
 
 POSSIBLE = 1e-3
 """Probability below which a law is not fitted."""
+
+TOGETHER = 8
+"""Hat functions that are filtered together."""
 
 FINER = 4
 """Grids of Stribeck speeds for a given law, each between the neighbours of the best of the one before."""
@@ -92,15 +95,12 @@ class LawTable:
     Regressors of the direction of motion are filtered again when the turning points change, the others once.
     """
 
-    def __init__(self, row_filter: RowFilter, motion: Motion, noise: float) -> None:
-        grid, speed = row_filter.grid, motion.speed
-        smooth = speed.at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
-        self.row_filter = row_filter
+    def __init__(self, row_filter: RowFilter, regressors: Regressors, noise: float) -> None:
+        smooth = regressors.smooth
         self.fastest = float(np.quantile(np.abs(smooth), 0.999))
         self.knots = speed_knots(self.fastest, KNOTS)
-        self.slowest = slowest_peak(motion, noise)
-        columns = [np.interp(smooth, self.knots, unit) for unit in np.eye(len(self.knots))]
-        self.hats = np.column_stack([row_filter(column)[0] for column in columns])
+        self.slowest = slowest_peak(regressors.motion, noise)
+        self.hats = np.vstack([row_filter(*columns) for columns in _hats(smooth, self.knots)]).T
 
     def choose(self, rows: Rows, weights: Array, scale: Scale) -> Laws:
         """The laws for these rows with their robust weights; rows must contain all terms of `EXACT`."""
@@ -140,3 +140,15 @@ class LawTable:
         _, body = columns_of(rows, scale, ())
         friction = FrictionRows(rows.select(used), self.fastest, self.knots, columns)
         return friction, body[used] * root[:, None], known_side(rows, scale)[used] * root
+
+
+def _hats(speeds: Array, knots: Array) -> Iterator[Array]:
+    """Hat functions on rising `knots` at `speeds` (n,), constant beyond them, `TOGETHER` at a time: (columns, n)."""
+    left = np.clip(np.searchsorted(knots, speeds, side="right") - 1, 0, len(knots) - 2)
+    share = np.clip((speeds - knots[left]) / np.diff(knots)[left], 0.0, 1.0)
+    for first in range(0, len(knots), TOGETHER):
+        columns = np.zeros((min(TOGETHER, len(knots) - first), len(speeds)))
+        for hat, values in ((left, 1 - share), (left + 1, share)):
+            here = np.flatnonzero((hat >= first) & (hat < first + len(columns)))
+            columns[hat[here] - first, here] = values[here]
+        yield columns

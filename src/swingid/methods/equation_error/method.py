@@ -63,7 +63,7 @@ def equation_error(
         law_terms(friction, code="unknown-friction")
     part = prepared.part(reread=True)
     rig, scale, noise = prepared.rig, prepared.scale, part.noise
-    on_grid = OnGrid.of(part, rig)
+    on_grid = OnGrid.of(part, rig, scale)
     if len(part.motion.turning_times) < 2:
         message = "the used part of the log contains no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")

@@ -9,20 +9,17 @@ from functools import cached_property
 import numpy as np
 
 from swingid.balance.rows import Rows
-from swingid.methods.equation_error.cutoff import SETTLING
 from swingid.methods.equation_error.fit import RowFit
-from swingid.methods.equation_error.grid import STENCIL, curvature
+from swingid.methods.equation_error.grid import curvature
+from swingid.methods.equation_error.regressors import Regressors
 from swingid.methods.equation_error.rows import RowFilter
 from swingid.model.terms import stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import parzen
-from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import Scale
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
-
-GRID_PHASES = 8
 
 
 @dataclass(frozen=True)
@@ -35,6 +32,7 @@ class Fitted:
 
     fit: RowFit
     row_filter: RowFilter
+    regressors: Regressors
     rows: Rows
     lag: int
     reach: int
@@ -51,95 +49,84 @@ class Fitted:
         """
         weights = own @ self.fit.fit.influence
         seen = float(own @ self.fit.covariance @ own)
-        lags = zip(parzen(self.reach), self._autocovariance, strict=True)
-        smeared = sum(
-            (1.0 if k == 0 else 2.0) * kernel * noise * float(weights[k:] @ weights[: len(weights) - k])
-            for k, (kernel, noise) in enumerate(lags)
-        )
+        smeared = float(self._lagged @ autocorrelation(weights, self.reach))
         # number of independent stretches of a Parzen kernel, as in `hac_covariance`
         chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.fit.weights)))
-        return float(self._white(weights) + max(seen - smeared - chance, 0.0))
+        return float(self._white(own) + max(seen - smeared - chance, 0.0))
 
     def freedom(self, own: Array) -> float:
         """Degrees of freedom of `variance`: those of its part beyond the white noise of both angles."""
         weights = own @ self.fit.fit.influence
-        white = self._white(weights)
+        white = self._white(own)
         rows = scatter_freedom(weights, parzen(self.reach), len(self.fit.unknowns))
         beyond = max(self.variance(own) - white, 0.0)
         return effective_freedom(((white**0.5, math.inf), (beyond**0.5, rows)))
 
-    @property
+    @cached_property
     def _pull(self) -> Array:
         """Stiffness of gravity and of the terms that the rig states, at every row of the grid (N m/rad or N/m)."""
-        angle = self.row_filter.grid.angle
-        return np.asarray(self.stiffness * np.cos(angle) + stated_stiffness(self.scale.further, angle))
-
-    def _white(self, weights: Array) -> float:
-        """Variance of Σ weights · row from white noise of both angles."""
-        axis, wheel = self._per_sample(weights)
-        return float(axis @ axis + wheel @ wheel)
-
-    def _per_sample(self, weights: Array) -> tuple[Array, Array]:
-        """Contribution of the noise of each sample of both angles to Σ weights · row, as standard deviations."""
-        grid = self.row_filter.grid
-        spread = self.row_filter.adjoint(weights)
-        curved = curvature(spread, grid.step)
-        axis = self.fit.a11 * curved + self._pull * spread
-        return axis * self.noise.angle, curved * (self.scale.a12 * self.noise.wheel)
+        stated = stated_stiffness(self.scale.further, self.row_filter.grid.angle)
+        return np.asarray(self.stiffness * self.regressors.cosine + stated)
 
     @cached_property
-    def _autocovariance(self) -> Array:
-        """Covariance by white noise of both angles of rows 0 to `reach` apart."""
-        every = self.row_filter.every
-        spread, curved = self._responses
+    def _of_unknown(self) -> dict[int, tuple[Array, Array]]:
+        """`_per_sample` of single unknowns, by their numbers, as far as needed."""
+        return {}
+
+    def _white(self, own: Array) -> float:
+        """Variance of a combination of the unknowns from white noise of both angles."""
+        axis, wheel = self._per_sample(own)
+        return float(axis @ axis + wheel @ wheel)
+
+    def _per_sample(self, own: Array) -> tuple[Array, Array]:
+        """Contribution of the noise of each sample of both angles to a combination of the unknowns, as deviations."""
+        grid, kept = self.row_filter.grid, self._of_unknown
+        for k in map(int, np.flatnonzero(own)):
+            if k not in kept:
+                spread = self.row_filter.adjoint(self.fit.fit.influence[k])
+                curved = curvature(spread, grid.step)
+                axis = self.fit.a11 * curved + self._pull * spread
+                kept[k] = axis * self.noise.angle, curved * (self.scale.a12 * self.noise.wheel)
+        (first, *others) = ((own[k], *kept[k]) for k in map(int, np.flatnonzero(own)))
+        axis, wheel = first[0] * first[1], first[0] * first[2]
+        for weight, more, turn in others:
+            axis, wheel = axis + weight * more, wheel + weight * turn
+        return axis, wheel
+
+    @cached_property
+    def _lagged(self) -> Array:
+        """Weights of the autocorrelation of a row's influence in the variance by white noise, lags 0 to `reach`."""
+        every, lags = self.row_filter.every, self.reach + 1
+        spread, curved = self.row_filter.response
         axis = self.fit.a11 * curved + float(np.mean(self._pull)) * spread
-        result = np.zeros(self.reach + 1)
-        for k in range(min(self.reach, len(curved) // every) + 1):
-            late = slice(k * every, None), slice(None, len(curved) - k * every)
-            wheel = (self.scale.a12 * self.noise.wheel) ** 2 * float(curved[late[0]] @ curved[late[1]])
-            result[k] = wheel + self.noise.angle**2 * float(axis[late[0]] @ axis[late[1]])
-        return result
+        wheel = self.scale.a12 * self.noise.wheel * curved
+        both = (autocorrelation(one, every * self.reach)[::every] for one in (axis * self.noise.angle, wheel))
+        return np.where(np.arange(lags) == 0, 1.0, 2.0) * parzen(self.reach) * sum(both)
 
-    @property
-    def _responses(self) -> tuple[Array, Array]:
-        """Weights of one row on the samples of an angle around it, and on those of its second derivative."""
-        row_filter = self.row_filter
-        weights = np.zeros(len(row_filter.instants))
-        weights[len(weights) // 2] = 1.0
-        spread = row_filter.adjoint(weights)
-        curved = curvature(spread, row_filter.grid.step)
-        middle = STENCIL + len(weights) // 2 * row_filter.every
-        reach = int(2 * SETTLING / (row_filter.cutoff.frequency * row_filter.grid.step))
-        near = slice(max(middle - reach, 0), middle + reach)
-        return spread[near], curved[near]
-
-    def common(self, motion: Motion, unknown: str = "inertia") -> dict[str, float]:
+    def common(self, unknown: str = "inertia") -> dict[str, float]:
         """Errors of an unknown that are common to all rows, by source."""
         found, k = {}, self.fit.unknowns.index(unknown)
         if self.lag == 0:
             share = abs(float(self.fit.inverse[k, 0] / self.fit.inverse[0, 0])) if k else 1.0
             found["noise in the acceleration (least squares)"] = abs(self.fit.a11) * self.attenuation * share
         if self.noise.resolution > 0:
-            found["place of the encoder's grid"] = rms(self.grid_effects(motion, unknown))
+            found["place of the encoder's grid"] = rms(self.grid_effects(unknown))
         return found
 
-    @property
+    @cached_property
     def attenuation(self) -> float:
         """Share by which white noise of the angle in its own regressor lowers the inertia of least squares."""
-        _, response = self._responses
+        _, response = self.row_filter.response
         variance = self.noise.angle**2 * float(response @ response)
         return float(variance * self.fit.weights.sum() * self.fit.inverse[0, 0])
 
-    def grid_effects(self, motion: Motion, unknown: str = "inertia") -> Array:
+    def grid_effects(self, unknown: str = "inertia") -> Array:
         """Errors of an unknown at eight grid phases of the encoder (`systematics.grid_spread`).
 
         They repeat at every swing, so those of the instruments are correlated with those of the row.
         """
-        grid, speed, step = self.row_filter.grid, motion.speed, self.noise.resolution
         k = self.fit.unknowns.index(unknown)
-        smooth = speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1]))
-        shifted = smooth / step + np.arange(GRID_PHASES)[:, None] / GRID_PHASES
-        errors = self.row_filter(*(curvature(x, grid.step) for x in (np.round(shifted) - shifted) * step))
+        errors = self.regressors.grid_errors(self.row_filter, self.noise.resolution)
         effects = errors @ self.fit.fit.influence[k]
         if self.lag > 0:
             pairs = self.fit.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
@@ -147,40 +134,49 @@ class Fitted:
         result: Array = abs(self.fit.a11) * effects
         return result
 
-    def spread(self, unknown: str, motion: Motion) -> float:
+    def spread(self, unknown: str) -> float:
         """Standard uncertainty of an unknown from the scatter, the sensors' noise and the grid phase."""
         own = np.eye(len(self.fit.unknowns))[self.fit.unknowns.index(unknown)]
-        grid = rms(self.grid_effects(motion, unknown)) if self.noise.resolution > 0 else 0.0
+        grid = rms(self.grid_effects(unknown)) if self.noise.resolution > 0 else 0.0
         return float(np.hypot(np.sqrt(self.variance(own)), grid))
 
-    def relative(self, motion: Motion) -> float:
+    def relative(self) -> float:
         """Standard uncertainty of a11 by the sensors, lack of fit and attenuation, as a share of its magnitude."""
         own = abs(self.fit.a11)
-        return float(np.hypot(self.spread("inertia", motion), own * self.attenuation)) / max(own, 1e-300)
+        return float(np.hypot(self.spread("inertia"), own * self.attenuation)) / max(own, 1e-300)
 
-    def contradicted(self, other: Fitted, motion: Motion) -> float:
+    def contradicted(self, other: Fitted) -> float:
         """Dark uncertainty by the difference to another fit of the same log, beyond what explains it.
 
         That is the noise of the sensors, or the difference of the variances (Hausman 1978), which has the lack of fit.
         """
         own, others = (one.variance(np.eye(len(one.fit.unknowns))[0]) for one in (self, other))
-        variance = max(self.variance_of_difference(other, motion), abs(own - others))
+        variance = max(self.variance_of_difference(other), abs(own - others))
         return dark_uncertainty(other.fit.a11 - self.fit.a11, variance, float(np.sqrt(own)))
 
-    def variance_of_difference(self, other: Fitted, motion: Motion) -> float:
+    def variance_of_difference(self, other: Fitted) -> float:
         """Variance of the difference of a11 to another fit of the same log, from the sensors.
 
         Both fits are linear in the same noise, so its effect on their difference is known, that of the grid too.
         """
-        mine, theirs = (one._per_sample(one.fit.fit.influence[0]) for one in (self, other))
+        mine, theirs = (one._per_sample(np.eye(len(one.fit.unknowns))[0]) for one in (self, other))
         variance = sum(float((a - b) @ (a - b)) for a, b in zip(mine, theirs, strict=True))
         if self.lag == 0:
             variance += (self.fit.a11 * (self.attenuation - other.attenuation)) ** 2
         if self.noise.resolution > 0:
-            variance += rms(self.grid_effects(motion) - other.grid_effects(motion)) ** 2
+            variance += rms(self.grid_effects() - other.grid_effects()) ** 2
         return variance
 
 
 def rms(values: Array) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(values**2)))
+
+
+def autocorrelation(values: Array, reach: int) -> Array:
+    """Sums of products of values (n,) that are 0 to `reach` apart."""
+    size = 1 << (len(values) + min(reach, len(values))).bit_length()
+    power = np.abs(np.fft.rfft(values, size)) ** 2
+    found = np.fft.irfft(power, size)[: reach + 1]
+    found[len(values) :] = 0.0
+    return np.concatenate([found, np.zeros(reach + 1 - len(found))])

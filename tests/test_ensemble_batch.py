@@ -10,8 +10,8 @@ from swingid.batch import energy_batch, momentum_batch, plan_batch
 from swingid.batch.kernels import kinked, signs, slopes, smoothing, window_weights
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
+from swingid.numerics.vectors import decay, sine_cosine
 from swingid.simulation.ensemble import simulate_ensemble
-from swingid.simulation.ensemble.series import decay, sine_cosine
 from twin_logs import given
 
 
@@ -62,7 +62,7 @@ def test_reversals_are_in_their_place_though_the_acceleration_jumps_there():
     slopes(angle, smoothing(width, step)[1], speed)
     found = np.interp(0.0, speed[80:120], t[80:120])
     assert found == pytest.approx(-7e-5, abs=1e-5)
-    signs(angle, speed, kinked(width, step), sign, late)
+    signs(angle, speed, kinked(width, step), np.empty(200, np.int64), sign, late)
     inside = slice(50, 150)
     assert np.allclose(sign[inside], np.clip(2.0 * t[inside] / step, -1.0, 1.0), atol=0.01)
     assert np.sum(late[inside]) == pytest.approx(0.0, abs=1e-9)  # one reversal has no scatter

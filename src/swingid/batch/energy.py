@@ -12,12 +12,13 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from swingid.batch.kernels import least_squares, njit_sums_threads, slopes, smoothing
+from swingid.batch.kernels import least_squares, slopes, smoothing
 from swingid.batch.plan import Batch, Plan, at_stamps, require_batch
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.vectors import njit_sums_threads, widest
 from swingid.preparation.scale import Scale
 from swingid.system import cores
 
@@ -40,34 +41,56 @@ TOGETHER = 32
 
 @njit_sums_threads
 def running(v1: Array, v2: Array, wheel: Array, voltage: Array, step: float, constants: Array, sums: Array) -> None:
-    """Running integrals (5, rows): the drive's work (the voltage held), |v|, v^2, |v| v^2, |v| v (trapezoids)."""
-    total = np.zeros(5)
-    eta, gear, f2, f3 = constants[ETA], constants[GEAR], constants[F2], constants[F3]
-    for j in range(len(v1) - 1):
-        for i in range(5):
-            sums[i, j] = total[i]
-        if len(wheel) > 0:
+    """Running integrals (5, rows): the drive's work (the voltage held), |v|, v^2, |v| v^2, |v| v (trapezoids).
+
+    What each step adds is computed first, for many steps at once, then summed up.
+    """
+    widest()
+    rows, half = len(v1), 0.5 * step
+    work, path, square, cube, signed = sums[0], sums[1], sums[2], sums[3], sums[4]
+    for j in range(rows - 1):
+        work[j + 1] = 0.0
+    if len(wheel) > 0:
+        eta, gear, f2, f3 = constants[ETA], constants[GEAR], constants[F2], constants[F3]
+        c1, c2, low, high = constants[C1], constants[C2], constants[LOW], constants[HIGH]
+        for j in range(rows - 1):
             v = 0.5 * (v2[j] + v2[j + 1])
-            ideal = eta * (constants[C1] * voltage[j] - constants[C2] * v)
-            torque = max(ideal - constants[HIGH], 0.0) + min(ideal - constants[LOW], 0.0)
-            total[0] += gear * (torque - f2 * gear * v - f3 * np.sign(v)) * (wheel[j + 1] - wheel[j])
+            ideal = eta * (c1 * voltage[j] - c2 * v)
+            torque = max(ideal - high, 0.0) + min(ideal - low, 0.0)
+            side = 1.0 if v > 0.0 else (-1.0 if v < 0.0 else 0.0)
+            drive = gear * (torque - f2 * gear * v - f3 * side) * (wheel[j + 1] - wheel[j])
             # v^2 has a larger mean over the step than v has squared
-            loss = f2 * gear + (eta * constants[C2] if torque != 0.0 else 0.0)
-            total[0] -= gear * loss * step * (v2[j + 1] - v2[j]) ** 2 / 12.0
+            loss = f2 * gear + (eta * c2 if torque != 0.0 else 0.0)
+            work[j + 1] = drive - gear * loss * step * (v2[j + 1] - v2[j]) ** 2 * (1 / 12)
+    for j in range(rows - 1):
         a, b = v1[j], v1[j + 1]
-        total[1] += 0.5 * step * (abs(a) + abs(b))
-        total[2] += 0.5 * step * (a * a + b * b)
-        total[3] += 0.5 * step * (abs(a) * a * a + abs(b) * b * b)
-        total[4] += 0.5 * step * (abs(a) * a + abs(b) * b)
-    for i in range(5):
-        sums[i, len(v1) - 1] = total[i]
+        path[j + 1] = half * (abs(a) + abs(b))
+        square[j + 1] = half * (a * a + b * b)
+    for j in range(rows - 1):
+        a, b = v1[j], v1[j + 1]
+        cube[j + 1] = half * (abs(a) * a * a + abs(b) * b * b)
+        signed[j + 1] = half * (abs(a) * a + abs(b) * b)
+    total = (0.0, 0.0, 0.0, 0.0, 0.0)
+    work[0], path[0], square[0], cube[0], signed[0] = total
+    for j in range(1, rows):
+        total = (total[0] + work[j], total[1] + path[j], total[2] + square[j], total[3] + cube[j], total[4] + signed[j])
+        work[j], path[j], square[j], cube[j], signed[j] = total
+
+
+@njit_sums_threads
+def extent(values: Array) -> float:
+    """Largest less smallest of `values` (rows,)."""
+    widest()
+    low, high = values[0], values[0]
+    for j in range(len(values)):
+        low, high = min(low, values[j]), max(high, values[j])
+    return float(high - low)
 
 
 @njit_sums_threads
 def turning_points(angle: Array, v: Array, first: int, last: int, turns: Ints) -> int:
     """Samples nearest to the reversals of v between first and last into `turns`; returns how many were found."""
-    low, high = angle[first:last].min(), angle[first:last].max()
-    threshold, count = SMALLEST_SWING * (high - low), 0
+    threshold, count = SMALLEST_SWING * extent(angle[first:last]), 0
     for j in range(first, last - 1):
         if v[j] * v[j + 1] > 0.0 or v[j + 1] == 0.0:
             continue
@@ -100,14 +123,17 @@ def energy_run(
     reach, deep, found = weights[0].shape[1] - 1, len(levels), 0
     v1, v2, sums = work[0], work[1], work[2:7]
     slopes(angle, weights[0][1], v1)
-    v2[:] = 0.0
+    for j in range(len(v2)):
+        v2[j] = 0.0
     if len(wheel) > 0:
         slopes(wheel, weights[1][1], v2)
         reach = max(reach, weights[1].shape[1] - 1)
     running(v1, v2, wheel, voltage, step, constants, sums)
     first, last = max(span[0], reach), min(span[1], len(angle) - 1 - reach)
     count = turning_points(angle, v1, first, last, turns)
-    result[:] = 0.0
+    flat = result.ravel()
+    for j in range(len(flat)):
+        flat[j] = 0.0
     for i in range(1, count - 1):
         top = angle[turns[i]]
         size = min(abs(top - angle[turns[i - 1]]), abs(top - angle[turns[i + 1]]))

@@ -9,20 +9,12 @@ used (theory: `balance.delays`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
-
-import numba
 import numpy as np
 
-from swingid.numerics import compiled
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.spline import kinked_slopes, local_cubic
 from swingid.numerics.test_functions import phi
-
-njit_sums_threads: Callable[[compiled.Function], compiled.Function] = partial(
-    numba.njit, cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"}
-)
+from swingid.numerics.vectors import njit_sums_threads, sine_cosine, widest
 
 INERTIA, GRAVITY, WHEEL, VISCOUS, COULOMB, QUADRATIC, OFFSET, EVEN, LATE, COLUMNS = range(10)
 """Places of the columns: integrals of phi'' q1, phi sin q1, phi'' q2, phi v, phi sgn v, phi v|v|, phi, phi |v|, and
@@ -61,34 +53,57 @@ def project_runs(
     speeds: weights of the speed and of `kinked`. Windows every `spacing` samples, the first from sample `first` on;
     weights: `window_weights`.
     """
-    # sin q1, the speed, its sign and what is added to that, as of `signs`
-    work, still = np.empty((4, angle.shape[1])), np.zeros(angle.shape[1])
-    width, total = weights.shape[1], weights[0].sum()
+    widest()
+    rows = angle.shape[1]
+    still, where = np.zeros(rows), np.empty(rows, np.int64)
+    sine, speed, sign, late = np.empty(rows), np.empty(rows), np.empty(rows), np.empty(rows)
     for k in range(len(angle)):
-        q1, q2 = angle[k], wheel[k] if len(wheel) > 0 else still
-        slopes(q1, speeds[0], work[1])
-        signs(q1, work[1], speeds[1], work[2], work[3])
-        for j in range(len(q1)):
-            work[0, j] = np.sin(q1[j])
-        for i in range(result.shape[1]):
-            begin = first + i * spacing
-            q0, w0 = q1[begin + width // 2], q2[begin + width // 2]
-            a = g = w = v = c = q = e = late = 0.0
-            for j in range(width):
-                x = q1[begin + j] - q0
-                test = weights[0, j]
-                a += weights[2, j] * x
-                v -= weights[1, j] * x
-                w += weights[2, j] * (q2[begin + j] - w0)
-                speed = work[1, begin + j]
-                g += test * work[0, begin + j]
-                c += test * work[2, begin + j]
-                q += test * speed * abs(speed)
-                e += test * abs(speed)
-                late += test * work[3, begin + j]
-            row = result[k, i]
-            row[INERTIA], row[GRAVITY], row[WHEEL], row[VISCOUS] = a, g, w, v
-            row[COULOMB], row[QUADRATIC], row[OFFSET], row[EVEN], row[LATE] = c, q, total, e, late
+        q1 = angle[k]
+        slopes(q1, speeds[0], speed)
+        signs(q1, speed, speeds[1], where, sign, late)
+        for j in range(rows):
+            sine[j] = sine_cosine(q1[j])[0]
+        q2 = wheel[k] if len(wheel) > 0 else still
+        project(q1, q2, sine, speed, sign, late, first, spacing, weights, result[k])
+
+
+@njit_sums_threads
+def project(
+    angle: Array,
+    wheel: Array,
+    sine: Array,
+    speed: Array,
+    sign: Array,
+    late: Array,
+    first: int,
+    spacing: int,
+    weights: Array,
+    result: Array,
+) -> None:
+    """Modulated integrals of one log, its channels (rows,), into result (windows, COLUMNS), as of `project_runs`."""
+    widest()
+    test, rate, curve = weights[0], weights[1], weights[2]
+    width, total = len(test), test.sum()
+    for i in range(len(result)):
+        begin = first + i * spacing
+        end = begin + width
+        q1, q2, own = angle[begin:end], wheel[begin:end], sine[begin:end]
+        v, side, shift = speed[begin:end], sign[begin:end], late[begin:end]
+        q0, w0 = q1[width // 2], q2[width // 2]
+        inertia = turn = gravity = viscous = coulomb = quadratic = even = moved = 0.0
+        for j in range(width):
+            x, size = q1[j] - q0, abs(v[j])
+            inertia += curve[j] * x
+            viscous -= rate[j] * x
+            turn += curve[j] * (q2[j] - w0)
+            gravity += test[j] * own[j]
+            coulomb += test[j] * side[j]
+            quadratic += test[j] * v[j] * size
+            even += test[j] * size
+            moved += test[j] * shift[j]
+        row = result[i]
+        row[INERTIA], row[GRAVITY], row[WHEEL], row[VISCOUS] = inertia, gravity, turn, viscous
+        row[COULOMB], row[QUADRATIC], row[OFFSET], row[EVEN], row[LATE] = coulomb, quadratic, total, even, moved
 
 
 def least_squares(matrix: Array, known: Array, rcond: float) -> tuple[Array, Array, Array]:
@@ -122,30 +137,61 @@ def kinked(half_width: float, step: float) -> Array:
     return np.array([0.0, *(kinked_slopes(time, unit, np.zeros(1), reach * step)[0] for unit in units)])
 
 
+PART = 256
+"""Samples of which `slopes` keeps the sums in the first-level cache."""
+
+
 @njit_sums_threads
 def slopes(values: Array, weights: Array, result: Array) -> None:
     """Speeds at all samples of `values` (rows,) into result (rows,), 0 where the window reaches over an end."""
+    widest()
     rows, reach = len(values), len(weights) - 1
-    result[:] = 0.0
-    for i in range(1, reach + 1):
-        weight = weights[i]
-        for j in range(reach, rows - reach):
-            result[j] += weight * (values[j + i] - values[j - i])
+    sums = np.empty(PART)
+    for j in range(rows):
+        result[j] = 0.0
+    for first in range(reach, rows - reach, PART):
+        count = min(PART, rows - reach - first)
+        for j in range(count):
+            sums[j] = 0.0
+        for i in range(1, reach + 1):
+            weight, before, after = weights[i], values[first - i :], values[first + i :]
+            for j in range(count):
+                sums[j] += weight * (after[j] - before[j])
+        part = result[first:]
+        for j in range(count):
+            part[j] = sums[j]
 
 
 @njit_sums_threads
-def too_fast(angle: Array, v: Array, weights: Array) -> tuple[float, float]:
+def reversals(v: Array, where: Ints) -> int:
+    """Samples after which v (rows,) is on the other side of zero, into `where`; returns how many there are."""
+    widest()
+    count = 0
+    for first in range(0, len(v) - 1, PART):
+        part = v[first : min(first + PART + 1, len(v))]
+        changes = 0
+        for j in range(len(part) - 1):
+            changes += (part[j] < 0.0) != (part[j + 1] < 0.0)
+        for j in range(len(part) - 1 if changes else 0):
+            if (part[j] < 0.0) != (part[j + 1] < 0.0):
+                where[count] = first + j
+                count += 1
+    return count
+
+
+@njit_sums_threads
+def too_fast(angle: Array, v: Array, weights: Array, where: Ints) -> tuple[float, float]:
     """(How much faster than nothing the axis is where v passes zero, its standard uncertainty), rad/s.
 
-    Mean over the reversals of a log in the direction of their acceleration, by which they are weighted: where the axis
-    rests, v passes zero by chance. weights: `kinked`.
+    Mean over the reversals `where` of a log in the direction of their acceleration, by which they are weighted: where
+    the axis rests, v passes zero by chance. weights: `kinked`.
     """
     rows, reach = len(angle), len(weights) - 1
     total = size = squares = 0.0
     for twice in range(2):
         mean = total / size if size > 0.0 else 0.0
-        for j in range(reach, rows - reach - 1):
-            if (v[j] < 0.0) == (v[j + 1] < 0.0):
+        for j in where:
+            if j < reach or j >= rows - reach - 1:
                 continue
             change = v[j + 1] - v[j]
             near = j if abs(v[j]) < abs(v[j + 1]) else j + 1
@@ -156,28 +202,29 @@ def too_fast(angle: Array, v: Array, weights: Array) -> tuple[float, float]:
                 total += change * speed
                 size += abs(change)
             else:
-                squares += (abs(change) * (np.sign(change) * speed - mean)) ** 2
+                squares += (abs(change) * ((speed if change > 0.0 else -speed) - mean)) ** 2
     return (total / size, np.sqrt(squares) / size) if size > 0.0 else (0.0, 0.0)
 
 
 @njit_sums_threads
-def signs(angle: Array, v: Array, weights: Array, result: Array, late: Array) -> None:
+def signs(angle: Array, v: Array, weights: Array, where: Ints, result: Array, late: Array) -> None:
     """Sign of the speed into result (rows,), as its mean over the step about each sample, so that reversals count.
 
     late (rows,): what is added to it if all reversals are one standard uncertainty later. v: from `slopes`; weights:
-    `kinked`.
+    `kinked`; where (rows,): place for the reversals.
     """
+    widest()
     rows = len(v)
     for j in range(rows):
-        result[j] = np.sign(v[j])
-    late[:] = 0.0
-    fast, u = too_fast(angle, v, weights)
+        result[j] = 1.0 if v[j] > 0.0 else (-1.0 if v[j] < 0.0 else 0.0)
+        late[j] = 0.0
+    turns = where[: reversals(v, where)]
+    fast, u = too_fast(angle, v, weights, turns)
     most = FARTHEST * (len(weights) - 1)
-    for j in range(rows - 1):
-        if (v[j] < 0.0) == (v[j + 1] < 0.0):
-            continue
+    for j in turns:
         change = v[j + 1] - v[j]
-        found, way = j - v[j] / change, np.sign(change)
+        way = 1.0 if change > 0.0 else -1.0
+        found = j - v[j] / change
         shift = fast / abs(change)
         at = found - shift if abs(shift) < most else found
         after = at + min(u / abs(change), most)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.vectors import njit_lane, njit_threads, widest
+from swingid.numerics.vectors import decay, njit_lane, njit_threads, sine_cosine, widest
 from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.events import redo
@@ -49,7 +49,7 @@ def control(lane: Array, i: int, h: float) -> None:
     limit = lane[at.LIMIT * LANES + i]
     u = u if u > -limit else -limit
     lane[at.COMMAND * LANES + i] = u if u < limit else limit
-    lane[at.XI * LANES + i] = e + (xi - e) * series.decay(k1 * turn)
+    lane[at.XI * LANES + i] = e + (xi - e) * decay(k1 * turn)
     lane[at.FILTERED * LANES + i] = e + (held - e) * fading
     lane[at.K_TILDE * LANES + i] = k_next
     lane[at.WHEEL_MEMORY * LANES + i] = memory + change
@@ -79,7 +79,7 @@ def read_bent(lane: Array, i: int, angle: int, encoder: int, place: int, noise: 
     """Reading of run i's row `angle` by the nonlinear encoder whose rows begin at `encoder`, into the row `place`."""
     q, step = lane[angle * LANES + i], lane[encoder * LANES + i]
     alpha, beta = lane[(encoder + 1) * LANES + i], lane[(encoder + 2) * LANES + i]
-    sine, cosine = series.sine_cosine(q)
+    sine, cosine = sine_cosine(q)
     bend = alpha * cosine + beta * sine
     lane[place * LANES + i] = reading(q, lane[(encoder + 3) * LANES + i], noise + bend, step)
 
@@ -118,7 +118,7 @@ def move(lane: Array, i: int, peaked: int, resting: int) -> int:
     kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
     gravity = lane[at.GRAVITY * LANES + i]
     side1, side2 = (1.0 if u >= 0.0 else -1.0), (1.0 if y >= 0.0 else -1.0)
-    sine, cosine = series.sine_cosine(q1)
+    sine, cosine = sine_cosine(q1)
 
     volts, emf, drive, drag, above, below = motor(lane, i, command, gear, y)
     edge_p, edge_n = lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]

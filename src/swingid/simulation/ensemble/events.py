@@ -17,7 +17,7 @@ from swingid.model.motion import LONGEST, advance
 from swingid.model.motor import motor_branch
 from swingid.model.sticking import mode_at_rest, side
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.vectors import njit_lane, njit_threads
+from swingid.numerics.vectors import decay, njit_lane, njit_threads, sine_cosine
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
 from swingid.simulation.ensemble.series import INVERSES, TERMS
@@ -74,7 +74,7 @@ def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: se
     load2, drag = wheel
     m11, m12, m22 = mobility
     a[SQUARE, 0] = a[SPEED, 0] * a[SPEED, 0]
-    a[PEAK, 0] = height * series.decay(peak * a[SQUARE, 0])
+    a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
     for k in range(TERMS):
         if k > 0:
             # what is newest comes last into each sum, so that the older products need not wait for it
@@ -180,7 +180,7 @@ def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -
         mode = (side(v1), side(v2), motor_branch(u, v2, p))
         if v1 == 0.0 or v2 == 0.0:
             mode = mode_at_rest(q1, v1, v2, 0.0, mode, u, p)
-        a[SIN, 0], a[COS, 0] = series.sine_cosine(q1)
+        a[SIN, 0], a[COS, 0] = sine_cosine(q1)
         part, last, drive = min(part, left), 0.0, 0.0
         for _ in range(series.MOST_TRIALS):
             axis, wheel, mobility = mode_constants(mode, part, u, p)

@@ -257,7 +257,7 @@ def axis_motion(
 
     knots (n,): instants, s. courses (n, 3, 4): from each knot on, coefficients of rising powers of the time since; see
     `COURSES`. flags (n,): 1 where the angle is read. bounds (k + 1,): first knot of each segment. states (k, 2):
-    (q1, q1') at a segment's first knot. p (SIZE,), entries: as in `motor_motion`, with the place `GAIN`. longest:
+    (q1, q1') at a segment's first knot. p (SIZE,), entries: as in `motor_motion.py`, with the place `GAIN`. longest:
     longest step, s. found: outputs (r,), rates (r,), slopes (r, m): derivatives by the two initial values, then by the
     unknowns. Returns whether the motion stayed finite.
     """

@@ -97,7 +97,8 @@ def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Ar
         return
     entries = unknowns.entries(problem.states, list(places.values()))
     columns = len(unknowns) + len(places)
-    slopes = problem.predict(unknowns.vector(fit.values), entries, fit.states, columns).slopes
+    p = unknowns.vector(fit.values)
+    slopes = problem.predict(p, entries, fit.states, columns, same=fit.prediction).slopes
     own = slopes[:, problem.states + len(unknowns) :] / problem.sigma[:, None]
     shifts = -influence @ own
     for key, shift in zip(places, shifts.T, strict=True):

@@ -1,9 +1,11 @@
 """The rig under its held voltage, with exact sensitivities: equations (I) and (II), every stop, release and reversal.
 
-The state moves as in the digital twin (`swingid.model.motion`), step by step, each within one mode. Its sensitivities
-S obey S' = (∂f/∂x) S + ∂f/∂θ along the step. Where a step ends because a speed passes zero, the slope f jumps, and
-with it S (the saltation): at the reversal of a speed v at t*, ∂t*/∂θ = −S_v/v'⁻, so S⁺ = S⁻ + (f⁺ − f⁻) S_v/v'⁻. At the
-edge of the dead zone and at a release f is continuous, and so is S.
+The state moves as in the digital twin (`swingid.model.motion`), step by step, each within one mode. These steps are
+noted, and the sensitivities S follow along them: S' = (∂f/∂x) S + ∂f/∂θ. Where a step ends because a speed passes zero,
+the slope f jumps, and with it S (the saltation): at the reversal of a speed v at t*, ∂t*/∂θ = −S_v/v'⁻, so
+S⁺ = S⁻ + (f⁺ − f⁻) S_v/v'⁻. At the edge of the dead zone and at a release f is continuous, and so is S.
+
+The steps do not depend on the unknowns, so further sensitivities of the same motion need no second simulation.
 """
 
 from __future__ import annotations
@@ -11,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.methods.output_error.partials import axis_row, axis_slopes, mass_rows, motor_row
-from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, derivative, quintic
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Z, derivative
 from swingid.model.motion import COUNTS, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE
 from swingid.model.sticking import choose_mode, stop_reversed
@@ -24,26 +26,178 @@ READ_ANGLE, READ_WHEEL = 1, 2
 MOST_STEPS = 5_000
 """Steps between two knots beyond which the simulation is abandoned as divergent (constants far off)."""
 
+STEP, COMMAND, SIDE1, SIDE2, BRANCH, ANGLE, SPEED, TURN, WHEEL, RATE1, RATE2, END1, END2, PASSED, FLAG, FIELDS = range(
+    16
+)
+"""Columns of `nodes`: length (s) of the step from here, voltage and mode in it; (q1, q1', q2, q2') here; (q1'', q2'')
+here and at the step's end; which speed has passed zero here (1 the axis', 2 the wheel's, 0 none); what is read here."""
+
+NONE: int = np.int64(0)  # type: ignore[assignment]
+"""A number of the type that the kernels compute, so that they are compiled for one type only."""
+
+
+@njit
+def motor_steps(
+    knots: Array, commands: Array, flags: Ints, bounds: Ints, states: Array, p: Array, nodes: Array, begins: Ints
+) -> int:
+    """The steps of the rig under held voltages, segment by segment, into the rows of `nodes` (n, FIELDS).
+
+    knots (n,): instants at which a voltage begins or an angle is read, s. commands (n,): voltage from each knot on, V.
+    flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot of each segment. states (k, 4): (q1, q1', q2, q2')
+    at a segment's first knot. p (SIZE,): the rig's constants. begins (k + 1,) becomes the first row of each segment and
+    the number of rows. Returns 1, 0 where the motion did not stay finite, −1 where it has more steps than rows.
+    """
+    work, counts, rows = np.zeros((ROWS, STATES)), np.zeros(COUNTS, dtype=np.int64), 0
+    for segment in range(len(bounds) - 1):
+        work[NOW, Q1], work[NOW, V1] = states[segment, 0], states[segment, 1]
+        work[NOW, Q2], work[NOW, V2], work[NOW, Z] = states[segment, 2], states[segment, 3], 0.0
+        tried, passed = 1e-3, 0.0
+        begins[segment] = rows
+        for k in range(bounds[segment], bounds[segment + 1]):
+            u, flag, left, events, steps = commands[k], float(flags[k]), 0.0, NONE, NONE
+            if k + 1 < bounds[segment + 1]:
+                left = knots[k + 1] - knots[k]
+            mode, ended, going = (NONE, NONE, NONE), True, True
+            while going:
+                if ended:
+                    mode = choose_mode(work, u, p)
+                    derivative(work, NOW, FIRST, mode, u, p)
+                if rows == len(nodes):
+                    return -1
+                _note(nodes, rows, work, mode, u, passed, flag)
+                rows, passed, flag = rows + 1, 0.0, 0.0
+                if left <= 0.0:
+                    break
+                h, tried, ended = next_step(left, tried, work, mode, u, p, events, counts)
+                nodes[rows - 1, STEP] = h
+                nodes[rows - 1, END1], nodes[rows - 1, END2] = work[LAST, V1], work[LAST, V2]
+                left = 0.0 if not ended and h >= left else left - h
+                steps += 1
+                for i in range(STATES):
+                    work[NOW, i], work[FIRST, i] = work[NEW, i], work[LAST, i]
+                if ended:
+                    events += 1
+                    if mode[0] * work[NOW, V1] < 0.0:
+                        passed = 1.0
+                    elif mode[1] * work[NOW, V2] < 0.0:
+                        passed = 2.0
+                    stop_reversed(work, mode)
+                if steps > MOST_STEPS or not abs(work[NOW, V1]) + abs(work[NOW, V2]) < 1e6:
+                    return 0
+                # what follows an event is noted also where no time is left
+                going = ended or left > 0.0
+    begins[len(bounds) - 1] = rows
+    return 1
+
+
+@njit_inlined
+def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: float, flag: float) -> None:
+    """Row NOW of `work` and what holds from it on into a row of `nodes`, with a step of no length."""
+    nodes[row, STEP], nodes[row, COMMAND], nodes[row, PASSED], nodes[row, FLAG] = 0.0, u, passed, flag
+    nodes[row, SIDE1], nodes[row, SIDE2], nodes[row, BRANCH] = mode[0], mode[1], mode[2]
+    nodes[row, ANGLE], nodes[row, SPEED] = work[NOW, Q1], work[NOW, V1]
+    nodes[row, TURN], nodes[row, WHEEL] = work[NOW, Q2], work[NOW, V2]
+    nodes[row, RATE1], nodes[row, RATE2] = work[FIRST, V1], work[FIRST, V2]
+    nodes[row, END1], nodes[row, END2] = work[FIRST, V1], work[FIRST, V2]
+
+
+@njit
+def motor_readings(
+    nodes: Array,
+    begins: Ints,
+    p: Array,
+    places: Ints,
+    columns: Ints,
+    weights: Array,
+    outputs: Array,
+    rates: Array,
+    slopes: Array,
+) -> None:
+    """What is read along the steps of `motor_steps`, and its derivatives.
+
+    p (SIZE,): the constants of these steps. places, columns, weights: each constant of p that moves with an unknown.
+    outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m): derivatives by the four initial values of the
+    row's segment, then by the unknowns.
+    """
+    m = slopes.shape[1]
+    sensitivity, points, mode = np.zeros((4, m)), np.zeros((3, 5)), np.zeros(4)
+    rows, jacobian, known = np.zeros((2, SIZE)), np.zeros((3, 6)), np.zeros((6, m))
+    r = 0
+    for segment in range(len(begins) - 1):
+        for i in range(4):
+            for c in range(m):
+                sensitivity[i, c] = 1.0 if c == i else 0.0
+        for n in range(begins[segment], begins[segment + 1]):
+            if nodes[n, PASSED] != 0.0:
+                _leap(nodes, n, sensitivity)
+            flag = int(nodes[n, FLAG])
+            for bit, angle, speed, row in ((READ_ANGLE, ANGLE, SPEED, 0), (READ_WHEEL, TURN, WHEEL, 2)):
+                if flag & bit:
+                    outputs[r], rates[r] = nodes[n, angle], nodes[n, speed]
+                    for c in range(m):
+                        slopes[r, c] = sensitivity[row, c]
+                    r += 1
+            if nodes[n, STEP] > 0.0:
+                _points(nodes, n, points, mode)
+                for at in range(3):
+                    _slopes_at(at, points, mode, p, rows, places, columns, weights, jacobian, known)
+                _carry(nodes[n, STEP], sensitivity, jacobian, known)
+
+
+@njit_inlined
+def _leap(nodes: Array, n: int, sensitivity: Array) -> None:
+    """The jump of S where a speed has passed zero; (q1'', q2'') until then are at the end of the step before."""
+    speed, before1, before2 = (1, nodes[n - 1, END1], nodes[n - 1, END2])
+    rate = before1
+    if nodes[n, PASSED] == 2.0:
+        speed, rate = 3, before2
+    if rate == 0.0:
+        return
+    jump1, jump2 = (nodes[n, RATE1] - before1) / rate, (nodes[n, RATE2] - before2) / rate
+    for c in range(sensitivity.shape[1]):
+        passed = sensitivity[speed, c]
+        sensitivity[1, c] += jump1 * passed
+        sensitivity[3, c] += jump2 * passed
+
+
+@njit_inlined
+def _points(nodes: Array, n: int, points: Array, mode: Array) -> None:
+    """(q1, q1', q2', q1'', q2'') at begin, middle and end of a step into `points` (3, 5); the middle by the quintic."""
+    h, end = nodes[n, STEP], n + 1
+    mode[0], mode[1], mode[2], mode[3] = nodes[n, SIDE1], nodes[n, SIDE2], nodes[n, BRANCH], nodes[n, COMMAND]
+    points[0, 0], points[0, 1], points[0, 2] = nodes[n, ANGLE], nodes[n, SPEED], nodes[n, WHEEL]
+    points[2, 0], points[2, 1], points[2, 2] = nodes[end, ANGLE], nodes[end, SPEED], nodes[end, WHEEL]
+    for i in range(2):
+        begin, last = nodes[n, RATE1 + i], nodes[n, END1 + i]
+        points[0, 3 + i], points[2, 3 + i] = begin, last
+        # speed of the quintic in its middle, and its slope
+        position, rate = ANGLE + 2 * i, 1 + i
+        way = nodes[end, position] - nodes[n, position]
+        points[1, rate] = 1.875 * way / h - 0.4375 * (points[0, rate] + points[2, rate]) - h / 32.0 * (begin - last)
+        points[1, 3 + i] = 1.5 * (points[2, rate] - points[0, rate]) / h - 0.25 * (begin + last)
+    middle = 0.5 * (points[0, 0] + points[2, 0]) + 0.15625 * h * (points[0, 1] - points[2, 1])
+    points[1, 0] = middle + h * h / 64.0 * (points[0, 3] + points[2, 3])
+
 
 @njit_inlined
 def _slopes_at(
     at: int,
-    state: tuple[float, float, float, float],
-    slope: tuple[float, float],
-    mode: Mode,
-    u: float,
+    points: Array,
+    mode: Array,
     p: Array,
     rows: Array,
-    entries: tuple[Ints, Ints, Array],
+    places: Ints,
+    columns: Ints,
+    weights: Array,
     jacobian: Array,
     known: Array,
 ) -> None:
-    """∂q''/∂(q1, q1', q2') into jacobian[at] (6,), ∂q''/∂θ into known[at] (2, m), at a state within `mode`."""
-    q1, v1, _, v2 = state
-    s1, s2, branch = mode
+    """∂q''/∂(q1, q1', q2') into jacobian[at] (6,), ∂q''/∂θ into known[2 at : 2 at + 2], at a point within `mode`."""
+    q1, v1, v2 = points[at, 0], points[at, 1], points[at, 2]
+    s1, s2, branch = int(mode[0]), int(mode[1]), int(mode[2])
     axis_row(q1, v1, s1, p, rows[0])
-    motor_row(u, v2, s2, branch, p, rows[1])
-    mass_rows(slope[0], slope[1], rows[0], rows[1])
+    motor_row(mode[3], v2, s2, branch, p, rows[1])
+    mass_rows(points[at, 3], points[at, 4], rows[0], rows[1])
     i11 = i12 = i22 = 0.0
     if s1 != 0 and s2 != 0:
         determinant = p[A11] * p[A22] - p[A12] * p[A12]
@@ -53,16 +207,15 @@ def _slopes_at(
     elif s2 != 0:
         i22 = 1.0 / p[A22]
     by_angle, by_speed = axis_slopes(q1, v1, s1, p)
-    swing, drag = -by_angle, -by_speed
     loss = -p[GEAR] * (p[F2] * p[GEAR] + (p[ETA] * p[C2] if branch != 0 else 0.0))
-    jacobian[at, 0], jacobian[at, 1], jacobian[at, 2] = i11 * swing, i11 * drag, i12 * loss
-    jacobian[at, 3], jacobian[at, 4], jacobian[at, 5] = i12 * swing, i12 * drag, i22 * loss
-    known[at] = 0.0
-    places, columns, weights = entries
+    jacobian[at, 0], jacobian[at, 1], jacobian[at, 2] = -i11 * by_angle, -i11 * by_speed, i12 * loss
+    jacobian[at, 3], jacobian[at, 4], jacobian[at, 5] = -i12 * by_angle, -i12 * by_speed, i22 * loss
+    for c in range(known.shape[1]):
+        known[2 * at, c] = known[2 * at + 1, c] = 0.0
     for e in range(len(places)):
         r1, r2 = weights[e] * rows[0, places[e]], weights[e] * rows[1, places[e]]
-        known[at, 0, columns[e]] += i11 * r1 + i12 * r2
-        known[at, 1, columns[e]] += i12 * r1 + i22 * r2
+        known[2 * at, columns[e]] += i11 * r1 + i12 * r2
+        known[2 * at + 1, columns[e]] += i12 * r1 + i22 * r2
 
 
 @njit_inlined
@@ -75,8 +228,8 @@ def _carry(h: float, sensitivity: Array, jacobian: Array, known: Array) -> None:
         d1 = e1 = d2 = e2 = 0.0
         for stage in range(4):
             at = (stage + 1) // 2
-            k1 = jacobian[at, 0] * t1 + jacobian[at, 1] * s1 + jacobian[at, 2] * s2 + known[at, 0, c]
-            k2 = jacobian[at, 3] * t1 + jacobian[at, 4] * s1 + jacobian[at, 5] * s2 + known[at, 1, c]
+            k1 = jacobian[at, 0] * t1 + jacobian[at, 1] * s1 + jacobian[at, 2] * s2 + known[2 * at, c]
+            k2 = jacobian[at, 3] * t1 + jacobian[at, 4] * s1 + jacobian[at, 5] * s2 + known[2 * at + 1, c]
             weight = h / 6.0 if stage in (0, 3) else h / 3.0
             d1 += weight * s1
             d2 += weight * s2
@@ -86,117 +239,3 @@ def _carry(h: float, sensitivity: Array, jacobian: Array, known: Array) -> None:
             t1, s1, s2 = x1 + reach * s1, w1 + reach * k1, w2 + reach * k2
         sensitivity[0, c], sensitivity[1, c] = x1 + d1, w1 + e1
         sensitivity[2, c], sensitivity[3, c] = x2 + d2, w2 + e2
-
-
-@njit_inlined
-def _along_step(
-    h: float,
-    work: Array,
-    mode: Mode,
-    u: float,
-    p: Array,
-    rows: Array,
-    entries: tuple[Ints, Ints, Array],
-    jacobian: Array,
-    known: Array,
-    sensitivity: Array,
-) -> None:
-    """S over the step of h (s) from row NOW to row NEW of `work`; angles and speeds between by the quintic."""
-    begin = (work[NOW, Q1], work[NOW, V1], work[NOW, Q2], work[NOW, V2])
-    end = (work[NEW, Q1], work[NEW, V1], work[NEW, Q2], work[NEW, V2])
-    a1, a2 = (work[FIRST, V1], work[LAST, V1]), (work[FIRST, V2], work[LAST, V2])
-    q1, v1 = quintic(0.5, h, (begin[0], begin[1], a1[0]), (end[0], end[1], a1[1]))
-    q2, v2 = quintic(0.5, h, (begin[2], begin[3], a2[0]), (end[2], end[3], a2[1]))
-    # slope of the quintic's speed at its middle
-    m1 = 1.5 * (end[1] - begin[1]) / h - 0.25 * (a1[0] + a1[1])
-    m2 = 1.5 * (end[3] - begin[3]) / h - 0.25 * (a2[0] + a2[1])
-    _slopes_at(0, begin, (a1[0], a2[0]), mode, u, p, rows, entries, jacobian, known)
-    _slopes_at(1, (q1, v1, q2, v2), (m1, m2), mode, u, p, rows, entries, jacobian, known)
-    _slopes_at(2, end, (a1[1], a2[1]), mode, u, p, rows, entries, jacobian, known)
-    _carry(h, sensitivity, jacobian, known)
-
-
-@njit_inlined
-def _leap(speed: int, before: tuple[float, float], work: Array, sensitivity: Array) -> None:
-    """The jump of S where `speed` (V1 or V2) has passed zero; `before`: (q1'', q2'') until then, after: row FIRST."""
-    rate = before[0] if speed == V1 else before[1]
-    if rate == 0.0:
-        return
-    jump1, jump2 = (work[FIRST, V1] - before[0]) / rate, (work[FIRST, V2] - before[1]) / rate
-    for c in range(sensitivity.shape[1]):
-        passed = sensitivity[speed, c]
-        sensitivity[V1, c] += jump1 * passed
-        sensitivity[V2, c] += jump2 * passed
-
-
-@njit_inlined
-def _read(flag: int, r: int, work: Array, sensitivity: Array, found: tuple[Array, Array, Array]) -> int:
-    """Write what is read at a knot to the arrays from row r on; returns the next row."""
-    outputs, rates, slopes = found
-    for bit, angle, speed in ((READ_ANGLE, Q1, V1), (READ_WHEEL, Q2, V2)):
-        if flag & bit:
-            outputs[r], rates[r] = work[NOW, angle], work[NOW, speed]
-            for c in range(sensitivity.shape[1]):
-                slopes[r, c] = sensitivity[angle, c]
-            r += 1
-    return r
-
-
-@njit
-def motor_motion(
-    knots: Array,
-    commands: Array,
-    flags: Ints,
-    bounds: Ints,
-    states: Array,
-    p: Array,
-    entries: tuple[Ints, Ints, Array],
-    found: tuple[Array, Array, Array],
-) -> bool:
-    """Angles of the rig under held voltages, segment by segment, and their derivatives.
-
-    knots (n,): instants at which a voltage begins or an angle is read, s. commands (n,): voltage from each knot on, V.
-    flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot of each segment. states (k, 4): (q1, q1', q2, q2')
-    at a segment's first knot. p (SIZE,): the rig's constants. entries: (place, column, weight), each constant of p that
-    moves with an unknown. found: outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m): derivatives by the
-    four initial values of the row's segment, then by the unknowns. Returns whether the motion stayed finite.
-    """
-    m = found[2].shape[1]
-    work, sensitivity = np.zeros((ROWS, STATES)), np.zeros((4, m))
-    rows, jacobian, known = np.zeros((2, SIZE)), np.zeros((3, 6)), np.zeros((3, 2, m))
-    counts = np.zeros(COUNTS, dtype=np.int64)
-    r = 0
-    for segment in range(len(bounds) - 1):
-        work[NOW] = 0.0
-        sensitivity[:] = 0.0
-        for i in range(4):
-            work[NOW, i] = states[segment, i]
-            sensitivity[i, i] = 1.0
-        tried = 1e-3
-        r = _read(flags[bounds[segment]], r, work, sensitivity, found)
-        for k in range(bounds[segment], bounds[segment + 1] - 1):
-            left, u, events, steps = knots[k + 1] - knots[k], commands[k], 0, 0
-            mode = choose_mode(work, u, p)
-            derivative(work, NOW, FIRST, mode, u, p)
-            while left > 0.0:
-                h, tried, ended = next_step(left, tried, work, mode, u, p, events, counts)
-                _along_step(h, work, mode, u, p, rows, entries, jacobian, known, sensitivity)
-                left = 0.0 if not ended and h >= left else left - h
-                steps += 1
-                for i in range(STATES):
-                    work[NOW, i], work[FIRST, i] = work[NEW, i], work[LAST, i]
-                if ended:
-                    events += 1
-                    before = (work[FIRST, V1], work[FIRST, V2])
-                    passed1, passed2 = mode[0] * work[NOW, V1] < 0.0, mode[1] * work[NOW, V2] < 0.0
-                    stop_reversed(work, mode)
-                    mode = choose_mode(work, u, p)
-                    derivative(work, NOW, FIRST, mode, u, p)
-                    if passed1:
-                        _leap(V1, before, work, sensitivity)
-                    elif passed2:
-                        _leap(V2, before, work, sensitivity)
-                if steps > MOST_STEPS or not abs(work[NOW, V1]) + abs(work[NOW, V2]) < 1e6:
-                    return False
-            r = _read(flags[k + 1], r, work, sensitivity, found)
-    return True

@@ -15,7 +15,7 @@ import numpy as np
 
 from swingid.errors import UnanswerableError
 from swingid.methods.output_error.axis_motion import COURSES, GAIN, SPEED, TORQUE, WHEEL, axis_motion
-from swingid.methods.output_error.motor_motion import READ_ANGLE, READ_WHEEL, motor_motion
+from swingid.methods.output_error.motor_motion import FIELDS, READ_ANGLE, READ_WHEEL, motor_readings, motor_steps
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
@@ -38,12 +38,16 @@ FEWEST_ROWS = 12
 
 @dataclass(frozen=True)
 class Prediction:
-    """Angles at the readings (r,), their rates and their derivatives (r, m); finite: whether the motion stayed so."""
+    """Angles at the readings (r,), their rates and their derivatives (r, m); finite: whether the motion stayed so.
+
+    steps: those of `motor_steps`, and the first of each segment, where a voltage is the input.
+    """
 
     outputs: Array
     rates: Array
     slopes: Array
     finite: bool
+    steps: tuple[Array, Ints] | None = None
 
 
 @dataclass(frozen=True)
@@ -75,11 +79,18 @@ class Problem:
         return int(self.starts.shape[1])
 
     def predict(
-        self, p: Array, entries: Entries, states: Array, unknowns: int, longest: float = LONGEST_STEP
+        self,
+        p: Array,
+        entries: Entries,
+        states: Array,
+        unknowns: int,
+        longest: float = LONGEST_STEP,
+        same: Prediction | None = None,
     ) -> Prediction:
         """Readings under the constants p, and their derivatives by initial values and `unknowns` columns of entries.
 
-        p (SIZE,), or (SIZE + 1,) with the gain of the torque as the last, which multiplies the torque.
+        p (SIZE,), or (SIZE + 1,) with the gain of the torque as the last, which multiplies the torque. same: a
+        prediction of the same motion, whose steps are used again.
         """
         count = len(self.measured)
         courses, gain = self.courses, float(p[GAIN]) if len(p) > GAIN else 1.0
@@ -91,10 +102,23 @@ class Problem:
             entries = places, columns, np.where(places == GAIN, weights / gain, weights)
         found = np.zeros(count), np.zeros(count), np.zeros((count, self.states + unknowns))
         if self.input == "voltage":
-            finite = motor_motion(self.knots, self.commands, self.flags, self.bounds, states, p, entries, found)
-        else:
-            finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
+            steps = self._steps(p, states) if same is None else same.steps
+            if steps is not None:
+                motor_readings(steps[0], steps[1], p, entries[0], entries[1], entries[2], *found)
+            return Prediction(*found, finite=steps is not None, steps=steps)
+        finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
         return Prediction(*found, finite=bool(finite))
+
+    def _steps(self, p: Array, states: Array) -> tuple[Array, Ints] | None:
+        """The steps of the motion under the voltage, and the first of each segment; None where it diverges."""
+        begins, room = np.zeros(len(self.bounds), dtype=np.int64), len(self.knots) + len(self.knots) // 4 + 100
+        states = np.ascontiguousarray(states)
+        while True:
+            nodes = np.empty((room, FIELDS))
+            ended = motor_steps(self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins)
+            if ended >= 0:
+                return (nodes, begins) if ended else None
+            room *= 4
 
     def fitted(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
         """Readings and their derivatives for values (m,) of the unknowns."""

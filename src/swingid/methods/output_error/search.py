@@ -6,6 +6,7 @@ far from it, are tried on a few segments, so that a better minimum elsewhere is 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -33,6 +34,18 @@ SAME = 0.01
 
 RICHEST = "coulomb + viscous + quadratic, direction-dependent"
 """The law about whose motion all laws are compared, to first order."""
+
+FRICTION_TERMS = (
+    "coulomb",
+    "viscous",
+    "quadratic",
+    "cubic",
+    "stribeck",
+    "offset",
+    "coulomb_positive",
+    "viscous_positive",
+)
+"""Friction terms of which the laws are made."""
 
 PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 """Stribeck speeds tried, in shares of the highest speed."""
@@ -165,11 +178,10 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
     what their variances are above that of the best law, and their distances from it.
     """
     tried: dict[str, _Trial] = {}
-    for share in PEAKS:
-        columns = _columns(problem, unknowns, fit, share * fastest)
+    for number, columns in enumerate(_columns(problem, unknowns, fit, [share * fastest for share in PEAKS])):
         for odd in LAWS:
             for direction in DIRECTIONS:
-                if law not in ("auto", odd + direction) or ("stribeck" not in LAWS[odd] and share != PEAKS[0]):
+                if law not in ("auto", odd + direction) or (number > 0 and "stribeck" not in LAWS[odd]):
                     continue
                 if law == "auto" and direction.endswith("dependent") and "viscous" not in LAWS[odd]:
                     # viscous friction by direction is the same law as that with a viscous term
@@ -188,27 +200,23 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
     return Choice(ranked[0], best.values, scores, spread)
 
 
-def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Columns:
+def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peaks: list[float]) -> Iterator[_Columns]:
+    """For each Stribeck speed of `peaks`; they have one motion, as the height of the peak is 0 in it."""
     p = unknowns.vector(fit.values)
     body = tuple(k for k, name in enumerate(unknowns.names) if name not in FRICTION)
-    names = ("coulomb", "viscous", "quadratic", "cubic", "stribeck", "offset", "coulomb_positive", "viscous_positive")
-    places = [unknowns.items[k].places for k in body] + [FRICTION[name] for name in names]
-    # the height of Stribeck's peak is 0 here, so its speed moves nothing but its own column
-    p[STRIBECK_SPEED] = peak
-    bare = Unknowns((), unknowns.base)
-    entries = bare.entries(problem.states, places)
-    prediction = problem.predict(p, entries, fit.states, len(places))
-    at = dict(zip(unknowns.names, fit.values, strict=True))
-    own = [unknowns.names[k] for k in body]
-    prediction = as_read(prediction, problem, (*own, *names), np.array([at.get(name, 0.0) for name in (*own, *names)]))
-    extended = np.column_stack([prediction.slopes, problem.sigma * fit.residuals])
-    reduced = reduce(problem, extended, fit.residuals, fit.weights)
-    values = [at[name] for name in own]
-    friction = {"coulomb": at["coulomb_negative"], "viscous": at["viscous_negative"], "quadratic": at["quadratic"]}
-    for name in ("coulomb", "viscous"):
-        friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
-    values += [friction.get(name, 0.0) for name in names]
-    gram = reduced.matrix
+    own, at = [unknowns.names[k] for k in body], dict(zip(unknowns.names, fit.values, strict=True))
+    names = (*own, *(name for name in FRICTION_TERMS if name != "stribeck"))
+    places = [unknowns.items[k].places for k in body] + [FRICTION[name] for name in names[len(own) :]]
+    bare, s = Unknowns((), unknowns.base), problem.states
+    prediction = problem.predict(p, bare.entries(s, places), fit.states, len(places), same=fit.prediction)
+    prediction = as_read(prediction, problem, names, np.array([at.get(name, 0.0) for name in names]))
+    slopes = [prediction.slopes]
+    for peak in peaks:
+        p[STRIBECK_SPEED] = peak
+        entries = bare.entries(s, [FRICTION["stribeck"]])
+        slopes.append(problem.predict(p, entries, fit.states, 1, same=fit.prediction).slopes[:, s:])
+    extended = np.column_stack([*slopes, problem.sigma * fit.residuals])
+    gram = reduce(problem, extended, fit.residuals, fit.weights).matrix
     for column, k in enumerate(body):
         if (power := unknowns.power[k]) > 0:
             # the prior, as one more residual
@@ -216,7 +224,13 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peak: float) -> _Co
             gram[column, -1] -= power * fit.values[k]
             gram[-1, column] -= power * fit.values[k]
             gram[-1, -1] += power * fit.values[k] ** 2
-    return _Columns((*own, *names), gram, np.array(values), peak)
+    friction = {"coulomb": at["coulomb_negative"], "viscous": at["viscous_negative"], "quadratic": at["quadratic"]}
+    for name in ("coulomb", "viscous"):
+        friction[f"{name}_positive"] = at[f"{name}_positive"] - at[f"{name}_negative"]
+    values = np.array([at[name] for name in own] + [friction.get(name, 0.0) for name in names[len(own) :]] + [0.0])
+    for k, peak in enumerate(peaks):
+        chosen = [*range(len(names)), len(names) + k, len(gram) - 1]
+        yield _Columns((*names, "stribeck"), gram[np.ix_(chosen, chosen)], values, peak)
 
 
 def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Trial | None:

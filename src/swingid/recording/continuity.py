@@ -210,7 +210,8 @@ def find_spikes(time: Array, values: Array, rows: int = 1) -> Bools:
 def _degree(time: Array) -> int:
     """A cubic through neighbours that lie too close together would be wild: then a line."""
     steps = np.diff(time)
-    return 3 if steps.min() > 0.5 * np.median(steps) else 1
+    least = float(steps.min())
+    return 3 if least > 0.5 * steps.max() or least > 0.5 * np.median(steps) else 1  # the median is below the maximum
 
 
 def misfits(time: Array, values: Array) -> Array:
@@ -263,6 +264,8 @@ def find_jumps(time: Array, values: Array, rows: int = 1) -> list[tuple[int, flo
     if not known.any():
         return []
     level = ROBUST * float(np.median(size[known]))
+    if size.max() <= NOISE_FACTOR * level:
+        return []
     least = max(NOISE_FACTOR * level, *_floors(values, rows, SMALLEST_JUMP))
     found: list[tuple[int, float]] = []
     for k in np.flatnonzero(size > least).tolist():
@@ -288,7 +291,8 @@ def _gaps(time: Array, values: Array) -> tuple[Array, Bools]:
     gaps = np.zeros(values.size - 1)
     known = np.ones(values.size - 1, dtype=bool)
     known[:SIDE] = known[-SIDE:] = False
-    for row in np.flatnonzero(steps > LONGEST_STEP * np.median(steps)):
+    uneven = steps.max() > LONGEST_STEP * steps.min()  # else no step can be so much longer than the median
+    for row in np.flatnonzero(steps > LONGEST_STEP * np.median(steps)) if uneven else ():
         known[max(row - SIDE, 0) : row + SIDE + 1] = False
     speed = (values[SIDE:] - values[:-SIDE]) / (time[SIDE:] - time[:-SIDE])  # of rows k to k + SIDE
     inner = slice(SIDE, values.size - 1 - SIDE)

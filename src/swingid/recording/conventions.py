@@ -288,7 +288,7 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
         logged[channel], text = table.numbers(column)
         if text is not None:
             texts[channel] = text
-        if channel not in ("reference", "adaptive_gain") and np.isnan(logged[channel]).all():
+        if channel not in ("reference", "adaptive_gain") and _is_empty(logged[channel]):
             sample = f" but text such as {text!r}" if text else ""
             message = f"{name}: column {column!r} holds no numbers{sample}; set [log] {channel} to the column"
             raise InputError(f"{message} that holds the {channel}.", code="no-numbers")
@@ -304,6 +304,11 @@ def gather(table: Table, reading: Reading) -> tuple[Channels, dict[str, str]]:
     else:
         logged["time"] = conventions.scale("time").to_model(logged["time"])
     return logged, texts
+
+
+def _is_empty(values: Array) -> bool:
+    """Whether no cell is a number; quick where the first one is."""
+    return values.size == 0 or bool(np.isnan(values[0]) and np.isnan(values).all())
 
 
 def _unit(rig: Rig, unit: str, which: Literal["angle", "wheel"]) -> tuple[float, float | None]:

@@ -161,7 +161,7 @@ def warn_of_jumps(channels: Channels, reading: Reading, rows: int = 1) -> None:
 def report_gaps(time: Array, reading: Reading) -> None:
     """A note of steps that are longer than others."""
     steps = np.diff(time)
-    if steps.size == 0:
+    if steps.size == 0 or steps.max() <= 1.5 * steps.min():
         return
     usual = float(np.median(steps))
     gaps = int(np.count_nonzero(steps > 1.5 * usual))

@@ -29,7 +29,7 @@ from swingid.recording.repair import (
     warn_of_jumps,
     without_spikes,
 )
-from swingid.recording.rows import few, rows_in_order, take
+from swingid.recording.rows import LARGEST, few, rows_in_order, take
 
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array, Bools
@@ -60,7 +60,7 @@ class _Part:
         if self.block == 1:
             self.kept.append(channels)
             return
-        means, self.waiting = averaged(_joined([self.waiting, channels]), self.block, held)
+        means, self.waiting = averaged(channels, self.block, held, self.waiting)
         self.kept.append(means)
 
     @property
@@ -108,19 +108,43 @@ def _pieces(pieces: Iterable[Table], reading: Reading) -> Iterator[tuple[Channel
             channels = take(channels, within(table, reading, row))
         if channels["time"].size < 2:
             continue
-        channels = _after(rows_in_order(channels, texts, piece), last, piece, row)
+        if not _is_plain(channels, last, reading.conventions):
+            channels = _repaired(_after(rows_in_order(channels, texts, piece), last, piece, row), piece)
         piece.findings += unreadable
-        channels, spikes = made_continuous(channels, piece)
         if any(finding.code == "unwrapped" for finding in piece.findings):
             wrapped |= {name for name in ANGLES if reading.conventions.scales.get(name) is not None}
-        if spikes.any():
-            message = f"{int(spikes.sum())} of {spikes.size} rows left out: isolated spikes of an angle."
-            level: Literal["note", "warning"] = "note" if few(int(spikes.sum()), spikes.size) else "warning"
-            piece.found("spikes", message, level, "spikes", at=channels["time"][spikes])
-            channels = take(channels, ~spikes)
         channels = limited(_continued(channels, last, reading.conventions, wrapped), piece)
         last = {name: values[-1:] for name, values in channels.items()}
         yield channels, piece.findings
+
+
+def _is_plain(channels: Channels, last: Channels, conventions: Conventions) -> bool:
+    """Whether the rows need no repair: a time that rises, possible numbers only, no angle that leaps half a turn."""
+    time, most = channels["time"], LARGEST["time"]
+    begin = last["time"][0] if last else -np.inf
+    if not (max(begin, -most) < time[0] and time[-1] <= most and (time[1:] > time[:-1]).all()):
+        return False
+    for name, values in channels.items():
+        scale = conventions.scale(name)
+        limit = LARGEST[name] / abs(scale.factor) if name in LARGEST else np.finfo(np.float64).max
+        if name != "time" and not (-limit <= values.min() and values.max() <= limit):  # not so for a NaN
+            return False
+        if name in ANGLES and scale.turn is not None:
+            steps = np.diff(values)
+            if not max(-steps.min(), steps.max()) <= 0.5 * scale.turn:
+                return False
+    return True
+
+
+def _repaired(channels: Channels, piece: Reading) -> Channels:
+    """Rows in order with angles that go on over turns, without the rows that were spikes on the way."""
+    channels, spikes = made_continuous(channels, piece)
+    if not spikes.any():
+        return channels
+    message = f"{int(spikes.sum())} of {spikes.size} rows left out: isolated spikes of an angle."
+    level: Literal["note", "warning"] = "note" if few(int(spikes.sum()), spikes.size) else "warning"
+    piece.found("spikes", message, level, "spikes", at=channels["time"][spikes])
+    return take(channels, ~spikes)
 
 
 def within(table: Table, reading: Reading, before: int) -> Bools:
@@ -218,33 +242,53 @@ def block_length(angle: Array) -> int:
     return max(1, rows if rows % 2 else rows - 1)
 
 
-def averaged(channels: Channels, rows: int, held: tuple[str, ...]) -> tuple[Channels, Channels]:
+def averaged(
+    channels: Channels, rows: int, held: tuple[str, ...], waiting: Channels | None = None
+) -> tuple[Channels, Channels]:
     """Means over blocks of `rows` (odd) successive rows, and the last rows, which the next blocks begin with.
 
     channels: with "time" (s), rising, not necessarily even. held: channels whose values act from their row to the
     next one (a voltage as commanded); their means are over the same time as those of the angles, and so are
-    measurements, held no more. Blocks across a gap are left out.
+    measurements, held no more. waiting: the last rows of the piece before. Blocks across a gap are left out.
     """
-    time = channels["time"]
-    blocks = time.size // rows - 1  # the last needs the middle of the next
+    first = waiting if waiting else {name: values[:0] for name, values in channels.items()}
+    total = first["time"].size + channels["time"].size
+    blocks = total // rows - 1  # the last needs the middle of the next
     if blocks < 1:
-        return {name: values[:0] for name, values in channels.items()}, channels
-    middles = _means(time, blocks + 1, rows)
-    used, found = blocks * rows, {"time": middles[:-1]}
+        joined = _joined([first, channels])
+        return {name: values[:0] for name, values in joined.items()}, joined
+    used = blocks * rows
+    blocked = {name: _blocks(first[name], values, blocks + 1, rows) for name, values in channels.items()}
+    middles = np.concatenate([_means(part) for part in blocked["time"]])
+    found = {"time": middles[:-1]}
     for name, values in channels.items():
         if name in held:
-            found[name] = _held_means(time, values, middles)
+            time = np.concatenate((first["time"], channels["time"]))
+            found[name] = _held_means(time, np.concatenate((first[name], values)), middles)
         elif name != "time":
-            found[name] = _means(values, blocks, rows)
-    widths = time[rows - 1 : used : rows] - time[0:used:rows]
+            found[name] = np.concatenate([_means(part) for part in blocked[name]])[:-1]
+    widths = np.concatenate([part[:, -1] - part[:, 0] for part in blocked["time"]])[:-1]
     whole = widths < WIDE * np.median(widths)
     if not whole.all():
         found = take(found, whole)
-    return found, {name: values[used:] for name, values in channels.items()}
+    left = total - used
+    if left <= channels["time"].size:
+        return found, {name: values[values.size - left :] for name, values in channels.items()}
+    return found, {name: np.concatenate((first[name], values))[used:] for name, values in channels.items()}
 
 
-def _means(values: Array, blocks: int, rows: int) -> Array:
-    result: Array = values[: blocks * rows].reshape(blocks, rows).mean(axis=1)
+def _blocks(first: Array, values: Array, blocks: int, rows: int) -> tuple[Array, Array]:
+    """The rows of `first` and `values` in blocks (blocks, rows); those that `first` has a part in come apart."""
+    begun = min(-(-first.size // rows), blocks)
+    cut = begun * rows - first.size
+    if cut < 0:  # `first` alone is longer
+        return first[: begun * rows].reshape(begun, rows), values[:0].reshape(0, rows)
+    head = np.concatenate((first, values[:cut]))
+    return head.reshape(begun, rows), values[cut : cut + (blocks - begun) * rows].reshape(blocks - begun, rows)
+
+
+def _means(blocks: Array) -> Array:
+    result: Array = blocks.mean(axis=1)
     return result
 
 

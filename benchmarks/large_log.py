@@ -1,6 +1,6 @@
 """A log of an hour at 10 kHz: rows a second, peak memory, error and interval.
 
-    python benchmarks/large_log.py [--rows 36000000] [--method momentum] [--format parquet|csv]
+    python benchmarks/large_log.py [--rows 36000000] [--method momentum] [--format parquet|csv|h5|mcap]
 
 The log is a periodic motion in closed form, read by 14-bit encoders with noise; it is written to a file first.
 `swingid identify` then runs as a user runs it; reading alone is timed in another process.
@@ -29,7 +29,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", type=int, default=36_000_000)
     parser.add_argument("--method", default="momentum")
-    parser.add_argument("--format", choices=("parquet", "csv"), default="parquet")
+    parser.add_argument("--format", choices=("parquet", "csv", "h5", "mcap"), default="parquet")
     parser.add_argument("--read", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.read:

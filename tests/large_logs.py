@@ -68,11 +68,15 @@ def pieces(rows: int, *, seed: int = 0, piece: int = 1_000_000):
 
 
 def write_large_log(path: Path, rows: int, *, seed: int = 0, row_group: int = 1_000_000) -> Path:
-    """A log of `rows` rows at 10 kHz as a plain Parquet file, or CSV by the ending, in bounded memory."""
+    """A log of `rows` rows at 10 kHz as a plain Parquet file, or CSV, HDF5, MCAP by the ending, in bounded memory."""
     import pyarrow as pa
     import pyarrow.csv as pc
     import pyarrow.parquet as pq
 
+    if path.suffix in (".h5", ".mcap"):
+        writes = _write_hdf5 if path.suffix == ".h5" else _write_mcap
+        writes(path, rows, pieces(rows, seed=seed, piece=row_group))
+        return path
     tables = (pa.table(columns) for columns in pieces(rows, seed=seed, piece=row_group))
     if path.suffix == ".csv":
         with path.open("wb") as stream:
@@ -83,3 +87,35 @@ def write_large_log(path: Path, rows: int, *, seed: int = 0, row_group: int = 1_
         for table in tables:
             writer.write_table(table, row_group_size=row_group)
     return path
+
+
+def _write_hdf5(path: Path, rows: int, parts) -> None:
+    """Compressed columns, in chunks of 64 000 rows."""
+    import h5py
+
+    done = 0
+    with h5py.File(path, "w", track_order=True) as file:
+        for part in parts:
+            for name, values in part.items():
+                if name not in file:
+                    file.create_dataset(
+                        name, (rows,), "f8", chunks=(min(64_000, rows),), compression="gzip", shuffle=True
+                    )
+                file[name][done : done + len(values)] = values
+            done += len(values)
+
+
+def _write_mcap(path: Path, rows: int, parts) -> None:
+    """JSON messages, one per row, in compressed chunks, as `swingid convert` writes them."""
+    from mcap.writer import Writer
+
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        channel = writer.register_channel("/swingid", "json", writer.register_schema("row", "jsonschema", b"{}"))
+        for part in parts:
+            for row in zip(*(values.tolist() for values in part.values()), strict=True):
+                text = '{"t": %r, "q1": %r, "q2": %r, "u": %r}' % row
+                stamp = round(1e9 * row[0])
+                writer.add_message(channel, log_time=stamp, publish_time=stamp, data=text.encode())
+        writer.finish()

@@ -114,10 +114,10 @@ def _refuse_large(path: str | Path) -> None:
         what = f"has {rows / 1e6:.3g} million rows"
     else:
         return
-    message = (
-        f"{path} {what}, too much to be read whole; swingid identify reads Parquet and CSV of any length in parts "
+    message = f"{path} {what}, too much to be read whole; swingid identify reads Parquet, CSV, MCAP and HDF5 of any "
+    raise InputError(
+        f"{message}length in parts (momentum, energy), and --part FROM:TO takes a part of it.", code="too-large"
     )
-    raise InputError(f"{message}(momentum, energy), and --part FROM:TO takes a part of it.", code="too-large")
 
 
 def _check_origin(table: Table, conventions: Conventions, name: str) -> None:

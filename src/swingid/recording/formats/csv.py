@@ -266,6 +266,10 @@ class File:
         units = {name: unit for name, unit in zip(names, self.layout.units, strict=False) if unit}
         return Table({name: np.zeros(1) for name in names}, parse_metadata(self.metadata), 0, units)
 
+    def together(self) -> list[str]:
+        """The columns that have a value in every row."""
+        return list(self.header().columns)
+
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The table in pieces of about `rows` rows; InputError where the file cannot be read or is no table."""
         try:

@@ -57,13 +57,20 @@ def read_apart(package: str, reader: str, content: bytes) -> tuple[Columns, str]
 
     The function takes a path and uses `package`. Raises UnreadableError where it fails, crashes, or takes too long.
     """
-    with tempfile.TemporaryDirectory() as folder, _lock:
-        path, target = Path(folder) / "log", Path(folder) / "columns.npz"
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "log"
         path.write_bytes(content)
+        return read_part_apart(package, reader, path, len(content))
+
+
+def read_part_apart(package: str, reader: str, path: Path, size: int, **options: object) -> tuple[Columns, str]:
+    """As `read_apart`, of a file with options of the function, that takes and gives some `size` bytes."""
+    with tempfile.TemporaryDirectory() as folder, _lock:
+        target = Path(folder) / "columns.npz"
         answer = _ask({"package": package}, STARTING)
         if "error" not in answer:
-            request = {"reader": reader, "path": str(path), "target": str(target), "size": len(content)}
-            answer = _ask(request, LONGEST + len(content) / SPEED)
+            request = {"reader": reader, "path": str(path), "target": str(target), "size": size, "options": options}
+            answer = _ask(request, LONGEST + size / SPEED)
         if "error" in answer:
             raise UnreadableError(str(answer["error"]))
         with np.load(target) as saved:
@@ -143,7 +150,7 @@ def _answer(request: dict[str, Any]) -> dict[str, str]:
     limit_process(MEMORY + TIMES * size, 2 * (LONGEST + size / SPEED))
     module, _, name = str(request["reader"]).partition(":")
     try:
-        columns, metadata = getattr(import_module(module), name)(request["path"])
+        columns, metadata = getattr(import_module(module), name)(request["path"], **request.get("options", {}))
         arrays: dict[str, Any] = {f"column{k}": values for k, values in enumerate(columns.values())}
         np.savez(request["target"], names=np.array(list(columns), dtype=str), **arrays)
     except Exception as error:  # a damaged file may fail anywhere in the other package

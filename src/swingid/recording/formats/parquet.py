@@ -76,6 +76,10 @@ class File:
             names = [str(name).strip() for name in schema.names]
             return Table({name: np.zeros(1) for name in names}, parse_metadata(_metadata(schema)))
 
+    def together(self) -> list[str]:
+        """The columns that have a value in every row."""
+        return list(self.header().columns)
+
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The columns in pieces of `rows` rows; InputError where the file is damaged."""
         import pyarrow as pa

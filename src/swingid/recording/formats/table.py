@@ -11,7 +11,7 @@ import numpy as np
 from swingid.recording.formats.cells import is_stamp, seconds_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from numpy.typing import NDArray
 
@@ -130,6 +130,24 @@ class Table:
             except (TypeError, ValueError):
                 first_text = first_text or str(cell).strip()[:40] or None
         return values, first_text
+
+
+def resized(tables: Iterable[Table], rows: int) -> Iterator[Table]:
+    """The rows of tables with the same columns of numbers, `rows` in each, so that a log in any format is cut alike."""
+    waiting: list[Mapping[str, Array | NDArray[np.object_]]] = []
+    count = 0
+    for table in tables:
+        waiting.append(table.columns)
+        count += len(next(iter(table.columns.values())))
+        if count < rows:
+            continue
+        joined = {name: np.concatenate([one[name] for one in waiting]) for name in table.columns}
+        full = count // rows * rows
+        for begin in range(0, full, rows):
+            yield Table({name: values[begin : begin + rows] for name, values in joined.items()})
+        waiting, count = [{name: values[full:] for name, values in joined.items()}], count - full
+    if count:
+        yield Table({name: np.concatenate([one[name] for one in waiting]) for name in waiting[0]})
 
 
 WIDEST = 64

@@ -6,14 +6,14 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from swingid.errors import InputError, SwingidError, UnanswerableError
 from swingid.recording.conventions import Conventions, Reading, gather
 from swingid.recording.findings import Source
-from swingid.recording.formats import csv, parquet
+from swingid.recording.formats import csv, hdf5, hdf5_parts, mcap, mcap_parts, parquet
 from swingid.recording.formats.table import Table
 from swingid.recording.large.parts import parts, within
 from swingid.recording.load import reading_of
@@ -37,38 +37,63 @@ UNUSED = ("reference", "adaptive_gain")
 
 
 def is_large(path: str | Path) -> bool:
-    """Whether a file is a log of more than `LARGE` rows in a format that can be read in parts (Parquet, text)."""
+    """Whether a file is a log of more than `LARGE` rows that can be read in parts (Parquet, text, MCAP, HDF5)."""
     found = _file(path)
     return found is not None and found.rows > LARGE
 
 
-def _file(path: str | Path) -> parquet.File | csv.File | None:
+class File(Protocol):
+    """A file that is read in pieces: its rows, of some formats about so many."""
+
+    @property
+    def rows(self) -> int:
+        """Rows."""
+        ...
+
+    def header(self) -> Table:
+        """The columns, each with a row of zeros in the place of its own."""
+        ...
+
+    def together(self) -> list[str]:
+        """The columns that have a value in every row."""
+        ...
+
+    def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
+        """The columns in pieces of about `rows` rows; raises InputError where the file cannot be read."""
+        ...
+
+
+def _file(path: str | Path) -> File | None:
     """The file, where it is one that can be read in pieces and is large enough to look into it."""
     where = Path(path)
     try:
         if not where.is_file() or where.stat().st_size < LARGE:
             return None
         with where.open("rb") as stream:
-            start = stream.read(4)
+            start = stream.read(1024)
     except (OSError, ValueError):
         return None
-    if start == parquet.MAGIC:
+    if start.startswith(parquet.MAGIC):
         return parquet.File.open(str(path))
+    if start.startswith(mcap.MAGIC):
+        return mcap_parts.File.open(str(path))
+    if start.startswith(hdf5.MAGIC) or start[512:].startswith(hdf5.MAGIC):  # behind the header of MATLAB v7.3
+        return hdf5_parts.File.open(str(path))
     return csv.File.open(str(path))
 
 
 def first_rows(path: str | Path, rows: int = LARGE // 2) -> Table:
     """The first rows of a log for which `is_large`, all columns; raises InputError as `LargeLog.parts`."""
     file = _require(path)
-    header = file.header()
+    header, names = file.header(), file.together()
     found: list[Table] = []
-    for table in file.pieces(min(rows, PIECE), list(header.columns)):
+    for table in file.pieces(min(rows, PIECE), names):
         found.append(table)
         if sum(len(next(iter(one.columns.values()))) for one in found) >= rows:
             break
     if not found:
         raise InputError(f"{path} has no rows of numbers; log a motion.", code="empty-file")
-    columns = {name: np.concatenate([one.columns[name] for one in found])[:rows] for name in header.columns}
+    columns = {name: np.concatenate([one.columns[name] for one in found])[:rows] for name in names}
     return Table(columns, header.metadata, sum(one.unreadable_rows for one in found), header.units)
 
 
@@ -78,13 +103,12 @@ def rows_in(path: str | Path) -> int:
 
 
 def pieces_of(path: str | Path) -> tuple[Table, Iterator[Table]]:
-    """The header (a row of zeros) and the pieces of a log for which `is_large`, all columns."""
+    """The header (a row of zeros) and the pieces of a log for which `is_large`, all columns that go together."""
     file = _require(path)
-    header = file.header()
-    return header, file.pieces(PIECE, list(header.columns))
+    return file.header(), file.pieces(PIECE, file.together())
 
 
-def _require(path: str | Path) -> parquet.File | csv.File:
+def _require(path: str | Path) -> File:
     found = _file(path)
     if found is None:
         raise InputError(f"{path} cannot be read in parts; read it whole.", code="not-in-parts")
@@ -106,7 +130,7 @@ class LargeLog:
     progress: Callable[[int, int], None] | None = None
 
     @cached_property
-    def _open(self) -> parquet.File | csv.File:
+    def _open(self) -> File:
         return _require(self.path)
 
     @property
@@ -126,7 +150,9 @@ class LargeLog:
                 f"{self.path} has too many rows to be read whole, and log.angle_speed is a rate, whose integral must"
             )
             raise InputError(f"{message} not be cut; use a part of it, --part FROM:TO.", code="rate-in-parts")
-        yield from parts(self._open.pieces(PIECE, _columns(header, reading.conventions)), reading)
+        found = _columns(header, reading.conventions)
+        wanted = [column for channel, column in found.items() if channel not in UNUSED]
+        yield from parts(self._open.pieces(PIECE, wanted), reading)
 
     def small(self) -> Recording | None:
         """The part `span` as an ordinary recording, of which nothing is averaged; None where it is large, too.
@@ -137,7 +163,7 @@ class LargeLog:
             return None
         header, reading = self._read_header()
         before, rows, found = 0, 0, []
-        for table in self._open.pieces(PIECE, list(header.columns)):
+        for table in self._open.pieces(PIECE, list(_columns(header, reading.conventions).values())):
             inside = within(table, reading, before)
             before += inside.size
             rows += int(inside.sum())
@@ -170,8 +196,8 @@ class LargeLog:
         return sha256_of(self.path)
 
 
-def _columns(header: Table, conventions: Conventions) -> list[str]:
-    """Names of the columns that are needed."""
+def _columns(header: Table, conventions: Conventions) -> dict[str, str]:
+    """The column of each channel that the file has."""
     wanted = (*(("time",) if conventions.rate is None else ()), *conventions.channels)
-    found = [header.find(conventions.columns[channel]) for channel in wanted if channel not in UNUSED]
-    return [column for column in found if column is not None]
+    found = {channel: header.find(conventions.columns[channel]) for channel in wanted}
+    return {channel: column for channel, column in found.items() if column is not None}

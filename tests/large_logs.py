@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from functools import lru_cache
 from pathlib import Path
 
@@ -115,7 +116,7 @@ def _write_mcap(path: Path, rows: int, parts) -> None:
         channel = writer.register_channel("/swingid", "json", writer.register_schema("row", "jsonschema", b"{}"))
         for part in parts:
             for row in zip(*(values.tolist() for values in part.values()), strict=True):
-                text = '{"t": %r, "q1": %r, "q2": %r, "u": %r}' % row
+                text = json.dumps(dict(zip(part, row, strict=True)))
                 stamp = round(1e9 * row[0])
                 writer.add_message(channel, log_time=stamp, publish_time=stamp, data=text.encode())
         writer.finish()

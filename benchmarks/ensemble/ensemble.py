@@ -28,9 +28,9 @@ from swingid.model.rig import Rig
 from swingid.numerics.vectors import widest
 from swingid.simulation import simulate
 from swingid.simulation.ensemble import simulate_ensemble
-from swingid.simulation.ensemble.block import move_all
 from swingid.simulation.ensemble.lanes import LANES
 from swingid.simulation.ensemble.lanes import ROWS as ROWS_OF_BLOCK
+from swingid.simulation.ensemble.motion import move_all
 
 DURATION, RATE, RUNS, REPEATS = 25.0, 1000.0, 128, 5
 ROWS = round(DURATION * RATE) + 1
@@ -51,7 +51,7 @@ def reference(times: np.ndarray) -> np.ndarray:
 @numba.njit(error_model="numpy", fastmath={"contract", "nsz"})
 def step_of_block(lane: np.ndarray) -> int:
     widest()
-    return move_all(lane, 0, 0)
+    return move_all(lane, None, None, None)
 
 
 def vector_width() -> str:

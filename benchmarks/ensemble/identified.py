@@ -72,7 +72,8 @@ def main() -> None:
         z = (found.inertia - values["axis.inertia"]) / found.u
         print(
             f"{name:10}{best[1]:12.3f}{best[0] - best[1]:12.3f}{RUNS / best[0]:9.0f}{cores * RUNS / least:9.0f}"
-            f"{np.mean(error):10.1e}{np.sqrt(np.mean(error**2)):9.1e}{np.sqrt(np.mean(z**2)):7.2f}{np.mean(np.abs(z) < 1.96):9.3f}"
+            f"{np.mean(error):10.1e}{np.sqrt(np.mean(error**2)):9.1e}"
+            f"{np.sqrt(np.mean(z**2)):7.2f}{np.mean(np.abs(z) < 1.96):9.3f}"
         )
 
 

@@ -91,7 +91,9 @@ def decay(x: float) -> float:
     x = x if x < DEEPEST else DEEPEST
     n = np.rint(x * LOG2E)
     r = (n * LN2_HIGH - x) + n * LN2_LOW
-    p = 1 / 39916800 + r * (1 / 479001600 + r * (1 / 6227020800))
-    p = 1 / 5040 + r * (1 / 40320 + r * (1 / 362880 + r * (1 / 3628800 + r * p)))
-    p = 1.0 + r * (1.0 + r * (1 / 2 + r * (1 / 6 + r * (1 / 24 + r * (1 / 120 + r * (1 / 720 + r * p))))))
+    rr = r * r
+    low = (1 / 2 + r * (1 / 6)) + rr * ((1 / 24 + r * (1 / 120)) + rr * (1 / 720 + r * (1 / 5040)))
+    high = (1 / 40320 + r * (1 / 362880)) + rr * (1 / 3628800 + r * (1 / 39916800))
+    high += (rr * rr) * (1 / 479001600 + r * (1 / 6227020800))
+    p = 1.0 + (r + rr * (low + (rr * rr) * (rr * high)))
     return float(p * np.int64((1023 - np.int64(n)) << 52).view(np.float64))

@@ -2,7 +2,7 @@
 
 Between two changes the motion is the same Taylor series as in the lanes; where a speed passes zero, or the motor's
 torque an edge of its dead zone, is a root of its polynomial. What goes on from there, `model.sticking` decides. What is
-rarer, a release within the step or a turn there and back, goes to `advance` of the single run.
+rarer, a release within the step or a turn there and back, is left to `advance` of the single run.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.model import parameters as at
-from swingid.model.integrator import NOW, V1, V2, Mode, Z
+from swingid.model.integrator import NOW, V1, V2, Mode
 from swingid.model.integrator import Q1 as ANGLE
 from swingid.model.integrator import Q2 as WHEEL_ANGLE
-from swingid.model.motion import LONGEST, advance
 from swingid.model.motor import motor_branch
 from swingid.model.sticking import mode_at_rest, side
-from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.arrays import Array
 from swingid.numerics.vectors import decay, njit_lane, njit_threads, sine_cosine
 from swingid.simulation.ensemble import series
-from swingid.simulation.ensemble.lanes import COMMAND, FLAG, LANES, Q1, Q2, U, Y
-from swingid.simulation.ensemble.series import INVERSES, TERMS
+from swingid.simulation.ensemble.lanes import COMMAND, COSINE, FLAG, LANES, LEFT, Q1, Q2, SINE, U, Y
+from swingid.simulation.ensemble.readings import Late, fill_alone
+from swingid.simulation.ensemble.series import COS, CUBE, INVERSES, PEAK, SIN, SPEED, SQUARE, TERMS, WHEEL_SPEED
 
 LAST = 1e-13
 """rad per step: what the last term of a series may be, so that the next is well below it."""
@@ -29,10 +29,10 @@ MOST_STEPS = 30
 BEYOND = 1e-11
 """Of a step: how far behind an edge of the dead zone the motion goes on, so that it is on the other side for sure."""
 
-NONE, AXIS, WHEEL, EDGE, UNSURE = 0, 1, 2, 3, 4
+SHORTEST = 1e-13
+"""s: a part this short is left out."""
 
-SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK = range(6)
-"""Rows of the series (6, TERMS + 1)."""
+NONE, AXIS, WHEEL, EDGE, UNSURE = 0, 1, 2, 3, 4
 
 
 @njit_lane
@@ -60,7 +60,8 @@ def mode_constants(
         m11 = h * h / p[at.A11]
     elif s2 != 0:
         m22 = h * h / p[at.A22]
-    axis = (p[at.B], viscous / h, s1 * p[at.QUADRATIC] / (h * h), load, height, peak)
+    cubic = p[at.CUBIC] / (h * h * h)
+    axis = (p[at.B], viscous / h, s1 * p[at.QUADRATIC] / (h * h), load, cubic, height, peak)
     return axis, (drive - s2 * p[at.GEAR] * p[at.F3], drag), (m11, m12, m22)
 
 
@@ -70,11 +71,12 @@ def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: se
 
     That has sine and cosine of q1, U and Y. Time counts in steps; axis, wheel and mobility as there.
     """
-    gravity, viscous, quadratic, load1, height, peak = axis
+    gravity, viscous, quadratic, load1, cubic, height, peak = axis
     load2, drag = wheel
     m11, m12, m22 = mobility
     a[SQUARE, 0] = a[SPEED, 0] * a[SPEED, 0]
     a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
+    a[CUBE, 0] = a[SPEED, 0] * a[SQUARE, 0]
     for k in range(TERMS):
         if k > 0:
             # what is newest comes last into each sum, so that the older products need not wait for it
@@ -90,10 +92,16 @@ def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: se
                 for i in range(k - 1, 0, -1):
                     g -= (k - i) * a[SQUARE, k - i] * a[PEAK, i]
                 a[PEAK, k] = (g - k * a[SQUARE, k] * a[PEAK, 0]) * (peak * INVERSES[k])
+            if cubic != 0.0:
+                a[CUBE, k] = 0.0
+                for i in range(k + 1):
+                    a[CUBE, k] += a[SPEED, i] * a[SQUARE, k - i]
             load1, load2 = 0.0, 0.0
         r1 = load1 - gravity * a[SIN, k] - viscous * a[SPEED, k] - quadratic * a[SQUARE, k]
         if height != 0.0:
             r1 -= a[PEAK, k]
+        if cubic != 0.0:
+            r1 -= cubic * a[CUBE, k]
         r2 = load2 - drag * a[WHEEL_SPEED, k]
         a[SPEED, k + 1] = (m11 * r1 - m12 * r2) * INVERSES[k + 1]
         a[WHEEL_SPEED, k + 1] = (m22 * r2 - m12 * r1) * INVERSES[k + 1]
@@ -168,10 +176,13 @@ def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -
 
 
 @njit_threads
-def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -> float:
+def through(
+    work: Array, a: Array, h: float, u: float, p: Array, parts: float, late: Late, i: int, at_step: tuple[int, int]
+) -> float:
     """Move row NOW of `work` by up to h (s) under the command u through changes of mode; returns what is left (s).
 
-    a (6, TERMS + 1): place for the series. parts: into how many parts h may have to be cut.
+    a (7, TERMS + 1): place for the series. parts: into how many parts h may have to be cut. late, i, at_step: readings
+    of run i within the step, as of `fill_alone`.
     """
     left, part = h, h / parts
     speed, wheel_speed = a[SPEED], a[WHEEL_SPEED]
@@ -198,6 +209,7 @@ def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -
             return left
         if what == EDGE:
             x = min(x + BEYOND, 1.0)
+        fill_alone(late, i, at_step, (1.0 - left / h, part * x / h, part / h), (q1, work[NOW, WHEEL_ANGLE]), a)
         work[NOW, ANGLE] += series.passed(speed, x)
         work[NOW, WHEEL_ANGLE] += series.passed(wheel_speed, x)
         if what != NONE:
@@ -207,24 +219,31 @@ def through(work: Array, a: Array, h: float, u: float, p: Array, parts: float) -
         if what == NONE and part == left:
             return 0.0
         left -= part * x
-        if left < 1e-13:
-            return left
+        if left < SHORTEST:
+            return 0.0
         part *= 0.9 * (LAST / last) ** INVERSES[TERMS + 1]
     return left
 
 
 @njit_threads
-def redo(lane: Array, p: Array, h: float, work: Array, a: Array, nothing: Array, nowhere: Array, counts: Ints) -> None:
-    """Take the flagged steps of a block again, with each change located."""
+def redo(lane: Array, p: Array, h: float, work: Array, a: Array, late: Late, step: int, steps: int) -> bool:
+    """Take the flagged steps of a block again, with each change located; whether something is left in LEFT (s).
+
+    work (10, 5), a (7, TERMS + 1): places; late, step, steps: as of `readings.fill`.
+    """
+    some = False
     for i in range(LANES):
+        lane[LEFT * LANES + i] = 0.0
         if lane[FLAG * LANES + i] == 0.0:
             continue
-        command = lane[COMMAND * LANES + i]
         work[NOW, ANGLE], work[NOW, V1] = lane[Q1 * LANES + i], lane[U * LANES + i] / h
         work[NOW, WHEEL_ANGLE], work[NOW, V2] = lane[Q2 * LANES + i], lane[Y * LANES + i] / h
-        work[NOW, Z] = 0.0
-        left = through(work, a, h, command, p[i], lane[FLAG * LANES + i])
-        if left > 0.0:
-            advance(0.0, left, command, work, min(left, LONGEST), p[i], nothing, nowhere, counts)
+        parts = lane[FLAG * LANES + i]
+        left = through(work, a, h, lane[COMMAND * LANES + i], p[i], parts, late, i, (step, steps))
         lane[Q1 * LANES + i], lane[U * LANES + i] = work[NOW, ANGLE], work[NOW, V1] * h
         lane[Q2 * LANES + i], lane[Y * LANES + i] = work[NOW, WHEEL_ANGLE], work[NOW, V2] * h
+        lane[SINE * LANES + i], lane[COSINE * LANES + i] = sine_cosine(work[NOW, ANGLE])
+        if left > 0.0:
+            lane[LEFT * LANES + i] = left
+            some = True
+    return some

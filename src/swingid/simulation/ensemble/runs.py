@@ -14,7 +14,7 @@ from swingid.errors import UsageError
 from swingid.model.parameters import constants, vector
 from swingid.model.terms import TERMS
 from swingid.simulation.draws import CHANNELS, draw_constants, draw_nonlinearity, stream
-from swingid.simulation.ensemble.lanes import OTHERS
+from swingid.simulation.ensemble.lanes import CHAIN_MOST, OTHERS
 from swingid.simulation.twin import Controller, Reference, Setup
 
 if TYPE_CHECKING:
@@ -49,12 +49,24 @@ class Run(Setup):
         return vector({key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), kind)
 
     def fits_lanes(self, p: Array) -> bool:
-        """Whether the lanes know all terms of its motion (of the constants p), its controller and sensors."""
+        """Whether the lanes know all terms of its motion (of the constants p) and its controller."""
         if np.any(p[OTHERS]):
             return False
-        known = self.controller is None or (isinstance(self.controller, Compensator) and len(self.controller.k) == 1)
+        return not isinstance(self.controller, Compensator) or len(self.controller.k) <= CHAIN_MOST
+
+    @cached_property
+    def is_late(self) -> bool:
+        """Whether some encoder is not read at the instants of the rows."""
         sensors = [self.rig.sensors.of(name) for name in CHANNELS]
-        return known and not any(s.jitter or s.latency.value or s.latency.std for s in sensors)
+        return any(s.jitter or s.latency.value or s.latency.std for s in sensors)
+
+    def delays(self, rows: int) -> Array:
+        """How much after its row each encoder is read (2, rows) (s), as drawn."""
+        sensors = [self.rig.sensors.of(name) for name in CHANNELS]
+        latency = stream(self.seed, "latency").standard_normal(2)
+        jitter = stream(self.seed, "jitter").standard_normal(rows)
+        own = [s.latency.value + (s.latency.std or 0.0) * one for s, one in zip(sensors, latency, strict=True)]
+        return np.array([one + s.jitter * jitter for s, one in zip(sensors, own, strict=True)])
 
     def encoders(self) -> Array:
         """Arrays (2, 4) of `model.sensors` for axis and wheel."""

@@ -13,7 +13,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.vectors import decay, njit_lane
 
 Coefficients = tuple[float, float, float, float, float]
-Axis = tuple[float, float, float, float, float, float]
+Axis = tuple[float, float, float, float, float, float, float]
 Mobility = tuple[float, float, float]
 
 
@@ -26,15 +26,15 @@ def coefficients(
     axis: Axis,
     wheel: tuple[float, float],
     mobility: Mobility,
-    peaked: int,
+    rich: int | None,
 ) -> tuple[Coefficients, Coefficients]:
     """U1 ... U5 and Y1 ... Y5 from sine and cosine of q1, U and Y at the start, and the constants of the mode.
 
-    axis = (gravity, viscous, quadratic, load, height, peak): load - gravity sin q1 - viscous U - quadratic U^2 - g with
-    g = height exp(-peak U^2) (N m), Stribeck's, where `peaked`. wheel = (load, drag): load - drag Y (N m). mobility:
-    h^2 M^-1 as (11, 12, 22), where 12 is taken off.
+    axis = (gravity, viscous, quadratic, load, cubic, height, peak): load - gravity sin q1 - viscous U - quadratic U^2
+    and, where `rich` is not None, - cubic U^3 - g with g = height exp(-peak U^2) (N m), Stribeck's. wheel = (load,
+    drag): load - drag Y (N m). mobility: h^2 M^-1 as (11, 12, 22), where 12 is taken off.
     """
-    gravity, viscous, quadratic, load1, height, peak = axis
+    gravity, viscous, quadratic, load1, cubic, height, peak = axis
     load2, drag = wheel
     m11, m12, m22 = mobility
     # U' = gu s + vu U + qu U^2 + du Y + lu, Y' alike: so that each coefficient waits only for those just before it
@@ -43,42 +43,60 @@ def coefficients(
     u1 = ((lu + gu * sine) + du * y) + u * (vu + qu * u)
     y1 = ((ly + gy * sine) + dy * y) + u * (vy + qy * u)
     g, e1, e2, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0
-    if peaked:
-        g = height * decay(peak * u * u)
-        u1, y1 = u1 - m11 * g, y1 + m12 * g
+    square, lean = u * u, 3.0 * cubic * (u * u)
+    if rich is not None:
+        g = height * decay(peak * square)
+        f = g + cubic * (u * square)
+        u1, y1 = u1 - m11 * f, y1 + m12 * f
     tu, ty = vu + 2.0 * u * qu, vy + 2.0 * u * qy
     s1, c1 = u * cosine, -u * sine
     u2, y2 = (gu * s1 + du * y1) + tu * u1, (gy * s1 + dy * y1) + ty * u1
-    if peaked:
+    if rich is not None:
         e1 = -2.0 * peak * u * u1
         g1 = e1 * g
-        u2, y2 = u2 - m11 * g1, y2 + m12 * g1
+        f = g1 + lean * u1
+        u2, y2 = u2 - m11 * f, y2 + m12 * f
     u2, y2 = 0.5 * u2, 0.5 * y2
     s2, c2 = 0.5 * (u * c1 + u1 * cosine), -0.5 * (u * s1 + u1 * sine)
     w2 = u1 * u1
     u3, y3 = ((gu * s2 + qu * w2) + du * y2) + tu * u2, ((gy * s2 + qy * w2) + dy * y2) + ty * u2
-    if peaked:
+    if rich is not None:
         e2 = -2.0 * peak * (2.0 * u * u2 + w2)
         g2 = 0.5 * (e1 * g1 + e2 * g)
-        u3, y3 = u3 - m11 * g2, y3 + m12 * g2
+        f = g2 + (lean * u2 + cubic * (3.0 * u * w2))
+        u3, y3 = u3 - m11 * f, y3 + m12 * f
     u3, y3 = (1 / 3) * u3, (1 / 3) * y3
     s3 = (1 / 3) * ((u * c2 + u1 * c1) + u2 * cosine)
     c3 = -(1 / 3) * ((u * s2 + u1 * s1) + u2 * sine)
     w3 = 2.0 * u1 * u2
     u4, y4 = ((gu * s3 + qu * w3) + du * y3) + tu * u3, ((gy * s3 + qy * w3) + dy * y3) + ty * u3
     g3, e3 = 0.0, 0.0
-    if peaked:
+    if rich is not None:
         e3 = -3.0 * peak * (2.0 * u * u3 + w3)
         g3 = (1 / 3) * (e1 * g2 + e2 * g1 + e3 * g)
-        u4, y4 = u4 - m11 * g3, y4 + m12 * g3
+        f = g3 + (lean * u3 + cubic * (3.0 * u * w3 + u1 * w2))
+        u4, y4 = u4 - m11 * f, y4 + m12 * f
     u4, y4 = 0.25 * u4, 0.25 * y4
     s4 = 0.25 * ((u * c3 + u1 * c2 + u2 * c1) + u3 * cosine)
     w4 = 2.0 * u1 * u3 + u2 * u2
     u5, y5 = ((gu * s4 + qu * w4) + du * y4) + tu * u4, ((gy * s4 + qy * w4) + dy * y4) + ty * u4
-    if peaked:
+    if rich is not None:
         g4 = 0.25 * (e1 * g3 + e2 * g2 + e3 * g1 - 4.0 * peak * (2.0 * u * u4 + w4) * g)
-        u5, y5 = u5 - m11 * g4, y5 + m12 * g4
+        f = g4 + (lean * u4 + cubic * (3.0 * u * w4 + 3.0 * w2 * u2))
+        u5, y5 = u5 - m11 * f, y5 + m12 * f
     return (u1, u2, u3, u4, 0.2 * u5), (y1, y2, y3, y4, 0.2 * y5)
+
+
+@njit_lane
+def at_end(u: float, k: Coefficients) -> float:
+    """`moved` at the end of a step; the newest coefficient comes last, so that nothing waits for it but its sum."""
+    return (((u + k[0]) + k[1]) + (k[2] + k[3])) + k[4]
+
+
+@njit_lane
+def turned_at_end(u: float, k: Coefficients) -> float:
+    """`turned` at the end of a step, alike."""
+    return (((u + 1 / 2 * k[0]) + 1 / 3 * k[1]) + (1 / 4 * k[2] + 1 / 5 * k[3])) + 1 / 6 * k[4]
 
 
 @njit_lane
@@ -100,6 +118,9 @@ def slope(k: Coefficients, x: float) -> float:
     """Derivative of `moved` (rad per step^2)."""
     return k[0] + x * (2.0 * k[1] + x * (3.0 * k[2] + x * (4.0 * k[3] + x * 5.0 * k[4])))
 
+
+SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK, CUBE, ROWS = range(8)
+"""Rows of the series (ROWS, TERMS + 1) of a step that is taken by itself."""
 
 TERMS = 9
 """Terms of the series here: more than in the lanes, since Stribeck's peak is passed within a step. A constant, so that

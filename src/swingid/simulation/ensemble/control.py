@@ -1,0 +1,282 @@
+"""The controllers of one block of runs in the vector units, each tested against its compiled step of `control`.
+
+The consecutive compensator (14)-(20) of relative degree 2 is one function of a column. That of another degree has a
+chain of matrices: its exponential is a Taylor series of vectors, in as many shares for all columns as the largest turn
+takes. Backstepping (21) with the observers (23) is one function, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from swingid.control.law import TAYLOR_TERMS
+from swingid.numerics.arrays import Array
+from swingid.numerics.vectors import decay, njit_lane, sine_cosine, widest
+from swingid.simulation.ensemble import lanes as at
+from swingid.simulation.ensemble.lanes import LANES
+
+LARGEST_SHARE = 0.5
+"""Of a turn times a norm of the chain: up to here `TAYLOR_TERMS` of the exponential leave rounding."""
+
+
+@njit_lane
+def within(value: float, limit: float) -> float:
+    """Value between -limit and limit."""
+    value = value if value > -limit else -limit
+    return value if value < limit else limit
+
+
+@njit_lane
+def grown_gain(lane: Array, i: int, e: float) -> float:
+    """Run i's next gain (17), (18) at the error e (rad), and its filter moved on by a sample."""
+    k, held, fading = lane[at.K_TILDE * LANES + i], lane[at.FILTERED * LANES + i], lane[at.ERROR_DECAY * LANES + i]
+    filtered = held if fading > 0.0 else e
+    grown = k + lane[at.LAMBDA_H * LANES + i]
+    most = lane[at.K_MAX * LANES + i]
+    grown = grown if grown < most else most
+    grown = grown if grown > k else k
+    lane[at.FILTERED * LANES + i] = e + (held - e) * fading
+    return float(grown if abs(filtered) > lane[at.DELTA0 * LANES + i] else k)
+
+
+@njit_lane
+def wheel_speed(lane: Array, i: int, rate: float) -> float:
+    """Run i's wheel speed (rad/s) from its readings, `law.wheel_speed`; rate: samples per second."""
+    wheel, memory = lane[at.WHEEL_READING * LANES + i], lane[at.WHEEL_MEMORY * LANES + i]
+    memory = memory if lane[at.WHEEL_SEEN * LANES + i] != 0.0 else wheel
+    change = (wheel - memory) * (1.0 - lane[at.WHEEL_DECAY * LANES + i])
+    lane[at.WHEEL_MEMORY * LANES + i] = memory + change
+    lane[at.WHEEL_SEEN * LANES + i] = 1.0
+    return float(change * rate)
+
+
+@njit_lane
+def compensated(lane: Array, i: int, u: float, speed: float) -> float:
+    """`law.motor_compensation` (V) of u (V) at the wheel's speed (rad/s)."""
+    dry = lane[at.COULOMB * LANES + i]
+    u += dry if speed > 0.0 else (-dry if speed < 0.0 else 0.0)
+    switch = u - lane[at.EMF_RATIO * LANES + i] * speed
+    positive, negative = lane[at.DEAD_POSITIVE * LANES + i], lane[at.DEAD_NEGATIVE * LANES + i]
+    return u + (positive if switch > 0.0 else (negative if switch < 0.0 else 0.0))
+
+
+@njit_lane
+def compensator(lane: Array, i: int, rate: float) -> None:
+    """Command of run i by its compensator of relative degree 2, `compensator_step`, moved on by a sample in place."""
+    e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
+    k = lane[at.K_TILDE * LANES + i]
+    xi, sigma0, k1 = lane[at.XI * LANES + i], lane[at.SIGMA0 * LANES + i], lane[at.K1 * LANES + i]
+
+    k_next = grown_gain(lane, i, e)
+    slope = sigma0 * k * k * k1 * (e - xi)
+    gain_term = lane[at.DIFFERENTIATE * LANES + i] * ((k_next - k) * rate) * xi
+    u = lane[at.ALPHA1 * LANES + i] * (gain_term + k * slope) + lane[at.ALPHA0 * LANES + i] * k * xi
+    u = compensated(lane, i, lane[at.PLANT_SIGN * LANES + i] * u, wheel_speed(lane, i, rate))
+    lane[at.COMMAND * LANES + i] = within(u, lane[at.LIMIT * LANES + i])
+    turn = sigma0 * (1.0 / (3.0 * rate)) * (k * k + k * k_next + k_next * k_next)
+    lane[at.XI * LANES + i] = e + (xi - e) * decay(k1 * turn)
+    lane[at.K_TILDE * LANES + i] = k_next
+
+
+@njit_lane
+def observed(lane: Array, i: int, first: int, angle: float, rate: float) -> float:
+    """Speed (rad/s) of run i by the observer (23) whose rows begin at `first`, moved on to `angle` (rad)."""
+    own = first * LANES + i
+    last, gap, p, seen = lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES] != 0.0
+    a = own + 4 * LANES
+    slope = (angle - last) * rate
+    kick = lane[a + 9 * LANES]
+    kick = kick if gap > 0.0 else (-kick if gap < 0.0 else 0.0)
+    next_gap = lane[a] * gap + lane[a + LANES] * p + lane[a + 4 * LANES] * slope + lane[a + 5 * LANES] * kick
+    next_p = lane[a + 2 * LANES] * gap + lane[a + 3 * LANES] * p
+    next_p += lane[a + 6 * LANES] * slope + lane[a + 7 * LANES] * kick
+    gap = next_gap if seen else gap
+    p = next_p if seen else p
+    lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES] = angle, gap, p, 1.0
+    return float(p + lane[a + 8 * LANES] * gap)
+
+
+@njit_lane
+def reference_rates(lane: Array, i: int, rate: float) -> tuple[float, float]:
+    """Run i's y_m' and y_m'' as of `backstepping.reference_rates`."""
+    reference, first = lane[at.REFERENCE * LANES + i], at.BEFORE * LANES + i
+    y1, y2, y3 = lane[first], lane[first + LANES], lane[first + 2 * LANES]
+    seen = lane[at.SEEN * LANES + i]
+    speed = (3.0 * reference - 4.0 * y1 + y2) * (0.5 * rate)
+    speed = speed if seen >= 2.0 else ((reference - y1) * rate if seen == 1.0 else 0.0)
+    early, late = reference - 2.0 * y1 + y2, 2.0 * reference - 5.0 * y1 + 4.0 * y2 - y3
+    bend = late if seen >= 3.0 else (early if seen >= 2.0 else 0.0)
+    lane[first], lane[first + LANES], lane[first + 2 * LANES] = reference, y1, y2
+    lane[at.SEEN * LANES + i] = seen + 1.0 if seen < 3.0 else 3.0
+    return speed, bend * (rate * rate)
+
+
+@njit_lane
+def backstepping(lane: Array, i: int, rate: float) -> None:
+    """Command of run i by (21), `backstepping_step`, moved on by a sample in place."""
+    angle, n = lane[at.ANGLE_READING * LANES + i], at.STEPPING * LANES + i
+    n1, n2, gamma1, gamma2 = lane[n], lane[n + LANES], lane[n + 2 * LANES], lane[n + 3 * LANES]
+    c4, c7, consistent, least = lane[n + 4 * LANES], lane[n + 5 * LANES], lane[n + 6 * LANES], lane[n + 7 * LANES]
+    alpha2, alpha3 = lane[at.K_TILDE * LANES + i], lane[at.FILTERED * LANES + i]
+    speed, bend = reference_rates(lane, i, rate)
+    x2 = observed(lane, i, at.AXIS_OBSERVER, angle, rate)
+    x4 = observed(lane, i, at.WHEEL_OBSERVER, lane[at.WHEEL_READING * LANES + i], rate)
+    sine, _ = sine_cosine(angle)
+    e1 = angle - lane[at.REFERENCE * LANES + i]
+    e2 = x2 + n1 * e1 - speed
+    wanted = e1 - alpha3 * x2 - alpha2 * sine + c7 * alpha2 * x4 + n1 * (x2 - speed) - bend + n2 * e2
+    u2 = wanted / (c4 * alpha2)
+    u0 = compensated(lane, i, u2, x4)
+    applied = within(u0, lane[at.LIMIT * LANES + i])
+    u2 -= u0 - applied
+    drive = (c7 * x4 - c4 * u2) - sine if consistent != 0.0 else -sine
+    h = 1.0 / rate
+    alpha3 -= h * gamma1 * e2 * x2
+    alpha2 += h * gamma2 * e2 * drive
+    lane[at.FILTERED * LANES + i] = alpha3 if alpha3 > least else least
+    lane[at.K_TILDE * LANES + i] = alpha2 if alpha2 > least else least
+    lane[at.COMMAND * LANES + i] = applied
+
+
+@njit_lane
+def chain_series(lane: Array, n: int, rate: float) -> None:
+    """Taylor series of xi(t) of all runs up to the power n into POWERS, row (n + 1) j + i: t^i of xi_(j+1)."""
+    widest()
+    for j in range(n):
+        for i in range(LANES):
+            lane[(at.POWERS + (n + 1) * j) * LANES + i] = lane[(at.CHAIN + j) * LANES + i]
+        for k in range(1, n + 1):
+            for i in range(LANES):
+                lane[(at.POWERS + (n + 1) * j + k) * LANES + i] = 0.0
+    for power in range(n):
+        inverse = 1.0 / (power + 1)
+        for j in range(n):
+            for m in range(min(power, 2) + 1):
+                for i in range(LANES):
+                    gain = lane[at.K_TILDE * LANES + i]
+                    slope = (lane[at.NEXT_GAIN * LANES + i] - gain) * rate
+                    sigma = gain * gain if m == 0 else (2.0 * gain * slope if m == 1 else slope * slope)
+                    lane[at.SHARE * LANES + i] = lane[at.SIGMA0 * LANES + i] * sigma
+                    lane[at.WANTED * LANES + i] = 0.0
+                if j < n - 1:
+                    for i in range(LANES):
+                        lane[at.WANTED * LANES + i] = lane[(at.POWERS + (n + 1) * (j + 1) + power - m) * LANES + i]
+                else:
+                    for i in range(LANES):
+                        force = lane[at.K * LANES + i] * lane[at.ERROR * LANES + i]
+                        lane[at.WANTED * LANES + i] = force if power == m else 0.0
+                    for c in range(n):
+                        for i in range(LANES):
+                            state = lane[(at.POWERS + (n + 1) * c + power - m) * LANES + i]
+                            lane[at.WANTED * LANES + i] -= lane[(at.K + c) * LANES + i] * state
+                for i in range(LANES):
+                    rise = lane[at.SHARE * LANES + i] * lane[at.WANTED * LANES + i] * inverse
+                    lane[(at.POWERS + (n + 1) * j + power + 1) * LANES + i] += rise
+
+
+@njit_lane
+def chain_output(lane: Array, n: int, rate: float) -> None:
+    """`law.chain_output` of all runs into WANTED."""
+    widest()
+    if n == 0:
+        for i in range(LANES):
+            scaled = lane[at.ALPHA * LANES + i] * lane[at.K_TILDE * LANES + i]
+            lane[at.WANTED * LANES + i] = scaled * lane[at.ERROR * LANES + i]
+        return
+    chain_series(lane, n, rate)
+    for i in range(LANES):
+        lane[at.WANTED * LANES + i] = 0.0
+    factorial = 1.0
+    for power in range(n + 1):
+        factorial *= max(power, 1)
+        for i in range(LANES):
+            gain = lane[at.K_TILDE * LANES + i]
+            value = gain * lane[(at.POWERS + power) * LANES + i]
+            if power > 0:
+                slope = lane[at.DIFFERENTIATE * LANES + i] * (lane[at.NEXT_GAIN * LANES + i] - gain) * rate
+                value += slope * lane[(at.POWERS + power - 1) * LANES + i]
+            lane[at.WANTED * LANES + i] += lane[(at.ALPHA + n - power) * LANES + i] * factorial * value
+
+
+@njit_lane
+def move_chain(lane: Array, n: int, h: float) -> None:
+    """`law.held_chain` of all runs, moved on by a sample of h (s) in which the gain grows to NEXT_GAIN."""
+    widest()
+    most = 0.0
+    for i in range(LANES):
+        k, k_next = lane[at.K_TILDE * LANES + i], lane[at.NEXT_GAIN * LANES + i]
+        turn = lane[at.SIGMA0 * LANES + i] * h * (k * k + k * k_next + k_next * k_next) * (1 / 3)
+        lane[at.SHARE * LANES + i] = turn
+        most = max(most, turn * lane[at.NORM * LANES + i])
+    shares = int(np.ceil(most / LARGEST_SHARE)) if most > LARGEST_SHARE else 1
+    for j in range(n):
+        for i in range(LANES):
+            error = lane[at.ERROR * LANES + i] if j == 0 else 0.0
+            lane[(at.DISTANCE + j) * LANES + i] = lane[(at.CHAIN + j) * LANES + i] - error
+    for _ in range(shares):
+        for j in range(n):
+            for i in range(LANES):
+                lane[(at.TERM + j) * LANES + i] = lane[(at.DISTANCE + j) * LANES + i]
+        for term in range(1, TAYLOR_TERMS + 1):
+            next_term(lane, n, 1.0 / (term * shares))
+    for j in range(n):
+        for i in range(LANES):
+            error = lane[at.ERROR * LANES + i] if j == 0 else 0.0
+            lane[(at.CHAIN + j) * LANES + i] = lane[(at.DISTANCE + j) * LANES + i] + error
+
+
+@njit_lane
+def next_term(lane: Array, n: int, factor: float) -> None:
+    """The next term of the exponential's series in TERM, from the one before, and added to DISTANCE."""
+    widest()
+    for i in range(LANES):
+        lane[at.WANTED * LANES + i] = 0.0
+    for j in range(n):
+        for i in range(LANES):
+            lane[at.WANTED * LANES + i] -= lane[(at.K + j) * LANES + i] * lane[(at.TERM + j) * LANES + i]
+    for j in range(n):
+        for i in range(LANES):
+            new = lane[at.WANTED * LANES + i] if j == n - 1 else lane[(at.TERM + j + 1) * LANES + i]
+            new *= factor * lane[at.SHARE * LANES + i]
+            lane[(at.TERM + j) * LANES + i] = new
+            lane[(at.DISTANCE + j) * LANES + i] += new
+
+
+@njit_lane
+def chain(lane: Array, n: int, rate: float) -> None:
+    """Commands of all runs by compensators whose chain (16) is of order n, `compensator_step`."""
+    widest()
+    for i in range(LANES):
+        e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
+        lane[at.ERROR * LANES + i] = e
+        lane[at.NEXT_GAIN * LANES + i] = grown_gain(lane, i, e)
+    chain_output(lane, n, rate)
+    for i in range(LANES):
+        u = lane[at.PLANT_SIGN * LANES + i] * lane[at.WANTED * LANES + i]
+        u = compensated(lane, i, u, wheel_speed(lane, i, rate))
+        lane[at.COMMAND * LANES + i] = within(u, lane[at.LIMIT * LANES + i])
+    move_chain(lane, n, 1.0 / rate)
+    for i in range(LANES):
+        lane[at.K_TILDE * LANES + i] = lane[at.NEXT_GAIN * LANES + i]
+
+
+@njit_lane
+def command_all(lane: Array, closed: int, rate: float, order: int | None, steps_back: int | None) -> None:
+    """Commands of all runs, of the controllers or as given, within each rig's own limit.
+
+    closed: whether there are controllers. order: of chains that have another than 1, steps_back: backstepping.
+    """
+    widest()
+    if order is not None:
+        chain(lane, order, rate)
+    elif steps_back is not None:
+        for i in range(LANES):
+            backstepping(lane, i, rate)
+    elif closed:
+        for i in range(LANES):
+            compensator(lane, i, rate)
+    else:
+        for i in range(LANES):
+            lane[at.COMMAND * LANES + i] = lane[at.REFERENCE * LANES + i]
+    for i in range(LANES):
+        lane[at.COMMAND * LANES + i] = within(lane[at.COMMAND * LANES + i], lane[at.RIG_LIMIT * LANES + i])

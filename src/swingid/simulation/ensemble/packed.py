@@ -1,0 +1,219 @@
+"""Blocks of runs that the lanes take together: which go together, what they are made with, and where they end."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.control.backstepping import Backstepping
+from swingid.model.integrator import NOW, STATES, V1, V2
+from swingid.model.integrator import Q1 as ANGLE
+from swingid.model.integrator import Q2 as WHEEL_ANGLE
+from swingid.model.motion import COUNTS, LONGEST, advance
+from swingid.model.parameters import CUBIC, STRIBECK_SPEED
+from swingid.simulation.ensemble import lanes
+from swingid.simulation.ensemble.block import PLACES, ROW, STEP, TOGETHER, run_block
+from swingid.simulation.ensemble.lanes import LANES
+from swingid.simulation.twin import own_limit
+
+if TYPE_CHECKING:
+    from swingid.numerics.arrays import Array, Ints
+    from swingid.simulation.ensemble.readings import Late
+    from swingid.simulation.ensemble.runs import Run
+
+
+@dataclass(frozen=True)
+class Kind:
+    """What all runs of a block have in common, since the kernel is compiled for it.
+
+    control: "open", "compensator", "chain" or "backstepping"; order: of a chain. rich: friction with Stribeck's peak or
+    a cubic term. late: some encoder is not read on time.
+    """
+
+    control: str
+    order: int
+    rich: bool
+    late: bool
+
+
+@dataclass(frozen=True)
+class Block:
+    """Up to LANES runs that go together, by their places `members` in the ensemble; p (members, SIZE): their constants.
+
+    inputs (instants, references), which (members,): references or commands, and each run's column of them. when
+    (rows, 2, members): instants of the readings in samples; empty where all are on time.
+    """
+
+    members: list[int]
+    runs: list[Run]
+    kind: Kind
+    p: Array
+    inputs: Array
+    which: Ints
+    when: Array
+
+
+def kind_of(run: Run, p: Array) -> Kind:
+    """The kind of block of a run with the constants p (SIZE,)."""
+    rich = bool(p[STRIBECK_SPEED] > 0.0 or p[CUBIC] != 0.0)
+    if run.controller is None:
+        return Kind("open", 0, rich, run.is_late)
+    if isinstance(run.controller, Backstepping):
+        return Kind("backstepping", 0, rich, run.is_late)
+    order = len(run.controller.k)
+    return Kind("compensator" if order == 1 else "chain", order, rich, run.is_late)
+
+
+def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
+    """Blocks of the runs that the lanes can take, and the places of those they can't. Errors as `simulate`."""
+    constants = [run.constants() for run in runs]
+    kinds: dict[Kind, list[int]] = {}
+    left: list[int] = []
+    for k, run in enumerate(runs):
+        if run.fits_lanes(constants[k]):
+            kinds.setdefault(kind_of(run, constants[k]), []).append(k)
+        else:
+            left.append(k)
+    blocks = []
+    for kind, members in kinds.items():
+        for first in range(0, len(members), LANES):
+            own = members[first : first + LANES]
+            blocks.append(_block(own, [runs[k] for k in own], kind, np.array([constants[k] for k in own]), rows))
+    return _sharing_inputs(blocks), left
+
+
+def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, rows: int) -> Block:
+    """A block without its inputs, as many instants as it takes until the last row has been read."""
+    when, total = np.empty((0, 2, len(runs))), rows
+    if kind.late:
+        when = np.stack([np.arange(rows) + run.rate * run.delays(rows) for run in runs]).transpose(2, 1, 0)
+        total = max(rows, int(np.ceil(when.max())))
+        when = np.minimum(when, np.nextafter(float(total), 0.0))
+    return Block(members, runs, kind, p, np.empty((total, 0)), np.empty(0, np.int64), when)
+
+
+def _sharing_inputs(blocks: list[Block]) -> list[Block]:
+    """The blocks with their inputs; a reference is computed once."""
+    found: dict[tuple[int, int, int], Array] = {}
+    result = []
+    for block in blocks:
+        rows, total = block.runs[0].row_count(), len(block.inputs)
+        columns: dict[tuple[int, int, int], int] = {}
+        which = np.empty(len(block.runs), np.int64)
+        for k, run in enumerate(block.runs):
+            key = (id(run.reference), id(run.drive), total)
+            if key not in found:
+                found[key] = run.inputs(np.arange(total) / run.rate, rows)[0]
+            which[k] = columns.setdefault(key, len(columns))
+        inputs = np.ascontiguousarray(np.array([found[key] for key in columns]).T)
+        result.append(replace(block, inputs=inputs, which=which))
+    return result
+
+
+def run_packed(block: Block, log: Array) -> Array:
+    """Run a block, its log into `log` (channels, members, rows); returns the last states (members, 4) (rad, rad/s).
+
+    Lanes without a run do the last member's once more.
+    """
+    kind, rows, count = block.kind, log.shape[2], len(block.members)
+    sample = 1.0 / block.runs[0].rate
+    steps = int(np.ceil(sample / LONGEST * (1.0 - 1e-9)))
+    h = sample / steps
+    filled = np.minimum(np.arange(LANES), count - 1)
+    lane, p = _packed(block, filled, sample, h), block.p[filled]
+    late = _late(block, filled, steps)
+    kinds = int(kind.control != "open"), int(bool(np.any(lane[[*lanes.BENDS]])))
+    place, flat, which = np.zeros(PLACES, np.int64), lane.ravel(), block.which[filled]
+    noise, kept = _noise(block, rows), np.empty(4 * TOGETHER * LANES)
+    variant = (
+        1 if kind.rich else None,
+        1 if kind.late else None,
+        kind.order if kind.control == "chain" else None,
+        1 if kind.control == "backstepping" else None,
+    )
+    while run_block(flat, p, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
+        step = int(place[ROW]) * steps + int(place[STEP]) - 1
+        for i in np.flatnonzero(lane[lanes.LEFT]):
+            advance_run(lane, int(i), p[i], h, late, step)
+    end = lane[lanes.END : lanes.END + 4, :count].T
+    result: Array = end * np.array([1.0, 1.0 / h, 1.0, 1.0 / h])
+    return result
+
+
+def _packed(block: Block, filled: Ints, sample: float, h: float) -> Array:
+    """The array (ROWS, LANES) at the start; filled (LANES,): each column's member; sample, h: a sample, a step (s)."""
+    runs, kind = block.runs, block.kind
+    lane = np.zeros((lanes.ROWS, LANES))
+    lanes.pack_motion(lane, block.p[filled], h)
+    lanes.pack_encoders(lane, np.array([run.encoders() for run in runs])[filled])
+    lane[lanes.RIG_LIMIT] = np.array([own_limit(run.rig) for run in runs])[filled]
+    lane[lanes.Q1] = np.array([run.initial_angle for run in runs])[filled]
+    lane[lanes.U] = np.array([run.initial_speed for run in runs])[filled] * h
+    if kind.control != "open":
+        gains, states = _controllers(runs, sample)
+        if kind.control == "backstepping":
+            lanes.pack_backstepping(lane, gains[filled], states[filled])
+        else:
+            lanes.pack_compensator(lane, gains[filled], states[filled], sample)
+    return lane
+
+
+def _noise(block: Block, rows: int) -> Array:
+    """Noise (2, instants, LANES) (rad) of both encoders, (2, 0, LANES) where there is none."""
+    if not any(s.noise for run in block.runs for s in (run.rig.sensors.of("angle"), run.rig.sensors.of("wheel"))):
+        return np.zeros((2, 0, LANES))
+    noise = np.zeros((2, len(block.inputs), LANES))
+    for i, run in enumerate(block.runs):
+        draws = run.noise(rows)
+        if draws is not None:
+            noise[:, :rows, i] = draws
+    return noise
+
+
+def _late(block: Block, filled: Ints, steps: int) -> Late:
+    """What `readings` has of encoders that are not read on time; before the start the motion is uniform."""
+    if not block.kind.late:
+        return np.empty((0, 2, LANES)), np.empty((0, 2, LANES)), 0, 0
+    early = block.when[:, :, filled]
+    seen = np.zeros_like(early)
+    time = early / block.runs[0].rate
+    angle, speed = (np.array([getattr(run, f"initial_{name}") for run in block.runs]) for name in ("angle", "speed"))
+    seen[:, 0] = np.where(early[:, 0] < 0.0, angle[filled] + speed[filled] * time[:, 0], 0.0)
+    when = early * steps
+    after = np.floor(when) - steps * np.arange(len(when))[:, None, None]
+    return when, seen, int(after.min()), int(after.max())
+
+
+def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int) -> None:
+    """Take what is left of a step of h (s) of run i by the kernel of single runs; late, step: as of `readings.fill`."""
+    left = float(lane[lanes.LEFT, i])
+    work, counts = np.zeros((10, 5)), np.zeros(COUNTS, np.int64)
+    work[NOW, [ANGLE, V1]] = lane[lanes.Q1, i], lane[lanes.U, i] / h
+    work[NOW, [WHEEL_ANGLE, V2]] = lane[lanes.Q2, i], lane[lanes.Y, i] / h
+    when, seen = late[0][:, :, i], late[1][:, :, i]
+    rest = (when - step) * h - (h - left)
+    inside = np.argwhere((rest >= 0.0) & (when >= step) & (when < step + 1))
+    instants = np.sort(rest[tuple(inside.T)])
+    states = np.zeros((len(instants), STATES))
+    command = float(lane[lanes.COMMAND, i])
+    advance(0.0, left, command, work, min(left, LONGEST), p, instants, states, counts)
+    for row, e in inside:
+        seen[row, e] = states[np.searchsorted(instants, rest[row, e]), WHEEL_ANGLE if e else ANGLE]
+    lane[lanes.Q1, i], lane[lanes.U, i] = work[NOW, ANGLE], work[NOW, V1] * h
+    lane[lanes.Q2, i], lane[lanes.Y, i] = work[NOW, WHEEL_ANGLE], work[NOW, V2] * h
+    lane[lanes.SINE, i], lane[lanes.COSINE, i] = np.sin(work[NOW, ANGLE]), np.cos(work[NOW, ANGLE])
+
+
+def _controllers(runs: list[Run], sample: float) -> tuple[Array, Array]:
+    """Gains and first states of the controllers (runs, ...); equal ones are computed once."""
+    gains: dict[int, Array] = {}
+    states: dict[int, Array] = {}
+    for run in runs:
+        assert run.controller is not None
+        key = id(run.controller)
+        if key not in gains:
+            gains[key] = run.controller.parameters(sample)
+            states[key] = run.controller.initial_state(run.initial_angle)
+    return np.array([gains[id(run.controller)] for run in runs]), np.array([states[id(run.controller)] for run in runs])

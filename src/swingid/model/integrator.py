@@ -11,14 +11,16 @@ are named by number, not cut out as views: a view costs as much as a right-hand 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from swingid.model.dynamics import accelerations
 from swingid.model.friction import bristle_rate
 from swingid.model.parameters import COULOMB_N, COULOMB_P, SIGMA0
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit, njit_inlined
+from swingid.numerics.compiled import FLOAT, INT, MATRIX, VECTOR, KernelPointer, njit, njit_inlined, place, tuple_of
 
 Q1, V1, Q2, V2, Z, STATES = 0, 1, 2, 3, 4, 5
-FIRST, LAST, TRIAL, NEW, NOW, ROWS = 0, 6, 7, 8, 9, 10
+FIRST, SECOND, THIRD, FOURTH, FIFTH, SIXTH, LAST, TRIAL, NEW, NOW, ROWS = map(place, range(11))
 
 Mode = tuple[int, int, int]
 """(s1, s2, branch) of `swingid.model.dynamics`."""
@@ -46,21 +48,21 @@ def step(work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
     k = work
     for i in range(STATES):
         work[TRIAL, i] = work[NOW, i] + h * (1 / 5) * k[0, i]
-    derivative(work, TRIAL, 1, mode, u, p)
+    derivative(work, TRIAL, SECOND, mode, u, p)
     for i in range(STATES):
         work[TRIAL, i] = work[NOW, i] + h * (3 / 40 * k[0, i] + 9 / 40 * k[1, i])
-    derivative(work, TRIAL, 2, mode, u, p)
+    derivative(work, TRIAL, THIRD, mode, u, p)
     for i in range(STATES):
         work[TRIAL, i] = work[NOW, i] + h * (44 / 45 * k[0, i] - 56 / 15 * k[1, i] + 32 / 9 * k[2, i])
-    derivative(work, TRIAL, 3, mode, u, p)
+    derivative(work, TRIAL, FOURTH, mode, u, p)
     for i in range(STATES):
         slope = 19372 / 6561 * k[0, i] - 25360 / 2187 * k[1, i] + 64448 / 6561 * k[2, i] - 212 / 729 * k[3, i]
         work[TRIAL, i] = work[NOW, i] + h * slope
-    derivative(work, TRIAL, 4, mode, u, p)
+    derivative(work, TRIAL, FIFTH, mode, u, p)
     for i in range(STATES):
         slope = 9017 / 3168 * k[0, i] - 355 / 33 * k[1, i] + 46732 / 5247 * k[2, i] + 49 / 176 * k[3, i]
         work[TRIAL, i] = work[NOW, i] + h * (slope - 5103 / 18656 * k[4, i])
-    derivative(work, TRIAL, 5, mode, u, p)
+    derivative(work, TRIAL, SIXTH, mode, u, p)
     for i in range(STATES):
         slope = 35 / 384 * k[0, i] + 500 / 1113 * k[2, i] + 125 / 192 * k[3, i] - 2187 / 6784 * k[4, i]
         work[NEW, i] = work[NOW, i] + h * (slope + 11 / 84 * k[5, i])
@@ -102,3 +104,7 @@ def quintic(
     angle = q + h * x * (v + 0.5 * h * x * a) + x * x * x * (c3 + x * (c4 + x * c5))
     speed = v + h * x * a + x * x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)) / h
     return angle, speed
+
+
+Step = Callable[[Array, float, Mode, float, Array], float]
+STEP = KernelPointer(step, FLOAT(MATRIX, FLOAT, tuple_of(INT, 3), FLOAT, VECTOR))

@@ -10,10 +10,28 @@ one such step's change at most, the motion goes on, and the count of guarded ste
 
 from __future__ import annotations
 
-from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, STATES, V1, V2, Mode, Z, derivative, quintic, step
+from collections.abc import Callable
+
+from swingid.model.integrator import (
+    FIRST,
+    LAST,
+    NEW,
+    NOW,
+    Q1,
+    Q2,
+    STATES,
+    STEP,
+    V1,
+    V2,
+    Mode,
+    Step,
+    Z,
+    derivative,
+    quintic,
+)
 from swingid.model.sticking import choose_mode, first_dip, locate, margin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit, njit_inlined
+from swingid.numerics.compiled import FLOAT, INTS, MATRIX, VECTOR, KernelPointer, njit, njit_inlined
 
 LONGEST = 1e-3  # s: no step is longer, so that two reversals seldom fall into one
 STRETCH = 1.0 + 1e-6
@@ -50,10 +68,10 @@ def fill_probes(
 
 
 @njit_inlined
-def try_step(left: float, tried: float, work: Array, mode: Mode, u: float, p: Array) -> tuple[float, float]:
+def try_step(step: Step, left: float, tried: float, work: Array, mode: Mode, u: float, p: Array) -> tuple[float, float]:
     """Step from row NOW that its error estimate allows, at most `left` (s); the length tried first is `tried`.
 
-    Returns the length of the step and the one to try next.
+    `step` is `integrator.step`, or its pointer. Returns the length of the step and the one to try next.
     """
     # A rest of rounding size is not worth a step of its own.
     h = left if left <= tried * STRETCH else tried
@@ -70,6 +88,7 @@ def try_step(left: float, tried: float, work: Array, mode: Mode, u: float, p: Ar
 
 @njit_inlined
 def next_step(
+    step: Step,
     left: float,
     tried: float,
     work: Array,
@@ -84,7 +103,7 @@ def next_step(
     Returns its length, the length to try next, and whether the mode has ended; `events` is how many did before in
     this held interval. Should the mode end, row NEW lies just beyond its end.
     """
-    h, tried = try_step(left, tried, work, mode, u, p)
+    h, tried = try_step(step, left, tried, work, mode, u, p)
     ended = margin(work, NEW, LAST, mode, u, p) < 0.0
     if not ended:
         low = first_dip(work, h, mode)
@@ -94,7 +113,7 @@ def next_step(
             h = low
     if ended:
         floor = min(h, GUARD) if events >= MANY_EVENTS else 0.0
-        h = locate(work, h, mode, u, p)
+        h = locate(step, work, h, mode, u, p)
         if h < floor:
             h = floor
             step(work, h, mode, u, p)
@@ -104,6 +123,7 @@ def next_step(
 
 @njit
 def advance(
+    step: Step,
     t: float,
     t_end: float,
     u: float,
@@ -116,15 +136,17 @@ def advance(
 ) -> float:
     """Move row NOW of `work` from t to t_end (s) under the held command u (V; direct drive N m), in place.
 
-    `tried` is the length of the first step (s), and the length to try in the next call is returned. `seen` (n, 5)
-    receives the state at the sorted `instants` (n,) passed on the way; `counts` (4,) sums up steps, mode changes,
-    guarded steps and instants passed.
+    `step` is `integrator.step`, or its pointer; `tried` the length of the first step (s), and the length to try in the
+    next call is returned. `seen` (n, 5) receives the state at the sorted `instants` (n,) passed on the way; `counts`
+    (4,) sums up steps, mode changes, guarded steps and instants passed.
     """
-    mode = choose_mode(work, u, p)
-    derivative(work, NOW, FIRST, mode, u, p)
-    events = 0
+    ended, events = True, -1
     while t < t_end:
-        h, tried, ended = next_step(t_end - t, tried, work, mode, u, p, events, counts)
+        if ended:
+            mode = choose_mode(work, u, p)
+            derivative(work, NOW, FIRST, mode, u, p)
+            events += 1
+        h, tried, ended = next_step(step, t_end - t, tried, work, mode, u, p, events, counts)
         until = t_end if not ended and h >= t_end - t else t + h
         fill_probes(t, h, until, work, instants, seen, counts)
         counts[STEPS] += 1
@@ -132,9 +154,10 @@ def advance(
         for i in range(STATES):
             work[NOW, i], work[FIRST, i] = work[NEW, i], work[LAST, i]
         if ended:
-            events += 1
             counts[EVENTS] += 1
             stop_reversed(work, mode)
-            mode = choose_mode(work, u, p)
-            derivative(work, NOW, FIRST, mode, u, p)
     return tried
+
+
+Advance = Callable[..., float]
+ADVANCE = KernelPointer(advance, FLOAT(STEP.type, FLOAT, FLOAT, FLOAT, MATRIX, FLOAT, VECTOR, VECTOR, MATRIX, INTS))

@@ -15,7 +15,7 @@ import math
 
 from swingid.model.dynamics import accelerations, holding_torques
 from swingid.model.friction import release_margin
-from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, Z, step
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, Step, Z
 from swingid.model.motor import branch_margin, motor_branch
 from swingid.model.parameters import AXIS_STICKS, WHEEL_STATIC
 from swingid.numerics.arrays import Array
@@ -156,7 +156,7 @@ def first_dip(work: Array, h: float, mode: Mode) -> float:
 
 
 @njit
-def locate(work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
+def locate(step: Step, work: Array, h: float, mode: Mode, u: float, p: Array) -> float:
     """Length (s) of the step from row NOW after which `mode` has only just ceased to hold; leaves row NEW there.
 
     `h` is a length after which it does not hold, already in row NEW. Regula falsi (Illinois) on the length of

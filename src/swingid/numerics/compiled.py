@@ -15,6 +15,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+import numba.experimental.function_type  # makes numba accept `KernelPointer` as an argument
+import numpy as np
+from numba import types
 
 from swingid.system import user
 
@@ -55,6 +58,11 @@ def first_use(folder: Path = CACHE) -> bool:
     return not any(folder.rglob("*.nbc"))
 
 
+FLOAT, INT = numba.float64, numba.int64
+VECTOR, MATRIX, INTS = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
+tuple_of = types.UniTuple
+"""Types of arguments, for the signatures of `KernelPointer`."""
+
 njit: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy")
 
 njit_sums: Callable[[Function], Function] = partial(
@@ -82,3 +90,37 @@ njit_inlined_with_arrays: Callable[[Function], Function] = partial(
     numba.njit, cache=True, error_model="numpy", forceinline=True
 )
 """For the others."""
+
+
+def place(number: int) -> int:
+    """A constant of kernels that numba does not take as a literal: for those it compiles a kernel for every value."""
+    return np.int64(number)  # type: ignore[return-value]
+
+
+class KernelPointer(types.WrapperAddressProtocol):  # type: ignore[misc]
+    """A kernel that other kernels get as an argument and call by its address.
+
+    Where one kernel names another, numba compiles both together, once more for each caller. By its address a large
+    kernel is compiled once, apart from its callers, for the one `signature` given here. A call takes some 4 ns longer.
+    """
+
+    def __init__(self, kernel: Any, signature: Any) -> None:
+        self._kernel, self._signature = kernel, signature
+        self._address: int | None = None
+
+    def signature(self) -> Any:
+        """Types of the result and the arguments."""
+        return self._signature
+
+    @property
+    def type(self) -> Any:
+        """Its own type, for the signature of a kernel that gets it."""
+        return types.FunctionType(self._signature)
+
+    def __wrapper_address__(self) -> int:
+        """Address of the machine code, which is compiled or loaded where it has not been yet."""
+        if self._address is None:
+            self._kernel.compile(self._signature)
+            made = self._kernel.overloads[self._signature.args]
+            self._address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
+        return self._address

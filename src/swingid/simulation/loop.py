@@ -6,35 +6,24 @@ import numpy as np
 
 from swingid.control.backstepping import backstepping_step
 from swingid.control.law import compensator_step
-from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2
-from swingid.model.motion import COUNTS, LONGEST, PROBES, advance
+from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2, Step
+from swingid.model.motion import COUNTS, LONGEST, PROBES, Advance
 from swingid.model.parameters import OFFSET
 from swingid.model.sensors import encoder_reading
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit, njit_inlined_with_arrays, njit_nogil
-
-# Kinds of controller.
-OPEN_LOOP, COMPENSATOR, BACKSTEPPING = 0, 1, 2
+from swingid.numerics.compiled import FLOAT, VECTOR, KernelPointer, njit, njit_nogil
 
 
-@njit_inlined_with_arrays
-def command(
-    kind: int,
-    k: int,
-    inputs: Array,
-    angle: float,
-    wheel_angle: float,
-    state: Array,
-    parameters: Array,
-    limit: float,
-) -> float:
-    """Command (V; direct drive N m) of sample k from the readings, within the rig's own limit."""
-    u = inputs[k]
-    if kind == COMPENSATOR:
-        u = compensator_step(inputs[k], angle, wheel_angle, state, parameters)
-    elif kind == BACKSTEPPING:
-        u = backstepping_step(inputs[k], angle, wheel_angle, state, parameters)
-    return float(min(max(u, -limit), limit))
+@njit
+def given_command(command: float, angle: float, wheel_angle: float, state: Array, parameters: Array) -> float:
+    """The open loop as a controller: its input is the command."""
+    return command
+
+
+_CONTROLLER = FLOAT(FLOAT, FLOAT, FLOAT, VECTOR, VECTOR)
+OPEN_LOOP = KernelPointer(given_command, _CONTROLLER)
+COMPENSATOR = KernelPointer(compensator_step, _CONTROLLER)
+BACKSTEPPING = KernelPointer(backstepping_step, _CONTROLLER)
 
 
 @njit
@@ -58,10 +47,12 @@ def before_start(
 
 @njit_nogil
 def closed_loop(
+    step: Step,
+    move: Advance,
+    control: KernelPointer,
     times: Array,
     inputs: Array,
     pushes: Array,
-    kind: int,
     state: Array,
     parameters: Array,
     limit: float,
@@ -76,6 +67,9 @@ def closed_loop(
 ) -> Ints:
     """Run the loop over the sample instants `times` (n + 1,) (s); returns the counts of `advance`.
 
+    step, move: `STEP`, `ADVANCE`; control: `OPEN_LOOP`, `COMPENSATOR` or `BACKSTEPPING`. They are called by their
+    addresses, so that each is compiled once, apart from this loop, and what a run does not use is not compiled.
+
     inputs (n,): reference (rad), or the command where the loop is open. pushes (n,): torque on the axis from outside
     (N m), held from sample to sample, or empty. y (5,): initial state. encoders (2, 4):
     arrays of angle and wheel for `encoder_reading`; noise (2, n) (rad). instants (m,): sorted times at which the
@@ -85,7 +79,8 @@ def closed_loop(
     """
     rows = len(log)
     counts, work, tried = np.zeros(COUNTS, np.int64), np.zeros((ROWS, STATES)), LONGEST
-    work[NOW] = y
+    for i in range(STATES):
+        work[NOW, i] = y[i]
     angle_encoder, wheel_encoder = encoders[0], encoders[1]
     before_start(times[0], work, instants, seen, counts)
     offset = p[OFFSET]
@@ -100,11 +95,11 @@ def closed_loop(
             q2 = seen[reads[1, k], Q2]
         angle = encoder_reading(q1, angle_encoder, noise[0, k])
         wheel_angle = encoder_reading(q2, wheel_encoder, noise[1, k])
-        u = command(kind, k, inputs, angle, wheel_angle, state, parameters, limit)
+        u = min(max(control(inputs[k], angle, wheel_angle, state, parameters), -limit), limit)
         if k < rows:
             log[k, 2] = u
             log[k, 3] = state[0]
-        tried = advance(t, times[k + 1], u, work, tried, p, instants, seen, counts)
+        tried = move(step, t, times[k + 1], u, work, tried, p, instants, seen, counts)
     for k in range(rows):
         log[k, 0] = encoder_reading(seen[reads[0, k], Q1], angle_encoder, noise[0, k])
         log[k, 1] = encoder_reading(seen[reads[1, k], Q2], wheel_encoder, noise[1, k])

@@ -13,8 +13,8 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references.base import require_axis
 from swingid.errors import UsageError
-from swingid.model.integrator import Q1, Q2, STATES, V1, V2, Z
-from swingid.model.motion import EVENTS, GUARDED, STEPS
+from swingid.model.integrator import Q1, Q2, STATES, STEP, V1, V2, Z
+from swingid.model.motion import ADVANCE, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
@@ -194,19 +194,21 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
     times = np.arange(max(rows, math.ceil(instants[-1] * rate)) + 1) / rate
     inputs, open_loop = setup.inputs(times[:-1], rows)
     controller = None if open_loop else setup.controller or Compensator.paper(rig)
-    kind, state, gains = OPEN_LOOP, np.zeros(1), np.zeros(1)
+    control, state, gains = OPEN_LOOP, np.zeros(1), np.zeros(1)
     if controller is not None:
-        kind = BACKSTEPPING if isinstance(controller, Backstepping) else COMPENSATOR
+        control = BACKSTEPPING if isinstance(controller, Backstepping) else COMPENSATOR
         state, gains = controller.initial_state(setup.initial_angle), controller.parameters(1.0 / rate)
     noise = np.zeros((2, len(inputs)))
     noise[:, :rows] = made.noise
     p = vector(made.values, rig.drive.kind)
     seen, log = np.zeros((len(instants), STATES)), np.zeros((rows, 4))
     counts = closed_loop(
+        STEP,
+        ADVANCE,
+        control,
         times,
         inputs,
         setup.pushes(len(inputs), rows),
-        kind,
         state,
         gains,
         own_limit(rig),

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.methods.output_error.partials import axis_row, axis_slopes, mass_rows, motor_row
-from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Z, derivative
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z, derivative
 from swingid.model.motion import COUNTS, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE
 from swingid.model.sticking import choose_mode, stop_reversed
@@ -38,10 +38,19 @@ NONE: int = np.int64(0)  # type: ignore[assignment]
 
 @njit
 def motor_steps(
-    knots: Array, commands: Array, flags: Ints, bounds: Ints, states: Array, p: Array, nodes: Array, begins: Ints
+    step: Step,
+    knots: Array,
+    commands: Array,
+    flags: Ints,
+    bounds: Ints,
+    states: Array,
+    p: Array,
+    nodes: Array,
+    begins: Ints,
 ) -> int:
     """The steps of the rig under held voltages, segment by segment, into the rows of `nodes` (n, FIELDS).
 
+    step: `model.integrator.STEP`.
     knots (n,): instants at which a voltage begins or an angle is read, s. commands (n,): voltage from each knot on, V.
     flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot of each segment. states (k, 4): (q1, q1', q2, q2')
     at a segment's first knot. p (SIZE,): the rig's constants. begins (k + 1,) becomes the first row of each segment and
@@ -68,7 +77,7 @@ def motor_steps(
                 rows, passed, flag = rows + 1, 0.0, 0.0
                 if left <= 0.0:
                     break
-                h, tried, ended = next_step(left, tried, work, mode, u, p, events, counts)
+                h, tried, ended = next_step(step, left, tried, work, mode, u, p, events, counts)
                 nodes[rows - 1, STEP] = h
                 nodes[rows - 1, END1], nodes[rows - 1, END2] = work[LAST, V1], work[LAST, V2]
                 left = 0.0 if not ended and h >= left else left - h

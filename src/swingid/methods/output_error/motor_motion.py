@@ -18,7 +18,7 @@ from swingid.model.motion import COUNTS, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE
 from swingid.model.sticking import choose_mode, stop_reversed
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit, njit_inlined
+from swingid.numerics.compiled import njit, njit_inlined, place
 
 READ_ANGLE, READ_WHEEL = 1, 2
 """Bits of `flags`: the angle, the wheel's angle is read at this knot."""
@@ -32,7 +32,7 @@ STEP, COMMAND, SIDE1, SIDE2, BRANCH, ANGLE, SPEED, TURN, WHEEL, RATE1, RATE2, EN
 """Columns of `nodes`: length (s) of the step from here, voltage and mode in it; (q1, q1', q2, q2') here; (q1'', q2'')
 here and at the step's end; which speed has passed zero here (1 the axis', 2 the wheel's, 0 none); what is read here."""
 
-NONE: int = np.int64(0)  # type: ignore[assignment]
+NONE = place(0)
 """A number of the type that the kernels compute, so that they are compiled for one type only."""
 
 

@@ -120,7 +120,7 @@ class KernelPointer(types.WrapperAddressProtocol):  # type: ignore[misc]
     def __wrapper_address__(self) -> int:
         """Address of the machine code, which is compiled or loaded where it has not been yet."""
         if self._address is None:
-            self._kernel.compile(self._signature)
+            self._kernel.compile(self._signature.args)
             made = self._kernel.overloads[self._signature.args]
             self._address = made.library.get_pointer_to_function(made.fndesc.llvm_cfunc_wrapper_name)
         return self._address

@@ -1,0 +1,174 @@
+"""Kernels compiled before they are called: in several processes side by side, with a report of how far that is.
+
+`kernels.json` lists, for each task (a method, the simulation, …), the kernels that it calls from Python, with the types
+of their arguments as expressions of numba's and the seconds that compiling took; `tools/list_kernels.py` writes it. A
+kernel that is missing there is compiled when it is called, as any kernel would be without this file.
+
+Each process is `python -m swingid.numerics.ahead`: it reads a line per kernel, compiles it into the cache of
+`numerics.compiled` and answers with a line.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, TextIO, cast
+
+from numba import types
+
+from swingid.errors import UsageError
+from swingid.numerics.compiled import CACHE
+
+LIST = Path(__file__).with_name("kernels.json")
+
+class Kernel(NamedTuple):
+    """A kernel of the list: where it is, the types of its arguments, what compiling it took (s)."""
+
+    module: str
+    name: str
+    arguments: str
+    seconds: float
+
+
+Report = Callable[[float, float], None]
+"""Called with the part that is done (0 to 1) and the seconds since the start."""
+
+
+def tasks() -> tuple[str, ...]:
+    """Names of the tasks whose kernels are listed."""
+    return tuple(_listed())
+
+
+def is_ready(task: str) -> bool:
+    """Whether the kernels of a task were compiled ahead on this machine."""
+    return _stamp(task).exists()
+
+
+def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes: int | None = None) -> int:
+    """Compile the listed kernels of some tasks that are not in the cache yet; returns how many kernels were compiled.
+
+    processes: how many work side by side, by default one for each processor. Kernels that fail here are compiled when
+    they are called, and fail there with their reason. Raises UsageError for a task that is not listed.
+    """
+    listed, wanted = _listed(), list(wanted)
+    if unknown := [task for task in wanted if task not in listed]:
+        text = f"there are no kernels named {', '.join(unknown)}; there are {', '.join(listed)}"
+        raise UsageError(text, code="unknown-kernels")
+    missing = [task for task in wanted if not is_ready(task)]
+    kernels = sorted({kernel for task in missing for kernel in listed[task]}, key=lambda kernel: -kernel.seconds)
+    if not kernels:
+        return 0
+    count = min(processes or processors(), len(kernels))
+    start, whole, done = time.monotonic(), sum(kernel.seconds for kernel in kernels), 0.0
+    with _workers(count) as workers, ThreadPoolExecutor(count) as threads:
+        free = list(workers)
+
+        def made(kernel: Kernel) -> tuple[Kernel, bool]:
+            worker = free.pop()
+            try:
+                return kernel, _compiled_by(worker, kernel)
+            finally:
+                free.append(worker)
+
+        jobs = [threads.submit(made, kernel) for kernel in kernels]
+        try:
+            complete = True
+            for job in as_completed(jobs):
+                kernel, fine = job.result()
+                complete, done = complete and fine, done + kernel.seconds
+                if report is not None:
+                    report(done / whole, time.monotonic() - start)
+        except BaseException:  # also Ctrl-C: what is in the cache stays there
+            threads.shutdown(wait=False, cancel_futures=True)
+            for worker in workers:
+                worker.kill()
+            raise
+    for task in missing if complete else ():
+        _stamp(task).touch()
+    return len(kernels)
+
+
+def processors() -> int:
+    """Processors that this process may use."""
+    affinity = getattr(os, "sched_getaffinity", None)  # not on every system
+    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
+
+
+def word(kind: Any) -> str:
+    """A numba type as the expression that makes it; ValueError for one that has none."""
+    if isinstance(kind, types.FunctionType):
+        return f"FunctionType({word(kind.signature.return_type)}({', '.join(map(word, kind.signature.args))}))"
+    if isinstance(kind, types.UniTuple):
+        return f"UniTuple({word(kind.dtype)}, {kind.count})"
+    if isinstance(kind, types.BaseTuple):
+        return f"Tuple(({''.join(word(member) + ', ' for member in kind.types)}))"
+    text = repr(kind)
+    if _evaluated(text) != kind:
+        raise ValueError(text)
+    return text
+
+
+def _evaluated(text: str) -> Any:
+    try:
+        return eval(text, dict(vars(types)))  # of our own list
+    except (SyntaxError, NameError, TypeError):
+        return None
+
+
+def _listed() -> dict[str, list[Kernel]]:
+    content = json.loads(LIST.read_text(encoding="utf-8"))
+    return {task: [Kernel(*entry) for entry in entries] for task, entries in content.items()}
+
+
+def _stamp(task: str) -> Path:
+    return CACHE / f"ready-{task}"
+
+
+@contextmanager
+def _workers(count: int) -> Iterator[list[subprocess.Popen[str]]]:
+    command = [sys.executable, "-m", "swingid.numerics.ahead"]
+    workers = [
+        subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1
+        )
+        for _ in range(count)
+    ]
+    try:
+        yield workers
+    finally:
+        for worker in workers:
+            worker.communicate()  # closes its input, at which it ends
+
+
+def _compiled_by(worker: subprocess.Popen[str], kernel: Kernel) -> bool:
+    stdin, stdout = cast("TextIO", worker.stdin), cast("TextIO", worker.stdout)
+    try:
+        stdin.write(json.dumps(kernel) + "\n")
+        return stdout.readline() == "done\n"
+    except OSError:  # the process has ended
+        return False
+
+
+def work() -> None:
+    """What a process does: compile each kernel it reads, until the input ends."""
+    for line in sys.stdin:
+        kernel = Kernel(*json.loads(line))
+        try:
+            function = getattr(importlib.import_module(kernel.module), kernel.name)
+            function.compile(tuple(_evaluated(f"[{kernel.arguments}]")))
+            answer = "done"
+        except Exception as error:  # told to the process that waits; the kernel is compiled when it is called
+            answer = f"failed: {error!r}"
+        print(answer.splitlines()[0], flush=True)
+
+
+if __name__ == "__main__":
+    work()

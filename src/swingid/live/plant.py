@@ -14,7 +14,7 @@ import numpy as np
 
 from swingid.errors import UsageError
 from swingid.live.guard import Board, Readings
-from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, STEP
+from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, STEP_KERNEL
 from swingid.model.motion import COUNTS, LONGEST, advance
 from swingid.model.parameters import OFFSET, vector
 from swingid.model.sensors import encoder_reading
@@ -145,7 +145,7 @@ class Plant:
         self.values[OFFSET] = offset - self.push  # a constant friction torque is an external one of opposite sign
         t, end = self._row / self.rate, (self._row + 1) / self.rate
         self._tried = advance(
-            STEP, t, end, u, self._work, self._tried, self.values, self._instants, self._seen, self._counts
+            STEP_KERNEL, t, end, u, self._work, self._tried, self.values, self._instants, self._seen, self._counts
         )
         self.values[OFFSET] = offset
         self._row += 1

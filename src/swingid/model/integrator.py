@@ -107,4 +107,4 @@ def quintic(
 
 
 Step = Callable[[Array, float, Mode, float, Array], float]
-STEP = KernelPointer(step, FLOAT(MATRIX, FLOAT, tuple_of(INT, 3), FLOAT, VECTOR))
+STEP_KERNEL = KernelPointer(step, FLOAT(MATRIX, FLOAT, tuple_of(INT, 3), FLOAT, VECTOR))

@@ -20,7 +20,7 @@ from swingid.model.integrator import (
     Q1,
     Q2,
     STATES,
-    STEP,
+    STEP_KERNEL,
     V1,
     V2,
     Mode,
@@ -160,4 +160,6 @@ def advance(
 
 
 Advance = Callable[..., float]
-ADVANCE = KernelPointer(advance, FLOAT(STEP.type, FLOAT, FLOAT, FLOAT, MATRIX, FLOAT, VECTOR, VECTOR, MATRIX, INTS))
+ADVANCE_KERNEL = KernelPointer(
+    advance, FLOAT(STEP_KERNEL.type, FLOAT, FLOAT, FLOAT, MATRIX, FLOAT, VECTOR, VECTOR, MATRIX, INTS)
+)

@@ -29,6 +29,7 @@ from swingid.numerics.compiled import CACHE
 
 LIST = Path(__file__).with_name("kernels.json")
 
+
 class Kernel(NamedTuple):
     """A kernel of the list: where it is, the types of its arguments, what compiling it took (s)."""
 

@@ -107,15 +107,12 @@ class KernelPointer(types.WrapperAddressProtocol):  # type: ignore[misc]
     def __init__(self, kernel: Any, signature: Any) -> None:
         self._kernel, self._signature = kernel, signature
         self._address: int | None = None
+        self.type = self._numba_type_ = types.FunctionType(signature)
+        """Its own type, for the signature of a kernel that gets it."""
 
     def signature(self) -> Any:
         """Types of the result and the arguments."""
         return self._signature
-
-    @property
-    def type(self) -> Any:
-        """Its own type, for the signature of a kernel that gets it."""
-        return types.FunctionType(self._signature)
 
     def __wrapper_address__(self) -> int:
         """Address of the machine code, which is compiled or loaded where it has not been yet."""

@@ -67,8 +67,9 @@ def closed_loop(
 ) -> Ints:
     """Run the loop over the sample instants `times` (n + 1,) (s); returns the counts of `advance`.
 
-    step, move: `STEP`, `ADVANCE`; control: `OPEN_LOOP`, `COMPENSATOR` or `BACKSTEPPING`. They are called by their
-    addresses, so that each is compiled once, apart from this loop, and what a run does not use is not compiled.
+    step, move: `STEP_KERNEL`, `ADVANCE_KERNEL`; control: `OPEN_LOOP`, `COMPENSATOR` or `BACKSTEPPING`. They are called
+    by their addresses, so that each is compiled once, apart from this loop, and what a run does not use is not
+    compiled.
 
     inputs (n,): reference (rad), or the command where the loop is open. pushes (n,): torque on the axis from outside
     (N m), held from sample to sample, or empty. y (5,): initial state. encoders (2, 4):

@@ -13,8 +13,8 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references.base import require_axis
 from swingid.errors import UsageError
-from swingid.model.integrator import Q1, Q2, STATES, STEP, V1, V2, Z
-from swingid.model.motion import ADVANCE, EVENTS, GUARDED, STEPS
+from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
+from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
@@ -203,8 +203,8 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
     p = vector(made.values, rig.drive.kind)
     seen, log = np.zeros((len(instants), STATES)), np.zeros((rows, 4))
     counts = closed_loop(
-        STEP,
-        ADVANCE,
+        STEP_KERNEL,
+        ADVANCE_KERNEL,
         control,
         times,
         inputs,

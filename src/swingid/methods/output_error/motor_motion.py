@@ -50,7 +50,7 @@ def motor_steps(
 ) -> int:
     """The steps of the rig under held voltages, segment by segment, into the rows of `nodes` (n, FIELDS).
 
-    step: `model.integrator.STEP`.
+    step: `model.integrator.STEP_KERNEL`.
     knots (n,): instants at which a voltage begins or an angle is read, s. commands (n,): voltage from each knot on, V.
     flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot of each segment. states (k, 4): (q1, q1', q2, q2')
     at a segment's first knot. p (SIZE,): the rig's constants. begins (k + 1,) becomes the first row of each segment and

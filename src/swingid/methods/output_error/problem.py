@@ -17,7 +17,7 @@ from swingid.errors import UnanswerableError
 from swingid.methods.output_error.axis_motion import COURSES, GAIN, SPEED, TORQUE, WHEEL, axis_motion
 from swingid.methods.output_error.motor_motion import FIELDS, READ_ANGLE, READ_WHEEL, motor_readings, motor_steps
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
-from swingid.model.integrator import STEP
+from swingid.model.integrator import STEP_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.preparation.encoders import Encoders
@@ -116,7 +116,9 @@ class Problem:
         states = np.ascontiguousarray(states)
         while True:
             nodes = np.empty((room, FIELDS))
-            ended = motor_steps(STEP, self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins)
+            ended = motor_steps(
+                STEP_KERNEL, self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins
+            )
             if ended >= 0:
                 return (nodes, begins) if ended else None
             room *= 4

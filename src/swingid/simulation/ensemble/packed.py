@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.control.backstepping import Backstepping
-from swingid.model.integrator import NOW, STATES, STEP, V1, V2
+from swingid.model.integrator import NOW, STATES, STEP_KERNEL, V1, V2
 from swingid.model.integrator import Q1 as ANGLE
 from swingid.model.integrator import Q2 as WHEEL_ANGLE
 from swingid.model.motion import COUNTS, LONGEST, advance
@@ -198,7 +198,7 @@ def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int) 
     instants = np.sort(rest[tuple(inside.T)])
     states = np.zeros((len(instants), STATES))
     command = float(lane[lanes.COMMAND, i])
-    advance(STEP, 0.0, left, command, work, min(left, LONGEST), p, instants, states, counts)
+    advance(STEP_KERNEL, 0.0, left, command, work, min(left, LONGEST), p, instants, states, counts)
     for row, e in inside:
         seen[row, e] = states[np.searchsorted(instants, rest[row, e]), WHEEL_ANGLE if e else ANGLE]
     lane[lanes.Q1, i], lane[lanes.U, i] = work[NOW, ANGLE], work[NOW, V1] * h

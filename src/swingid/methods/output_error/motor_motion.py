@@ -10,6 +10,8 @@ The steps do not depend on the unknowns, so further sensitivities of the same mo
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from swingid.methods.output_error.partials import axis_row, axis_slopes, mass_rows, motor_row
@@ -31,6 +33,10 @@ STEP, COMMAND, SIDE1, SIDE2, BRANCH, ANGLE, SPEED, TURN, WHEEL, RATE1, RATE2, EN
 )
 """Columns of `nodes`: length (s) of the step from here, voltage and mode in it; (q1, q1', q2, q2') here; (q1'', q2'')
 here and at the step's end; which speed has passed zero here (1 the axis', 2 the wheel's, 0 none); what is read here."""
+
+WIDEST, BLOCK = 64, 10
+"""Most columns of sensitivities at a time. They lie in ten rows of this length: S (4, m) of (q1, q1', q2, q2'), then
+∂r/∂θ of equations (I) and (II) at begin, middle and end of a step; a fixed length lets the compiler use vectors."""
 
 NONE = place(0)
 """A number of the type that the kernels compute, so that they are compiled for one type only."""
@@ -118,55 +124,57 @@ def motor_readings(
     places: Ints,
     columns: Ints,
     weights: Array,
+    peaks: Array,
     outputs: Array,
     rates: Array,
     slopes: Array,
 ) -> None:
     """What is read along the steps of `motor_steps`, and its derivatives.
 
-    p (SIZE,): the constants of these steps. places, columns, weights: each constant of p that moves with an unknown.
-    outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m): derivatives by the four initial values of the
-    row's segment, then by the unknowns.
+    p (SIZE,): the constants of these steps. places, columns, weights: each constant of p that moves with an unknown;
+    place SIZE + k is the height of a Stribeck's peak of the speed peaks[k] (rad/s), which the motion has not.
+    outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives by the four initial values
+    of the row's segment, then by the unknowns.
     """
     m = slopes.shape[1]
-    sensitivity, points, mode = np.zeros((4, m)), np.zeros((3, 5)), np.zeros(4)
-    rows, jacobian, known = np.zeros((2, SIZE)), np.zeros((3, 6)), np.zeros((6, m))
-    r = 0
+    wide = (m + 7) // 8 * 8
+    block, points, mode = np.zeros(BLOCK * WIDEST), np.zeros((3, 5)), np.zeros(4)
+    rows, jacobian, r = np.zeros((2, SIZE + len(peaks))), np.zeros((3, 9)), 0
     for segment in range(len(begins) - 1):
-        for i in range(4):
-            for c in range(m):
-                sensitivity[i, c] = 1.0 if c == i else 0.0
+        for i in range(4 * WIDEST):
+            block[i] = 1.0 if i % WIDEST == i // WIDEST else 0.0
         for n in range(begins[segment], begins[segment + 1]):
             if nodes[n, PASSED] != 0.0:
-                _leap(nodes, n, sensitivity)
+                _leap(nodes, n, block)
             flag = int(nodes[n, FLAG])
-            for bit, angle, speed, row in ((READ_ANGLE, ANGLE, SPEED, 0), (READ_WHEEL, TURN, WHEEL, 2)):
+            for bit, angle, speed, row in ((READ_ANGLE, ANGLE, SPEED, 0), (READ_WHEEL, TURN, WHEEL, 2 * WIDEST)):
                 if flag & bit:
                     outputs[r], rates[r] = nodes[n, angle], nodes[n, speed]
                     for c in range(m):
-                        slopes[r, c] = sensitivity[row, c]
+                        slopes[r, c] = block[row + c]
                     r += 1
             if nodes[n, STEP] > 0.0:
                 _points(nodes, n, points, mode)
+                for c in range(wide):
+                    for i in range(4, BLOCK):
+                        block[i * WIDEST + c] = 0.0
                 for at in range(3):
-                    _slopes_at(at, points, mode, p, rows, places, columns, weights, jacobian, known)
-                _carry(nodes[n, STEP], sensitivity, jacobian, known)
+                    _slopes_at(at, points, mode, p, rows, places, columns, weights, peaks, jacobian, block)
+                _carry(nodes[n, STEP], block, jacobian, wide)
 
 
 @njit_inlined
-def _leap(nodes: Array, n: int, sensitivity: Array) -> None:
+def _leap(nodes: Array, n: int, block: Array) -> None:
     """The jump of S where a speed has passed zero; (q1'', q2'') until then are at the end of the step before."""
-    speed, before1, before2 = (1, nodes[n - 1, END1], nodes[n - 1, END2])
-    rate = before1
-    if nodes[n, PASSED] == 2.0:
-        speed, rate = 3, before2
+    before1, before2 = nodes[n - 1, END1], nodes[n - 1, END2]
+    speed, rate = (WIDEST, before1) if nodes[n, PASSED] == 1.0 else (3 * WIDEST, before2)
     if rate == 0.0:
         return
     jump1, jump2 = (nodes[n, RATE1] - before1) / rate, (nodes[n, RATE2] - before2) / rate
-    for c in range(sensitivity.shape[1]):
-        passed = sensitivity[speed, c]
-        sensitivity[1, c] += jump1 * passed
-        sensitivity[3, c] += jump2 * passed
+    for c in range(WIDEST):
+        passed = block[speed + c]
+        block[WIDEST + c] += jump1 * passed
+        block[3 * WIDEST + c] += jump2 * passed
 
 
 @njit_inlined
@@ -198,15 +206,18 @@ def _slopes_at(
     places: Ints,
     columns: Ints,
     weights: Array,
+    peaks: Array,
     jacobian: Array,
-    known: Array,
+    block: Array,
 ) -> None:
-    """∂q''/∂(q1, q1', q2') into jacobian[at] (6,), ∂q''/∂θ into known[2 at : 2 at + 2], at a point within `mode`."""
+    """At a point within `mode`: ∂q''/∂(q1, q1', q2') and M⁻¹ into jacobian[at] (9,), ∂r/∂θ into `block`."""
     q1, v1, v2 = points[at, 0], points[at, 1], points[at, 2]
     s1, s2, branch = int(mode[0]), int(mode[1]), int(mode[2])
     axis_row(q1, v1, s1, p, rows[0])
     motor_row(mode[3], v2, s2, branch, p, rows[1])
     mass_rows(points[at, 3], points[at, 4], rows[0], rows[1])
+    for k in range(len(peaks)):
+        rows[0, SIZE + k] = -s1 * math.exp(-((v1 / peaks[k]) ** 2))
     i11 = i12 = i22 = 0.0
     if s1 != 0 and s2 != 0:
         determinant = p[A11] * p[A22] - p[A12] * p[A12]
@@ -219,32 +230,52 @@ def _slopes_at(
     loss = -p[GEAR] * (p[F2] * p[GEAR] + (p[ETA] * p[C2] if branch != 0 else 0.0))
     jacobian[at, 0], jacobian[at, 1], jacobian[at, 2] = -i11 * by_angle, -i11 * by_speed, i12 * loss
     jacobian[at, 3], jacobian[at, 4], jacobian[at, 5] = -i12 * by_angle, -i12 * by_speed, i22 * loss
-    for c in range(known.shape[1]):
-        known[2 * at, c] = known[2 * at + 1, c] = 0.0
+    jacobian[at, 6], jacobian[at, 7], jacobian[at, 8] = i11, i12, i22
+    first = (4 + 2 * at) * WIDEST
     for e in range(len(places)):
-        r1, r2 = weights[e] * rows[0, places[e]], weights[e] * rows[1, places[e]]
-        known[2 * at, columns[e]] += i11 * r1 + i12 * r2
-        known[2 * at + 1, columns[e]] += i12 * r1 + i22 * r2
+        block[first + columns[e]] += weights[e] * rows[0, places[e]]
+        block[first + WIDEST + columns[e]] += weights[e] * rows[1, places[e]]
 
 
 @njit_inlined
-def _carry(h: float, sensitivity: Array, jacobian: Array, known: Array) -> None:
-    """S (4, m) over a step of h (s) by the classical Runge–Kutta method, f's slopes given at its begin, middle, end."""
-    for c in range(sensitivity.shape[1]):
-        x1, w1, x2, w2 = sensitivity[0, c], sensitivity[1, c], sensitivity[2, c], sensitivity[3, c]
-        # stage values of (q1, q1', q2') and sums of the slopes; q2 itself acts on nothing
-        t1, s1, s2 = x1, w1, w2
-        d1 = e1 = d2 = e2 = 0.0
-        for stage in range(4):
-            at = (stage + 1) // 2
-            k1 = jacobian[at, 0] * t1 + jacobian[at, 1] * s1 + jacobian[at, 2] * s2 + known[2 * at, c]
-            k2 = jacobian[at, 3] * t1 + jacobian[at, 4] * s1 + jacobian[at, 5] * s2 + known[2 * at + 1, c]
-            weight = h / 6.0 if stage in (0, 3) else h / 3.0
-            d1 += weight * s1
-            d2 += weight * s2
-            e1 += weight * k1
-            e2 += weight * k2
-            reach = h if stage == 2 else 0.5 * h
-            t1, s1, s2 = x1 + reach * s1, w1 + reach * k1, w2 + reach * k2
-        sensitivity[0, c], sensitivity[1, c] = x1 + d1, w1 + e1
-        sensitivity[2, c], sensitivity[3, c] = x2 + d2, w2 + e2
+def _row(table: Array, at: int) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """The nine numbers of a row of a table."""
+    return (
+        table[at, 0],
+        table[at, 1],
+        table[at, 2],
+        table[at, 3],
+        table[at, 4],
+        table[at, 5],
+        table[at, 6],
+        table[at, 7],
+        table[at, 8],
+    )
+
+
+@njit_inlined
+def _carry(h: float, block: Array, jacobian: Array, wide: int) -> None:
+    """S over a step of h (s) by the classical Runge–Kutta method, f's slopes given at its begin, middle, end."""
+    a1, a2, a3, a4, a5, a6, i11, i12, i22 = _row(jacobian, 0)
+    b1, b2, b3, b4, b5, b6, _, _, _ = _row(jacobian, 1)
+    c1, c2, c3, c4, c5, c6, _, _, _ = _row(jacobian, 2)
+    half, third, sixth = h / 2.0, h / 3.0, h / 6.0
+    for c in range(wide):
+        x1, w1, x2, w2 = block[c], block[WIDEST + c], block[2 * WIDEST + c], block[3 * WIDEST + c]
+        r1, r2 = block[4 * WIDEST + c], block[5 * WIDEST + c]
+        f1 = a1 * x1 + a2 * w1 + a3 * w2 + i11 * r1 + i12 * r2
+        f2 = a4 * x1 + a5 * w1 + a6 * w2 + i12 * r1 + i22 * r2
+        r1, r2 = block[6 * WIDEST + c], block[7 * WIDEST + c]
+        known1, known2 = i11 * r1 + i12 * r2, i12 * r1 + i22 * r2
+        t, u1, u2 = x1 + half * w1, w1 + half * f1, w2 + half * f2
+        g1, g2 = b1 * t + b2 * u1 + b3 * u2 + known1, b4 * t + b5 * u1 + b6 * u2 + known2
+        t, v1, v2 = x1 + half * u1, w1 + half * g1, w2 + half * g2
+        h1, h2 = b1 * t + b2 * v1 + b3 * v2 + known1, b4 * t + b5 * v1 + b6 * v2 + known2
+        r1, r2 = block[8 * WIDEST + c], block[9 * WIDEST + c]
+        t, y1, y2 = x1 + h * v1, w1 + h * h1, w2 + h * h2
+        k1 = c1 * t + c2 * y1 + c3 * y2 + i11 * r1 + i12 * r2
+        k2 = c4 * t + c5 * y1 + c6 * y2 + i12 * r1 + i22 * r2
+        block[c] = x1 + sixth * (w1 + y1) + third * (u1 + v1)
+        block[WIDEST + c] = w1 + sixth * (f1 + k1) + third * (g1 + h1)
+        block[2 * WIDEST + c] = x2 + sixth * (w2 + y2) + third * (u2 + v2)
+        block[3 * WIDEST + c] = w2 + sixth * (f2 + k2) + third * (g2 + h2)

@@ -15,9 +15,17 @@ import numpy as np
 
 from swingid.errors import UnanswerableError
 from swingid.methods.output_error.axis_motion import COURSES, GAIN, SPEED, TORQUE, WHEEL, axis_motion
-from swingid.methods.output_error.motor_motion import FIELDS, READ_ANGLE, READ_WHEEL, motor_readings, motor_steps
+from swingid.methods.output_error.motor_motion import (
+    FIELDS,
+    READ_ANGLE,
+    READ_WHEEL,
+    WIDEST,
+    motor_readings,
+    motor_steps,
+)
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.model.integrator import STEP_KERNEL
+from swingid.model.parameters import SIZE, STATIC_N, STATIC_P, STRIBECK_SPEED
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.preparation.encoders import Encoders
@@ -32,6 +40,11 @@ _Channel = tuple[Array, float, float]
 
 LONGEST_STEP = 2e-3
 """Longest step (s) of the axis' integration; with 20 rad/s its error is 1e-9 of the motion."""
+
+NO_PEAKS = np.empty(0)
+
+READ_STATES = 4
+"""Initial values of a segment under the voltage."""
 
 FEWEST_ROWS = 12
 """Least number of rows of a segment; shorter ones are excluded."""
@@ -105,10 +118,26 @@ class Problem:
         if self.input == "voltage":
             steps = self._steps(p, states) if same is None else same.steps
             if steps is not None:
-                motor_readings(steps[0], steps[1], p, entries[0], entries[1], entries[2], *found)
+                _along(steps, p, entries, NO_PEAKS, *found)
             return Prediction(*found, finite=steps is not None, steps=steps)
         finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
         return Prediction(*found, finite=bool(finite))
+
+    def peak_slopes(self, p: Array, states: Array, same: Prediction, peaks: Array) -> Array:
+        """Derivatives (r, k) of a motion that has no Stribeck's peak by the heights of peaks of k speeds (rad/s)."""
+        count, s = len(self.measured), self.states
+        slopes = np.zeros((count, s + len(peaks)))
+        if same.steps is not None:
+            places, columns = np.arange(SIZE, SIZE + len(peaks)), np.arange(s, s + len(peaks))
+            entries = places, columns, np.ones(len(peaks))
+            _along(same.steps, p, entries, peaks, np.zeros(count), np.zeros(count), slopes)
+            return slopes[:, s:]
+        for k, peak in enumerate(peaks):
+            own = p.copy()
+            own[STRIBECK_SPEED] = peak
+            entries = np.array([STATIC_P, STATIC_N]), np.array([s, s]), np.ones(2)
+            slopes[:, s + k] = self.predict(own, entries, states, 1).slopes[:, s]
+        return slopes[:, s:]
 
     def _steps(self, p: Array, states: Array) -> tuple[Array, Ints] | None:
         """The steps of the motion under the voltage, and the first of each segment; None where it diverges."""
@@ -139,6 +168,21 @@ class Problem:
         return replace(self, bounds=bounds, rows=edges, starts=self.starts[chosen], **of_knots, **of_rows)
 
 
+def _along(
+    steps: tuple[Array, Ints], p: Array, entries: Entries, peaks: Array, outputs: Array, rates: Array, slopes: Array
+) -> None:
+    """`motor_readings` with any number of columns, some at a time."""
+    s, (places, columns, weights) = READ_STATES, entries
+    if slopes.shape[1] <= WIDEST:
+        motor_readings(*steps, p, places, columns, weights, peaks, outputs, rates, slopes)
+        return
+    for first in range(s, slopes.shape[1], WIDEST - s):
+        own = (columns >= first) & (columns < first + WIDEST - s)
+        part = np.zeros((len(slopes), min(slopes.shape[1] - first + s, WIDEST)))
+        motor_readings(*steps, p, places[own], columns[own] - first + s, weights[own], peaks, outputs, rates, part)
+        slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
+
+
 def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], values: Array) -> Prediction:
     """The measurement equation: zero offset, once-per-turn nonlinearity and latency added to the predicted angles.
 
@@ -150,6 +194,10 @@ def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], valu
     # the latency acts on the angle that the nonlinearity is a function of, so it comes first
     for k in sorted(ours, key=lambda k: not names[k].endswith("latency")):
         here = problem.wheel if names[k].startswith("sensors.wheel.") else ~problem.wheel
+        if names[k] == ZERO:
+            prediction.slopes[:, problem.states + k] = here
+            outputs += float(values[k]) * here
+            continue
         rates, times = prediction.rates[here], problem.times[here]
         added, slope = _effect(names[k], float(values[k]), outputs[here], rates, times)
         prediction.slopes[:, problem.states + k] = 0.0
@@ -165,8 +213,7 @@ def _effect(name: str, value: float, angle: Array, rate: Array, time: Array) -> 
         # to second order: in 0.3 ms the acceleration of a wheel moves it by more than a count
         gain = np.gradient(rate, time) if value else np.zeros_like(rate)
         return value * (rate + 0.5 * value * gain), rate + value * gain
-    shapes = {"cosine": np.cos, "sine": np.sin}
-    shape = shapes[last](angle) if last in shapes else np.ones_like(angle)
+    shape = np.cos(angle) if last == "cosine" else np.sin(angle)
     return value * shape, shape
 
 

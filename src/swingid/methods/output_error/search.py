@@ -17,7 +17,6 @@ from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.solver import Fit, reduce, solve
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
-from swingid.model.parameters import STRIBECK_SPEED
 from swingid.numerics.arrays import Array
 
 OFF = ((1.6, 3.0), (0.6, 0.3))
@@ -210,12 +209,8 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peaks: list[float])
     bare, s = Unknowns((), unknowns.base), problem.states
     prediction = problem.predict(p, bare.entries(s, places), fit.states, len(places), same=fit.prediction)
     prediction = as_read(prediction, problem, names, np.array([at.get(name, 0.0) for name in names]))
-    slopes = [prediction.slopes]
-    for peak in peaks:
-        p[STRIBECK_SPEED] = peak
-        entries = bare.entries(s, [FRICTION["stribeck"]])
-        slopes.append(problem.predict(p, entries, fit.states, 1, same=fit.prediction).slopes[:, s:])
-    extended = np.column_stack([*slopes, problem.sigma * fit.residuals])
+    by_peaks = problem.peak_slopes(p, fit.states, fit.prediction, np.array(peaks))
+    extended = np.column_stack([prediction.slopes, by_peaks, problem.sigma * fit.residuals])
     gram = reduce(problem, extended, fit.residuals, fit.weights).matrix
     for column, k in enumerate(body):
         if (power := unknowns.power[k]) > 0:

@@ -10,7 +10,6 @@ from scipy.interpolate import CubicSpline
 
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.regression import symmetric_inverse
 from swingid.numerics.test_functions import project
 from test_numerics import CASES, seeds, stamps
 
@@ -97,11 +96,3 @@ def test_the_first_blocks_are_those_of_the_first_rows():
     assert first.stamps[-1] == first.time[-1]
     values = nodes.stamps**2
     assert first.hold(values[: len(first.stamps)]) == pytest.approx(nodes.hold(values)[: len(first.rows) - 1])
-
-
-@given(seeds, st.integers(1, 8))
-@CASES
-def test_the_inverse_of_a_symmetric_matrix(seed, size):
-    columns = np.random.default_rng(seed).normal(size=(size + 4, size))
-    matrix = columns.T @ columns
-    assert symmetric_inverse(matrix) @ matrix == pytest.approx(np.eye(size), abs=1e-7 * np.linalg.cond(matrix))

@@ -12,7 +12,7 @@ import pytest
 
 import swingid as sw
 from swingid.errors import InputError, UnanswerableError
-from swingid.numerics.test_functions import SLOPE_POWER, rate_overlaps
+from swingid.numerics.test_functions import SLOPE_POWER, neighbour_overlaps, rate_overlaps
 from swingid.preparation.rate import Level, levelled
 from swingid.recording.rate_checks import saturated
 from swingid.recording.rates import integral, rate_of
@@ -70,7 +70,7 @@ def test_noise_of_a_rate_in_a_window_is_that_of_its_modulated_integral():
 
     both = np.trapezoid((2 * slope(0.0) - slope(0.6)) ** 2, s)
     assert np.trapezoid(slope(0.0) ** 2, s) == pytest.approx(SLOPE_POWER, rel=1e-6)
-    found, _ = rate_overlaps(np.array([2.0, -1.0]), np.array([0.0, 0.6]), np.ones(2), 8, 4)
+    found, _ = rate_overlaps(np.array([2.0, -1.0]), neighbour_overlaps(np.array([0.0, 0.6]), np.ones(2), 8), 4)
     assert found == pytest.approx(both, rel=1e-5)
 
 

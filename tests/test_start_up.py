@@ -35,18 +35,18 @@ def test_import_alone_does_not_even_import_typer(tmp_path: Path) -> None:
     assert {name for name in loaded if name.startswith("swingid")} == {"swingid"}
 
 
-def test_momentum_imports_only_what_it_needs(tmp_path: Path) -> None:
+@pytest.mark.parametrize("method", ["momentum", "energy"])
+def test_methods_import_only_what_they_need(tmp_path: Path, method: str) -> None:
+    """Nothing is compiled for them either, which would take seconds in the first process."""
     from swingid.cli import main
 
     log = tmp_path / "log.csv"
     assert main(["simulate", "--rig", "paper", *LOG, "--out", str(log)]) == 0
-    code = f"from swingid.cli import main; assert main(['identify', {str(log)!r}, '--rig', 'paper']) == 0"
-    loaded = imported(code, tmp_path)
-    assert "swingid.methods.momentum" in loaded
-    assert (
-        loaded & {"scipy.signal", "scipy.optimize", "pandas", "matplotlib", "jinja2", "pint", "swingid.methods.energy"}
-        == set()
-    )
+    command = ["identify", str(log), "--rig", "paper", "--method", method]
+    loaded = imported(f"from swingid.cli import main; assert main({command!r}) == 0", tmp_path)
+    assert f"swingid.methods.{method}" in loaded
+    assert loaded & {"numba", "scipy", "pandas", "matplotlib", "jinja2", "pint"} == set()
+    assert f"swingid.methods.{'energy' if method == 'momentum' else 'momentum'}" not in loaded
 
 
 def test_verbs_are_functions_in_any_order_of_imports(tmp_path: Path) -> None:

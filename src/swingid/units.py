@@ -351,6 +351,7 @@ def _advice(unit: str) -> str:
     return f'write a number, or text like "1.2 ± 0.1{" " + unit if unit else ""}"'
 
 
+@cache
 def time_power(unit: str) -> int:
     """Power of the time in an SI unit as parameters have it: −2 of "N m", −1 of "N m s", 0 of "kg m^2"."""
     over, _, under = unit.partition("/")

@@ -33,6 +33,9 @@ GRAVITY = "axis.gravity_torque"
 ROUNDING = 1e-9
 """Share of the known side below which residuals are those of the arithmetic, which no prior may be weighed by."""
 
+EQUAL = 1e-9
+"""Relative change of the weight of a prior from which on the fit is the same."""
+
 SLIGHT = 1e-6
 """Residuals as a share of the known side (RMS) below which no term is missing: they bias the inertia by about as much,
 and a latency that was corrected to first order leaves as much."""
@@ -192,9 +195,12 @@ def fit_with_prior(
     rows, unknowns = columns.shape
     matrix = np.column_stack([columns, *extra])
     target, residuals = np.append(fit.known, np.zeros(len(extra))), fit.fit.residuals[:rows]
-    least = ROUNDING * float(np.sqrt(np.mean(target**2)))
+    least, before = ROUNDING * float(np.sqrt(np.mean(target**2))), 0.0
     for _ in range(rounds):
         error = max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), least)
+        if abs(error - before) < EQUAL * error:
+            break
+        before = error
         prior = np.hstack([np.zeros((len(extra), unknowns)), error * np.eye(len(extra))])
         if len(means):
             target = np.append(fit.known, error * np.asarray(means))
@@ -321,12 +327,12 @@ def sensor_variance(
     pull += sum(coefficient * rows.slopes[name] for name, coefficient in scale.known.items())
     gravity = 0.0 if a11 == 0.0 else pull * windows.middle**2 / a11
     axis, wheel = (a11 * noise.of_angle) ** 2 * noise.step, (scale.a12 * noise.of_wheel) ** 2 * noise.step
-    sums = overlaps(influence * windows.loudness, windows.centres, windows.half, 2 * LAG, LAG, gravity)
+    sums = overlaps(influence * windows.loudness, windows.neighbours, LAG, gravity)
     true, tapered = (max(of_axis, 0.0) * axis + max(of_wheel, 0.0) * wheel for of_axis, of_wheel in sums)
     if noise.rate or noise.wheel_rate:
         rates = ((a11 * noise.rate) ** 2 + (scale.a12 * noise.wheel_rate) ** 2) * noise.step
         weights = influence / np.sqrt(windows.half)
-        plain, summed = rate_overlaps(weights, windows.centres, windows.half, 2 * LAG, LAG)
+        plain, summed = rate_overlaps(weights, windows.neighbours, LAG)
         true, tapered = true + rates * max(plain, 0.0), tapered + rates * max(summed, 0.0)
     return true, tapered
 

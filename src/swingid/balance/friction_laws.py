@@ -20,7 +20,6 @@ from swingid.balance.rows import Rows, Signals, Windows
 from swingid.errors import UsageError
 from swingid.model import terms
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit
 from swingid.numerics.test_functions import project_hats
 
 Law = Callable[[Array], Array]
@@ -85,17 +84,17 @@ def law_columns(terms: tuple[str, ...], speeds: Array, stribeck_speed: float) ->
     return np.column_stack([terms_at[term] for term in terms])
 
 
-@njit
-def stribeck_peak(speeds: Array, stribeck_speed: float) -> Array:
+def stribeck_peak(speeds: Array, stribeck_speed: Array | float) -> Array:
     """Stribeck's peak sgn v exp(−(v/vs)²) at `speeds`."""
-    return np.asarray(np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2)))
+    result: Array = np.sign(speeds) * np.exp(-((speeds / stribeck_speed) ** 2))
+    return result
 
 
-@njit
 def stribeck_slope(speeds: Array, stribeck_speed: float) -> Array:
     """Derivative of Stribeck's peak by the Stribeck speed, at `speeds`."""
     square = (speeds / stribeck_speed) ** 2
-    return np.asarray(2 * np.sign(speeds) * square * np.exp(-square) / stribeck_speed)
+    result: Array = 2 * np.sign(speeds) * square * np.exp(-square) / stribeck_speed
+    return result
 
 
 def parameter_weights(terms: tuple[str, ...]) -> dict[str, Array]:
@@ -150,7 +149,13 @@ class FrictionRows:
 
     def law(self, terms: tuple[str, ...], stribeck_speed: float) -> Array:
         """Weights on `columns` that give the columns of a law's terms, shape (columns, terms)."""
-        return law_weights(places_of(terms), self.knots, stribeck_speed)
+        weights = np.zeros((self.columns.shape[1], len(terms)))
+        for k, place in enumerate(places_of(terms)):
+            if place >= 0:
+                weights[place, k] = 1.0
+            else:
+                weights[:, k] = peak_weights(self.knots, np.array([stribeck_speed]))[0]
+        return weights
 
     def stribeck_slope(self, stribeck_speed: float) -> Array:
         """Weights of the derivative of Stribeck's peak by its speed."""
@@ -177,48 +182,34 @@ def places_of(terms: tuple[str, ...]) -> Ints:
     return np.array([-1 if term == "stribeck" else EXACT.index(term) for term in terms])
 
 
-@njit
-def law_weights(places: Ints, knots: Array, stribeck_speed: float) -> Array:
-    """As `FrictionRows.law`, of the terms at `places`."""
-    weights = np.zeros((len(EXACT) + len(knots), len(places)))
-    for k in range(len(places)):
-        if places[k] >= 0:
-            weights[places[k], k] = 1.0
-        else:
-            peak = _smooth(knots, stribeck_peak(knots, stribeck_speed))
-            column = _function_weights(knots, peak, 1.0, -1.0)
-            for j in range(len(column)):
-                weights[j, k] = column[j]
-    return weights
+def peak_weights(knots: Array, stribeck_speeds: Array) -> Array:
+    """Weights on `FrictionRows.columns` that give Stribeck's peak for each of the speeds, (speeds, columns)."""
+    return _function_weights(knots, _smooth(knots, stribeck_peak(knots, stribeck_speeds[:, None])), 1.0, -1.0)
 
 
-@njit
 def slope_weights(knots: Array, stribeck_speed: float) -> Array:
     """As `FrictionRows.stribeck_slope`."""
     return _function_weights(knots, _smooth(knots, stribeck_slope(knots, stribeck_speed)), 0.0, 0.0)
 
 
-@njit
 def _function_weights(knots: Array, values: Array, above: float, below: float) -> Array:
-    """As `FrictionRows.function`."""
-    weights = np.zeros(len(EXACT) + len(knots))
+    """As `FrictionRows.function`, of functions with these values (..., knots)."""
     jump, mean = (above - below) / 2, (above + below) / 2
-    weights[COULOMB], weights[OFFSET] = jump, mean
-    for k in range(len(knots)):
-        if k != len(knots) // 2:
-            weights[len(EXACT) + k] = values[k] - jump * np.sign(knots[k]) - mean
+    weights = np.zeros((*values.shape[:-1], len(EXACT) + len(knots)))
+    weights[..., COULOMB], weights[..., OFFSET] = jump, mean
+    if len(knots):
+        weights[..., len(EXACT) :] = values - jump * np.sign(knots) - mean
+        weights[..., len(EXACT) + len(knots) // 2] = 0.0
     return weights
 
 
-@njit
 def _smooth(knots: Array, values: Array) -> Array:
-    """Values whose linear interpolation has the right mean: f − h² f''/12, except next to rest."""
-    result, middle = values.copy(), len(knots) // 2
-    for k in range(1, len(knots) - 1):
-        if abs(k - middle) > 1:
-            before, after = knots[k] - knots[k - 1], knots[k + 1] - knots[k]
-            change = (values[k + 1] - values[k]) / after - (values[k] - values[k - 1]) / before
-            result[k] -= before * after * change / (before + after) / 6
+    """Values (..., knots) whose linear interpolation has the right mean: f − h² f''/12, except next to rest."""
+    result, steps, middle = values.copy(), np.diff(knots), len(knots) // 2
+    before, after = steps[:-1], steps[1:]
+    change = np.diff(np.diff(values) / steps)
+    change[..., max(middle - 2, 0) : middle + 1] = 0.0
+    result[..., 1:-1] -= before * after * change / (before + after) / 6
     return result
 
 

@@ -167,6 +167,16 @@ def declared_with_rig(rig: Rig, found: Iterable[Declared]) -> Iterator[Declared]
         yield Declared(stated(key, key), std, sum(own, none), of_time=key == CLOCK)
 
 
+_TIME_POWERS = {
+    key: power
+    for key, power in (
+        {one.key: time_power(one.unit) for one in TERMS.values() if one.key} | {"log.torque_gain": -2}
+    ).items()
+    if power
+}
+"""Constants whose unit has a power of the time, with it."""
+
+
 def rig_deviations(rig: Rig) -> Iterator[tuple[str, float, dict[str, float]]]:
     """The tilt's cosine and the clock: standard uncertainty, and the change of each constant that is equivalent.
 
@@ -178,9 +188,8 @@ def rig_deviations(rig: Rig) -> Iterator[tuple[str, float, dict[str, float]]]:
     gravity = rig.axis.gravity_torque
     if isinstance(gravity, Quantity) and gravity.value:
         yield AXIS_TILT, relative(rig.axis.along), {"axis.gravity_torque": gravity.value}
-    powers = {term.key: time_power(term.unit) for term in TERMS.values() if term.key} | {"log.torque_gain": -2}
-    values = {key: stated_at(rig, key) for key, power in powers.items() if power}
-    weights = {key: powers[key] * value.value for key, value in values.items() if isinstance(value, Quantity)}
+    values = {key: stated_at(rig, key) for key in _TIME_POWERS}
+    weights = {key: _TIME_POWERS[key] * value.value for key, value in values.items() if isinstance(value, Quantity)}
     yield CLOCK, rig.log.clock.std or 0.0, weights
     if rig.log.voltage_scale.std and rig.drive.motor is not None:
         volts = {"drive.motor.torque_per_volt": rig.drive.motor.torque_per_volt.value}

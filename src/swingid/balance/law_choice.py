@@ -16,13 +16,12 @@ from swingid.balance.friction_laws import (
     STRIBECK_SHARES,
     FrictionRows,
     law_terms,
-    law_weights,
+    peak_weights,
     places_of,
     slope_weights,
 )
-from swingid.numerics.arrays import Array, Ints, median
-from swingid.numerics.compiled import njit
-from swingid.numerics.regression import gram, symmetric_inverse
+from swingid.numerics.arrays import Array, Bools, median
+from swingid.numerics.regression import gram
 from swingid.preparation.motion import Motion
 
 ROUNDING = 1e-10
@@ -56,15 +55,14 @@ class LawChoice:
         self.trials: dict[str, Trial] = {}
         self.stribeck_speeds = np.empty(0)
         peaks = [odd for odd, terms in LAWS.items() if "stribeck" in terms]
-        for odd in (odd for odd in LAWS if odd not in peaks):
-            for direction in list(DIRECTIONS)[-1:] if odd_only else DIRECTIONS:
-                self._attempt(odd + direction)
+        directions = list(DIRECTIONS)[-1:] if odd_only else list(DIRECTIONS)
+        self._attempt_exact([odd + direction for odd in LAWS if odd not in peaks for direction in directions])
         if slowest < STRIBECK_SHARES[-1] * friction.fastest:
             least = max(STRIBECK_SHARES[0], slowest / friction.fastest)
             self.stribeck_speeds = friction.fastest * np.geomspace(least, STRIBECK_SHARES[-1], len(STRIBECK_SHARES))
             direction = "".join(self.best.partition(",")[1:])
             for odd in peaks:
-                self._attempt(odd + direction)
+                self._attempt_peak(odd + direction)
 
     @property
     def best(self) -> str:
@@ -104,23 +102,34 @@ class LawChoice:
         shared: Array = others @ right - mixed.T @ taken[:, -1]
         return left, others @ inner @ others.T - mixed.T @ taken[:, :-1], shared
 
-    def _attempt(self, name: str) -> None:
-        terms, starts = law_terms(name), np.empty(0)
-        if "stribeck" in terms:
-            # another law with a peak has found about the same speed
-            found = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
-            starts = np.array(found) if found else self.stribeck_speeds
-        speed, lost, values, sound = _tried(
-            self.gram,
-            self.body,
-            places_of(terms),
-            self.friction.knots,
-            starts,
-            self.stribeck_speeds,
-            _sides(terms),
-            self.independent,
-        )
-        if not self.trials or sound:
+    def _attempt_exact(self, names: list[str]) -> None:
+        """Try the laws without Stribeck's peak, whose terms have columns of their own, all at once."""
+        laws = [law_terms(name) for name in names]
+        used = np.zeros((len(laws), self.body + len(EXACT)), dtype=bool)
+        used[:, : self.body] = True
+        for own, terms in zip(used, laws, strict=True):
+            own[self.body + places_of(terms)] = True
+        at = [*range(self.body + len(EXACT)), len(self.gram) - 1]
+        lost, values, inverse = _solved(np.broadcast_to(self.gram[np.ix_(at, at)], (len(laws), len(at), len(at))), used)
+        for k, (name, terms) in enumerate(zip(names, laws, strict=True)):
+            own = self.body + places_of(terms)
+            self._keep(name, np.nan, float(lost[k]), values[k, own], inverse[k][np.ix_(own, own)])
+
+    def _attempt_peak(self, name: str) -> None:
+        """Try a law with Stribeck's peak at its likeliest speed."""
+        terms = law_terms(name)
+        # another law with a peak has found about the same speed
+        found = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
+        law = _PeakLaw(self.gram, self.body, terms, self.friction.knots)
+        speed = law.likeliest(np.array(found) if found else self.stribeck_speeds, self.stribeck_speeds)
+        (lost,), (values,), (inverse,) = law.fitted(law.peaks(np.array([speed])))
+        own = law.order
+        self._keep(name, speed, float(lost), values[own], inverse[np.ix_(own, own)])
+
+    def _keep(self, name: str, speed: float, lost: float, values: Array, inverse: Array) -> None:
+        """Keep a law that dissipates: with no coefficient, in either direction, negative beyond its uncertainty."""
+        terms, lost = law_terms(name), max(lost, ROUNDING * float(self.gram[-1, -1]))
+        if not self.trials or _none_below(_sides(terms), values, inverse, lost / self.independent):
             count = len(terms) + ("stribeck" in terms)
             score = self.independent * math.log(lost) + count * math.log(self.independent)
             self.trials[name] = Trial(terms, speed, values, score)
@@ -135,121 +144,79 @@ def slowest_peak(motion: Motion, noise: float) -> float:
     return float(np.sqrt(acceleration * noise))
 
 
-@njit
-def _tried(
-    gram: Array,
-    body: int,
-    places: Ints,
-    knots: Array,
-    starts: Array,
-    speeds: Array,
-    sides: Array,
-    independent: float,
-) -> tuple[float, float, Array, bool]:
-    """Stribeck speed of a law (nan without starts), its squared residuals, its coefficients, and whether it dissipates.
+class _PeakLaw:
+    """A law with Stribeck's peak on the Gram matrix: [peak | other terms | body | known side] of its columns.
 
-    It does where no coefficient, in either direction, is negative beyond its standard uncertainty.
+    order: places of the terms, in their order, among these.
     """
-    speed = np.nan if len(starts) == 0 else _likeliest_speed(gram, body, places, knots, starts, speeds)
-    lost, values, inverse = _lost(gram, body, law_weights(places, knots, speed))
-    lost = max(lost, ROUNDING * gram[-1, -1])
-    return speed, lost, values[: len(places)], _none_below(sides, values, inverse, lost / independent)
+
+    def __init__(self, matrix: Array, body: int, terms: tuple[str, ...], knots: Array) -> None:
+        others = [body + place for place in places_of(terms) if place >= 0]
+        self.at = [*others, *range(body), len(matrix) - 1]
+        self.friction = slice(body, len(matrix) - 1)
+        self.matrix, self.knots = matrix, knots
+        self.shared = matrix[np.ix_(self.at, self.at)]
+        following = iter(range(1, len(terms)))
+        self.order = [0 if term == "stribeck" else next(following) for term in terms]
+
+    def peaks(self, speeds: Array) -> Array:
+        """Weights of the peak on the friction columns for each Stribeck speed, (speeds, 1, columns)."""
+        return peak_weights(self.knots, speeds)[:, None]
+
+    def fitted(self, weights: Array) -> tuple[Array, Array, Array]:
+        """Squared residuals, coefficients and inverses with the first columns these blends (laws, blends, columns)."""
+        laws, blends, _ = weights.shape
+        blended = weights @ self.matrix[self.friction]
+        size = blends + len(self.at)
+        matrix = np.empty((laws, size, size))
+        matrix[:, :blends, :blends] = blended[..., self.friction] @ weights.transpose(0, 2, 1)
+        matrix[:, :blends, blends:] = blended[..., self.at]
+        matrix[:, blends:, :blends] = blended[..., self.at].transpose(0, 2, 1)
+        matrix[:, blends:, blends:] = self.shared
+        return _solved(matrix, np.ones((laws, size - 1), dtype=bool))
+
+    def likeliest(self, starts: Array, speeds: Array) -> float:
+        """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while better and within `speeds`."""
+        lost, found, _ = self.fitted(self.peaks(starts))
+        best = int(np.argmin(lost))
+        speed, least, size = float(starts[best]), float(lost[best]), float(found[best, 0])
+        for _ in range(5):
+            both = np.stack([self.peaks(np.array([speed]))[0, 0], slope_weights(self.knots, speed) * size])
+            step = float(self.fitted(both[None])[1][0, 1])
+            step = min(max(step, -0.4 * speed), 0.6 * speed)
+            lost, found, _ = self.fitted(self.peaks(np.array([speed + step])))
+            if not lost[0] < least or not speeds[0] <= speed + step <= speeds[-1]:
+                break
+            settled = abs(step) < 1e-3 * speed
+            speed, least, size = speed + step, float(lost[0]), float(found[0, 0])
+            if settled:
+                break
+        return speed
 
 
-@njit
-def _likeliest_speed(gram: Array, body: int, places: Ints, knots: Array, starts: Array, speeds: Array) -> float:
-    """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while it gets better within `speeds`."""
-    count, terms = len(EXACT) + len(knots), len(places)
-    speed, least, values, peak, widened = starts[0], np.inf, np.empty(0), 0, np.empty((count, terms + 1))
-    for start in starts:
-        lost, found, _ = _lost(gram, body, law_weights(places, knots, start))
-        if lost < least:
-            speed, least, values = start, lost, found
-    while places[peak] >= 0:
-        peak += 1
-    for _ in range(5):
-        weights, slope = law_weights(places, knots, speed), slope_weights(knots, speed)
-        for k in range(count):
-            for j in range(terms):
-                widened[k, j] = weights[k, j]
-            widened[k, terms] = slope[k] * values[peak]
-        step = min(max(_lost(gram, body, widened)[1][terms], -0.4 * speed), 0.6 * speed)
-        lost, found, _ = _lost(gram, body, law_weights(places, knots, speed + step))
-        if lost >= least or not speeds[0] <= speed + step <= speeds[-1]:
-            break
-        settled = abs(step) < 1e-3 * speed
-        speed, least, values = speed + step, lost, found
-        if settled:
-            break
-    return float(speed)
+def _solved(matrix: Array, used: Bools) -> tuple[Array, Array, Array]:
+    """Least squares for the `used` columns of Gram matrices of [columns | known side], all at once.
 
-
-@njit
-def _lost(gram: Array, body: int, weights: Array) -> tuple[float, Array, Array]:
-    """Sum of squared residuals of a law, its coefficients, and what scales their covariance (of the inverse).
-
-    weights: of the law's terms on the friction columns.
+    matrix (laws, n + 1, n + 1), used (laws, n). Returns the squared residuals (laws,), the coefficients (laws, n), 0 of
+    those not used, and what scales their covariance (laws, n, n).
     """
-    values, inverse, explained = _solved(gram, body, weights)
-    power = gram[-1, -1]
+    inner, right, power = matrix[:, :-1, :-1], matrix[:, :-1, -1], matrix[:, -1, -1]
+    scale = used / np.sqrt(np.maximum(np.diagonal(inner, axis1=1, axis2=2), 1e-300))
+    both = scale[:, :, None] * scale[:, None, :]
+    places = np.arange(inner.shape[1])
+    scaled = inner * both
+    scaled[:, places, places] += np.where(used, 1e-13, 1.0)
+    inverse = np.linalg.inv(scaled) * both
+    values = (inverse @ right[:, :, None])[:, :, 0]
     # less than the rounding of the power is not resolved
-    return max(power - explained, 1e-15 * power, 1e-300), values, inverse
+    lost = np.maximum(np.maximum(power - np.einsum("ij,ij->i", values, right), 1e-15 * power), 1e-300)
+    return lost, values, inverse
 
 
-@njit
-def _solved(gram: Array, body: int, weights: Array) -> tuple[Array, Array, float]:
-    """Least squares for the columns [friction · weights | body] of a Gram matrix of [body | friction | known side].
-
-    Returns the values of the first ones, their part of the inverse, and the sum of squares explained.
-    """
-    count, terms = weights.shape
-    size = terms + body
-    blended = np.zeros((size, len(gram)))  # the blend of columns times the Gram matrix
-    for k in range(body):
-        for i in range(len(gram)):
-            blended[terms + k, i] = gram[k, i]
-    for k in range(terms):
-        for j in range(count):
-            if weights[j, k] != 0.0:
-                for i in range(len(gram)):
-                    blended[k, i] += weights[j, k] * gram[body + j, i]
-    inner = np.zeros((size, size))
-    right = np.empty(size)
-    for k in range(size):
-        right[k] = blended[k, len(gram) - 1]
-        for i in range(body):
-            inner[k, terms + i] = blended[k, i]
-        for j in range(count):
-            for i in range(terms):
-                inner[k, i] += weights[j, i] * blended[k, body + j]
-    scale = np.empty(size)
-    for k in range(size):
-        scale[k] = 1.0 / np.sqrt(max(inner[k, k], 1e-300))
-    for k in range(size):
-        for i in range(size):
-            inner[k, i] *= scale[k] * scale[i]
-        inner[k, k] += 1e-13
-    inverse, values, explained = symmetric_inverse(inner), np.zeros(size), 0.0
-    for k in range(size):
-        for i in range(size):
-            inverse[k, i] *= scale[k] * scale[i]
-            values[k] += inverse[k, i] * right[i]
-        explained += values[k] * right[k]
-    return values, inverse, explained
-
-
-@njit
 def _none_below(rows: Array, values: Array, inverse: Array, variance: float) -> bool:
     """Whether no row of `rows` @ values lies below minus its standard uncertainty, of covariance inverse · variance."""
-    for i in range(len(rows)):
-        value = power = 0.0
-        for k in range(rows.shape[1]):
-            value += rows[i, k] * values[k]
-            for j in range(rows.shape[1]):
-                power += rows[i, k] * inverse[k, j] * rows[i, j]
-        if value <= -np.sqrt(max(power * variance, 0.0)):
-            return False
-    return True
+    powers = ((rows @ inverse) * rows).sum(axis=1) * variance
+    return not bool(np.any(rows @ values <= -np.sqrt(np.maximum(powers, 0.0))))
 
 
 @cache

@@ -21,7 +21,13 @@ from swingid.numerics.arrays import Array, Bools, Ints, quantile
 from swingid.numerics.blocks import BlockNodes
 from swingid.numerics.quadrature import GaussNodes
 from swingid.numerics.spline import spline_at, spline_slopes
-from swingid.numerics.test_functions import project, project_impulses, project_stacked, project_steps
+from swingid.numerics.test_functions import (
+    neighbour_overlaps,
+    project,
+    project_impulses,
+    project_stacked,
+    project_steps,
+)
 from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.motion import Motion
 from swingid.preparation.speed import speed_on_grid
@@ -35,6 +41,9 @@ FEWEST_BLOCKS = 4
 
 COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness", "slopes")
 """Properties of `Signals` that depend neither on the turning points nor on what is declared of the encoders."""
+
+REACH = 8
+"""Windows, one of them with itself, over which noise that they share is counted; from there on they are apart."""
 
 FINE = 1 / 6
 """Length of the blocks that resolve the friction near rest, of those of the signals."""
@@ -64,6 +73,11 @@ class Windows:
         """Factor of white noise in ∫φ'' of each window: half^(−3/2)."""
         result: Array = 1.0 / (self.half * np.sqrt(self.half))
         return result
+
+    @cached_property
+    def neighbours(self) -> Array:
+        """What white noise gives each window in common with itself and the next ones, see `neighbour_overlaps`."""
+        return neighbour_overlaps(self.centres, self.half, REACH)
 
 
 @dataclass(frozen=True)

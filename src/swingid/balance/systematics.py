@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from swingid.balance.imperfections import Imperfection
 from swingid.balance.rows import Signals, Windows
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.test_functions import project, superpose
+from swingid.numerics.test_functions import project, superpose, superposed
+from swingid.preparation.noise import Noise
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
 
@@ -62,15 +64,14 @@ def angle_weights(signals: Signals, fit: WindowFit, unknown: str) -> tuple[Array
     Through φ'', and that of the axis through the gravity b sin q1 as well.
     """
     windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
-    instants = signals.nodes.flat[0]
-    curvature = superpose(instants, windows.centres, windows.half, row, 2)
+    curvature = superposed(signals.nodes, windows.centres, windows.half, row, 2)
     axis = curvature * fit.a11
-    if fit.b and not signals.linear:
-        axis += fit.b * signals.cosine.ravel() * superpose(instants, windows.centres, windows.half, row, 0)
+    pulls = [(fit.b, signals.cosine)] if fit.b and not signals.linear else []
     for term in signals.further:
-        pull = fit.scale.known.get(term.name, 0.0) + fit.value(term.name)
-        slope = term.stiffness(signals.angle).ravel()
-        axis += pull * slope * superpose(instants, windows.centres, windows.half, row, 0)
+        pulls.append((fit.scale.known.get(term.name, 0.0) + fit.value(term.name), term.stiffness(signals.angle)))
+    if pulls:
+        plain = superposed(signals.nodes, windows.centres, windows.half, row, 0)
+        axis += sum(pull * slope.ravel() for pull, slope in pulls) * plain
     return axis, curvature * fit.scale.a12
 
 
@@ -81,21 +82,32 @@ def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
     as white noise does. The smoothed angle is rounded on a grid that is shifted by eighths of a step, and with it the
     zero of the angle, which is known no better than the step.
     """
+    if fit.noise.resolution == 0.0:
+        return 0.0
+    return _grid_spread(signals, fit, angle_weights(signals, fit, unknown)[0])
+
+
+def _grid_spread(signals: Signals, fit: WindowFit, weights: Array) -> float:
+    """As `grid_spread`, of an unknown with these `angle_weights` of the axis."""
     resolution = fit.noise.resolution
     if resolution == 0.0:
         return 0.0
-    weights = angle_weights(signals, fit, unknown)[0]
-    shifts = resolution * SHIFTS * float(signals.nodes.flat[1] @ weights)
-    effects = signals.grid_errors(resolution) @ weights + shifts
-    white = resolution**2 / 12 * fit.noise.step * float(signals.nodes.flat[1] @ weights**2)
-    return float(np.sqrt(max(float(np.mean(effects**2)) - white, 0.0)))
+    steps = signals.nodes.flat[1]
+    effects = signals.grid_errors(resolution) @ weights + resolution * SHIFTS * float(steps @ weights)
+    white = resolution**2 / 12 * fit.noise.step * float(steps @ weights**2)
+    return float(np.sqrt(max(float(effects @ effects) / len(effects) - white, 0.0)))
 
 
 def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -> float:
     """Variance of the difference of two fits' a11 by white noise of the same samples."""
-    pairs = zip(*(angle_weights(signals, fit, "inertia") for fit in (one, other)), strict=True)
-    weights, noise = signals.nodes.flat[1], one.noise
-    axis, wheel = [mine - theirs for mine, theirs in pairs]
+    both = [angle_weights(signals, fit, "inertia") for fit in (one, other)]
+    return _variance_between(signals, one.noise, *both)
+
+
+def _variance_between(signals: Signals, noise: Noise, one: tuple[Array, Array], other: tuple[Array, Array]) -> float:
+    """As `variance_of_difference`, of fits with these `angle_weights`."""
+    weights = signals.nodes.flat[1]
+    axis, wheel = [mine - theirs for mine, theirs in zip(one, other, strict=True)]
     power = noise.of_angle**2 * float(weights @ axis**2) + noise.of_wheel**2 * float(weights @ wheel**2)
     for rate, own in ((noise.rate, axis), (noise.wheel_rate, wheel)):
         if rate:  # an error of the rate is one of all angles after it
@@ -180,6 +192,26 @@ class PlaceFit:
         return self.more.a11 - self.plain.a11
 
 
+class _Plain:
+    """A fit without a torque that depends on the angle; what the fits with one have in common, computed once."""
+
+    def __init__(self, fit: WindowFit, bare: WindowFit, signals: Signals) -> None:
+        self.bare, self.signals = bare, signals
+        self.declared = [effect.item for effect in fit.declared if effect.item.calibrates]
+        self.passed = [effect.item for effect in fit.declared if not effect.item.calibrates]
+        self.fit = with_fitted(bare, self.declared, ROUNDS)
+
+    @cached_property
+    def weights(self) -> tuple[Array, Array]:
+        """Its `angle_weights`."""
+        return angle_weights(self.signals, self.fit, "inertia")
+
+    @cached_property
+    def grid(self) -> float:
+        """Its `grid_spread`."""
+        return _grid_spread(self.signals, self.fit, self.weights[0])
+
+
 def attenuation(fit: WindowFit) -> float:
     """By how much a11 is lower than that of the reverse regression: all residuals are errors in its column.
 
@@ -214,6 +246,7 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     shapes = [(x, 0) for kind in kinds.values() for x in kind]
     best: dict[str, tuple[float, WindowFit, Array]] = {}
     found: list[PlaceFit | None] = []
+    known: dict[float, _Plain] = {}
     for fit in (law, *(one for one in tried if one is not law)):
         power, left = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
         if fit.half < SHORTEST * law.half or left < SLIGHT**2 * power:
@@ -230,8 +263,8 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
             if kind not in best or uncertain < best[kind][0]:
                 best[kind] = uncertain, fit, columns[:, at]
             if fit is law:
-                found.append(_place_fit(kind, fit, columns[:, at], signals))
-    found += [_place_fit(kind, fit, own, signals) for kind, (_, fit, own) in best.items() if fit is not law]
+                found.append(_place_fit(kind, fit, columns[:, at], signals, known))
+    found += [_place_fit(kind, fit, own, signals, known) for kind, (_, fit, own) in best.items() if fit is not law]
     return [one for one in found if one is not None]
 
 
@@ -247,26 +280,36 @@ def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
     return min(found)
 
 
-def _place_fit(kind: str, fit: WindowFit, columns: Array, signals: Signals) -> PlaceFit | None:
-    """None where the windows are too few, or the torque would be so large that it is known."""
-    bare = fit_rows(fit.rows, fit.scale, fit.noise, fit.friction)
+def _place_fit(
+    kind: str, fit: WindowFit, columns: Array, signals: Signals, known: dict[float, _Plain]
+) -> PlaceFit | None:
+    """None where the windows are too few, or the torque would be so large that it is known.
+
+    known: the fits without it by the half-length of their windows, computed once.
+    """
     std = PLACE_SHARE * (abs(fit.b) or float(np.max(np.abs(fit.a11 * fit.rows.inertia))) / float(fit.half))
-    if bare is None or std == 0.0:
+    if fit.half not in known:
+        bare = fit_rows(fit.rows, fit.scale, fit.noise, fit.friction)
+        if bare is None:
+            return None
+        known[fit.half] = _Plain(fit, bare, signals)
+    if std == 0.0:
         return None
-    declared = [effect.item for effect in fit.declared if effect.item.calibrates]
-    passed = [effect.item for effect in fit.declared if not effect.item.calibrates]
+    without = known[fit.half]
+    plain = without.fit
     items = [Imperfection("place", std, column, 0.0, None, calibrates=True) for column in columns.T]
-    plain, more = with_fitted(bare, declared, ROUNDS), with_fitted(bare, [*declared, *items], ROUNDS)
-    own_effects = more.declared[len(declared) :]
+    more = with_fitted(without.bare, [*without.declared, *items], ROUNDS)
+    own_effects = more.declared[len(without.declared) :]
     if any(abs(effect.value) > INDICATED for effect in own_effects):
         return None  # the residuals have another cause, as the distortion of a camera
+    weights = angle_weights(signals, more, "inertia")
     # windows that are not the best for both fits do not make the difference of the variances that of the difference
-    noise = max(abs(more.u**2 - plain.u**2), variance_of_difference(signals, more, plain))
+    noise = max(abs(more.u**2 - plain.u**2), _variance_between(signals, more.noise, weights, without.weights))
     variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
-    variance += sum(grid_spread(signals, one, "inertia") ** 2 for one in (plain, more))
+    variance += without.grid**2 + _grid_spread(signals, more, weights[0]) ** 2
     variance += (attenuation(more) - attenuation(plain)) ** 2
     change = more.fit.influence[0] - plain.fit.influence[0]
-    variance += sum((float(change @ item.rows) * item.std) ** 2 for item in passed)
+    variance += sum((float(change @ item.rows) * item.std) ** 2 for item in without.passed)
     return PlaceFit(kind, more, plain, float(variance))
 
 
@@ -305,4 +348,4 @@ def noise_weights(windows: Windows, influence: Array, instants: Array) -> Array:
 
     (p, instants), but for a factor that all values share: through φ'', beside which gravity is negligible.
     """
-    return np.array([superpose(instants, windows.centres, windows.half, row, 2) for row in influence])
+    return superpose(instants, windows.centres, windows.half, influence, 2)

@@ -32,7 +32,7 @@ def window_weights(reach: int, step: float) -> Array:
     """Weights (3, 2 reach + 1) of a window's samples for phi, phi', phi''; half-length `reach` steps of `step` (s)."""
     half = reach * step
     s = np.arange(-reach, reach + 1) / reach
-    weights = np.array([[phi(float(x), order) for x in s] for order in range(3)])
+    weights = np.array([phi(s, order) for order in range(3)])
     weights *= step / half ** np.arange(3)[:, None]
     weights[2, [0, -1]] += 4.0 * step**2 / half**3  # -step^2/12 phi''' of both ends, which is 48/half^3
     return weights

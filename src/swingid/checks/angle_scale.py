@@ -124,8 +124,9 @@ def angle_scale(fit: WindowFit, signals: Signals) -> AngleScale | None:
     else:
         return None
     free = replace(fit.scale, b=None) if _is_driven(fit) else fit.scale
-    before, after = (_solved(fit, free, _sine(fit, signals, at)[0], at).residuals for at in (1.0, s))
-    stated = _solved(fit, fit.scale, _sine(fit, signals, s)[0], s)
+    sine = _sine(fit, signals, s, slope=False)[0]
+    before, after = _solved(fit, free, fit.rows.gravity, 1.0).residuals, _solved(fit, free, sine, s).residuals
+    stated = _solved(fit, fit.scale, sine, s)
     a11 = float(stated.values[0]) / (s if _is_driven(fit) else 1.0)
     plain, left = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
     return AngleScale(s, spread, a11, left, plain) if left <= plain else None
@@ -153,10 +154,12 @@ def _is_driven(fit: WindowFit) -> bool:
     return fit.scale.drive != "none"
 
 
-def _sine(fit: WindowFit, signals: Signals, s: float) -> Array:
-    """∫φ sin(s q) and its derivative by s, (2, windows)."""
+def _sine(fit: WindowFit, signals: Signals, s: float, *, slope: bool = True) -> Array:
+    """∫φ sin(s q) and, with `slope`, its derivative by s, (2, windows)."""
     angle, windows = s * signals.angle, fit.rows.windows
-    columns = [(np.sin(angle), 0), (signals.angle * np.cos(angle), 0)]
+    columns = [(signals.sine if s == 1.0 else np.sin(angle), 0)]
+    if slope:
+        columns.append((signals.angle * (signals.cosine if s == 1.0 else np.cos(angle)), 0))
     return project(signals.nodes, columns, windows.centres, windows.half).T
 
 

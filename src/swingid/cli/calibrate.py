@@ -83,7 +83,8 @@ def _calibrate(
 
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant, still_axis=not encoders) for log in logs]
-    announce_compilation("identify" if encoders else "calibrate")
+    if not encoders:
+        announce_compilation("calibrate")
     run: Callable[[list[Recording], Rig], Calibration | EncoderCalibration]
     run = calibrate_encoders if encoders else of_motor
     found = run(recordings, plant)

@@ -229,12 +229,14 @@ def refusals_to(
         raise
 
 
-KERNELS = {"simulate": ("loop", 15), "identify": ("test_functions", 20), "calibrate": ("wheel_motion", 20)}
-"""For each command a module with a kernel that every run of it calls, and about how long compiling takes (s)."""
+KERNELS = {"simulate": ("loop", 15), "output-error": ("partials", 20), "calibrate": ("wheel_motion", 20)}
+"""For each command or method with kernels a module with one that it always calls, and how long compiling takes (s)."""
 
 
 def announce_compilation(command: str) -> None:
-    """One line on standard error if the kernels of `command` are not compiled yet."""
+    """One line on standard error if the kernels of a command or method are not compiled yet; not where it has none."""
+    if command not in KERNELS:
+        return
     from swingid.numerics.compiled import CACHE, first_use
 
     module, seconds = KERNELS[command]

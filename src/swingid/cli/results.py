@@ -27,7 +27,7 @@ def compare(
 
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant) for log in logs]
-    output.announce_compilation("identify")
+    output.announce_compilation("output-error")
     comparison = run(recordings, plant, method)
     if report is not None:
         from swingid.report.html import write_comparison
@@ -65,7 +65,7 @@ def validate(
 
     plant, found = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
-    output.announce_compilation("identify")
+    output.announce_compilation("output-error")
     validation = run(found, recordings, plant, input=None if input is None else input.value)
     if report is not None:
         from swingid.report.html import write_validation

@@ -5,6 +5,8 @@ One partition each; NumPy's take three, and more time with ties.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,3 +34,18 @@ def quantile(values: Array, share: float) -> float:
     parted = np.partition(values, rank)
     low = float(parted[rank])
     return low if rank == place else low + (place - rank) * (float(parted[rank + 1 :].min()) - low)
+
+
+def stretches(values: NDArray[Any], width: int) -> NDArray[Any]:
+    """View of all stretches of `width` successive values along the last axis, one more dimension; not to be written to.
+
+    As `np.lib.stride_tricks.sliding_window_view`, whose checks take longer than the work on a log of some swings.
+    """
+    values = np.ascontiguousarray(values)
+    shape = (*values.shape[:-1], values.shape[-1] - width + 1, width)
+    return np.ndarray(shape, values.dtype, values, 0, (*values.strides, values.strides[-1]))
+
+
+def sums_at(places: Ints, values: Array, count: int) -> Array:
+    """Sums (count,) of the values with the same place, from 0 on; places and values of one shape."""
+    return np.bincount(places.ravel(), values.ravel(), count).astype(np.float64, copy=False)

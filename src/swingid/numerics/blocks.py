@@ -9,122 +9,102 @@ error is the product of what parabolas leave of both, of sixth order in the leng
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit, njit_sums
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
 from swingid.numerics.spline import spline_slopes
 
 POINTS = 3
 """Nodes of a block: a parabola has three coefficients."""
 
-THIRD, FIFTH, SIXTH = 1.0 / 3.0, 1.0 / 5.0, 1.0 / 6.0
-"""In a loop over rows a product costs less than a division."""
 
-
-@njit
 def block_edges(stamps: Array, longest: float) -> Ints:
     """Rows at which blocks end, the first row with them: as many rows together as `longest` (s) holds, at least one."""
-    edges = np.empty(len(stamps), np.int64)
-    count, edges[0] = 1, 0
-    for k in range(1, len(stamps)):
-        if k == len(stamps) - 1 or stamps[k + 1] - stamps[edges[count - 1]] > longest:
-            edges[count] = k
-            count += 1
-    return edges[:count].copy()
+    last = len(stamps) - 1
+    rows = max(int(np.searchsorted(stamps, stamps[0] + longest, side="right")) - 1, 1)
+    # of even stamps all blocks are as long as the first; the difference of the stamps counts, as it is rounded
+    edges = np.append(np.arange(0, last, rows), last)
+    begin, end = stamps[edges[:-1]], stamps[edges[1:]]
+    further = stamps[np.minimum(edges[:-1] + rows + 1, last)]
+    full = edges[:-1] + rows < last
+    if np.all((end - begin <= longest) | (rows == 1)) and np.all((further - begin > longest) | ~full):
+        return edges
+    reached = np.searchsorted(stamps, stamps + longest, side="right") - 1
+    reached -= stamps[reached] - stamps > longest
+    beyond = np.minimum(reached + 1, last)
+    reached = np.where(stamps[beyond] - stamps <= longest, beyond, reached)
+    after = np.maximum(reached, np.minimum(np.arange(1, last + 2), last)).tolist()
+    found = [0]
+    while found[-1] < last:
+        found.append(after[found[-1]])
+    return np.array(found, np.int64)
 
 
-@njit
-def _parabola(m0: float, m1: float, m2: float, fractions: Array, nodes: Array) -> None:
-    """Values at the nodes of the parabola with these moments with the Legendre polynomials of order 0, 1, 2."""
-    for j in range(len(fractions)):
-        z = 2.0 * fractions[j] - 1.0
-        nodes[j] = m0 + 3.0 * z * m1 + 2.5 * (3.0 * z * z - 1.0) * m2
+@dataclass(frozen=True)
+class Shares:
+    """Intervals between stamps as parts of their blocks: first rows of the blocks, and what the moments need of each.
 
-
-@njit
-def _splined(stamps: Array, edges: Ints, values: Array, slopes: Array, derivative: int, fractions: Array) -> Array:
-    """Projection of a cubic spline or its derivative, given by values and slopes at the stamps."""
-    nodes = np.empty((len(edges) - 1, len(fractions)))
-    for block in range(len(edges) - 1):
-        start = stamps[edges[block]]
-        inverse = 1.0 / (stamps[edges[block + 1]] - start)
-        m0 = m1 = m2 = 0.0
-        for k in range(edges[block], edges[block + 1]):
-            h = stamps[k + 1] - stamps[k]
-            rise = values[k + 1] - values[k]
-            x0, x1 = values[k], h * slopes[k]  # the cubic x0 + x1 s + x2 s² + x3 s³, s from 0 to 1
-            x2 = 3.0 * rise - h * (2.0 * slopes[k] + slopes[k + 1])
-            x3 = h * (slopes[k] + slopes[k + 1]) - 2.0 * rise
-            if derivative == 1:
-                x0, x1, x2, x3 = x1 / h, 2.0 * x2 / h, 3.0 * x3 / h, 0.0
-            whole = x0 + 0.5 * x1 + THIRD * x2 + 0.25 * x3
-            first = 0.5 * x0 + THIRD * x1 + 0.25 * x2 + FIFTH * x3
-            second = THIRD * x0 + 0.25 * x1 + FIFTH * x2 + SIXTH * x3
-            # the Legendre polynomials of z = begin + 2 share s
-            begin, share = 2.0 * (stamps[k] - start) * inverse - 1.0, h * inverse
-            m0 += share * whole
-            m1 += share * (begin * whole + 2.0 * share * first)
-            square = begin * begin * whole + 4.0 * share * (begin * first + share * second)
-            m2 += share * (1.5 * square - 0.5 * whole)
-        _parabola(m0, m1, m2, fractions, nodes[block])
-    return nodes
-
-
-@njit
-def _held(stamps: Array, edges: Ints, signals: Array, slopes: Array, fractions: Array) -> Array:
-    """Projections of signals (m, n−1) that are constant from stamp to stamp, or lines with these middles and slopes.
-
-    slopes (m, n−1): the change over the interval; no rows: constants.
+    size: share of the block; middle: place of its middle, from −1 to 1; bent: Legendre polynomial of order 2, its mean.
     """
-    count = len(signals)
-    nodes, m = np.empty((count, len(edges) - 1, len(fractions))), np.empty((count, 3))
-    for block in range(len(edges) - 1):
-        start = stamps[edges[block]]
-        inverse = 1.0 / (stamps[edges[block + 1]] - start)
-        m[:] = 0.0
-        for k in range(edges[block], edges[block + 1]):
-            share = (stamps[k + 1] - stamps[k]) * inverse
-            z = (stamps[k] + stamps[k + 1] - 2.0 * start) * inverse - 1.0
-            bent = 1.5 * (z * z + share * share * THIRD) - 0.5
-            for g in range(count):
-                x = signals[g, k] * share
-                m[g, 0] += x
-                m[g, 1] += x * z
-                m[g, 2] += x * bent
-                if len(slopes):
-                    tilt = slopes[g, k] * share * share * SIXTH
-                    m[g, 1] += tilt
-                    m[g, 2] += 3.0 * tilt * z
-        for g in range(count):
-            _parabola(m[g, 0], m[g, 1], m[g, 2], fractions, nodes[g, block])
-    return nodes
+
+    first: Ints
+    step: Array
+    size: Array
+    middle: Array
+    bent: Array
+
+    @classmethod
+    def of(cls, stamps: Array, edges: Ints) -> Shares:
+        """Shares of the intervals in the blocks between these rows."""
+        first, rows = edges[:-1], np.diff(edges)
+        begin, length = np.repeat(stamps[first], rows), np.repeat(np.diff(stamps[edges]), rows)
+        step = np.diff(stamps)
+        size = step / length
+        middle = (stamps[:-1] + stamps[1:] - 2.0 * begin) / length - 1.0
+        return cls(first, step, size, middle, 1.5 * (middle * middle + size * size / 3.0) - 0.5)
+
+    def sums(self, values: Array) -> Array:
+        """Sums over each block."""
+        result: Array = np.add.reduceat(values, self.first, axis=-1)
+        return result
+
+    def held(self, signals: Array) -> tuple[Array, Array, Array]:
+        """Moments of signals (..., n−1) that are constant over each interval, with the Legendre polynomials."""
+        part = signals * self.size
+        return self.sums(part), self.sums(part * self.middle), self.sums(part * self.bent)
+
+    def lines(self, middles: Array, rises: Array) -> tuple[Array, Array, Array]:
+        """The same of lines with these values in the middle that change by `rises` over the interval."""
+        m0, m1, m2 = self.held(middles)
+        tilt = rises * self.size * self.size / 6.0
+        return m0, m1 + self.sums(tilt), m2 + self.sums(3.0 * tilt * self.middle)
+
+    def cubics(self, values: Array, slopes: Array, derivative: int) -> tuple[Array, Array, Array]:
+        """The same of the cubics with these values and slopes at the stamps, or of their first derivative."""
+        # moments of each cubic with 1, z and z² − 1/3 over its interval, z from −1 to 1
+        rise = values[1:] - values[:-1]
+        bend, sag = slopes[1:] + slopes[:-1], slopes[1:] - slopes[:-1]
+        if derivative == 0:
+            mean = 0.5 * (values[1:] + values[:-1]) - self.step * sag / 12.0
+            first = 0.2 * rise - self.step * bend / 60.0
+            second = self.step * sag / 90.0
+        else:
+            mean = rise / self.step
+            first = sag / 6.0
+            second = (bend - 2.0 * mean) / 15.0
+        mean, first, second = self.size * mean, self.size * self.size * first, self.size**3 * second
+        m2 = self.bent * mean + 3.0 * self.middle * first + 1.5 * second
+        return self.sums(mean), self.sums(self.middle * mean + first), self.sums(m2)
 
 
-@njit_sums
-def _rounded(stamps: Array, edges: Ints, values: Array, fractions: Array) -> Array:
-    """Projections of the errors of rounding `values` (held from stamp to stamp) on integers moved by eighths."""
-    nodes = np.empty((8, len(edges) - 1, len(fractions)))
-    m0, m1, m2 = np.empty(8), np.empty(8), np.empty(8)
-    for block in range(len(edges) - 1):
-        start = stamps[edges[block]]
-        inverse = 1.0 / (stamps[edges[block + 1]] - start)
-        m0[:], m1[:], m2[:] = 0.0, 0.0, 0.0
-        for k in range(edges[block], edges[block + 1]):
-            share = (stamps[k + 1] - stamps[k]) * inverse
-            z = (stamps[k] + stamps[k + 1] - 2.0 * start) * inverse - 1.0
-            bent = 1.5 * (z * z + share * share * THIRD) - 0.5
-            for m in range(8):
-                moved = values[k] + m * 0.125
-                error = (np.floor(moved + 0.5) - moved) * share
-                m0[m] += error
-                m1[m] += error * z
-                m2[m] += error * bent
-        for m in range(8):
-            _parabola(m0[m], m1[m], m2[m], fractions, nodes[m, block])
-    return nodes
+def _parabolas(m0: Array, m1: Array, m2: Array) -> Array:
+    """Values at the nodes of the parabolas with these moments with Legendre polynomials, one more dimension."""
+    z = 2.0 * gauss_rule(POINTS)[0] - 1.0
+    values: Array = m0[..., None] + m1[..., None] * (3.0 * z) + m2[..., None] * (2.5 * (3.0 * z * z - 1.0))
+    return values
 
 
 @dataclass(frozen=True)
@@ -141,6 +121,11 @@ class BlockNodes(GaussNodes):
         rows = block_edges(stamps, longest)
         return cls(time=stamps[rows], stamps=stamps, rows=rows)
 
+    @cached_property
+    def shares(self) -> Shares:
+        """The intervals between stamps as parts of their blocks."""
+        return Shares.of(self.stamps, self.rows)
+
     def until(self, instant: float) -> BlockNodes:
         """The blocks that end up to `instant` (s), at least one."""
         count = max(int(np.searchsorted(self.time, instant, side="right")) - 1, 1)
@@ -153,25 +138,24 @@ class BlockNodes(GaussNodes):
 
     def cubics(self, values: Array, slopes: Array, derivative: int = 0) -> Array:
         """The cubics with these `values` and `slopes` at all stamps, or their first derivative, on the blocks."""
-        return _splined(self.stamps, self.rows, values, slopes, derivative, self.fractions)
+        return _parabolas(*self.shares.cubics(values, slopes, derivative))
 
     def hold(self, values: Array, ahead: float = 0.0) -> Array:
         """As `GaussNodes.hold` on all stamps, projected on the blocks."""
         if ahead == 0.0:
-            constant: Array = self.held(values[None, :-1])[0]
-            return constant
+            return self.held(values[:-1])
         ends = GaussNodes(self.stamps, 2).hold(values, ahead)  # a line in each interval
-        rise = (ends[:, 1] - ends[:, 0]) / float(np.diff(gauss_rule(2)[0])[0])
-        line: Array = _held(self.stamps, self.rows, ends.mean(axis=1)[None], rise[None], self.fractions)[0]
-        return line
+        rises = (ends[:, 1] - ends[:, 0]) / float(np.diff(gauss_rule(2)[0])[0])
+        return _parabolas(*self.shares.lines(ends.mean(axis=1), rises))
 
     def held(self, signals: Array) -> Array:
-        """Signals (m, n−1) that are constant in every interval between stamps; projections (m, blocks, points)."""
-        return _held(self.stamps, self.rows, signals, np.empty((0, 0)), self.fractions)
+        """Signals (..., n−1) that are constant between stamps; their projections (..., blocks, points)."""
+        return _parabolas(*self.shares.held(signals))
 
     def rounded(self, values: Array) -> Array:
         """Errors of rounding `values` (one for each interval between stamps) on grids of step 1 moved by eighths.
 
         Projected on the blocks; shape (8, nodes).
         """
-        return _rounded(self.stamps, self.rows, values, self.fractions).reshape(8, -1)
+        moved = values + np.arange(8)[:, None] / 8
+        return self.held(np.floor(moved + 0.5) - moved).reshape(8, -1)

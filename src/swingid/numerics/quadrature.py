@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 
-from swingid.numerics.arrays import Array, median
-from swingid.numerics.compiled import njit
-from swingid.numerics.spline import spline_slopes
+from swingid.numerics.arrays import Array, Ints, median, sums_at
+from swingid.numerics.spline import intervals, spline_slopes
 
 
 @cache
@@ -24,20 +24,16 @@ def gauss_rule(points: int) -> tuple[Array, Array]:
     return (x + 1) / 2, w / 2
 
 
-@njit
 def _hermite(time: Array, values: Array, slopes: Array, fractions: Array, derivative: int) -> Array:
-    nodes = np.empty((len(time) - 1, len(fractions)))
-    for k in range(len(time) - 1):
-        h = time[k + 1] - time[k]
-        rise = values[k + 1] - values[k]
-        c2 = 3 * rise - h * (2 * slopes[k] + slopes[k + 1])
-        c3 = h * (slopes[k] + slopes[k + 1]) - 2 * rise
-        for j in range(len(fractions)):
-            s = fractions[j]
-            if derivative == 0:
-                nodes[k, j] = values[k] + s * (h * slopes[k] + s * (c2 + s * c3))
-            else:
-                nodes[k, j] = slopes[k] + s * (2 * c2 + 3 * s * c3) / h
+    h, rise, s = np.diff(time)[:, None], np.diff(values)[:, None], fractions
+    before, after = slopes[:-1, None], slopes[1:, None]
+    c2 = 3 * rise - h * (2 * before + after)
+    c3 = h * (before + after) - 2 * rise
+    nodes: Array
+    if derivative == 0:
+        nodes = values[:-1, None] + s * (h * before + s * (c2 + s * c3))
+    else:
+        nodes = before + s * (2 * c2 + 3 * s * c3) / h
     return nodes
 
 
@@ -64,7 +60,12 @@ class GaussNodes:
         result: Array = np.diff(self.time)[:, None] * gauss_rule(self.points)[1]
         return result
 
-    @property
+    @cached_property
+    def tests(self) -> dict[bytes, Any]:
+        """What `test_functions` keeps for windows on these nodes."""
+        return {}
+
+    @cached_property
     def flat(self) -> tuple[Array, Array]:
         """Instants and weights of all nodes in one row each."""
         return self.instants.ravel(), self.weights.ravel()
@@ -97,43 +98,25 @@ class GaussNodes:
         return line
 
 
-@njit
-def _running(
-    time: Array, signals: Array, instants: Array, antiderivatives: Array, fractions: Array, weights: Array
-) -> Array:
-    count, points = signals.shape[0], len(fractions)
-    result = np.empty((count, len(instants)))
-    for g in range(count):
-        total = 0.0
-        k = 0
-        for i in range(len(instants)):
-            while k < len(time) - 2 and time[k + 1] <= instants[i]:
-                part = 0.0
-                for j in range(points):
-                    part += weights[j] * signals[g, k, j]
-                total += (time[k + 1] - time[k]) * part
-                k += 1
-            h = time[k + 1] - time[k]
-            s = (instants[i] - time[k]) / h
-            rest = 0.0
-            for j in range(points):
-                weight, power = 0.0, s
-                for m in range(points):
-                    weight += antiderivatives[j, m] * power
-                    power *= s
-                rest += weight * signals[g, k, j]
-            result[g, i] = total + h * rest
-    return result
-
-
 def running_integrals(nodes: GaussNodes, signals: Array, instants: Array) -> Array:
     """∫ x dt from the first sample to each of the rising `instants` (s), for every x given at the nodes.
 
     signals: (signals, n−1, points). Returns (signals, instants). Inside an interval that an instant cuts, x is the
     polynomial through its nodes, so a held signal's jump at the samples costs nothing.
     """
-    fractions, weights = gauss_rule(nodes.points)
-    return _running(nodes.time, signals, instants, antiderivatives(nodes.points), fractions, weights)
+    k, cut = _cut_intervals(nodes, instants)
+    whole = np.zeros((len(signals), len(nodes.time)))
+    np.cumsum((signals * nodes.weights).sum(axis=-1), axis=-1, out=whole[:, 1:])
+    result: Array = whole[:, k] + (signals[:, k] * cut).sum(axis=-1)
+    return result
+
+
+def _cut_intervals(nodes: GaussNodes, instants: Array) -> tuple[Ints, Array]:
+    """The interval of each instant, and the weights (instants, points) of its nodes in ∫ dt from its begin."""
+    k = intervals(nodes.time, instants)
+    h = nodes.time[k + 1] - nodes.time[k]
+    powers = ((instants - nodes.time[k]) / h)[:, None] ** np.arange(1, nodes.points + 1)
+    return k, h[:, None] * (powers @ antiderivatives(nodes.points).T)
 
 
 @cache
@@ -146,53 +129,26 @@ def antiderivatives(points: int) -> Array:
     return result
 
 
-@njit
-def _running_hats(
-    time: Array, values: Array, powers: Array, knots: Array, instants: Array, anti: Array, weights: Array
-) -> Array:
-    points, last = len(weights), len(knots) - 1
-    total, result = np.zeros(len(knots)), np.empty((len(knots), len(instants)))
-    place, share = np.empty(points, np.int64), np.empty(points)
-    k, at, fresh = 0, 0, True
-    for i in range(len(instants)):
-        while True:
-            h = time[k + 1] - time[k]
-            if fresh:
-                for j in range(points):
-                    x = values[k, j]  # which changes little from node to node
-                    while at < last - 1 and x > knots[at + 1]:
-                        at += 1
-                    while at > 0 and x <= knots[at]:
-                        at -= 1
-                    place[j], share[j] = at, min(max((x - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
-                fresh = False
-            if k >= len(time) - 2 or time[k + 1] > instants[i]:
-                break
-            for j in range(points):
-                part = h * weights[j] * powers[k, j]
-                total[place[j]] += part * (1.0 - share[j])
-                total[place[j] + 1] += part * share[j]
-            k, fresh = k + 1, True
-        result[:, i] = total
-        s = (instants[i] - time[k]) / h
-        for j in range(points):
-            weight, power = 0.0, s
-            for m in range(points):
-                weight += anti[j, m] * power
-                power *= s
-            part = h * weight * powers[k, j]
-            result[place[j], i] += part * (1.0 - share[j])
-            result[place[j] + 1, i] += part * share[j]
-    return result
-
-
 def running_hats(nodes: GaussNodes, values: Array, powers: Array, knots: Array, instants: Array) -> Array:
     """∫Λ_k(x) y dt from the first sample to each of the rising `instants` (s), for the hat functions Λ_k on `knots`.
 
     values x and powers y at the nodes, (n−1, points). Returns (knots, instants). The outermost hats go on flat.
     """
-    weights = gauss_rule(nodes.points)[1]
-    return _running_hats(nodes.time, values, powers, knots, instants, antiderivatives(nodes.points), weights)
+    k, cut = _cut_intervals(nodes, instants)
+    last = len(knots) - 2
+    place = np.clip(np.searchsorted(knots, values) - 1, 0, last)
+    share = np.clip((values - knots[place]) / np.diff(knots)[place], 0.0, 1.0)
+    size, shape = len(knots) * (len(instants) + 1), (len(instants) + 1, len(knots))
+    # an interval counts for the instants behind it, the one that an instant cuts with other weights for that alone
+    whole = np.searchsorted(k, np.arange(len(nodes.time) - 1), side="right")[:, None] * len(knots) + place
+    parts = nodes.weights * powers
+    total = sums_at(whole, parts * (1.0 - share), size)
+    total += sums_at(whole + 1, parts * share, size)
+    at, parts, share = np.arange(len(instants))[:, None] * len(knots) + place[k], cut * powers[k], share[k]
+    rest = sums_at(at, parts * (1.0 - share), size)
+    rest += sums_at(at + 1, parts * share, size)
+    result: Array = (np.cumsum(total.reshape(shape), axis=0) + rest.reshape(shape))[:-1].T
+    return result
 
 
 def held_between(time: Array, values: Array) -> Array:

@@ -5,28 +5,30 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit
 
 
-@njit
 def reversals(values: Array, threshold: float) -> Ints:
     """Indices of the alternating extremes of `values` that differ by more than `threshold` (hysteresis).
 
-    The first may be where the values begin.
+    The first may be where the values begin. One loop over the local extremes alone.
     """
-    kept = np.empty(len(values), np.int64)
-    count = low = high = direction = 0
-    for k, value in enumerate(values):
-        if value > values[high]:
+    changes = np.diff(values)
+    moves = np.flatnonzero(changes)
+    turns = np.flatnonzero(np.diff(np.sign(changes[moves])))
+    # of equal neighbours the first one
+    places = np.concatenate([[0], moves[turns] + 1, moves[-1:] + 1]).astype(np.int64) if len(values) else moves
+    kept: list[int] = []
+    low = high = direction = 0
+    extremes = values[places].tolist()
+    for k, value in enumerate(extremes):
+        if value > extremes[high]:
             high = k
-        if value < values[low]:
+        if value < extremes[low]:
             low = k
-        if direction >= 0 and values[high] - value > threshold:
-            kept[count] = high
-            count += 1
+        if direction >= 0 and extremes[high] - value > threshold:
+            kept.append(high)
             direction, low, high = -1, k, k
-        elif direction <= 0 and value - values[low] > threshold:
-            kept[count] = low
-            count += 1
+        elif direction <= 0 and value - extremes[low] > threshold:
+            kept.append(low)
             direction, high, low = 1, k, k
-    return kept[:count].copy()
+    return places[kept]

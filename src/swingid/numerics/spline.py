@@ -5,130 +5,191 @@ Own code because the common path of a command must not pay for importing ``scipy
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
 import numpy as np
 
-from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit, njit_sums
-from swingid.numerics.regression import cholesky
+from swingid.numerics.arrays import Array, Ints, stretches
+
+EVEN = 1e-9
+"""Deviations of stamps from even ones, in steps, that change no smoothed value: some roundings of the stamps."""
+
+AT_ONCE = 1 << 18
+"""Samples of windows that are in memory together."""
+
+LEVELS = 6
+"""Reductions after which the neighbours of a spline's slopes count for less than the rounding, see `_dominant`."""
 
 
-@njit
-def rows_before(time: Array, instant: float, included: bool) -> int:
-    """Stamps of rising `time` before `instant`, with `included` also one at it: `np.searchsorted`, left or right."""
-    count = len(time)
-    share = (instant - time[0]) / (time[count - 1] - time[0])
-    low = high = int(min(share, 1.0) * (count - 1)) if share > 0.0 else 0
-    step = 1
-    while low > 0 and not (time[low - 1] < instant or (included and time[low - 1] == instant)):
-        low, step = max(low - step, 0), 2 * step
-    step = 1
-    while high < count and (time[high] < instant or (included and time[high] == instant)):
-        high, step = min(high + step, count), 2 * step
-    while low < high:
-        middle = (low + high) // 2
-        if time[middle] < instant or (included and time[middle] == instant):
-            low = middle + 1
-        else:
-            high = middle
-    return low
+def intervals(time: Array, at: Array) -> Ints:
+    """The interval of rising `time` in which each of the rising instants `at` lies, the outermost beyond the ends."""
+    if len(at) < len(time):
+        return np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    before = np.searchsorted(at, time[1:-1])
+    return np.repeat(np.arange(len(time) - 1), np.diff(before, prepend=0, append=len(at)))
 
 
-@njit
 def spline_slopes(time: Array, values: Array) -> Array:
     """First derivatives at the knots of the natural cubic spline through `values` at strictly rising `time`.
 
-    Thomas algorithm on the continuity of the second derivative, O(n). Needs at least two knots.
+    From the continuity of the second derivative, by cyclic reduction, O(n). Needs at least two knots.
     """
-    n = len(time)
-    slopes = np.empty(n)
-    if n == 2:
-        slopes[:] = (values[1] - values[0]) / (time[1] - time[0])
-        return slopes
-    upper = np.empty(n)
-    before = time[1] - time[0]
-    secant = (values[1] - values[0]) / before
-    upper[0] = 0.5
-    slopes[0] = 1.5 * secant
-    for k in range(1, n - 1):
-        after = time[k + 1] - time[k]
-        following = (values[k + 1] - values[k]) / after
-        left = after / (before + after)
-        right = 1.0 - left
-        inverse = 1.0 / (2.0 - left * upper[k - 1])
-        upper[k] = right * inverse
-        slopes[k] = (3.0 * (left * secant + right * following) - left * slopes[k - 1]) * inverse
-        before, secant = after, following
-    slopes[n - 1] = (3.0 * secant - slopes[n - 2]) / (2.0 - upper[n - 2])
-    for k in range(n - 2, -1, -1):
-        slopes[k] -= upper[k] * slopes[k + 1]
-    return slopes
+    steps = np.diff(time)
+    secants = np.diff(values) / steps
+    if len(time) == 2:
+        return np.repeat(secants, 2)
+    before, after, known = np.empty(len(time)), np.empty(len(time)), np.empty(len(time))
+    before[1:-1] = 0.5 * steps[1:] / (steps[:-1] + steps[1:])
+    after[1:-1] = 0.5 - before[1:-1]
+    before[0], before[-1], after[0], after[-1] = 0.0, 0.5, 0.5, 0.0
+    known[1:-1] = 3.0 * (before[1:-1] * secants[:-1] + after[1:-1] * secants[1:])
+    known[0], known[-1] = 1.5 * secants[0], 1.5 * secants[-1]
+    return _dominant(before, after, known, LEVELS)
 
 
-@njit
-def _solve_in_place(gram: Array, right: Array) -> None:
-    """Solve a small positive definite system, lower triangle given, by Cholesky; the solution replaces `right`."""
-    n = len(right)
-    cholesky(gram)
+def _dominant(before: Array, after: Array, known: Array, levels: int) -> Array:
+    """Solution x of before_k x_(k−1) + x_k + after_k x_(k+1) = known_k, where |before_k| + |after_k| ≤ 1/2.
+
+    Cyclic reduction: the odd unknowns are eliminated, which squares the influence of the neighbours.
+    """
+    if levels == 0 or len(known) < 3:
+        if levels and len(known) == 2:
+            first = (known[0] - after[0] * known[1]) / (1.0 - after[0] * before[1])
+            return np.array([first, known[1] - before[1] * first])
+        return known
+    if len(known) % 2 == 0:  # the last unknown has an odd place: it is followed by one that is 0
+        before, after, known = (np.append(x, 0.0) for x in (before, after, known))
+        return _dominant(before, after, known, levels)[:-1]
+    a, c, d = (np.ascontiguousarray(x[1::2]) for x in (before, after, known))
+    reduced, left, right = known[::2].copy(), -before[::2], -after[::2]
+    reduced[1:] += left[1:] * d
+    reduced[:-1] += right[:-1] * d
+    diagonal = np.ones(len(reduced))
+    diagonal[1:] += left[1:] * c
+    diagonal[:-1] += right[:-1] * a
+    left[1:] *= a
+    right[:-1] *= c
+    found = _dominant(left / diagonal, right / diagonal, reduced / diagonal, levels - 1)
+    result = np.empty(len(known))
+    result[::2] = found
+    result[1::2] = d - a * found[:-1] - c * found[1:]
+    return result
+
+
+def _solved(gram: list[list[Array]], right: list[Array]) -> list[Array]:
+    """Solutions of many small positive definite systems by Cholesky; gram: lower triangle, each entry of all systems.
+
+    For loops over places a call of LAPACK for each would cost more.
+    """
+    n, right = len(right), [one.copy() for one in right]
     for a in range(n):
-        for j in range(a):
-            right[a] -= gram[a, j] * right[j]
-        right[a] /= gram[a, a]
+        for c in range(a + 1):
+            total = gram[a][c] - sum(gram[a][j] * gram[c][j] for j in range(c))
+            gram[a][c] = np.sqrt(np.maximum(total, 1e-300)) if a == c else total / gram[c][c]
+        right[a] = (right[a] - sum(gram[a][j] * right[j] for j in range(a))) / gram[a][a]
     for a in range(n - 1, -1, -1):
-        for j in range(a + 1, n):
-            right[a] -= gram[j, a] * right[j]
-        right[a] /= gram[a, a]
+        right[a] = (right[a] - sum(gram[j][a] * right[j] for j in range(a + 1, n))) / gram[a][a]
+    return right
 
 
-@njit_sums
-def _moments(time: Array, values: Array, at: float, half_width: float, powers: Array, products: Array) -> None:
-    """Sums of s^0 … s^6 and of s^0 x … s^3 x over samples at s = (t − at)/half_width."""
-    s1 = s2 = s3 = s4 = s5 = s6 = x0 = x1 = x2 = x3 = 0.0
-    for k in range(len(time)):
-        s = (time[k] - at) / half_width
-        x = values[k]
-        square = s * s
-        s1 += s
-        s2 += square
-        s3 += square * s
-        s4 += square * square
-        s5 += square * square * s
-        s6 += square * square * square
-        x0 += x
-        x1 += s * x
-        x2 += square * x
-        x3 += square * s * x
-    powers[0] = len(time)
-    powers[1], powers[2], powers[3], powers[4], powers[5], powers[6] = s1, s2, s3, s4, s5, s6
-    products[0], products[1], products[2], products[3] = x0, x1, x2, x3
-
-
-@njit
 def local_cubic(time: Array, values: Array, at: Array, half_width: float) -> Array:
     """Value and first derivative at each instant of `at`, from a cubic fitted to the samples within `half_width`.
 
     Returns shape (len(at), 2); NaN where fewer than five samples lie in reach. The samples may be irregular;
     near an end of the log the window is one-sided. (Savitzky and Golay 1964 for regular samples.)
     """
-    result = np.full((len(at), 2), np.nan)
-    gram = np.empty((4, 4))
-    powers = np.empty(7)
-    products = np.empty(4)
-    for i in range(len(at)):
-        first = rows_before(time, at[i] - half_width, False)
-        last = rows_before(time, at[i] + half_width, True)
-        if last - first < 5:
-            continue
-        _moments(time[first:last], values[first:last], at[i], half_width, powers, products)
-        for a in range(4):
-            for c in range(a + 1):
-                gram[a, c] = powers[a + c]
-        _solve_in_place(gram, products)
-        result[i, 0] = products[0]
-        result[i, 1] = products[1] / half_width
+    return Samples(time, values).cubics(at, half_width)
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Samples at rising stamps `time`, to be smoothed more than once."""
+
+    time: Array
+    values: Array
+
+    @cached_property
+    def even(self) -> bool:
+        """Whether the stamps are even but for their rounding."""
+        time = self.time
+        step = (time[-1] - time[0]) / max(len(time) - 1, 1)
+        off = np.arange(len(time)) * step
+        off -= time
+        return bool(off.max() - off.min() <= EVEN * step)
+
+    def cubics(self, at: Array, half_width: float) -> Array:
+        """See `local_cubic`."""
+        time, values = self.time, self.values
+        result = np.full((len(at), 2), np.nan)
+        first = np.searchsorted(time, at - half_width)
+        count = np.searchsorted(time, at + half_width, side="right") - first
+        enough = np.flatnonzero(count >= 5)
+        if self.even:
+            for length in np.flatnonzero(np.bincount(count[enough])).tolist():
+                for places in _portions(np.flatnonzero(count == length), length):
+                    result[places] = _shared_cubic(time, values, at[places], first[places], length)
+        elif len(enough):
+            for places in _portions(enough, int(count.max())):
+                result[places] = _own_cubics(time, values, at[places], half_width, first[places], count[places])
+        return result
+
+
+def _portions(places: Ints, width: int) -> list[Ints]:
+    """The places in portions of windows of `width` samples that are in memory together."""
+    size = max(AT_ONCE // width, 1)
+    return [places[k : k + size] for k in range(0, len(places), size)]
+
+
+@lru_cache(maxsize=1024)
+def _cubic_weights(count: int) -> Array:
+    """Weights (4, count) of even samples in the coefficients of the cubic through them, places from −1 to 1."""
+    powers = np.linspace(-1.0, 1.0, count)[:, None] ** np.arange(4)
+    return np.asarray(np.linalg.solve(powers.T @ powers, powers.T), dtype=np.float64)
+
+
+def _shared_cubic(time: Array, values: Array, at: Array, first: Ints, count: int) -> Array:
+    """As `local_cubic`, for even stamps and windows of `count` samples from `first` on: weights common to all."""
+    c0, c1, c2, c3 = _cubic_weights(count) @ stretches(values, count)[first].T
+    begin = time[first]
+    unit = (time[first + (count - 1)] - begin) / 2
+    s = (at - begin) / unit - 1.0
+    result = np.empty((len(at), 2))
+    result[:, 0] = c0 + s * (c1 + s * (c2 + s * c3))
+    result[:, 1] = (c1 + s * (2.0 * c2 + s * (3.0 * c3))) / unit
     return result
 
 
-@njit
+def _within(
+    time: Array, values: Array, at: Array, half_width: float, first: Ints, count: Ints
+) -> tuple[Array, Array, Array]:
+    """Places s from −1 to 1 and values of the samples of each window (windows, samples), and 1, or 0 behind its end."""
+    behind = np.arange(int(count.max()))
+    inside = (behind < count[:, None]).astype(np.float64)
+    rows = np.minimum(first[:, None] + behind, len(time) - 1)
+    return (time[rows] - at[:, None]) / half_width * inside, values[rows] * inside, inside
+
+
+def _own_cubics(time: Array, values: Array, at: Array, half_width: float, first: Ints, count: Ints) -> Array:
+    """As `local_cubic`, one fit for each window, of `count` samples from `first` on."""
+    s, x, _ = _within(time, values, at, half_width, first, count)
+    square = s * s
+    third = square * s
+    dot = "ij,ij->i"
+    powers = [
+        count.astype(np.float64),
+        s.sum(axis=1),
+        square.sum(axis=1),
+        third.sum(axis=1),
+        np.einsum(dot, square, square),
+        np.einsum(dot, square, third),
+        np.einsum(dot, third, third),
+    ]
+    right = [x.sum(axis=1), np.einsum(dot, s, x), np.einsum(dot, square, x), np.einsum(dot, third, x)]
+    value, slope, _, _ = _solved([[powers[a + c] for c in range(a + 1)] for a in range(4)], right)
+    return np.column_stack([value, slope / half_width])
+
+
 def kinked_slopes(time: Array, values: Array, at: Array, half_width: float) -> Array:
     """Slope at each instant of `at` of a cubic whose curvature may jump there, fitted within `half_width`.
 
@@ -136,42 +197,45 @@ def kinked_slopes(time: Array, values: Array, at: Array, half_width: float) -> A
     jump shows on both sides only. Four times as noisy as `local_cubic`.
     """
     result = np.full(len(at), np.nan)
-    gram, right, terms = np.empty((5, 5)), np.empty(5), np.empty(5)
-    for i in range(len(at)):
-        first = rows_before(time, at[i] - half_width, False)
-        last = rows_before(time, at[i] + half_width, True)
-        before = rows_before(time, at[i], False) - first
-        if 4 * min(before, last - first - before) < max(12, last - first):
-            continue
-        gram[:], right[:] = 0.0, 0.0
-        middle = values[(first + last) // 2]
-        for k in range(first, last):
-            s = (time[k] - at[i]) / half_width
-            terms[0], terms[1], terms[2], terms[3], terms[4] = 1.0, s, s * s, s * s * s, s * abs(s)
-            for a in range(5):
-                right[a] += terms[a] * (values[k] - middle)
-                for c in range(a + 1):
-                    gram[a, c] += terms[a] * terms[c]
-        _solve_in_place(gram, right)
-        result[i] = right[1] / half_width
+    first = np.searchsorted(time, at - half_width, side="left")
+    count = np.searchsorted(time, at + half_width, side="right") - first
+    before = np.searchsorted(time, at, side="left") - first
+    places = np.flatnonzero(4 * np.minimum(before, count - before) >= np.maximum(12, count))
+    if len(places):
+        for own in _portions(places, int(count[places].max())):
+            result[own] = _kinked(time, values, at[own], half_width, first[own], count[own])
     return result
 
 
-@njit
+def _kinked(time: Array, values: Array, at: Array, half_width: float, first: Ints, count: Ints) -> Array:
+    s, x, inside = _within(time, values, at, half_width, first, count)
+    x -= values[(2 * first + count) // 2, None] * inside
+    square = s * s
+    terms = [inside, s, square, square * s, s * np.abs(s)]
+    gram = [[np.einsum("ij,ij->i", terms[a], terms[c]) for c in range(a + 1)] for a in range(5)]
+    slope: Array = _solved(gram, [np.einsum("ij,ij->i", term, x) for term in terms])[1] / half_width
+    return slope
+
+
 def spline_at(time: Array, values: Array, slopes: Array, at: Array, derivative: int) -> Array:
     """Cubic Hermite interpolant of `values` and `slopes` (or its first derivative) at rising instants `at`."""
-    result = np.empty(len(at))
-    k = 0
-    for i in range(len(at)):
-        while k < len(time) - 2 and at[i] >= time[k + 1]:
-            k += 1
-        h = time[k + 1] - time[k]
-        s = (at[i] - time[k]) / h
-        rise = values[k + 1] - values[k]
-        c2 = 3 * rise - h * (2 * slopes[k] + slopes[k + 1])
-        c3 = h * (slopes[k] + slopes[k + 1]) - 2 * rise
-        if derivative == 0:
-            result[i] = values[k] + s * (h * slopes[k] + s * (c2 + s * c3))
-        else:
-            result[i] = slopes[k] + s * (2 * c2 + 3 * s * c3) / h
+    k = intervals(time, at)
+    few = len(at) < len(time)  # then coefficients for their intervals only
+    begin, end = (k, k + 1) if few else (slice(None, -1), slice(1, None))
+    h, rise, slope = time[end] - time[begin], values[end] - values[begin], slopes[begin]
+    # value + t (slope + t (c2 + t c3)), t from the begin of the interval on
+    c2 = (3 * rise / h - 2 * slope - slopes[end]) / h
+    c3 = (slope + slopes[end] - 2 * rise / h) / (h * h)
+    if derivative:
+        c3, c2, slope, value = 0.0 * c3, 3 * c3, 2 * c2, slope
+    else:
+        value = values[begin]
+    if not few:
+        c3, c2, slope, value = c3[k], c2[k], slope[k], value[k]
+    t = at - time[k]
+    result = t * c3 if not derivative else np.zeros(len(at))
+    for coefficient in (c2, slope):
+        result += coefficient
+        result *= t
+    result += value
     return result

@@ -7,15 +7,13 @@ with hat functions of these values as their basis.
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import dataclass
+from functools import cache, cached_property
 
 import numpy as np
 
-from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit, njit_sums
+from swingid.numerics.arrays import Array, Ints, stretches, sums_at
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
-from swingid.numerics.regression import inner
-from swingid.numerics.spline import rows_before
 
 POWER = 3
 """m of φ. With m = 3 φ'' is continuous; a larger m weights the window's middle more and passes more noise."""
@@ -24,8 +22,14 @@ CURVATURE_POWER = 1024 / 35
 """∫φ''² ds: what white noise gives ∫φ'' of a window, times half-length^(−3)."""
 
 
-@njit
-def phi(s: float, order: int) -> float:
+AT_ONCE, CACHED = 1 << 21, 1 << 14
+"""Nodes of windows whose test functions are in memory together, and in the processor's cache."""
+
+KEPT = 1 << 20
+"""Largest number of nodes of all windows together for which the test functions are kept for further signals."""
+
+
+def phi(s: Array, order: int) -> Array:
     """φ, dφ/ds or d²φ/ds² at s in [−1, 1] (m = 3)."""
     p = 1.0 - s * s
     if order == 0:
@@ -35,102 +39,112 @@ def phi(s: float, order: int) -> float:
     return -6.0 * p * (p - 4.0 * s * s)
 
 
-@njit
-def phi_integral(s: float) -> float:
+def phi_integral(s: Array) -> Array:
     """∫φ ds from −1 to s (m = 3); 32/35 at s = 1 and beyond."""
-    s = min(1.0, max(-1.0, s))
-    return s - s**3 + 0.6 * s**5 - s**7 / 7.0 + 16.0 / 35.0
+    s = np.minimum(1.0, np.maximum(-1.0, s))
+    square = s * s
+    result: Array = s * (1.0 - square * (1.0 - square * (0.6 - square / 7.0))) + 16.0 / 35.0
+    return result
 
 
-@njit
-def _cut(
-    time: Array,
-    k: int,
-    c: float,
-    big_l: float,
-    signals: Array,
-    orders: Ints,
-    fractions: Array,
-    weights: Array,
-    scales: Array,
-    shares: Array,
-    result: Array,
-) -> None:
-    """Add the integrals over the part of interval k that lies inside the window; scales: see `_lagrange_scales`.
+@dataclass(frozen=True)
+class _Tests:
+    """Test functions of windows at the nodes of a log, with their `steps`; (windows, width), from node `first` on.
 
-    shares (3, points): overwritten with those of the nodes' values in the integrals with φ, φ' and φ''.
+    s: place in the window; p = 1 − s², 0 outside. begin, end: the intervals in which the windows begin and end.
     """
-    points, start, per_l = len(fractions), time[k], 1.0 / big_l
-    t0, t1 = max(start, c - big_l), min(time[k + 1], c + big_l)
-    per_h = 1.0 / (time[k + 1] - start)
-    shares[:] = 0.0
-    for j in range(points):
-        t = t0 + (t1 - t0) * fractions[j]
-        u, s, weight = (t - start) * per_h, (t - c) * per_l, (t1 - t0) * weights[j]
-        plain, first, second = weight * phi(s, 0), weight * per_l * phi(s, 1), weight * per_l * per_l * phi(s, 2)
-        for i in range(points):
-            basis = scales[i]  # the polynomial that is 1 at node i and 0 at the others
-            for m in range(points):
-                if m != i:
-                    basis *= u - fractions[m]
-            shares[0, i] += plain * basis
-            shares[1, i] += first * basis
-            shares[2, i] += second * basis
-    for g in range(len(orders)):
-        for i in range(points):
-            result[g] += shares[orders[g], i] * signals[g, k * points + i]
+
+    time: Array
+    steps: Array
+    points: int
+    centres: Array
+    half: Array
+    begin: Ints
+    end: Ints
+    first: Ints
+    s: Array
+    p: Array
+
+    @classmethod
+    def of(cls, nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
+        """Places of all nodes from the interval in which each window begins to that in which it ends."""
+        time, points = nodes.time, nodes.points
+        begin = np.maximum(np.searchsorted(time, centres - half, side="right") - 1, 0)
+        end = np.maximum(np.minimum(np.searchsorted(time, centres + half) - 1, len(time) - 2), begin)
+        instants = nodes.flat[0]
+        width = points * (int((end - begin).max(initial=0)) + 1)
+        first = np.minimum(begin * points, len(instants) - width)
+        s = stretches(instants, width)[first]
+        s -= centres[:, None]
+        s *= (1.0 / half)[:, None]
+        p = s * s
+        np.subtract(1.0, p, out=p)
+        return cls(time, nodes.flat[1], points, centres, half, begin, end, first, s, np.maximum(p, 0.0, out=p))
+
+    @cached_property
+    def at(self) -> Ints:
+        """Places of the nodes among all, flat."""
+        return (self.first[:, None] + np.arange(self.s.shape[1])).ravel()
+
+    @cached_property
+    def plain(self) -> tuple[Array, Array, Array]:
+        """φ and its derivatives by s at the nodes, 0 outside."""
+        first, second = self.p * self.p, self.s * self.s
+        zeroth = self.p * first
+        first *= self.s
+        first *= -6.0
+        second *= 30.0
+        second -= 6.0
+        second *= self.p
+        return zeroth, first, second
+
+    @cached_property
+    def weights(self) -> tuple[Array, Array, Array]:
+        """Weights of the nodes' values in ∫φ^(order) x dt; in cut intervals of the polynomial through the nodes."""
+        points, steps = self.points, stretches(self.steps, self.s.shape[1])[self.first]
+        rows, places, several = np.arange(len(self.half)), np.arange(points), self.end > self.begin
+        ends = [(self.begin, rows), (self.end[several], rows[several])]
+        at = [(which[:, None], (k * points - self.first[which])[:, None] + places) for k, which in ends]
+        for place in at:
+            steps[place] = 0.0
+        result = []
+        for tests in self.plain:
+            result.append(tests * steps)
+            steps *= (1.0 / self.half)[:, None]
+        for (k, which), place in zip(ends, at, strict=True):
+            for weights, own in zip(result, self._cut(k, self.centres[which], self.half[which]), strict=True):
+                weights[place] += own
+        return result[0], result[1], result[2]
+
+    def _cut(self, k: Ints, centres: Array, half: Array) -> Array:
+        """Weights (3, windows, points) for the part of each interval `k` that lies inside the window."""
+        fractions, weights = gauss_rule(self.points)
+        start, stop = self.time[k], self.time[k + 1]
+        t0, t1 = np.maximum(start, centres - half), np.minimum(stop, centres + half)
+        t = t0[:, None] + (t1 - t0)[:, None] * fractions
+        s, scale = (t - centres[:, None]) / half[:, None], (t1 - t0)[:, None] * weights
+        tests = np.stack([phi(s, order) * (scale / (half**order)[:, None]) for order in range(3)])
+        u = (t - start[:, None]) / (stop - start)[:, None]
+        shares: Array = (tests[:, :, None] @ _lagrange(fractions, u))[:, :, 0]
+        return shares
 
 
-@njit
-def _lagrange_scales(fractions: Array) -> Array:
-    """What Π (u − f_m) over the other nodes is multiplied by to be 1 at node i."""
-    scales = np.ones(len(fractions))
-    for i in range(len(fractions)):
-        for m in range(len(fractions)):
-            if m != i:
-                scales[i] /= fractions[i] - fractions[m]
-    return scales
+def _lagrange(fractions: Array, u: Array) -> Array:
+    """The polynomials that are 1 at one node each and 0 at the others, at places u; one more dimension."""
+    powers = np.arange(len(fractions))
+    result: Array = u[..., None] ** powers @ np.linalg.inv(fractions[:, None] ** powers)
+    return result
 
 
-@njit_sums
-def _fill_tests(instants: Array, steps: Array, c: float, big_l: float, tests: Array) -> None:
-    """φ, φ' and φ'' at the nodes, times the nodes' weights, into the three rows of `tests`."""
-    inverse = 1.0 / big_l
-    for j in range(len(instants)):
-        s = (instants[j] - c) * inverse
-        p = 1.0 - s * s
-        tests[0, j] = steps[j] * p * p * p
-        tests[1, j] = steps[j] * (-6.0 * inverse) * s * p * p
-        tests[2, j] = steps[j] * (-6.0 * inverse * inverse) * p * (p - 4.0 * s * s)
-
-
-@njit
-def _project(
-    time: Array,
-    instants: Array,
-    steps: Array,
-    signals: Array,
-    orders: Ints,
-    centres: Array,
-    half: Array,
-    fractions: Array,
-    weights: Array,
-) -> Array:
-    """See `project`; instants, steps and signals are flat over all nodes."""
-    points, scales = len(fractions), _lagrange_scales(fractions)
-    result = np.zeros((len(centres), len(orders)))
-    tests, shares = np.empty((3, len(instants))), np.empty((3, points))
-    for i in range(len(centres)):
-        c, big_l = centres[i], half[i]
-        first = max(rows_before(time, c - big_l, True) - 1, 0)
-        last = min(rows_before(time, c + big_l, False) - 1, len(time) - 2)
-        _cut(time, first, c, big_l, signals, orders, fractions, weights, scales, shares, result[i])
-        if last > first:
-            _cut(time, last, c, big_l, signals, orders, fractions, weights, scales, shares, result[i])
-            begin, end = (first + 1) * points, last * points
-            _fill_tests(instants[begin:end], steps[begin:end], c, big_l, tests)
-            for g in range(len(orders)):
-                result[i, g] += inner(tests[orders[g], : end - begin], signals[g, begin:end])
+def _tests_of(nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
+    """Test functions at the nodes, kept with these for the next signals on the same windows."""
+    key = centres.tobytes() + half.tobytes()
+    found = nodes.tests.get(key)
+    if found is None:
+        found = _Tests.of(nodes, centres, half)
+        if found.s.size <= KEPT:
+            nodes.tests[key] = found
+    result: _Tests = found
     return result
 
 
@@ -147,56 +161,65 @@ def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array,
 
 def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Array, half: Array) -> Array:
     """As `project`, for signals stacked once for many calls: (signals, nodes) with nodes in one row."""
-    fractions, weights = gauss_rule(nodes.points)
-    instants, steps = nodes.flat
-    return _project(nodes.time, instants, steps, stacked, orders, centres, half, fractions, weights)
-
-
-@njit_sums
-def _add_test(instants: Array, c: float, big_l: float, factor: float, order: int, result: Array) -> None:
-    """Add factor · φ^(order), by s, at the instants."""
-    inverse = 1.0 / big_l
-    for k in range(len(instants)):
-        result[k] += factor * phi((instants[k] - c) * inverse, order)
-
-
-@njit
-def superpose(instants: Array, centres: Array, half: Array, factors: Array, order: int) -> Array:
-    """Σ_i factors_i φ_i^(order)(t) at rising `instants`: the adjoint of `project`, one value per instant."""
-    result = np.zeros(len(instants))
-    for i in range(len(centres)):
-        begin = rows_before(instants, centres[i] - half[i], False)
-        end = rows_before(instants, centres[i] + half[i], False)
-        factor = factors[i] / half[i] ** order
-        _add_test(instants[begin:end], centres[i], half[i], factor, order, result[begin:end])
+    result = np.empty((len(centres), len(orders)))
+    for k in _portions(nodes, half, AT_ONCE):
+        tests = _tests_of(nodes, centres[k], half[k])
+        for order in set(orders.tolist()):
+            own = np.flatnonzero(orders == order)
+            values = stretches(stacked[own], tests.s.shape[1])[:, tests.first]
+            result[k, own] = np.einsum("gwn,wn->wg", values, tests.weights[order])
     return result
 
 
-@njit
+def _portions(nodes: GaussNodes, half: Array, size: int) -> list[slice]:
+    """The windows in portions of about `size` nodes together."""
+    width = 2.0 * float(half.max(initial=0.0)) / float(nodes.time[-1] - nodes.time[0]) * nodes.instants.size
+    count = max(int(size / (width + 2 * nodes.points)), 1)
+    return [slice(k, k + count) for k in range(0, len(half), count)]
+
+
+def superposed(nodes: GaussNodes, centres: Array, half: Array, factors: Array, order: int) -> Array:
+    """Σ_i factors_i φ_i^(order)(t) at the nodes, in one row: the adjoint of `project`, one value per instant."""
+    tests = _tests_of(nodes, centres, half)
+    values = tests.plain[order] * (factors / half**order)[:, None]
+    return sums_at(tests.at, values, nodes.instants.size)
+
+
+def superpose(instants: Array, centres: Array, half: Array, factors: Array, order: int) -> Array:
+    """As `superposed`, at any rising instants, for each row of factors (n, windows); returns (n, instants)."""
+    begin = np.searchsorted(instants, centres - half)
+    width = int((np.searchsorted(instants, centres + half) - begin).max(initial=1))
+    first = np.minimum(begin, len(instants) - width)
+    s = (stretches(instants, width)[first] - centres[:, None]) / half[:, None]
+    tests = np.where(np.abs(s) < 1.0, phi(s, order), 0.0) / (half**order)[:, None]
+    at = (first[:, None] + np.arange(width)).ravel()
+    return np.array([sums_at(at, tests * row[:, None], len(instants)) for row in factors])
+
+
+def _pairs(instants: Array, centres: Array, half: Array) -> tuple[Ints, Ints, Array]:
+    """Windows and rising instants that lie in them, all pairs, and the places s of the instants in the windows."""
+    begin = np.searchsorted(instants, centres - half)
+    count = np.searchsorted(instants, centres + half) - begin
+    which = np.repeat(np.arange(len(centres)), count)
+    at = np.arange(len(which)) - np.repeat(np.cumsum(count) - count - begin, count)
+    return which, at, (instants[at] - centres[which]) / half[which]
+
+
 def project_steps(edges: Array, levels: Array, centres: Array, half: Array) -> Array:
     """∫φ x dt of a piecewise constant x, exactly: `levels[j]` holds from `edges[j]` to `edges[j+1]`, 0 outside."""
-    result = np.zeros(len(centres))
-    for i in range(len(centres)):
-        c, big_l = centres[i], half[i]
-        j = max(0, rows_before(edges, c - big_l, False) - 1)
-        while j < len(levels) and edges[j] < c + big_l:
-            result[i] += (
-                levels[j] * big_l * (phi_integral((edges[j + 1] - c) / big_l) - phi_integral((edges[j] - c) / big_l))
-            )
-            j += 1
+    which, at, s = _pairs(edges, centres, half)
+    jumps = np.diff(levels, prepend=0.0, append=0.0)
+    # every jump acts until the end of the window
+    acting = jumps[at] * (32 / 35 - phi_integral(s))
+    before = np.concatenate([[0.0], levels, [0.0]])[np.searchsorted(edges, centres - half)]
+    result: Array = half * (before * (32 / 35) + sums_at(which, acting, len(centres)))
     return result
 
 
-@njit
 def project_impulses(instants: Array, strengths: Array, centres: Array, half: Array) -> Array:
     """Σ_j strengths_j φ(t_j): the modulated integral of impulses at rising `instants`."""
-    result = np.zeros(len(centres))
-    for i in range(len(centres)):
-        j = rows_before(instants, centres[i] - half[i], False)
-        while j < len(instants) and instants[j] < centres[i] + half[i]:
-            result[i] += strengths[j] * phi((instants[j] - centres[i]) / half[i], 0)
-            j += 1
-    return result
+    which, at, s = _pairs(instants, centres, half)
+    return sums_at(which, strengths[at] * phi(s, 0), len(centres))
 
 
 def curvature_overlap(distance: Array, gravity: float = 0.0) -> Array:
@@ -216,16 +239,37 @@ def overlap_terms(distance: Array) -> tuple[Array, Array, Array]:
     return curved, crossed, plain
 
 
+def neighbour_overlaps(centres: Array, half: Array, lags: int) -> Array:
+    """`overlap_terms` of each window with itself and the ones after it, (3, lags, windows), 0 behind the last."""
+    result, grid, tables = np.zeros((3, lags, len(centres))), *_overlap_table()
+    for lag in range(min(lags, len(centres))):
+        count = len(centres) - lag
+        place = np.abs(centres[lag:] - centres[:count]) / (half[lag:] * grid[1])
+        k = np.minimum(place.astype(np.int64), len(grid) - 2)
+        share = np.minimum(place - k, 1.0)
+        for own, table in zip(result, tables, strict=True):
+            own[lag, :count] = table[k] + share * (table[k + 1] - table[k])
+    return result
+
+
+def _overlap_sums(weights: Array, neighbours: Array, reach: int) -> Array:
+    """Sums over all pairs of windows of w w times each of `neighbours`, (2, 3): true, and with Bartlett's weights."""
+    lags = neighbours.shape[1]
+    pairs = weights * stretches(np.concatenate([weights, np.zeros(lags - 1)]), len(weights))
+    sums = np.einsum("tln,ln->tl", neighbours, pairs)
+    sums[:, 1:] *= 2.0
+    return np.stack([sums.sum(axis=1), sums @ np.maximum(0.0, 1.0 - np.arange(lags) / (reach + 1.0))])
+
+
 def overlaps(
-    weights: Array, centres: Array, half: Array, lags: int, reach: int, gravity: float
+    weights: Array, neighbours: Array, reach: int, gravity: float
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """What white noise of power 1 gives Σ weights ∫g noise: Σ Σ w w ∫g g with this `gravity` and without.
 
-    Then the same as Bartlett's weights, which end after `reach` neighbours, sum it. Windows up to lags − 1 apart count
-    as overlapping; weights hold what scales g, as half^(−3/2).
+    Then the same as Bartlett's weights, which end after `reach` neighbours, sum it. neighbours: `neighbour_overlaps`;
+    weights hold what scales g, as half^(−3/2).
     """
-    grid, (curved, crossed, plain) = _overlap_table()
-    sums = _overlaps(weights, centres, half, lags, reach, grid[1], curved, crossed, plain)
+    sums = _overlap_sums(weights, neighbours, reach)
     true, tapered = [(one + gravity * (2 * two + gravity * three), one) for one, two, three in sums.tolist()]
     return true, tapered
 
@@ -234,44 +278,13 @@ SLOPE_POWER = 3072 / 1155
 """∫φ'² over the support of half-length 1."""
 
 
-def rate_overlaps(weights: Array, centres: Array, half: Array, lags: int, reach: int) -> tuple[float, float]:
+def rate_overlaps(weights: Array, neighbours: Array, reach: int) -> tuple[float, float]:
     """As `overlaps`, of Σ weights ∫φ' noise: for white noise of a rate, of which ∫φ'' of its integral is −∫φ'.
 
     weights hold half^(−1/2). ∫φ'φ' = −∫φ''φ.
     """
-    grid, (curved, crossed, plain) = _overlap_table()
-    sums = _overlaps(weights, centres, half, lags, reach, grid[1], curved, crossed, plain)
+    sums = _overlap_sums(weights, neighbours, reach)
     return -float(sums[0, 1]), -float(sums[1, 1])
-
-
-@njit
-def _overlaps(
-    weights: Array,
-    centres: Array,
-    half: Array,
-    lags: int,
-    reach: int,
-    step: float,
-    curved: Array,
-    crossed: Array,
-    plain: Array,
-) -> Array:
-    result = np.zeros((2, 3))
-    for lag in range(min(lags, len(weights))):
-        one = two = three = 0.0
-        for i in range(len(weights) - lag):
-            place = abs(centres[i + lag] - centres[i]) / (half[i + lag] * step)
-            k = min(int(place), len(curved) - 2)
-            share = min(place - k, 1.0)
-            pair = weights[i] * weights[i + lag]
-            one += pair * (curved[k] + share * (curved[k + 1] - curved[k]))
-            two += pair * (crossed[k] + share * (crossed[k + 1] - crossed[k]))
-            three += pair * (plain[k] + share * (plain[k + 1] - plain[k]))
-        both = 2.0 if lag else 1.0
-        sums = np.array([both * one, both * two, both * three])
-        result[0] += sums
-        result[1] += max(0.0, 1.0 - lag / (reach + 1.0)) * sums
-    return result
 
 
 @cache
@@ -282,49 +295,12 @@ def _overlap_table() -> tuple[Array, tuple[Array, Array, Array]]:
     x, w = gauss_rule(7)
     s = d - 1 + (2 - d) * x
     shifted, weights = s - d, (2 - d) * w
-    phi, curvature = (1 - s * s) ** 3, _curvature(s)
+    plain, curvature = phi(s, 0), phi(s, 2)
     return grid, (
-        (weights * curvature * _curvature(shifted)).sum(axis=1),
+        (weights * curvature * phi(shifted, 2)).sum(axis=1),
         (weights * curvature * (1 - shifted * shifted) ** 3).sum(axis=1),
-        (weights * phi * (1 - shifted * shifted) ** 3).sum(axis=1),
+        (weights * plain * (1 - shifted * shifted) ** 3).sum(axis=1),
     )
-
-
-def _curvature(s: Array) -> Array:
-    p = 1 - s * s
-    return -6 * p * (p - 4 * s * s)
-
-
-@njit
-def _project_hats(
-    time: Array, nodes: Array, knots: Array, centres: Array, half: Array, fractions: Array, weights: Array
-) -> Array:
-    points = nodes.shape[1]
-    place = np.empty(nodes.shape, np.int64)
-    share = np.empty(nodes.shape)
-    at = 0
-    for k in range(nodes.shape[0]):
-        for j in range(points):
-            # the speed changes little from node to node
-            while at < len(knots) - 2 and nodes[k, j] > knots[at + 1]:
-                at += 1
-            while at > 0 and nodes[k, j] <= knots[at]:
-                at -= 1
-            place[k, j] = at
-            share[k, j] = min(max((nodes[k, j] - knots[at]) / (knots[at + 1] - knots[at]), 0.0), 1.0)
-    result = np.zeros((len(centres), len(knots)))
-    for i in range(len(centres)):
-        k = max(rows_before(time, centres[i] - half[i], False) - 1, 0)
-        while k < len(time) - 1 and time[k] < centres[i] + half[i]:
-            h = time[k + 1] - time[k]
-            for j in range(points):
-                s = (time[k] + h * fractions[j] - centres[i]) / half[i]
-                if abs(s) < 1.0:
-                    w = h * weights[j] * phi(s, 0)
-                    result[i, place[k, j]] += w * (1.0 - share[k, j])
-                    result[i, place[k, j] + 1] += w * share[k, j]
-            k += 1
-    return result
 
 
 def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
@@ -333,5 +309,22 @@ def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array,
     The modulated integral of any function f(x) is then ``hats @ f(knots)``, up to its piecewise linear interpolation.
     Values of x beyond the knots count for the outermost one.
     """
-    fractions, weights = gauss_rule(nodes.points)
-    return _project_hats(nodes.time, signal, knots, centres, half, fractions, weights)
+    values, steps = signal.ravel(), nodes.flat[1]
+    place = np.minimum(np.maximum(np.searchsorted(knots, values) - 1, 0), len(knots) - 2)
+    share = (values - knots[place]) / np.diff(knots)[place]
+    np.clip(share, 0.0, 1.0, out=share)
+    upper, result = share * steps, np.empty((len(centres), len(knots)))
+    for k in _portions(nodes, half, CACHED):
+        tests = _Tests.of(nodes, centres[k], half[k])
+        width, count = tests.s.shape[1], len(tests.half)
+        at = stretches(place, width)[tests.first]
+        at += (len(knots) * np.arange(count))[:, None]
+        phi = tests.p * tests.p
+        phi *= tests.p
+        whole = sums_at(at, phi * stretches(steps, width)[tests.first], count * len(knots))
+        phi *= stretches(upper, width)[tests.first]
+        above = sums_at(at, phi, count * len(knots))
+        whole -= above
+        whole[1:] += above[:-1]
+        result[k] = whole.reshape(count, -1)
+    return result

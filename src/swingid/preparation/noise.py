@@ -10,7 +10,6 @@ import numpy as np
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import RateSensor
 from swingid.numerics.arrays import Array, median
-from swingid.numerics.compiled import njit
 from swingid.preparation.motion import grid_step, sample_noise
 from swingid.recording.recording import Recording
 
@@ -110,21 +109,18 @@ def uneven_noise(time: Array, values: Array) -> float:
     return median(np.abs(_sixth_differences(time, values))) / 0.6745
 
 
-@njit
 def _sixth_differences(time: Array, values: Array) -> Array:
     """Sums over seven neighbours that vanish for polynomials up to degree five, with weights of unit length."""
-    result = np.empty(len(time) - 6)
-    weights = np.empty(7)
-    for k in range(len(result)):
-        unit = time[k + 6] - time[k]
-        power, total = 0.0, 0.0
-        for j in range(7):
-            product = 1.0
-            for i in range(7):
-                if i != j:
-                    product *= (time[k + j] - time[k + i]) / unit
-            weights[j] = 1.0 / product
-            power += weights[j] ** 2
-            total += weights[j] * (values[k + j] - values[k])
-        result[k] = total / np.sqrt(power)
+    count = len(time) - 6
+    unit = time[6:] - time[:-6]
+    places = [(time[j : j + count] - time[:count]) / unit for j in range(7)]
+    total, power = np.zeros(count), np.zeros(count)
+    for j, one in enumerate(places):
+        product = np.ones(count)
+        for i, other in enumerate(places):
+            if i != j:
+                product *= one - other
+        total += (values[j : j + count] - values[:count]) / product
+        power += 1.0 / product**2
+    result: Array = total / np.sqrt(power)
     return result

@@ -8,9 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from swingid.numerics.arrays import Array, median
-from swingid.numerics.compiled import njit
 from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+from swingid.numerics.spline import Samples, spline_at, spline_slopes
 
 NARROWEST = 3.5
 """Half-width of the narrowest local cubic in sample steps."""
@@ -84,25 +83,22 @@ def smooth_speed(time: Array, angle: Array, noise: float, *, spacing: float = 3.
     least = narrowest(time, angle, noise)
     # the search uses some places of the log, the speed itself is computed everywhere
     places = np.linspace(time[0] + least, time[-1] - least, 80)
-    width = _widest(time, angle, places, least, (time[-1] - time[0]) / 8, float(noise), typical_step(time))
-    return speed_on_grid(time, angle, noise, max(width * share, least), spacing)
+    samples = Samples(time, angle)
+    width = _widest(samples, places, least, (time[-1] - time[0]) / 8, float(noise), typical_step(time))
+    return speed_on_grid(time, angle, noise, max(width * share, least), spacing, samples)
 
 
-@njit
-def _widest(time: Array, angle: Array, places: Array, width: float, longest: float, noise: float, step: float) -> float:
+def _widest(samples: Samples, places: Array, width: float, longest: float, noise: float, step: float) -> float:
     """Half-width below `longest` (s), from `width` on, up to which the speeds at `places` change by noise only."""
-    speeds = local_cubic(time, angle, places, width)[:, 1]
-    least = 0.0
-    for speed in speeds:
-        least = max(least, 1e-9 * abs(speed))
+    speeds = samples.cubics(places, width)[:, 1]
+    least = 1e-9 * float(np.nanmax(np.abs(speeds), initial=0.0))
     while width * WIDER < longest:
-        wider = local_cubic(time, angle, places, width * WIDER)[:, 1]
-        power, count = 0.0, 0
-        for change in wider - speeds:
-            if np.isfinite(change):
-                power += change * change
-                count += 1
-        if np.sqrt(power / count) > 1.3 * max(_slope_noise(noise, step, width), least):
+        wider = samples.cubics(places, width * WIDER)[:, 1]
+        changes = wider - speeds
+        changes = changes[np.isfinite(changes)]
+        if len(changes) == 0 or np.sqrt(changes @ changes / len(changes)) > 1.3 * max(
+            _slope_noise(noise, step, width), least
+        ):
             break
         width, speeds = width * WIDER, wider
     return width
@@ -128,15 +124,17 @@ def narrowed(speed: Speed, time: Array, angle: Array, noise: float) -> Speed:
     return speed_on_grid(time, angle, noise, width, SPACING)
 
 
-def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing: float) -> Speed:
+def speed_on_grid(
+    time: Array, angle: Array, noise: float, width: float, spacing: float, samples: Samples | None = None
+) -> Speed:
     """Speed by local cubics of half-width `width` (s) on a grid of `spacing` places per half-width.
 
-    Widths below those of five samples are widened to them.
+    Widths below those of five samples are widened to them. samples: time and angle, where they are smoothed before.
     """
     step = typical_step(time)
     width = max(width, NARROWEST * step)
     grid = np.linspace(time[0], time[-1], max(int(np.ceil((time[-1] - time[0]) / (width / spacing))), 4) + 1)
-    fitted = local_cubic(time, angle, grid, width)
+    fitted = (samples or Samples(time, angle)).cubics(grid, width)
     reached = np.isfinite(fitted[:, 0])
     # inside a gap a cubic extrapolates
     for k in np.flatnonzero(np.diff(time) > width):
@@ -145,7 +143,6 @@ def speed_on_grid(time: Array, angle: Array, noise: float, width: float, spacing
     return Speed(grid[reached], angles, slopes, width, _slope_noise(float(noise), step, width))
 
 
-@njit
 def _slope_noise(noise: float, step: float, width: float) -> float:
     """Standard deviation of the slope of a cubic fitted to 2w/h samples of white noise: 18.75 σ²/(n w²)."""
     return float(noise * np.sqrt(9.375 * step / width**3))

@@ -23,8 +23,7 @@ from swingid.methods.energy.chain import Chain, between_rows, filtered_drive, ob
 from swingid.model.rig import Rig
 from swingid.model.terms import WAVE, RigTerm
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
-from swingid.numerics.quadrature import GaussNodes, antiderivatives, gauss_rule, running_integrals
+from swingid.numerics.quadrature import GaussNodes, running_integrals
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
@@ -155,52 +154,16 @@ MOTOR = ("voltage", "back_emf", "viscous", "coulomb")
 
 
 def running_powers(course: Course, instants: Array) -> Array:
-    """Integrals up to rising `instants` of the power, |v|, v², |v| v², |v| v and the terms of `MOTOR`, (9, instants).
-
-    As `running_integrals`, in one pass over the log, as the powers together do not fit into the cache.
-    """
-    signals = (course.power, course.speed, course.active, course.voltage, course.wheel_speed, course.turn)
-    points = course.nodes.points
-    return _running_powers(course.nodes.time, signals, instants, antiderivatives(points), gauss_rule(points)[1]).T
-
-
-@njit
-def _running_powers(time: Array, signals: tuple[Array, ...], instants: Array, anti: Array, weights: Array) -> Array:
-    points = len(weights)
-    total, result = np.zeros(5 + len(MOTOR)), np.empty((len(instants), 5 + len(MOTOR)))
-    k = 0
-    for i in range(len(instants)):
-        while k < len(time) - 2 and time[k + 1] <= instants[i]:
-            for j in range(points):
-                _add_powers(total, (time[k + 1] - time[k]) * weights[j], signals, k, j)
-            k += 1
-        h = time[k + 1] - time[k]
-        s = (instants[i] - time[k]) / h
-        result[i] = total
-        for j in range(points):
-            weight, power = 0.0, s
-            for m in range(points):
-                weight += anti[j, m] * power
-                power *= s
-            _add_powers(result[i], h * weight, signals, k, j)
-    return result
-
-
-@njit
-def _add_powers(sums: Array, weight: float, signals: tuple[Array, ...], k: int, j: int) -> None:
-    """Add the powers at node j of interval k, times `weight`."""
-    power, speed, active, voltage, wheel_speed, turn = signals
-    v, rate = speed[k, j], wheel_speed[k, j]
-    size, path = weight * abs(v), weight * turn[k, j]
-    sums[0] += weight * power[k, j]
-    sums[1] += size
-    sums[2] += weight * v * v
-    sums[3] += size * v * v
-    sums[4] += size * v
-    sums[5] += active[k, j] * voltage[k, j] * path
-    sums[6] += active[k, j] * rate * path
-    sums[7] += rate * path
-    sums[8] += np.sign(rate) * path
+    """Integrals up to rising `instants` of the power, |v|, v², |v| v², |v| v and those of `MOTOR`, (9, instants)."""
+    v, rate, size = course.speed, course.wheel_speed, np.abs(course.speed)
+    powers = np.zeros((5 + len(MOTOR), *v.shape))
+    powers[0], powers[1], powers[2], powers[4] = course.power, size, v * v, size * v
+    np.multiply(size, powers[2], out=powers[3])
+    if course.wheel is not None:
+        acting = course.active * course.turn
+        powers[5], powers[6] = acting * course.voltage, acting * rate
+        powers[7], powers[8] = rate * course.turn, np.sign(rate) * course.turn
+    return running_integrals(course.nodes, powers, instants)
 
 
 def further_works(course: Course, instants: Array, angle: Array, terms: tuple[RigTerm, ...]) -> dict[str, Array]:

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.control.observer import VelocityObserver, filtered_both_ways
 from swingid.errors import UsageError
 from swingid.numerics.arrays import Array, median
 from swingid.numerics.quadrature import GaussNodes, held_between
@@ -48,6 +47,8 @@ class Chain:
 
 def observed_speed(time: Array, angle: Array, noise: float) -> Speed:
     """The observers (23) with the gains of section 5, both ways, at the stamps; noise: of one sample of the angle."""
+    from swingid.control.observer import VelocityObserver  # here, for it is compiled
+
     observer, step = VelocityObserver(), median(np.diff(time))
     speed = observer.both_ways(time, angle)
     return Speed(time, angle, speed, max(step, 1 / observer.sigma), noise * observer.noise_gain(step))
@@ -55,6 +56,8 @@ def observed_speed(time: Array, angle: Array, noise: float) -> Speed:
 
 def filtered_drive(nodes: GaussNodes, values: Array, filter_time: float, *, held: bool) -> Array:
     """A logged voltage or torque through W_f of `filter_time` (s) both ways, at the nodes (n−1, points)."""
+    from swingid.control.observer import filtered_both_ways  # here, for it is compiled
+
     constant = held_between(nodes.time, values) if held else (values[1:] + values[:-1]) / 2
     return nodes.spline(filtered_both_ways(nodes.time, np.append(constant, constant[-1]), filter_time))
 

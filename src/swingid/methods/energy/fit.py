@@ -15,7 +15,6 @@ import numpy as np
 from swingid.methods.energy.balance import Course, States
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
 from swingid.numerics.regression import block_covariance
 from swingid.preparation.scale import Scale
 
@@ -126,25 +125,19 @@ def sensor_variance(fit: NodeFit, states: States, course: Course, rig: Rig) -> f
     return of_axis * axis.noise**2 + of_wheel * wheel.noise**2
 
 
-@njit
-def slope_overlap(distance: float) -> float:
+def slope_overlap(distance: Array) -> Array:
     """Correlation of the slopes of two local cubics whose centres are `distance` half-widths apart (white noise)."""
-    d = abs(distance)
-    if d >= 2.0:
-        return 0.0
-    return 1.0 + d * (-1.5 + d * (-4.2 + d * (5.5 + d * d * (-1.3125 + d * d * 0.13125))))
+    d = np.abs(distance)
+    near = 1.0 + d * (-1.5 + d * (-4.2 + d * (5.5 + d * d * (-1.3125 + d * d * 0.13125))))
+    return np.where(d < 2.0, near, 0.0)
 
 
-@njit
 def _power(instants: Array, weights: Array, half_width: float) -> float:
     """Variance of Σ weights · slope within blocks (rows), for slopes of unit variance; instants rise in a row."""
-    total = 0.0
-    for b in range(instants.shape[0]):
-        for i in range(instants.shape[1]):
-            total += weights[b, i] ** 2
-            j = i + 1
-            while j < instants.shape[1] and instants[b, j] - instants[b, i] < 2.0 * half_width:
-                overlap = slope_overlap((instants[b, j] - instants[b, i]) / half_width)
-                total += 2.0 * weights[b, i] * weights[b, j] * overlap
-                j += 1
+    total = float(np.sum(weights**2))
+    for lag in range(1, instants.shape[1]):
+        distance = (instants[:, lag:] - instants[:, :-lag]) / half_width
+        if not np.any(distance < 2.0):
+            break
+        total += 2.0 * float(np.sum(weights[:, lag:] * weights[:, :-lag] * slope_overlap(distance)))
     return total

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.numerics.arrays import Array, Bools
-from swingid.numerics.compiled import njit
-from swingid.numerics.spline import rows_before
 from swingid.preparation.motion import Motion
 
 
@@ -43,26 +41,30 @@ def mirrored_passes(motion: Motion, depths: Array, time: Array, longest_gap: flo
     return Passes(turning[1:-1][sound], motion.sides[1:-1][sound], instants[sound])
 
 
-@njit
 def _crossings(time: Array, angles: Array, turning: Array, tops: Array, sides: Array, depths: Array) -> Array:
-    """Instants at which the angle is `depths` away from each inner turning point, before it and after it."""
+    """Instants at which the angle is `depths` away from each inner turning point, before it and after it.
+
+    NaN where it is not before the turning points around.
+    """
     blocks, levels = depths.shape
     result = np.full((blocks, 2 * levels + 1), np.nan)
-    for i in range(blocks):
-        top, side = tops[i + 1], sides[i + 1]
-        result[i, levels] = turning[i + 1]
-        centre = rows_before(time, turning[i + 1], False)
-        for direction in (-1, 1):
-            k = centre if direction > 0 else centre - 1
-            for j in range(levels):
-                while 0 <= k < len(time) and side * (top - angles[k]) < depths[i, j]:
-                    k += direction
-                if not 0 <= k < len(time) or not 0 <= k - direction < len(time):
-                    break
-                near, far = side * (top - angles[k - direction]), side * (top - angles[k])
-                share = 1.0 if far == near else (depths[i, j] - near) / (far - near)
-                t = time[k - direction] + share * (time[k] - time[k - direction])
-                result[i, levels + direction * (j + 1)] = t
-        if result[i, 0] < turning[i] or result[i, 2 * levels] > turning[i + 2]:
-            result[i, 0] = np.nan
+    result[:, levels] = turning[1:-1]
+    at = np.searchsorted(time, turning)
+    for way, start, last in ((1, at[1:-1], at[2:] + 1), (-1, at[1:-1] - 1, at[:-2] - 2)):
+        count = way * (np.clip(last, 0, len(time) - 1) - start) + 1
+        behind = np.arange(max(int(count.max(initial=0)), 1))
+        rows = np.clip(start[:, None] + way * behind, 0, len(time) - 1)
+        drop = sides[1:-1, None] * (tops[1:-1, None] - angles[rows])
+        reached = np.maximum.accumulate(drop, axis=1)
+        for j in range(levels):
+            k = np.count_nonzero(reached < depths[:, j, None], axis=1)
+            found = start + way * k
+            sound = np.flatnonzero((k < count) & (found - way >= 0) & (found - way < len(time)))
+            one, before = found[sound], found[sound] - way
+            side, top = sides[sound + 1], tops[sound + 1]
+            near, far = side * (top - angles[before]), side * (top - angles[one])
+            share = np.where(far == near, 1.0, (depths[sound, j] - near) / np.where(far == near, 1.0, far - near))
+            result[sound, levels + way * (j + 1)] = time[before] + share * (time[one] - time[before])
+    outside = (result[:, 0] < turning[:-2]) | (result[:, -1] > turning[2:])
+    result[outside, 0] = np.nan
     return result

@@ -134,10 +134,7 @@ def _sensors(log: Recording, rig: Rig, rows: Rows, influence: Array, a11: float,
     """Covariance of the unknowns from noise, resolution and jitter of both angles."""
     time, step = np.asarray(log.time), float(log.time[1] - log.time[0])
     windows = rows.windows
-    curved, plain = (
-        np.stack([superpose(time, windows.centres, windows.half, row, order) for row in influence]) * step
-        for order in (2, 0)
-    )
+    curved, plain = (superpose(time, windows.centres, windows.half, influence, order) * step for order in (2, 0))
     axis = a11 * curved + b * np.cos(log.angle) * plain
     channels = [(axis, log.angle, rig.sensors.of("angle"))]
     if log.wheel_angle is not None:

@@ -25,6 +25,9 @@ from swingid.simulation.ensemble.series import COS, CUBE, INVERSES, PEAK, SIN, S
 LAST = 1e-13
 """rad per step: what the last term of a series may be, so that the next is well below it."""
 
+EASY = 1e-3
+"""Share of LAST below which a part is far from too long."""
+
 MOST_STEPS = 30
 BEYOND = 1e-11
 """Of a step: how far behind an edge of the dead zone the motion goes on, so that it is on the other side for sure."""
@@ -39,7 +42,7 @@ NONE, AXIS, WHEEL, EDGE, UNSURE = 0, 1, 2, 3, 4
 def mode_constants(
     mode: Mode, h: float, u: float, p: Array
 ) -> tuple[series.Axis, tuple[float, float], series.Mobility]:
-    """What `coefficients` takes for a step of h (s) in a mode under the command u (V; N m), from p (SIZE,)."""
+    """What `expand` takes for a step of h (s) in a mode under the command u (V; N m), from p (SIZE,)."""
     s1, s2, branch = mode
     viscous, coulomb, static = p[at.VISCOUS_N], p[at.COULOMB_N], p[at.STATIC_N]
     if s1 > 0:
@@ -67,7 +70,7 @@ def mode_constants(
 
 @njit_lane
 def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: series.Mobility) -> None:
-    """Taylor's coefficients up to `TERMS`, as `series.coefficients` has them up to 5, into a from its first column.
+    """Taylor's coefficients up to `TERMS`, of the speeds, into a from its first column.
 
     That has sine and cosine of q1, U and Y. Time counts in steps; axis, wheel and mobility as there.
     """
@@ -75,7 +78,8 @@ def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: se
     load2, drag = wheel
     m11, m12, m22 = mobility
     a[SQUARE, 0] = a[SPEED, 0] * a[SPEED, 0]
-    a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
+    if height != 0.0:
+        a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
     a[CUBE, 0] = a[SPEED, 0] * a[SQUARE, 0]
     for k in range(TERMS):
         if k > 0:
@@ -221,7 +225,7 @@ def through(
         left -= part * x
         if left < SHORTEST:
             return 0.0
-        part *= 0.9 * (LAST / last) ** INVERSES[TERMS + 1]
+        part = left if last < EASY * LAST else part * 0.9 * (LAST / last) ** INVERSES[TERMS + 1]
     return left
 
 

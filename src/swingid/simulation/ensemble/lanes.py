@@ -50,7 +50,6 @@ LIMIT, COULOMB, DEAD_NEGATIVE, DEAD_POSITIVE, EMF_RATIO, RIG_LIMIT = range(57, 6
 ANGLE_STEP, ANGLE_INVERSE, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO = range(63, 68)
 WHEEL_STEP, WHEEL_INVERSE, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(68, 73)
 ANGLE_NOISE, WHEEL_NOISE = range(73, 75)
-BENDS = (ANGLE_COSINE, ANGLE_SINE, WHEEL_COSINE, WHEEL_SINE)
 # Encoders that are read late or early: q1, U, q2, Y at the start of the last step and its series, the fraction
 # of it at which a row is read, where axis and wheel are there; state at the last row.
 START, SERIES1, SERIES2, WHEN, THERE, END, _NEXT = rows(75, 4, 5, 5, 1, 2, 4)

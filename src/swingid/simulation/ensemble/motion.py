@@ -14,8 +14,8 @@ from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.lanes import LANES
 
-ERROR, PEAKED_ERROR = 1e-14, 1e-14
-"""rad per step: what a step may leave out of its series, without and with Stribeck's peak, else it is taken again."""
+ERROR = 1e-14
+"""rad per step: what a step may leave out of its series, else it is taken again."""
 
 PARTS, NEAR = 2.0, 2.5
 """Stribeck's peak is passed in so many steps per Stribeck speed, where the speed is below so many changes of a step."""
@@ -28,12 +28,13 @@ LARGEST_TURN = 0.15
 
 
 @njit_lane
-def too_long(fourth: float, fifth: float, rich: int | None) -> bool:
-    """Whether a step is too long for a series with these last terms: the next is theirs squared, divided."""
-    error, least = ERROR, FIFTH
+def too_long(k: series.Derivatives, rich: int | None) -> bool:
+    """Whether a step is too long for a series with these derivatives: the next term is the last squared, divided."""
+    least = FIFTH
     if rich is not None:
-        error, least = PEAKED_ERROR, PEAKED_FIFTH
-    return (abs(fifth) > least) & (fifth * fifth > error * abs(fourth))
+        least = PEAKED_FIFTH
+    flagged = (abs(k[4]) > 120.0 * least) & (k[4] * k[4] > (600.0 * ERROR) * abs(k[3]))
+    return bool(flagged)
 
 
 @njit_lane
@@ -70,7 +71,7 @@ def afresh(lane: Array) -> None:
 
 
 @njit_lane
-def keep(lane: Array, i: int, cu: series.Coefficients, cy: series.Coefficients) -> None:
+def keep(lane: Array, i: int, cu: series.Derivatives, cy: series.Derivatives) -> None:
     """Start and series of run i's step, for readings within it."""
     lane[at.START * LANES + i] = lane[at.Q1 * LANES + i]
     lane[(at.START + 1) * LANES + i] = lane[at.U * LANES + i]
@@ -130,7 +131,7 @@ def move(lane: Array, i: int, rich: int | None, resting: int | None, late: int |
         dry2 = 0.0 if rest2 else dry2
 
     axis = (gravity, viscous, side1 * lane[at.QUADRATIC * LANES + i], outer - dry1, cubic, height, spike)
-    cu, cy = series.coefficients(sine, cosine, u, y, axis, (drive - dry2, drag), (m11, m12, m22), rich)
+    cu, cy = series.derivatives(sine, cosine, u, y, axis, (drive - dry2, drag), (m11, m12, m22), rich)
     u_end, y_end = series.at_end(u, cu), series.at_end(y, cy)
     x1 = series.turned_at_end(u, cu)
     if late is not None:
@@ -145,15 +146,16 @@ def move(lane: Array, i: int, rich: int | None, resting: int | None, late: int |
     torque = volts - emf * y_end
     flagged = (passed1 & (kink1 != 0.0)) | (passed2 & (kink2 != 0.0))
     flagged |= (above ^ (torque > edge_p)) | (below ^ (torque < edge_n))
-    flagged |= too_long(cu[3], cu[4], rich) | too_long(cy[3], cy[4], rich) | (abs(x1) > LARGEST_TURN)
+    flagged |= too_long(cu, rich) | too_long(cy, rich) | (abs(x1) > LARGEST_TURN)
     if rich is not None:  # the fifth may be small by chance
-        flagged |= (abs(cu[3]) > FOURTH) & (abs(cu[3]) ** 3 > PEAKED_ERROR * cu[2] * cu[2])
+        fourth, third = abs(cu[3]) * (1 / 24), cu[2] * (1 / 6)
+        flagged |= (fourth > FOURTH) & (fourth * fourth * fourth > ERROR * third * third)
     if resting is not None:
         a12, released = lane[at.A12 * LANES + i], lane[at.WHEEL_STATIC * LANES + i]
         hold = outer - gravity * sine
-        start, end = hold - a12 * cy[0], hold - a12 * series.slope(cy, 1.0)
+        start, end = hold - a12 * cy[0], hold - a12 * series.slope_at_end(cy)
         flagged |= rest1 & ((start > static_p) | (start < -static_n) | (end > static_p) | (end < -static_n))
-        start, end = drive - a12 * cu[0], drive - a12 * series.slope(cu, 1.0)
+        start, end = drive - a12 * cu[0], drive - a12 * series.slope_at_end(cu)
         flagged |= rest2 & ((abs(start) > released) | (abs(end) > released))
 
     lane[at.Q1 * LANES + i] = q1 if flagged else q1 + x1

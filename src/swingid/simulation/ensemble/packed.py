@@ -13,12 +13,16 @@ from swingid.model.integrator import Q1 as ANGLE
 from swingid.model.integrator import Q2 as WHEEL_ANGLE
 from swingid.model.motion import COUNTS, LONGEST, advance
 from swingid.model.parameters import CUBIC, STRIBECK_SPEED
+from swingid.model.sensors import ALPHA, BETA, RESOLUTION, ZERO
+from swingid.simulation.draws import CHANNELS, draw_nonlinearity
 from swingid.simulation.ensemble import lanes
 from swingid.simulation.ensemble.block import PLACES, ROW, STEP, TOGETHER, run_block
-from swingid.simulation.ensemble.lanes import LANES
+from swingid.simulation.ensemble.lanes import CHAIN_MOST, LANES, OTHERS
+from swingid.simulation.ensemble.runs import constants_of
 from swingid.simulation.twin import own_limit
 
 if TYPE_CHECKING:
+    from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array, Ints
     from swingid.simulation.ensemble.readings import Late
     from swingid.simulation.ensemble.runs import Run
@@ -29,69 +33,103 @@ class Kind:
     """What all runs of a block have in common, since the kernel is compiled for it.
 
     control: "open", "compensator", "chain" or "backstepping"; order: of a chain. rich: friction with Stribeck's peak or
-    a cubic term. late: some encoder is not read on time.
+    a cubic term. late, bent, noisy: some encoder is not read on time, not linear, has noise.
     """
 
     control: str
     order: int
     rich: bool
     late: bool
+    bent: bool
+    noisy: bool
 
 
 @dataclass(frozen=True)
 class Block:
     """Up to LANES runs that go together, by their places `members` in the ensemble; p (members, SIZE): their constants.
 
-    inputs (instants, references), which (members,): references or commands, and each run's column of them. when
-    (rows, 2, members): instants of the readings in samples; empty where all are on time.
+    resolutions (members, 2): of their encoders (rad). inputs (instants, references), which (members,): references or
+    commands, and each run's column of them. when (rows, 2, members): instants of the readings in samples; empty where
+    all are on time.
     """
 
     members: list[int]
     runs: list[Run]
     kind: Kind
     p: Array
+    resolutions: Array
     inputs: Array
     which: Ints
     when: Array
 
 
-def kind_of(run: Run, p: Array) -> Kind:
-    """The kind of block of a run with the constants p (SIZE,)."""
-    rich = bool(p[STRIBECK_SPEED] > 0.0 or p[CUBIC] != 0.0)
+@dataclass(frozen=True)
+class Sensors:
+    """What a rig's encoders are, found once for all its runs.
+
+    steps: resolutions (rad). bent: whether they are nonlinear; noisy; late: whether they are not read on time.
+    """
+
+    steps: tuple[float, ...]
+    bent: bool
+    noisy: bool
+    late: bool
+
+    @classmethod
+    def of(cls, rig: Rig) -> Sensors:
+        """Those of a rig."""
+        sensors = [rig.sensors.of(name) for name in CHANNELS]
+        return cls(
+            steps=tuple(s.resolution for s in sensors),
+            bent=any(part.value or part.std for s in sensors for part in s.parts.values()),
+            noisy=any(s.noise for s in sensors),
+            late=any(s.jitter or s.latency.value or s.latency.std for s in sensors),
+        )
+
+
+def control_of(run: Run) -> tuple[str, int]:
+    """Kind of control of a run, and the order of its chain."""
     if run.controller is None:
-        return Kind("open", 0, rich, run.is_late)
+        return "open", 0
     if isinstance(run.controller, Backstepping):
-        return Kind("backstepping", 0, rich, run.is_late)
+        return "backstepping", 0
     order = len(run.controller.k)
-    return Kind("compensator" if order == 1 else "chain", order, rich, run.is_late)
+    return ("compensator" if order == 1 else "chain"), order
 
 
 def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
     """Blocks of the runs that the lanes can take, and the places of those they can't. Errors as `simulate`."""
-    constants = [run.constants() for run in runs]
+    constants = constants_of(runs)
+    fit = ~np.any(constants[:, OTHERS], axis=1)
+    rich = (constants[:, STRIBECK_SPEED] > 0.0) | (constants[:, CUBIC] != 0.0)
+    sensors = {id(run.rig): Sensors.of(run.rig) for run in {id(run.rig): run for run in runs}.values()}
     kinds: dict[Kind, list[int]] = {}
     left: list[int] = []
     for k, run in enumerate(runs):
-        if run.fits_lanes(constants[k]):
-            kinds.setdefault(kind_of(run, constants[k]), []).append(k)
+        control, order = control_of(run)
+        if fit[k] and order <= CHAIN_MOST:
+            own = sensors[id(run.rig)]
+            kind = Kind(control, order, bool(rich[k]), own.late, own.bent, own.noisy)
+            kinds.setdefault(kind, []).append(k)
         else:
             left.append(k)
     blocks = []
     for kind, members in kinds.items():
         for first in range(0, len(members), LANES):
-            own = members[first : first + LANES]
-            blocks.append(_block(own, [runs[k] for k in own], kind, np.array([constants[k] for k in own]), rows))
+            part = members[first : first + LANES]
+            steps = np.array([sensors[id(runs[k].rig)].steps for k in part])
+            blocks.append(_block(part, [runs[k] for k in part], kind, constants[part], steps, rows))
     return _sharing_inputs(blocks), left
 
 
-def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, rows: int) -> Block:
+def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, resolutions: Array, rows: int) -> Block:
     """A block without its inputs, as many instants as it takes until the last row has been read."""
     when, total = np.empty((0, 2, len(runs))), rows
     if kind.late:
         when = np.stack([np.arange(rows) + run.rate * run.delays(rows) for run in runs]).transpose(2, 1, 0)
         total = max(rows, int(np.ceil(when.max())))
         when = np.minimum(when, np.nextafter(float(total), 0.0))
-    return Block(members, runs, kind, p, np.empty((total, 0)), np.empty(0, np.int64), when)
+    return Block(members, runs, kind, p, resolutions, np.empty((total, 0)), np.empty(0, np.int64), when)
 
 
 def _sharing_inputs(blocks: list[Block]) -> list[Block]:
@@ -124,7 +162,7 @@ def run_packed(block: Block, log: Array) -> Array:
     filled = np.minimum(np.arange(LANES), count - 1)
     lane, p = _packed(block, filled, sample, h), block.p[filled]
     late = _late(block, filled, steps)
-    kinds = int(kind.control != "open"), int(bool(np.any(lane[[*lanes.BENDS]])))
+    kinds = int(kind.control != "open"), int(kind.bent)
     place, flat, which = np.zeros(PLACES, np.int64), lane.ravel(), block.which[filled]
     noise, kept = _noise(block, rows), np.empty(4 * TOGETHER * LANES)
     variant = (
@@ -147,8 +185,9 @@ def _packed(block: Block, filled: Ints, sample: float, h: float) -> Array:
     runs, kind = block.runs, block.kind
     lane = np.zeros((lanes.ROWS, LANES))
     lanes.pack_motion(lane, block.p[filled], h)
-    lanes.pack_encoders(lane, np.array([run.encoders() for run in runs])[filled])
-    lane[lanes.RIG_LIMIT] = np.array([own_limit(run.rig) for run in runs])[filled]
+    lanes.pack_encoders(lane, _encoders(block)[filled])
+    limits = {id(rig): own_limit(rig) for rig in {id(run.rig): run.rig for run in runs}.values()}
+    lane[lanes.RIG_LIMIT] = np.array([limits[id(run.rig)] for run in runs])[filled]
     lane[lanes.Q1] = np.array([run.initial_angle for run in runs])[filled]
     lane[lanes.U] = np.array([run.initial_speed for run in runs])[filled] * h
     if kind.control != "open":
@@ -160,9 +199,19 @@ def _packed(block: Block, filled: Ints, sample: float, h: float) -> Array:
     return lane
 
 
+def _encoders(block: Block) -> Array:
+    """Arrays (members, 2, 4) of `model.sensors` for the encoders of axis and wheel."""
+    encoders = np.zeros((len(block.runs), 2, 4))
+    encoders[:, :, RESOLUTION] = block.resolutions
+    encoders[:, :, ZERO] = [run.encoder_zero for run in block.runs]
+    if block.kind.bent:
+        encoders[:, :, [ALPHA, BETA]] = [draw_nonlinearity(run.rig, run.seed) for run in block.runs]
+    return encoders
+
+
 def _noise(block: Block, rows: int) -> Array:
     """Noise (2, instants, LANES) (rad) of both encoders, (2, 0, LANES) where there is none."""
-    if not any(s.noise for run in block.runs for s in (run.rig.sensors.of("angle"), run.rig.sensors.of("wheel"))):
+    if not block.kind.noisy:
         return np.zeros((2, 0, LANES))
     noise = np.zeros((2, len(block.inputs), LANES))
     for i, run in enumerate(block.runs):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,10 +11,9 @@ import numpy as np
 
 from swingid.control.compensator import Compensator
 from swingid.errors import UsageError
-from swingid.model.parameters import constants, vector
+from swingid.model.parameters import A11, A12, A22, PLACES, SIZE, constants, vector
 from swingid.model.terms import TERMS
-from swingid.simulation.draws import CHANNELS, draw_constants, draw_nonlinearity, stream
-from swingid.simulation.ensemble.lanes import CHAIN_MOST, OTHERS
+from swingid.simulation.draws import CHANNELS, draw_constants, stream
 from swingid.simulation.twin import Controller, Reference, Setup
 
 if TYPE_CHECKING:
@@ -25,6 +24,15 @@ if TYPE_CHECKING:
 
 CHANGEABLE = tuple(term.key for term in TERMS.values() if term.key)
 """Keys of a rig file that may differ from run to run without a rig for each."""
+
+SUMS = {
+    "axis.inertia": (),
+    "axis.friction.viscous": ("axis.friction.viscous_positive", "axis.friction.viscous_negative"),
+}
+"""Keys that stand in the vector of constants as a summand, and the keys that must not be there for that."""
+
+TERM_OF = {term.key: name for name, term in TERMS.items() if term.key}
+"""Name of a term by its key."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,18 +56,6 @@ class Run(Setup):
             return vector(draw_constants(self.own_rig, self.seed), kind)
         return vector({key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), kind)
 
-    def fits_lanes(self, p: Array) -> bool:
-        """Whether the lanes know all terms of its motion (of the constants p) and its controller."""
-        if np.any(p[OTHERS]):
-            return False
-        return not isinstance(self.controller, Compensator) or len(self.controller.k) <= CHAIN_MOST
-
-    @cached_property
-    def is_late(self) -> bool:
-        """Whether some encoder is not read at the instants of the rows."""
-        sensors = [self.rig.sensors.of(name) for name in CHANNELS]
-        return any(s.jitter or s.latency.value or s.latency.std for s in sensors)
-
     def delays(self, rows: int) -> Array:
         """How much after its row each encoder is read (2, rows) (s), as drawn."""
         sensors = [self.rig.sensors.of(name) for name in CHANNELS]
@@ -67,13 +63,6 @@ class Run(Setup):
         jitter = stream(self.seed, "jitter").standard_normal(rows)
         own = [s.latency.value + (s.latency.std or 0.0) * one for s, one in zip(sensors, latency, strict=True)]
         return np.array([one + s.jitter * jitter for s, one in zip(sensors, own, strict=True)])
-
-    def encoders(self) -> Array:
-        """Arrays (2, 4) of `model.sensors` for axis and wheel."""
-        steps = [self.rig.sensors.of(name).resolution for name in CHANNELS]
-        bent = draw_nonlinearity(self.rig, self.seed)
-        rows = zip(steps, bent, self.encoder_zero, strict=True)
-        return np.array([[step, alpha, beta, zero] for step, (alpha, beta), zero in rows])
 
     def noise(self, rows: int) -> Array | None:
         """Noise (2, rows) (rad) of the two encoders, None where there is none."""
@@ -130,23 +119,51 @@ def runs_of(
         own = {name: each[k if len(each) == count else 0] for name, each in several.items()}
         changes = {key: own.pop(key) for key in values}
         rig, seed, zero = own.pop("rigs"), int(own.pop("seeds")), tuple(own.pop("encoder_zero"))
-        run = Run(rig, changes=changes, seed=seed, encoder_zero=zero, **own, **common)
-        runs.append(_with_controller(run, standard))
+        if own["controller"] is None and own["reference"] is not None and own["drive"] is None:
+            own["controller"] = _standard(rig, changes, standard)
+        runs.append(Run(rig, changes=changes, seed=seed, encoder_zero=zero, **own, **common))
     return runs
 
 
-def _with_controller(run: Run, standard: dict[int, Compensator]) -> Run:
-    """The run with the compensator of the paper's experiment where it has a reference and no controller.
+def _standard(rig: Rig, changes: Mapping[str, float], known: dict[int, Compensator]) -> Compensator | None:
+    """The compensator of the paper's experiment for a rig with a drive; `known` keeps those of rigs seen before."""
+    if rig.drive.kind == "none":
+        return None
+    if any(key.startswith("drive.") for key in changes):
+        return Compensator.paper(rig.changed(dict(changes)))
+    if id(rig) not in known:
+        known[id(rig)] = Compensator.paper(rig)
+    return known[id(rig)]
 
-    `standard` keeps those of rigs seen before, by identity.
-    """
-    if run.reference is None or run.controller is not None or run.drive is not None or run.rig.drive.kind == "none":
-        return run
-    if any(key.startswith("drive.") for key in run.changes):
-        return replace(run, controller=Compensator.paper(run.own_rig))
-    if id(run.rig) not in standard:
-        standard[id(run.rig)] = Compensator.paper(run.rig)
-    return replace(run, controller=standard[id(run.rig)])
+
+def constants_of(runs: Sequence[Run]) -> Array:
+    """The constants (n, SIZE) of all runs, as `Run.constants`; those that differ in a plain sum are computed once."""
+    result = np.empty((len(runs), SIZE))
+    stated: dict[int, dict[str, float]] = {}
+    known: dict[tuple[object, ...], Array] = {}
+    sums: dict[str, list[tuple[int, float]]] = {key: [] for key in SUMS}
+    for k, run in enumerate(runs):
+        if run.draw:
+            result[k] = run.constants()
+            continue
+        if id(run.rig) not in stated:
+            stated[id(run.rig)] = {key: quantity.value for key, quantity in constants(run.rig).items()}
+        own = stated[id(run.rig)]
+        plain = [key for key in run.changes if key in SUMS and not any(one in own for one in SUMS[key])]
+        rest = {key: value for key, value in run.changes.items() if key not in plain}
+        name = (id(run.rig), *sorted(rest.items()))
+        if name not in known:
+            known[name] = vector(own | rest, run.rig.drive.kind)
+        result[k] = known[name]
+        for key in plain:
+            sums[key].append((k, run.changes[key] - own.get(key, 0.0)))
+    for key, entries in sums.items():
+        for place in PLACES[TERM_OF[key]] if entries else ():
+            result[[k for k, _ in entries], place] += [more for _, more in entries]
+    impossible = ~((result[:, A11] > 0.0) & (result[:, A11] * result[:, A22] > result[:, A12] ** 2))
+    for k in np.flatnonzero(impossible).tolist():
+        result[k] = runs[k].constants()
+    return result
 
 
 def _listed(value: object) -> list[Any]:

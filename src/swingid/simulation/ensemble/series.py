@@ -1,10 +1,11 @@
 """One step of the motion by Taylor's series of the equations of motion (I), (II) within one mode.
 
-Within a mode the right-hand side is made of sums, products and the sine, so its Taylor coefficients follow from one
+Within a mode the right-hand side is made of sums, products and the sine, so its derivatives follow from one
 another (Moore 1966; Hairer, Norsett, Wanner, Solving ODE I, I.8), sine and cosine by s' = c q1', c' = -s q1'. The sine
 itself is computed once per step. Five terms of the speeds leave an error of (rate h)^6/6!, 1e-17 of the angle at 1 ms.
 
-Time counts in steps of h: q1(x) = q1 + U x + U1 x^2/2 + ..., h q1' = U + U1 x + ... + U5 x^5, and Y for the wheel.
+Time counts in steps of h: q1(x) = q1 + U x + U1 x^2/2 + ..., h q1' = U + U1 x + ... + U5 x^5/5!, and Y for the wheel.
+The lanes have the derivatives U1 ... U5 themselves, by Leibniz' rule, so that nothing waits for a division by k.
 """
 
 from __future__ import annotations
@@ -12,13 +13,13 @@ from __future__ import annotations
 from swingid.numerics.arrays import Array
 from swingid.numerics.vectors import decay, njit_lane
 
-Coefficients = tuple[float, float, float, float, float]
+Derivatives = tuple[float, float, float, float, float]
 Axis = tuple[float, float, float, float, float, float, float]
 Mobility = tuple[float, float, float]
 
 
 @njit_lane
-def coefficients(
+def derivatives(
     sine: float,
     cosine: float,
     u: float,
@@ -27,7 +28,7 @@ def coefficients(
     wheel: tuple[float, float],
     mobility: Mobility,
     rich: int | None,
-) -> tuple[Coefficients, Coefficients]:
+) -> tuple[Derivatives, Derivatives]:
     """U1 ... U5 and Y1 ... Y5 from sine and cosine of q1, U and Y at the start, and the constants of the mode.
 
     axis = (gravity, viscous, quadratic, load, cubic, height, peak): load - gravity sin q1 - viscous U - quadratic U^2
@@ -37,7 +38,7 @@ def coefficients(
     gravity, viscous, quadratic, load1, cubic, height, peak = axis
     load2, drag = wheel
     m11, m12, m22 = mobility
-    # U' = gu s + vu U + qu U^2 + du Y + lu, Y' alike: so that each coefficient waits only for those just before it
+    # U' = gu s + vu U + qu U^2 + du Y + lu, Y' alike: so that each derivative waits only for those just before it
     gu, vu, qu, du, lu = -m11 * gravity, -m11 * viscous, -m11 * quadratic, m12 * drag, m11 * load1 - m12 * load2
     gy, vy, qy, dy, ly = m12 * gravity, m12 * viscous, m12 * quadratic, -m22 * drag, m22 * load2 - m12 * load1
     u1 = ((lu + gu * sine) + du * y) + u * (vu + qu * u)
@@ -50,73 +51,66 @@ def coefficients(
         u1, y1 = u1 - m11 * f, y1 + m12 * f
     tu, ty = vu + 2.0 * u * qu, vy + 2.0 * u * qy
     s1, c1 = u * cosine, -u * sine
-    u2, y2 = (gu * s1 + du * y1) + tu * u1, (gy * s1 + dy * y1) + ty * u1
+    u2, y2 = ((gu * s1 + du * y1) + tu * u1), ((gy * s1 + dy * y1) + ty * u1)
     if rich is not None:
         e1 = -2.0 * peak * u * u1
         g1 = e1 * g
         f = g1 + lean * u1
         u2, y2 = u2 - m11 * f, y2 + m12 * f
-    u2, y2 = 0.5 * u2, 0.5 * y2
-    s2, c2 = 0.5 * (u * c1 + u1 * cosine), -0.5 * (u * s1 + u1 * sine)
-    w2 = u1 * u1
+    s2, c2 = u * c1 + u1 * cosine, -(u * s1 + u1 * sine)
+    w2 = 2.0 * u1 * u1
     u3, y3 = ((gu * s2 + qu * w2) + du * y2) + tu * u2, ((gy * s2 + qy * w2) + dy * y2) + ty * u2
     if rich is not None:
-        e2 = -2.0 * peak * (2.0 * u * u2 + w2)
-        g2 = 0.5 * (e1 * g1 + e2 * g)
-        f = g2 + (lean * u2 + cubic * (3.0 * u * w2))
+        e2 = -peak * (2.0 * u * u2 + w2)
+        g2 = e1 * g1 + e2 * g
+        f = g2 + (lean * u2 + 3.0 * cubic * u * w2)
         u3, y3 = u3 - m11 * f, y3 + m12 * f
-    u3, y3 = (1 / 3) * u3, (1 / 3) * y3
-    s3 = (1 / 3) * ((u * c2 + u1 * c1) + u2 * cosine)
-    c3 = -(1 / 3) * ((u * s2 + u1 * s1) + u2 * sine)
-    w3 = 2.0 * u1 * u2
+    twice = 2.0 * u1
+    s3 = (u * c2 + twice * c1) + u2 * cosine
+    c3 = -((u * s2 + twice * s1) + u2 * sine)
+    w3 = 3.0 * twice * u2
     u4, y4 = ((gu * s3 + qu * w3) + du * y3) + tu * u3, ((gy * s3 + qy * w3) + dy * y3) + ty * u3
     g3, e3 = 0.0, 0.0
     if rich is not None:
-        e3 = -3.0 * peak * (2.0 * u * u3 + w3)
-        g3 = (1 / 3) * (e1 * g2 + e2 * g1 + e3 * g)
-        f = g3 + (lean * u3 + cubic * (3.0 * u * w3 + u1 * w2))
+        e3 = -peak * (2.0 * u * u3 + w3)
+        g3 = e1 * g2 + 2.0 * e2 * g1 + e3 * g
+        f = g3 + (lean * u3 + 3.0 * cubic * (u * w3 + u1 * w2))
         u4, y4 = u4 - m11 * f, y4 + m12 * f
-    u4, y4 = 0.25 * u4, 0.25 * y4
-    s4 = 0.25 * ((u * c3 + u1 * c2 + u2 * c1) + u3 * cosine)
-    w4 = 2.0 * u1 * u3 + u2 * u2
+    s4 = (u * c3 + 3.0 * (u1 * c2 + u2 * c1)) + u3 * cosine
+    w4 = 8.0 * u1 * u3 + 6.0 * u2 * u2
     u5, y5 = ((gu * s4 + qu * w4) + du * y4) + tu * u4, ((gy * s4 + qy * w4) + dy * y4) + ty * u4
     if rich is not None:
-        g4 = 0.25 * (e1 * g3 + e2 * g2 + e3 * g1 - 4.0 * peak * (2.0 * u * u4 + w4) * g)
-        f = g4 + (lean * u4 + cubic * (3.0 * u * w4 + 3.0 * w2 * u2))
+        e4 = -peak * (2.0 * u * u4 + w4)
+        g4 = e1 * g3 + 3.0 * (e2 * g2 + e3 * g1) + e4 * g
+        f = g4 + (lean * u4 + cubic * (3.0 * u * w4 + 18.0 * w2 * u2))
         u5, y5 = u5 - m11 * f, y5 + m12 * f
-    return (u1, u2, u3, u4, 0.2 * u5), (y1, y2, y3, y4, 0.2 * y5)
+    return (u1, u2, u3, u4, u5), (y1, y2, y3, y4, y5)
 
 
 @njit_lane
-def at_end(u: float, k: Coefficients) -> float:
-    """`moved` at the end of a step; the newest coefficient comes last, so that nothing waits for it but its sum."""
-    return (((u + k[0]) + k[1]) + (k[2] + k[3])) + k[4]
+def at_end(u: float, k: Derivatives) -> float:
+    """Speed (rad per step) at the end of a step; the newest derivative comes last: only its sum waits for it."""
+    return (((u + k[0]) + 1 / 2 * k[1]) + (1 / 6 * k[2] + 1 / 24 * k[3])) + 1 / 120 * k[4]
 
 
 @njit_lane
-def turned_at_end(u: float, k: Coefficients) -> float:
-    """`turned` at the end of a step, alike."""
-    return (((u + 1 / 2 * k[0]) + 1 / 3 * k[1]) + (1 / 4 * k[2] + 1 / 5 * k[3])) + 1 / 6 * k[4]
+def turned_at_end(u: float, k: Derivatives) -> float:
+    """Angle (rad) passed at the end of a step, alike."""
+    return (((u + 1 / 2 * k[0]) + 1 / 6 * k[1]) + (1 / 24 * k[2] + 1 / 120 * k[3])) + 1 / 720 * k[4]
 
 
 @njit_lane
-def turned(u: float, k: Coefficients, x: float) -> float:
-    """Angle (rad) passed at the fraction x of a step: the integral of `moved`."""
+def turned(u: float, k: Derivatives, x: float) -> float:
+    """Angle (rad) passed at the fraction x of a step."""
     return x * (
-        u + x * (1 / 2 * k[0] + x * (1 / 3 * k[1] + x * (1 / 4 * k[2] + x * (1 / 5 * k[3] + x * 1 / 6 * k[4]))))
+        u + x * (1 / 2 * k[0] + x * (1 / 6 * k[1] + x * (1 / 24 * k[2] + x * (1 / 120 * k[3] + x * (1 / 720 * k[4])))))
     )
 
 
 @njit_lane
-def moved(u: float, k: Coefficients, x: float) -> float:
-    """Speed (rad per step) at the fraction x of a step."""
-    return u + x * (k[0] + x * (k[1] + x * (k[2] + x * (k[3] + x * k[4]))))
-
-
-@njit_lane
-def slope(k: Coefficients, x: float) -> float:
-    """Derivative of `moved` (rad per step^2)."""
-    return k[0] + x * (2.0 * k[1] + x * (3.0 * k[2] + x * (4.0 * k[3] + x * 5.0 * k[4])))
+def slope_at_end(k: Derivatives) -> float:
+    """Derivative of the speed (rad per step^2) at the end of a step."""
+    return k[0] + (k[1] + (1 / 2 * k[2] + (1 / 6 * k[3] + 1 / 24 * k[4])))
 
 
 SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK, CUBE, ROWS = range(8)
@@ -129,6 +123,9 @@ the compiler unrolls its loops."""
 INVERSES = tuple(1.0 / max(k, 1) for k in range(TERMS + 2))
 
 MOST_TRIALS = 60
+
+CLOSE = 1e-9
+"""Of a step: where Newton's method has moved by less, its error is the square of that."""
 
 
 @njit_lane
@@ -179,7 +176,7 @@ def root(v: Array, end: float, level: float) -> float:
         following = x - there / slope if slope != 0.0 else 0.5 * (low + high)
         if not low < following < high:
             following = 0.5 * (low + high)
-        if abs(following - x) < 1e-14:
+        if abs(following - x) < CLOSE:
             return following
         x = following
     return x

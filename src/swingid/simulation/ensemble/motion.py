@@ -14,13 +14,13 @@ from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.lanes import LANES
 
-ERROR = 1e-14
-"""rad per step: what a step may leave out of its series, else it is taken again."""
+ERROR, PEAKED_ERROR = 1e-14, 1e-13
+"""rad per step: what a step may leave out of its series, without and with Stribeck's peak, else it is taken again."""
 
 PARTS, NEAR = 2.0, 2.5
 """Stribeck's peak is passed in so many steps per Stribeck speed, where the speed is below so many changes of a step."""
 
-FIFTH, PEAKED_FIFTH, FOURTH = 1e-13, 1e-14, 1e-11
+FIFTH, PEAKED_FIFTH, FOURTH = 1e-13, 1e-13, 1e-10
 """rad per step: terms below which what follows is negligible."""
 
 LARGEST_TURN = 0.15
@@ -30,10 +30,10 @@ LARGEST_TURN = 0.15
 @njit_lane
 def too_long(k: series.Derivatives, rich: int | None) -> bool:
     """Whether a step is too long for a series with these derivatives: the next term is the last squared, divided."""
-    least = FIFTH
+    error, least = ERROR, FIFTH
     if rich is not None:
-        least = PEAKED_FIFTH
-    flagged = (abs(k[4]) > 120.0 * least) & (k[4] * k[4] > (600.0 * ERROR) * abs(k[3]))
+        error, least = PEAKED_ERROR, PEAKED_FIFTH
+    flagged = (abs(k[4]) > 120.0 * least) & (k[4] * k[4] > 600.0 * error * abs(k[3]))
     return bool(flagged)
 
 
@@ -149,7 +149,7 @@ def move(lane: Array, i: int, rich: int | None, resting: int | None, late: int |
     flagged |= too_long(cu, rich) | too_long(cy, rich) | (abs(x1) > LARGEST_TURN)
     if rich is not None:  # the fifth may be small by chance
         fourth, third = abs(cu[3]) * (1 / 24), cu[2] * (1 / 6)
-        flagged |= (fourth > FOURTH) & (fourth * fourth * fourth > ERROR * third * third)
+        flagged |= (fourth > FOURTH) & (fourth * fourth * fourth > PEAKED_ERROR * third * third)
     if resting is not None:
         a12, released = lane[at.A12 * LANES + i], lane[at.WHEEL_STATIC * LANES + i]
         hold = outer - gravity * sine

@@ -456,28 +456,3 @@ def test_simulate_free_decay_and_direct_drive(run: Run, tmp_path: Path) -> None:
     followed = Recording.load(out, Rig.load(direct))
     assert followed.torque is not None
     assert 0.3 < abs(followed.angle[-4000:]).max() < 0.8
-
-
-def test_compilation_is_announced_once(
-    capfd: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from swingid.cli.output import KERNELS, announce_compilation
-
-    monkeypatch.setattr("swingid.numerics.compiled.CACHE", tmp_path)
-    monkeypatch.setattr("swingid.numerics.compiled.first_use", lambda: False)
-    for command, (module, _) in KERNELS.items():
-        announce_compilation(command)
-        assert "compiling kernels, once per version" in capfd.readouterr().err
-        (tmp_path / f"{module}.kernel-1.py311.1.nbc").touch()
-        announce_compilation(command)
-        assert capfd.readouterr().err == ""
-
-
-def test_announced_kernels_are_those_that_are_compiled(run: Run, log: Path) -> None:
-    from swingid.cli.output import KERNELS
-    from swingid.numerics.compiled import CACHE
-
-    assert run("identify", log, "--rig", "paper", "--method", "output-error").code == 0
-    assert run("calibrate", log, "--rig", "paper").code == 0
-    for module, _ in KERNELS.values():
-        assert any(CACHE.rglob(f"{module}.*.nbc"))

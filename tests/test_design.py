@@ -213,7 +213,7 @@ def test_a_refusal_is_json_too(tmp_path):
 
 
 def test_a_wrong_question_is_refused_before_anything_is_compiled(monkeypatch, capsys):
-    monkeypatch.setattr("swingid.cli.output.announce_compilation", lambda *_: pytest.fail("compiles already"))
+    monkeypatch.setattr("swingid.cli.experiments.compile_first", lambda *_: pytest.fail("compiles already"))
     assert run(["design", "--rig", "paper", "--uncertainty", "much"]) == 2
     assert run(["design", "--rig", "paper", "--uncertainty", "0.05 %", "--duration", "3"]) == 2
     assert "Traceback" not in capsys.readouterr().err

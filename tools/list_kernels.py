@@ -136,7 +136,7 @@ def main() -> None:
     lines = (
         f'"{task}": [\n' + ",\n".join(f" {json.dumps(entry)}" for entry in content[task]) + "\n]"
         for task in TASKS
-        if task in content
+        if content.get(task)
     )
     ahead.LIST.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 

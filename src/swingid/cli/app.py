@@ -12,6 +12,7 @@ import typer
 from swingid.cli.calibrate import calibrate
 from swingid.cli.campaign import campaign
 from swingid.cli.commission import commission
+from swingid.cli.compile import compile_
 from swingid.cli.dashboard import dashboard
 from swingid.cli.doctor import doctor
 from swingid.cli.emulate import emulate
@@ -43,6 +44,7 @@ for command in (
 ):
     app.command()(command)
 app.command("run")(run_live)
+app.command("compile")(compile_)
 
 
 def _version(wanted: bool) -> None:

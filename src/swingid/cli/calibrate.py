@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli.compile import compile_first
 from swingid.cli.options import Certificate, JsonOrRefusal, Report, RigFile
 from swingid.cli.output import (
-    announce_compilation,
     check_once,
     check_report,
     check_targets,
@@ -84,7 +84,7 @@ def _calibrate(
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant, still_axis=not encoders) for log in logs]
     if not encoders:
-        announce_compilation("calibrate")
+        compile_first("calibrate")
     run: Callable[[list[Recording], Rig], Calibration | EncoderCalibration]
     run = calibrate_encoders if encoders else of_motor
     found = run(recordings, plant)

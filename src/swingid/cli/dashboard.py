@@ -53,7 +53,6 @@ def dashboard(
     _require_log(log, plant) if log is not None else _require_live(folder)
     token = "" if host in LOCAL else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
     place = Place(host, free_port(host, port), token)
-    output.announce_compilation("identify")
     output.tell(f"the page is {place.address}\nCtrl-C ends it")
     if log is not None:
         from swingid.app.dashboard import log_dashboard

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from swingid.cli import output
+from swingid.cli.compile import compile_first
 from swingid.cli.options import Angle, Json, Methods, Motion, Rate, RigFile
 from swingid.cli.simulate import Gains, compensator_of, motion_of, parse_angle
 from swingid.errors import SwingidError, UsageError
@@ -58,7 +59,7 @@ def design(
     }
     try:
         required(plant, uncertainty, **options)
-        output.announce_compilation("simulate")
+        compile_first("simulate")
         found = run(plant, uncertainty, **options)
     except SwingidError as error:
         if json is not None and not isinstance(error, UsageError):
@@ -98,7 +99,7 @@ def rehearse(
         raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
     if motion is None and gains is not None:
         raise UsageError("--gains needs a motion to follow; give --reference, or leave it out", code="no-reference")
-    output.announce_compilation("simulate")
+    compile_first("simulate")
     rehearsal = run(
         plant,
         motion,
@@ -139,7 +140,7 @@ def reproduce(
     names = [f"fig{k}.{ending}" for k in range(2, 9) for ending in ("svg", "png")]
     for name in (*names, "results.json", "index.html"):
         output.check_target(out / name)
-    output.announce_compilation("simulate")
+    compile_first("simulate")
     reproduction = run(seed=seed, quick=quick, progress=output.say)
     from swingid.report.paper import drawn_figures, write_paper
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli.compile import compile_first
 from swingid.cli.options import Certificate, JsonOrRefusal, Logs, Method, Report, RigFile
 from swingid.cli.output import (
     Progress,
-    announce_compilation,
     check_report,
     check_targets,
     check_writable,
@@ -180,14 +180,14 @@ def _identify(
         raise UsageError("--monte-carlo is for one log; identify the logs one by one", code="not-drawn")
     if len(logs) > 1:
         recording = None
-        announce_compilation(method)
+        compile_first(method)
         result = run(_loaded(logs, plant, reading), plant, method, **options)
     else:
         log = reading.load(logs[0], plant)
         recording = log if isinstance(log, Recording) else None
         if recording is not None:
             provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
-        announce_compilation(method)
+        compile_first(method)
         result = run(log, plant, method, **options)
         if draws is not None:
             if recording is None:

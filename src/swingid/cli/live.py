@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli import output
+from swingid.cli.compile import compile_first
 from swingid.cli.options import JsonOrRefusal, Method, Report, RigFile
 from swingid.cli.simulate import Gains, compensator_of, motion_of
 from swingid.errors import UsageError
@@ -84,7 +85,7 @@ def run(
     share = 0.0 if until is None else _share(until)
     order = Order(motion_of(reference, plant), compensator_of(plant, gains, {}), duration, share, clear=clear)
     required(order)
-    output.announce_compilation("simulate")
+    compile_first("simulate")
     address = address_of(device, plant)
     provenance: dict[str, object] = {"log": out, "rig_source": rig}
     with output.refusals_to(json, method, provenance, report):
@@ -126,7 +127,7 @@ def identified(out: str, plant: Rig, method: str, provenance: dict[str, object],
 
     log = Recording.load(out, plant)
     provenance |= {"rig": plant.name, "log_sha256": log.source.sha256, "rows": len(log)}
-    output.announce_compilation("identify")
+    compile_first(method)
     result = identify(log, plant, method)
     if report is not None:
         from swingid.report import write_report

@@ -83,7 +83,6 @@ def inspect(
     from swingid.study.inspect import inspect_log
 
     plant = None if rig is None else Rig.load(rig)
-    output.announce_compilation("identify")
     found = inspect_log(log, plant)
     if report is not None:
         from swingid.report.html import write_inspection

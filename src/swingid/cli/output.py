@@ -229,21 +229,6 @@ def refusals_to(
         raise
 
 
-KERNELS = {"simulate": ("loop", 15), "output-error": ("partials", 20), "calibrate": ("wheel_motion", 20)}
-"""For each command or method with kernels a module with one that it always calls, and how long compiling takes (s)."""
-
-
-def announce_compilation(command: str) -> None:
-    """One line on standard error if the kernels of a command or method are not compiled yet; not where it has none."""
-    if command not in KERNELS:
-        return
-    from swingid.numerics.compiled import CACHE, first_use
-
-    module, seconds = KERNELS[command]
-    if first_use() or not any(CACHE.rglob(f"{module}.*.nbc")):
-        say(f"compiling kernels, once per version, about {seconds} s")
-
-
 EVERY = 10.0
 """Seconds between two lines where standard error is no terminal; a terminal has one line that overwrites itself."""
 

@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 
 from swingid.cli import output
+from swingid.cli.compile import compile_first
 from swingid.cli.options import Certificate, Json, JsonOrRefusal, Logs, Methods, Report, RigFile
+from swingid.methods.table import METHODS
 
 
 def compare(
@@ -27,7 +29,7 @@ def compare(
 
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant) for log in logs]
-    output.announce_compilation("output-error")
+    compile_first(*(method or METHODS))
     comparison = run(recordings, plant, method)
     if report is not None:
         from swingid.report.html import write_comparison
@@ -65,7 +67,7 @@ def validate(
 
     plant, found = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
-    output.announce_compilation("output-error")
+    compile_first("output-error")
     validation = run(found, recordings, plant, input=None if input is None else input.value)
     if report is not None:
         from swingid.report.html import write_validation

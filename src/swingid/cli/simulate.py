@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from swingid.cli import output
+from swingid.cli.compile import compile_first
 from swingid.cli.options import Angle, Motion, Rate, RigFile
 from swingid.errors import InputError, UsageError
 
@@ -107,7 +108,7 @@ def simulate(
         _require_decay(plant, angle)
     drive = None if voltage is None else _commands(voltage, plant, duration, rate)
     _check_size(motion, drive, duration)
-    output.announce_compilation("simulate")
+    compile_first("simulate")
     options = {"duration": duration, "rate": rate, "seed": seed, "initial_angle": angle, "drive": drive, "draw": draw}
     output.tell(_line(_stable_run(plant, motion, chosen, options), Path(out), plant, chosen))
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli import output
+from swingid.cli.compile import compile_first
 from swingid.cli.live import address_of, conduct, identified
 from swingid.cli.options import JsonOrRefusal, Method, RigFile
 from swingid.cli.simulate import Gains, compensator_of, motion_of
@@ -65,7 +66,7 @@ def weigh(
         required(order)
     _make(out)
     output.check_writable(json, *(str(out / f"{name}{end}") for name in plants for end in (".mcap", ".json")))
-    output.announce_compilation("simulate")
+    compile_first("simulate")
     address = address_of(device, plants["tare"])
     with output.refusals_to(json, "difference", {"tare": rig, "loaded": loaded}):
         results = {}

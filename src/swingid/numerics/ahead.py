@@ -18,14 +18,11 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO, cast
 
-from numba import types
-
 from swingid.errors import UsageError
-from swingid.numerics.compiled import CACHE
 
 LIST = Path(__file__).with_name("kernels.json")
 
@@ -49,8 +46,8 @@ def tasks() -> tuple[str, ...]:
 
 
 def is_ready(task: str) -> bool:
-    """Whether the kernels of a task were compiled ahead on this machine."""
-    return _stamp(task).exists()
+    """Whether nothing of a task is left to compile: it was done ahead on this machine, or nothing of it is listed."""
+    return not _listed().get(task) or _stamp(task).exists()
 
 
 def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes: int | None = None) -> int:
@@ -72,19 +69,18 @@ def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes
     with _workers(count) as workers, ThreadPoolExecutor(count) as threads:
         free = list(workers)
 
-        def made(kernel: Kernel) -> tuple[Kernel, bool]:
+        def made(kernel: Kernel) -> Kernel:
             worker = free.pop()
             try:
-                return kernel, _compiled_by(worker, kernel)
+                _compile_by(worker, kernel)
             finally:
                 free.append(worker)
+            return kernel
 
         jobs = [threads.submit(made, kernel) for kernel in kernels]
         try:
-            complete = True
             for job in as_completed(jobs):
-                kernel, fine = job.result()
-                complete, done = complete and fine, done + kernel.seconds
+                done += job.result().seconds
                 if report is not None:
                     report(done / whole, time.monotonic() - start)
         except BaseException:  # also Ctrl-C: what is in the cache stays there
@@ -92,7 +88,7 @@ def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes
             for worker in workers:
                 worker.kill()
             raise
-    for task in missing if complete else ():
+    for task in missing:
         _stamp(task).touch()
     return len(kernels)
 
@@ -105,6 +101,8 @@ def processors() -> int:
 
 def word(kind: Any) -> str:
     """A numba type as the expression that makes it; ValueError for one that has none."""
+    from numba import types
+
     if isinstance(kind, types.FunctionType):
         return f"FunctionType({word(kind.signature.return_type)}({', '.join(map(word, kind.signature.args))}))"
     if isinstance(kind, types.UniTuple):
@@ -118,6 +116,8 @@ def word(kind: Any) -> str:
 
 
 def _evaluated(text: str) -> Any:
+    from numba import types
+
     try:
         return eval(text, dict(vars(types)))  # of our own list
     except (SyntaxError, NameError, TypeError):
@@ -130,6 +130,8 @@ def _listed() -> dict[str, list[Kernel]]:
 
 
 def _stamp(task: str) -> Path:
+    from swingid.numerics.compiled import CACHE
+
     return CACHE / f"ready-{task}"
 
 
@@ -149,13 +151,11 @@ def _workers(count: int) -> Iterator[list[subprocess.Popen[str]]]:
             worker.communicate()  # closes its input, at which it ends
 
 
-def _compiled_by(worker: subprocess.Popen[str], kernel: Kernel) -> bool:
+def _compile_by(worker: subprocess.Popen[str], kernel: Kernel) -> None:
     stdin, stdout = cast("TextIO", worker.stdin), cast("TextIO", worker.stdout)
-    try:
+    with suppress(OSError):  # the process has ended
         stdin.write(json.dumps(kernel) + "\n")
-        return stdout.readline() == "done\n"
-    except OSError:  # the process has ended
-        return False
+        stdout.readline()
 
 
 def work() -> None:
@@ -165,10 +165,9 @@ def work() -> None:
         try:
             function = getattr(importlib.import_module(kernel.module), kernel.name)
             function.compile(tuple(_evaluated(f"[{kernel.arguments}]")))
-            answer = "done"
-        except Exception as error:  # told to the process that waits; the kernel is compiled when it is called
-            answer = f"failed: {error!r}"
-        print(answer.splitlines()[0], flush=True)
+            print("compiled", flush=True)
+        except Exception as error:  # the kernel is compiled when it is called, and fails there with its reason
+            print(f"not compiled: {error!r}".splitlines()[0], flush=True)
 
 
 if __name__ == "__main__":

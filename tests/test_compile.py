@@ -1,0 +1,112 @@
+"""Kernels compiled ahead: the list, the processes, the command."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import pytest
+
+from swingid.cli.app import run
+from swingid.errors import UsageError
+from swingid.methods.table import METHODS
+from swingid.model.integrator import STEP_KERNEL
+from swingid.numerics import ahead, compiled
+
+SMALL = {"small": [ahead.Kernel("swingid.simulation.loop", "given_command", "float64, float64", 0.1)]}
+
+
+def test_the_list_names_kernels_that_exist() -> None:
+    for task in ahead.tasks():
+        for kernel in ahead._listed()[task]:
+            function = getattr(importlib.import_module(kernel.module), kernel.name)
+            assert hasattr(function, "py_func"), f"{kernel.module} has no kernel {kernel.name}: tools/list_kernels.py"
+            arguments = ahead._evaluated(f"[{kernel.arguments}]")
+            assert arguments is not None, f"{kernel.name}: numba has no type {kernel.arguments}"
+            count = function.py_func.__code__.co_argcount
+            assert len(arguments) == count, f"{kernel.name} takes {count} arguments now: run tools/list_kernels.py"
+    assert {"simulate", "output-error"} <= set(ahead.tasks())
+
+
+@pytest.mark.parametrize(
+    "kind",
+    [
+        numba.float64,
+        numba.float64[:, ::1],
+        numba.types.UniTuple(numba.int64, 3),
+        numba.types.Tuple((numba.int64, numba.float64[::1])),
+        numba.types.Array(numba.float64, 1, "C", readonly=True),
+        STEP_KERNEL.type,
+    ],
+    ids=str,
+)
+def test_types_survive_as_words(kind: object) -> None:
+    assert ahead._evaluated(ahead.word(kind)) == kind
+
+
+def test_a_task_is_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
+    monkeypatch.setattr(compiled, "CACHE", tmp_path)
+    parts: list[float] = []
+    assert ahead.compile_ahead(["small"], lambda part, _: parts.append(part)) == 1
+    assert parts == [1.0]
+    assert ahead.is_ready("small")
+    assert ahead.compile_ahead(["small"]) == 0
+    with pytest.raises(UsageError, match="no kernels named smal; there are small"):
+        ahead.compile_ahead(["smal"])
+
+
+def test_a_worker_goes_on_after_what_it_cannot_compile() -> None:
+    wrong = ["swingid.simulation.loop", "no_such_kernel", "float64", 1.0]
+    right = [
+        "swingid.model.sensors",
+        "encoder_reading",
+        "float64, Array(float64, 1, 'C', False, aligned=True), float64",
+        1,
+    ]
+    done = subprocess.run(
+        [sys.executable, "-m", "swingid.numerics.ahead"],
+        input=f"{json.dumps(wrong)}\n{json.dumps(right)}\n",
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    first, second = done.stdout.splitlines()
+    assert first.startswith("not compiled: AttributeError")
+    assert second == "compiled"
+
+
+def test_a_dead_worker_does_not_stop_the_rest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
+    monkeypatch.setattr(compiled, "CACHE", tmp_path)
+    monkeypatch.setattr(sys, "executable", "/bin/false" if os.name == "posix" else sys.executable)
+    assert ahead.compile_ahead(["small"]) == 1
+
+
+def test_the_command_names_the_tasks_it_knows(capfd: pytest.CaptureFixture[str]) -> None:
+    assert run(["compile", "nonsense"]) == 2
+    assert "there are no kernels named nonsense; there are simulate" in capfd.readouterr().err
+
+
+@pytest.mark.long
+def test_nothing_is_left_to_compile_after_the_command(tmp_path: Path) -> None:
+    """An empty cache, `swingid compile`, then the loop and each method without one compilation more."""
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    tasks = ["simulate", *METHODS]
+    subprocess.run([sys.executable, "-m", "swingid", "compile", *tasks], env=environment, check=True)
+    tools = Path(__file__).resolve().parents[1] / "tools"
+    for task in tasks:
+        done = subprocess.run(
+            [sys.executable, tools / "list_kernels.py", "--one", task],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        left = json.loads(done.stdout.splitlines()[-1])
+        assert left == [], f"{task}: {len(left)} kernels are not in the list; run tools/list_kernels.py"

@@ -12,7 +12,7 @@ import typer
 from swingid.cli.calibrate import calibrate
 from swingid.cli.campaign import campaign
 from swingid.cli.commission import commission
-from swingid.cli.compile import compile_
+from swingid.cli.compile import compile
 from swingid.cli.dashboard import dashboard
 from swingid.cli.doctor import doctor
 from swingid.cli.emulate import emulate
@@ -38,13 +38,12 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 for command in (
-    *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, convert, dashboard),
+    *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, compile, convert, dashboard),
     *(datasets, design, difference, doctor, emulate, export, record, recover, rehearse, reproduce, schema),
     *(tensor, validate, weigh),
 ):
     app.command()(command)
 app.command("run")(run_live)
-app.command("compile")(compile_)
 
 
 def _version(wanted: bool) -> None:

@@ -13,7 +13,7 @@ BAR = 24
 """Characters of the bar."""
 
 
-def compile_(
+def compile(
     tasks: Annotated[
         list[str] | None, typer.Argument(metavar="[TASK]...", help="Methods, simulate, ensemble, …; default: all.")
     ] = None,

@@ -162,12 +162,12 @@ def _kinds(
     if problem.input == "voltage":
         groups |= {"mostly the angle": ~problem.wheel, "mostly the wheel": problem.wheel}
     ratio = covariance[0, 0] / max(float(influence[0] @ influence[0]), 1e-300)
-    found = {}
+    found, first = {}, np.eye(1, len(influence))
     for name, mostly in groups.items():
         weights = fit.weights * np.where(mostly, 1.0, LESS**2)
         data = reduce(problem, fit.prediction.slopes, fit.residuals, weights)
         reduced = informed(data, searched.unknowns, fit.values)
-        other = influence_of(problem, fit.prediction.slopes, weights, reduced)[0]
+        other = influence_of(problem, fit.prediction.slopes, weights, reduced, first)[0]
         shift = float(inverse_of(reduced)[0] @ reduced.right)
         # the priors too, whose errors have their own standard uncertainties, have another influence
         prior = (inverse_of(reduced)[0] - inverse_of(fit.reduced)[0]) * np.sqrt(searched.unknowns.power)

@@ -95,12 +95,10 @@ def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Ar
         places[WHEEL_TILT] = tilt_places(setup.scale)
     if not places:
         return
-    entries = unknowns.entries(problem.states, list(places.values()))
-    columns = len(unknowns) + len(places)
+    entries = replace(unknowns, items=()).entries(problem.states, list(places.values()))
     p = unknowns.vector(fit.values)
-    slopes = problem.predict(p, entries, fit.states, columns, same=fit.prediction).slopes
-    own = slopes[:, problem.states + len(unknowns) :] / problem.sigma[:, None]
-    shifts = -influence @ own
+    slopes = problem.predict(p, entries, fit.states, len(places), same=fit.prediction).slopes
+    shifts = -(influence / problem.sigma) @ slopes[:, problem.states :]
     for key, shift in zip(places, shifts.T, strict=True):
         if key == WHEEL_TILT and rig.drive.wheel is not None:
             yield Declared(stated(key, key), relative(rig.drive.wheel.along), shift)

@@ -62,7 +62,7 @@ def motor_steps(
     at a segment's first knot. p (SIZE,): the rig's constants. begins (k + 1,) becomes the first row of each segment and
     the number of rows. Returns 1, 0 where the motion did not stay finite, −1 where it has more steps than rows.
     """
-    work, counts, rows = np.zeros((ROWS, STATES)), np.zeros(COUNTS, dtype=np.int64), 0
+    work, counts, rows = np.zeros((ROWS, STATES)), np.zeros(COUNTS, dtype=np.int64), NONE
     for segment in range(len(bounds) - 1):
         work[NOW, Q1], work[NOW, V1] = states[segment, 0], states[segment, 1]
         work[NOW, Q2], work[NOW, V2], work[NOW, Z] = states[segment, 2], states[segment, 3], 0.0
@@ -238,27 +238,15 @@ def _slopes_at(
 
 
 @njit_inlined
-def _row(table: Array, at: int) -> tuple[float, float, float, float, float, float, float, float, float]:
-    """The nine numbers of a row of a table."""
-    return (
-        table[at, 0],
-        table[at, 1],
-        table[at, 2],
-        table[at, 3],
-        table[at, 4],
-        table[at, 5],
-        table[at, 6],
-        table[at, 7],
-        table[at, 8],
-    )
-
-
-@njit_inlined
 def _carry(h: float, block: Array, jacobian: Array, wide: int) -> None:
     """S over a step of h (s) by the classical Runge–Kutta method, f's slopes given at its begin, middle, end."""
-    a1, a2, a3, a4, a5, a6, i11, i12, i22 = _row(jacobian, 0)
-    b1, b2, b3, b4, b5, b6, _, _, _ = _row(jacobian, 1)
-    c1, c2, c3, c4, c5, c6, _, _, _ = _row(jacobian, 2)
+    i11, i12, i22 = jacobian[0, 6], jacobian[0, 7], jacobian[0, 8]
+    a1, a2, a3 = jacobian[0, 0], jacobian[0, 1], jacobian[0, 2]
+    a4, a5, a6 = jacobian[0, 3], jacobian[0, 4], jacobian[0, 5]
+    b1, b2, b3 = jacobian[1, 0], jacobian[1, 1], jacobian[1, 2]
+    b4, b5, b6 = jacobian[1, 3], jacobian[1, 4], jacobian[1, 5]
+    c1, c2, c3 = jacobian[2, 0], jacobian[2, 1], jacobian[2, 2]
+    c4, c5, c6 = jacobian[2, 3], jacobian[2, 4], jacobian[2, 5]
     half, third, sixth = h / 2.0, h / 3.0, h / 6.0
     for c in range(wide):
         x1, w1, x2, w2 = block[c], block[WIDEST + c], block[2 * WIDEST + c], block[3 * WIDEST + c]

@@ -7,6 +7,7 @@ the system solved has as many unknowns as the model, however long the log.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -85,26 +86,21 @@ def inverse_of(reduced: Reduced) -> Array:
     return result
 
 
-def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduced) -> Array:
-    """Influence (m, r) of residuals (in standard deviations of the sensor) on the unknowns."""
-    s = problem.states
-    root: Array = weights / problem.sigma
-    body: Array = slopes[:, s:] * root[:, None]
-    held: Array = np.asarray(np.linalg.solve(reduced.own, reduced.cross), dtype=np.float64)
-    _take_held(body, slopes, root, held, problem.rows)
-    result: Array = inverse_of(reduced) @ body.T
+def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduced, own: Array | None = None) -> Array:
+    """Influence (m, r) of residuals (in standard deviations of the sensor) on the unknowns.
+
+    own (q, m): combinations of the unknowns, of which it is (q, r).
+    """
+    inverse = inverse_of(reduced)
+    of_slopes = inverse if own is None else own @ inverse
+    of_states = of_slopes @ np.linalg.solve(reduced.own, reduced.cross).transpose(0, 2, 1)
+    result = np.empty((len(of_slopes), len(slopes)))
+    for k, (first, last) in enumerate(pairwise(problem.rows)):
+        # less what the segment's initial values explain
+        both = np.column_stack([-of_states[k], of_slopes])
+        np.matmul(both, slopes[first:last].T, out=result[:, first:last])
+    result *= weights / problem.sigma
     return result
-
-
-@njit
-def _take_held(body: Array, slopes: Array, root: Array, held: Array, rows: Ints) -> None:
-    """Subtract from the rows of `body` (r, m) what their segment's initial values, `held` (k, s, m), explain."""
-    for k in range(len(rows) - 1):
-        for r in range(rows[k], rows[k + 1]):
-            for i in range(held.shape[1]):
-                weighted = root[r] * slopes[r, i]
-                for c in range(held.shape[2]):
-                    body[r, c] -= weighted * held[k, i, c]
 
 
 @njit

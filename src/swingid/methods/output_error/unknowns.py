@@ -123,8 +123,20 @@ class Unknowns:
         items = (found[0] if found and item.name == ZERO else item for item in self.items)
         return replace(self, items=tuple(items))
 
+    @cached_property
+    def _plain(self) -> dict[int, Entries]:
+        """`entries` without more, by the number of states."""
+        return {}
+
     def entries(self, states: int, more: Sequence[Places] = ()) -> Entries:
         """(place, column, weight) of every unknown, then of `more`; columns count from `states`."""
+        if not more:
+            if states not in self._plain:
+                self._plain[states] = self._entries(states, ())
+            return self._plain[states]
+        return self._entries(states, more)
+
+    def _entries(self, states: int, more: Sequence[Places]) -> Entries:
         flat = [
             (place, states + column, weight)
             for column, places in enumerate([*(item.places for item in self.items), *more])

@@ -30,7 +30,7 @@ from swingid.methods.equation_error.cutoff import ABOVE_MOTION, AT_LEAST, Cutoff
 from swingid.methods.equation_error.estimate import OnGrid, estimate
 from swingid.methods.equation_error.grid import curvature, slope
 from swingid.methods.equation_error.lowpass import ZeroPhase, lowpass
-from swingid.methods.equation_error.scatter import autocorrelation
+from swingid.methods.equation_error.rows import autocorrelation
 from swingid.numerics.regression import hac_covariance, parzen
 from swingid.preparation.prepared import prepare
 from swingid.preparation.scale import Scale
@@ -363,4 +363,4 @@ def test_the_lowpass_in_blocks_is_that_of_scipy(count, frequency, step, every, f
 def test_autocorrelation_is_the_sum_of_products():
     values = np.random.default_rng(5).standard_normal(50)
     wanted = [values[k:] @ values[: len(values) - k] for k in range(50)]
-    assert autocorrelation(values, 70) == pytest.approx([*wanted, *[0.0] * 21], abs=1e-12)
+    assert autocorrelation(values) == pytest.approx(wanted, abs=1e-12)

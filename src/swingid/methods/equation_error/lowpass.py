@@ -8,6 +8,7 @@ are extended by point reflection, and the filter starts in its steady state, as 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -65,18 +66,18 @@ class ZeroPhase:
         """Samples by which both ends are extended: two periods of the cut-off."""
         return int(2 / (self.frequency * self.step))
 
-    def rows(self, columns: Array, count: int) -> Array:
-        """The first `count` kept rows of filtered columns (c, n), shape (c, count)."""
-        length = columns.shape[1]
+    def rows(self, columns: Sequence[Array] | Array, count: int) -> Array:
+        """The first `count` kept rows of filtered columns, c of (n,) each, shape (c, count)."""
+        length = len(columns[0])
         pad, own, phases, front, size = self._layout(length)
-        first, last = columns[:, :1], columns[:, -1:]
-        begin = 2 * first - columns[:, pad : pad + 1]
-        # less `begin` the filter starts at rest
-        extended = np.empty((len(columns), size))
+        begin, extended = np.empty((len(columns), 1)), np.empty((len(columns), size))
         extended[:, :front] = 0.0
-        np.subtract(2 * first - begin, columns[:, pad:0:-1], out=extended[:, front : front + pad])
-        np.subtract(columns, begin, out=extended[:, front + pad : front + pad + length])
-        np.subtract(2 * last - begin, columns[:, -2 : -pad - 2 : -1], out=extended[:, front + pad + length :])
+        for k, column in enumerate(columns):
+            # less `first` the filter starts at rest
+            first = begin[k, 0] = 2 * column[0] - column[pad]
+            np.subtract(2 * column[0] - first, column[pad:0:-1], out=extended[k, front : front + pad])
+            np.subtract(column, first, out=extended[k, front + pad : front + pad + length])
+            np.subtract(2 * column[-1] - first, column[-2 : -pad - 2 : -1], out=extended[k, front + pad + length :])
         blocks = extended.reshape(len(columns), -1, len(own.behind))
         found = _outputs(own, blocks, np.s_[:], phases)
         skipped = (front + pad + self.first) // self.every

@@ -104,10 +104,7 @@ class Regressors:
         """Filtered errors (8, rows) of the acceleration by an encoder's grid of this step, shifted by its eighths."""
         key = Key("grid errors", (resolution,)), row_filter.cutoff.frequency
         if key not in self._steady:
-            speed, time = self.motion.speed, self.grid.time
-            smooth = speed.angle_at(np.clip(time, speed.grid[0], speed.grid[-1])) / resolution
-            phases = np.arange(GRID_PHASES) / GRID_PHASES
-            columns = (curvature(np.rint(x) - x, self.grid.step) for x in (smooth + phase for phase in phases))
+            columns = [self._column(Key("grid error", (resolution, k / GRID_PHASES))) for k in range(GRID_PHASES)]
             self._steady[key] = row_filter(*columns) * resolution
         return self._steady[key]
 
@@ -146,6 +143,8 @@ class Regressors:
             "wheel": lambda: np.zeros(0) if grid.wheel is None else curvature(grid.wheel, grid.step),
             "torque": lambda: np.zeros(0) if grid.torque is None else grid.torque,
             "cosine": lambda: np.cos(grid.angle),
+            "grid error": lambda: self._grid_error(*numbers),
+            "smooth angle": lambda: speed.angle_at(np.clip(grid.time, speed.grid[0], speed.grid[-1])),
             "smooth": lambda: speed.at(np.clip(grid.time, speed.grid[0], speed.grid[-1])),
             "coulomb": lambda: as_held(*self.motion.directions(float(grid.time[0]), float(grid.time[-1])), grid.time),
             "viscous": lambda: slope(grid.angle, grid.step),
@@ -156,6 +155,11 @@ class Regressors:
             "further": lambda: self._further(key.further),
         }
         return of_name[key.name]() if key.name in of_name else TERMS[key.name](self.smooth)
+
+    def _grid_error(self, resolution: float, phase: float) -> Array:
+        """Second derivative of the error by a grid of this step that is shifted by a share of it, in steps / s²."""
+        shifted = self._column(Key("smooth angle")) / resolution + phase
+        return curvature(np.rint(shifted) - shifted, self.grid.step)
 
     def _further(self, name: str) -> Array:
         """The regressor of a further term of the rig, or its derivative by its shift."""

@@ -60,7 +60,7 @@ class RowFilter:
 
     def __call__(self, *columns: Array) -> Array:
         """Columns (n,) of the grid filtered and decimated, shape (columns, rows)."""
-        return self.lowpass.rows(np.stack(columns), len(self.instants))
+        return self.lowpass.rows(columns, len(self.instants))
 
     def adjoint(self, weights: Array) -> Array:
         """Contribution of each row of the grid to Σ weights · row (the filter is symmetric in time).
@@ -81,3 +81,17 @@ class RowFilter:
         reach = int(2 * SETTLING / (self.cutoff.frequency * self.grid.step))
         near = slice(max(middle - reach, 0), middle + reach)
         return spread[near].copy(), curved[near].copy()
+
+    @cached_property
+    def correlations(self) -> tuple[Array, Array, Array]:
+        """Sums of products of `response` of rows 0, 1, … apart: of its second part, its first, and of both."""
+        spread, curved = self.response
+        sums = (autocorrelation(one)[:: self.every] for one in (curved, spread, curved + spread))
+        of_curved, of_spread, of_sum = sums
+        return of_curved, of_spread, (of_sum - of_curved - of_spread) / 2
+
+
+def autocorrelation(values: Array) -> Array:
+    """Sums of products of values (n,) that are 0 to n − 1 apart."""
+    size = 1 << (2 * len(values) - 1).bit_length()
+    return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: len(values)])

@@ -12,7 +12,7 @@ from swingid.balance.rows import Rows
 from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import curvature
 from swingid.methods.equation_error.regressors import Regressors
-from swingid.methods.equation_error.rows import RowFilter
+from swingid.methods.equation_error.rows import RowFilter, autocorrelation
 from swingid.model.terms import stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import parzen
@@ -49,7 +49,7 @@ class Fitted:
         """
         weights = own @ self.fit.fit.influence
         seen = float(own @ self.fit.covariance @ own)
-        smeared = float(self._lagged @ autocorrelation(weights, self.reach))
+        smeared = float(self._lagged @ autocorrelation(weights)[: self.reach + 1])
         # number of independent stretches of a Parzen kernel, as in `hac_covariance`
         chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.fit.weights)))
         return float(self._white(own) + max(seen - smeared - chance, 0.0))
@@ -96,12 +96,12 @@ class Fitted:
     @cached_property
     def _lagged(self) -> Array:
         """Weights of the autocorrelation of a row's influence in the variance by white noise, lags 0 to `reach`."""
-        every, lags = self.row_filter.every, self.reach + 1
-        spread, curved = self.row_filter.response
-        axis = self.fit.a11 * curved + float(np.mean(self._pull)) * spread
-        wheel = self.scale.a12 * self.noise.wheel * curved
-        both = (autocorrelation(one, every * self.reach)[::every] for one in (axis * self.noise.angle, wheel))
-        return np.where(np.arange(lags) == 0, 1.0, 2.0) * parzen(self.reach) * sum(both)
+        found, (curved, spread, both) = np.zeros(self.reach + 1), self.row_filter.correlations
+        near = min(len(curved), len(found))
+        pull, inertia, wheel = float(np.mean(self._pull)), self.fit.a11, self.scale.a12 * self.noise.wheel
+        axis = inertia**2 * curved[:near] + pull**2 * spread[:near] + 2 * inertia * pull * both[:near]
+        found[:near] = self.noise.angle**2 * axis + wheel**2 * curved[:near]
+        return np.where(np.arange(len(found)) == 0, 1.0, 2.0) * parzen(self.reach) * found
 
     def common(self, unknown: str = "inertia") -> dict[str, float]:
         """Errors of an unknown that are common to all rows, by source."""
@@ -171,12 +171,3 @@ class Fitted:
 def rms(values: Array) -> float:
     """Root of the mean square."""
     return float(np.sqrt(np.mean(values**2)))
-
-
-def autocorrelation(values: Array, reach: int) -> Array:
-    """Sums of products of values (n,) that are 0 to `reach` apart."""
-    size = 1 << (len(values) + min(reach, len(values))).bit_length()
-    power = np.abs(np.fft.rfft(values, size)) ** 2
-    found = np.fft.irfft(power, size)[: reach + 1]
-    found[len(values) :] = 0.0
-    return np.concatenate([found, np.zeros(reach + 1 - len(found))])

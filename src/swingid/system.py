@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import hashlib
 import os
 import stat
 import threading
@@ -127,8 +128,6 @@ def read_input(path: str | Path, *, missing: str, folder: tuple[str, str], most:
 
 def sha256_of(path: str | Path) -> str:
     """SHA-256 of a file; InputError where it cannot be read."""
-    import hashlib
-
     try:
         with Path(path).open("rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -87,6 +87,7 @@ class Signals:
     nodes: BlockNodes
     angle: Array
     angle_values: Array
+    angle_slopes: Array
     sine: Array
     speed: Array
     wheel: Array | None
@@ -193,8 +194,7 @@ class Signals:
     @cached_property
     def edge_angles(self) -> Array:
         """Angle at the turning points, and at the start of the log before them."""
-        stamps, values = self.nodes.stamps, self.angle_values
-        return spline_at(stamps, values, spline_slopes(stamps, values), self.edges[:-1], 0)
+        return spline_at(self.nodes.stamps, self.angle_values, self.angle_slopes, self.edges[:-1], 0)
 
     def stopped(self, width: float) -> Array:
         """Stop operator at the nodes: the way since a reversal (rad or m), up to ± `width`, where a cable slips."""
@@ -241,7 +241,8 @@ class Signals:
         longest = BLOCK * motion.quickest if longest is None else longest
         nodes = BlockNodes.of(log.time, longest)
         late = encoders.angle.latency.value
-        angle = nodes.spline(log.angle)
+        slopes = spline_slopes(log.time, log.angle)
+        angle = nodes.cubics(log.angle, slopes)
         wheel = wheel_values = wheel_slopes = None
         if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
             wheel_values = moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late)
@@ -257,6 +258,7 @@ class Signals:
             nodes=nodes,
             angle=angle,
             angle_values=log.angle,
+            angle_slopes=slopes,
             sine=np.sin(angle) if rig.axis.kind == "rotary" else np.zeros_like(angle),
             speed=motion.speed.at_nodes(nodes),
             wheel=wheel,

@@ -17,6 +17,9 @@ from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
 from swingid.numerics.spline import spline_slopes
 
+PORTION = 4096
+"""Rows of which eight signals are in the processor's cache together."""
+
 POINTS = 3
 """Nodes of a block: a parabola has three coefficients."""
 
@@ -157,5 +160,11 @@ class BlockNodes(GaussNodes):
 
         Projected on the blocks; shape (8, nodes).
         """
-        moved = values + np.arange(8)[:, None] / 8
-        return self.held(np.floor(moved + 0.5) - moved).reshape(8, -1)
+        result = np.empty((8, len(self.rows) - 1, POINTS))
+        count = max(PORTION * (len(self.rows) - 1) // len(values), 1)
+        for k in range(0, len(self.rows) - 1, count):
+            rows = self.rows[k : k + count + 1]
+            moved = values[rows[0] : rows[-1]] + np.arange(8)[:, None] / 8
+            shares = Shares.of(self.stamps[rows[0] : rows[-1] + 1], rows - rows[0])
+            result[:, k : k + count] = _parabolas(*shares.held(np.floor(moved + 0.5) - moved))
+        return result.reshape(8, -1)

@@ -7,6 +7,7 @@ a cubic spline, a held signal by its constant. Integrals run from sample to samp
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cache, cached_property
 from typing import Any
@@ -98,17 +99,19 @@ class GaussNodes:
         return line
 
 
-def running_integrals(nodes: GaussNodes, signals: Array, instants: Array) -> Array:
+def running_integrals(nodes: GaussNodes, signals: Iterable[Array], instants: Array) -> Array:
     """∫ x dt from the first sample to each of the rising `instants` (s), for every x given at the nodes.
 
-    signals: (signals, n−1, points). Returns (signals, instants). Inside an interval that an instant cuts, x is the
+    signals: each (n−1, points). Returns (signals, instants). Inside an interval that an instant cuts, x is the
     polynomial through its nodes, so a held signal's jump at the samples costs nothing.
     """
     k, cut = _cut_intervals(nodes, instants)
-    whole = np.zeros((len(signals), len(nodes.time)))
-    np.cumsum((signals * nodes.weights).sum(axis=-1), axis=-1, out=whole[:, 1:])
-    result: Array = whole[:, k] + (signals[:, k] * cut).sum(axis=-1)
-    return result
+    steps, (_, weights), whole = np.diff(nodes.time), gauss_rule(nodes.points), np.zeros(len(nodes.time))
+    found = []
+    for signal in signals:
+        np.cumsum((signal @ weights) * steps, out=whole[1:])
+        found.append(whole[k] + np.einsum("ij,ij->i", signal[k], cut))
+    return np.array(found)
 
 
 def _cut_intervals(nodes: GaussNodes, instants: Array) -> tuple[Ints, Array]:
@@ -120,12 +123,16 @@ def _cut_intervals(nodes: GaussNodes, instants: Array) -> tuple[Ints, Array]:
 
 
 @cache
+def lagrange(points: int) -> Array:
+    """Coefficients of 1, s, s² … (rows) of each Lagrange polynomial on the nodes of the rule (points, points)."""
+    fractions, _ = gauss_rule(points)
+    return np.asarray(np.linalg.inv(fractions[:, None] ** np.arange(points)), dtype=np.float64)
+
+
+@cache
 def antiderivatives(points: int) -> Array:
     """Coefficients of s, s², … of ∫₀ˢ of each Lagrange polynomial on the nodes of the rule, shape (points, points)."""
-    fractions, _ = gauss_rule(points)
-    powers = np.arange(len(fractions))
-    lagrange = np.asarray(np.linalg.inv(fractions[:, None] ** powers).T, dtype=np.float64)
-    result: Array = lagrange / (powers + 1)
+    result: Array = lagrange(points).T / np.arange(1, points + 1)
     return result
 
 

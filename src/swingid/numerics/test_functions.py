@@ -13,7 +13,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints, stretches, sums_at
-from swingid.numerics.quadrature import GaussNodes, gauss_rule
+from swingid.numerics.quadrature import GaussNodes, gauss_rule, lagrange
 
 POWER = 3
 """m of φ. With m = 3 φ'' is continuous; a larger m weights the window's middle more and passes more noise."""
@@ -22,11 +22,11 @@ CURVATURE_POWER = 1024 / 35
 """∫φ''² ds: what white noise gives ∫φ'' of a window, times half-length^(−3)."""
 
 
-AT_ONCE, CACHED = 1 << 21, 1 << 14
+AT_ONCE, CACHED = 1 << 15, 1 << 14
 """Nodes of windows whose test functions are in memory together, and in the processor's cache."""
 
 KEPT = 1 << 20
-"""Largest number of nodes of all windows together for which the test functions are kept for further signals."""
+"""Nodes of windows up to which test functions are kept for further signals, of all windows on the nodes of a log."""
 
 
 def phi(s: Array, order: int) -> Array:
@@ -64,6 +64,7 @@ class _Tests:
     first: Ints
     s: Array
     p: Array
+    found: dict[int, Array]
 
     @classmethod
     def of(cls, nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
@@ -79,42 +80,50 @@ class _Tests:
         s *= (1.0 / half)[:, None]
         p = s * s
         np.subtract(1.0, p, out=p)
-        return cls(time, nodes.flat[1], points, centres, half, begin, end, first, s, np.maximum(p, 0.0, out=p))
+        return cls(time, nodes.flat[1], points, centres, half, begin, end, first, s, np.maximum(p, 0.0, out=p), {})
 
     @cached_property
     def at(self) -> Ints:
         """Places of the nodes among all, flat."""
         return (self.first[:, None] + np.arange(self.s.shape[1])).ravel()
 
-    @cached_property
-    def plain(self) -> tuple[Array, Array, Array]:
-        """φ and its derivatives by s at the nodes, 0 outside."""
-        first, second = self.p * self.p, self.s * self.s
-        zeroth = self.p * first
-        first *= self.s
-        first *= -6.0
-        second *= 30.0
-        second -= 6.0
-        second *= self.p
-        return zeroth, first, second
+    def plain(self, order: int) -> Array:
+        """φ or its derivative by s at the nodes, 0 outside; kept."""
+        if order not in self.found:
+            if order == 2:
+                result = self.s * self.s
+                result *= 30.0
+                result -= 6.0
+            else:
+                result = self.p * self.p
+                if order == 1:
+                    result *= self.s
+                    result *= -6.0
+            if order != 1:
+                result *= self.p
+            self.found[order] = result
+        return self.found[order]
+
+    def weights(self, order: int) -> Array:
+        """Weights of the nodes' values in ∫φ^(order) x dt, in cut intervals by the polynomial there; kept."""
+        key = order + 3
+        if key not in self.found:
+            result = self.plain(order) * stretches(self.steps, self.s.shape[1])[self.first]
+            if order:
+                result *= (1.0 / self.half**order)[:, None]
+            place, shares = self.ends
+            result[place] = shares[order]
+            self.found[key] = result
+        return self.found[key]
 
     @cached_property
-    def weights(self) -> tuple[Array, Array, Array]:
-        """Weights of the nodes' values in ∫φ^(order) x dt; in cut intervals of the polynomial through the nodes."""
-        points, steps = self.points, stretches(self.steps, self.s.shape[1])[self.first]
-        rows, places, several = np.arange(len(self.half)), np.arange(points), self.end > self.begin
-        ends = [(self.begin, rows), (self.end[several], rows[several])]
-        at = [(which[:, None], (k * points - self.first[which])[:, None] + places) for k, which in ends]
-        for place in at:
-            steps[place] = 0.0
-        result = []
-        for tests in self.plain:
-            result.append(tests * steps)
-            steps *= (1.0 / self.half)[:, None]
-        for (k, which), place in zip(ends, at, strict=True):
-            for weights, own in zip(result, self._cut(k, self.centres[which], self.half[which]), strict=True):
-                weights[place] += own
-        return result[0], result[1], result[2]
+    def ends(self) -> tuple[tuple[Ints, Ints], Array]:
+        """Where the nodes of the intervals are in which the windows begin and end, and `_cut` of these."""
+        several = np.flatnonzero(self.end > self.begin)
+        which = np.concatenate([np.arange(len(self.half)), several])
+        k = np.concatenate([self.begin, self.end[several]])
+        columns = (k * self.points - self.first[which])[:, None] + np.arange(self.points)
+        return (which[:, None], columns), self._cut(k, self.centres[which], self.half[which])
 
     def _cut(self, k: Ints, centres: Array, half: Array) -> Array:
         """Weights (3, windows, points) for the part of each interval `k` that lies inside the window."""
@@ -125,15 +134,9 @@ class _Tests:
         s, scale = (t - centres[:, None]) / half[:, None], (t1 - t0)[:, None] * weights
         tests = np.stack([phi(s, order) * (scale / (half**order)[:, None]) for order in range(3)])
         u = (t - start[:, None]) / (stop - start)[:, None]
-        shares: Array = (tests[:, :, None] @ _lagrange(fractions, u))[:, :, 0]
+        basis = u[..., None] ** np.arange(self.points) @ lagrange(self.points)
+        shares: Array = (tests[:, :, None] @ basis)[:, :, 0]
         return shares
-
-
-def _lagrange(fractions: Array, u: Array) -> Array:
-    """The polynomials that are 1 at one node each and 0 at the others, at places u; one more dimension."""
-    powers = np.arange(len(fractions))
-    result: Array = u[..., None] ** powers @ np.linalg.inv(fractions[:, None] ** powers)
-    return result
 
 
 def _tests_of(nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
@@ -142,7 +145,7 @@ def _tests_of(nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
     found = nodes.tests.get(key)
     if found is None:
         found = _Tests.of(nodes, centres, half)
-        if found.s.size <= KEPT:
+        if found.s.size + sum(one.s.size for one in nodes.tests.values()) <= KEPT:
             nodes.tests[key] = found
     result: _Tests = found
     return result
@@ -162,12 +165,13 @@ def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array,
 def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Array, half: Array) -> Array:
     """As `project`, for signals stacked once for many calls: (signals, nodes) with nodes in one row."""
     result = np.empty((len(centres), len(orders)))
+    groups = [(order, np.flatnonzero(orders == order)) for order in sorted(set(orders.tolist()))]
+    signals = [np.ascontiguousarray(stacked[own]) for _, own in groups]
     for k in _portions(nodes, half, AT_ONCE):
         tests = _tests_of(nodes, centres[k], half[k])
-        for order in set(orders.tolist()):
-            own = np.flatnonzero(orders == order)
-            values = stretches(stacked[own], tests.s.shape[1])[:, tests.first]
-            result[k, own] = np.einsum("gwn,wn->wg", values, tests.weights[order])
+        for (order, own), values in zip(groups, signals, strict=True):
+            placed = stretches(values, tests.s.shape[1])[:, tests.first]
+            result[k, own] = np.einsum("gwn,wn->wg", placed, tests.weights(order))
     return result
 
 
@@ -181,7 +185,7 @@ def _portions(nodes: GaussNodes, half: Array, size: int) -> list[slice]:
 def superposed(nodes: GaussNodes, centres: Array, half: Array, factors: Array, order: int) -> Array:
     """Σ_i factors_i φ_i^(order)(t) at the nodes, in one row: the adjoint of `project`, one value per instant."""
     tests = _tests_of(nodes, centres, half)
-    values = tests.plain[order] * (factors / half**order)[:, None]
+    values = tests.plain(order) * (factors / half**order)[:, None]
     return sums_at(tests.at, values, nodes.instants.size)
 
 

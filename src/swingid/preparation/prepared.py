@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Correction, Encoders, corrected, on_stamps
 from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
@@ -71,6 +72,19 @@ class Prepared:
         """Noise and grid of the channels."""
         return channel_noise(self.log, self.rig)
 
+    @cached_property
+    def _motions(self) -> list[tuple[Array, Array, float, Motion]]:
+        return []
+
+    def _motion(self, log: Recording, noise: float) -> Motion:
+        """See `find_motion`; found once for the same angles and noise."""
+        for time, angle, level, found in self._motions:
+            if time is log.time and angle is log.angle and level == noise:
+                return found
+        found = find_motion(log.time, log.angle, noise)
+        self._motions.append((log.time, log.angle, noise, found))
+        return found
+
     def part(
         self,
         *,
@@ -89,7 +103,7 @@ class Prepared:
         """
         noise = noise or self.noise
         log = on_stamps(self.log, self.encoders) if at_stamps else self.log
-        found = find_motion(log.time, log.angle, noise.angle)
+        found = self._motion(log, noise.angle)
         if not few:
             start, stop, note = part_of(log, found, self.rig.drive.kind)
         if whole:

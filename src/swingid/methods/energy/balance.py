@@ -11,7 +11,7 @@ the branch of the dead zone, the direction of rotation, and the loss by f2.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -155,15 +155,22 @@ MOTOR = ("voltage", "back_emf", "viscous", "coulomb")
 
 def running_powers(course: Course, instants: Array) -> Array:
     """Integrals up to rising `instants` of the power, |v|, v², |v| v², |v| v and those of `MOTOR`, (9, instants)."""
-    v, rate, size = course.speed, course.wheel_speed, np.abs(course.speed)
-    powers = np.zeros((5 + len(MOTOR), *v.shape))
-    powers[0], powers[1], powers[2], powers[4] = course.power, size, v * v, size * v
-    np.multiply(size, powers[2], out=powers[3])
-    if course.wheel is not None:
-        acting = course.active * course.turn
-        powers[5], powers[6] = acting * course.voltage, acting * rate
-        powers[7], powers[8] = rate * course.turn, np.sign(rate) * course.turn
-    return running_integrals(course.nodes, powers, instants)
+    return running_integrals(course.nodes, _powers(course), instants)
+
+
+def _powers(course: Course) -> Iterator[Array]:
+    """The power, |v|, v², |v| v², |v| v and the terms of `MOTOR` at the nodes, one by one, for each takes memory."""
+    v, size = course.speed, np.abs(course.speed)
+    square = v * v
+    yield from (course.power, size, square, size * square, size * v)
+    if course.wheel is None:
+        yield from [np.zeros_like(v)] * len(MOTOR)
+        return
+    rate, acting = course.wheel_speed, course.active * course.turn
+    yield acting * course.voltage
+    yield acting * rate
+    yield rate * course.turn
+    yield np.sign(rate) * course.turn
 
 
 def further_works(course: Course, instants: Array, angle: Array, terms: tuple[RigTerm, ...]) -> dict[str, Array]:

@@ -308,7 +308,7 @@ def test_an_interrupt_is_one_line_and_130(tmp_path: Path) -> None:
     process.send_signal(signal.SIGINT)
     _, err = process.communicate(timeout=20)
     assert process.returncode == 130
-    assert err == "swingid: interrupted.\n"
+    assert err == "swingid: interrupted; nothing was written, so start again.\n"
 
 
 def test_our_own_bug_is_70_with_a_file_to_report(

@@ -18,7 +18,7 @@ import swingid as sw
 from closed_form_logs import INERTIA
 from large_logs import GIVEN, RATE, write_large_log
 from swingid.cli import main
-from swingid.cli.output import Progress
+from swingid.cli.progress import Progress
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.recording.large import LargeLog, is_large, log, parts
 from swingid.recording.large.parts import averaged, block_length
@@ -269,15 +269,15 @@ def test_the_command_reads_a_large_log(small_parts, parquet, tmp_path, capfd):
 
 def test_progress_says_how_far_and_how_long(capsys, monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("swingid.cli.output.time.monotonic", lambda: now[0])
-    progress = Progress()
+    monkeypatch.setattr("swingid.cli.progress.time.monotonic", lambda: now[0])
+    progress = Progress("million rows", 1e6)
     for rows, second in ((1_000_000, 20.0), (2_000_000, 21.0), (5_000_000, 36.0), (36_000_000, 60.0)):
         now[0] = second
         progress(rows, 36_000_000)
     assert capsys.readouterr().err.splitlines() == [
         "swingid: 1.0 of 36.0 million rows.",  # which compiled kernels, so nothing is known of the time
         "swingid: 5.0 of 36.0 million rows, 2 min left.",
-        "swingid: 36.0 of 36.0 million rows, 0 s left.",
+        "swingid: 36.0 of 36.0 million rows.",
     ]
 
 

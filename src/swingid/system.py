@@ -5,15 +5,20 @@ from __future__ import annotations
 import getpass
 import hashlib
 import os
+import signal
 import stat
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from time import sleep
+from typing import TYPE_CHECKING
 
 from swingid.errors import InputError
+
+if TYPE_CHECKING:
+    from concurrent.futures import ProcessPoolExecutor
 
 LARGEST_FILE = 1 << 30
 """Bytes of a file or a pipe that are read whole, at most."""
@@ -86,6 +91,42 @@ def limit_process(memory: int, seconds: float) -> None:
         resource.setrlimit(resource.RLIMIT_CPU, (int(used + seconds) + 1, hard))
 
 
+@contextmanager
+def interruption_waits() -> Iterator[None]:
+    """Let Ctrl-C wait for the end of the block; processes that are started in it never get it.
+
+    A terminal sends it to all processes of a command: what it is to end is for the first one to say. Not on Windows.
+    """
+    if hasattr(signal, "pthread_sigmask"):
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+    else:
+        yield
+
+
+@contextmanager
+def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
+    """Some processes, which end at once where the block ends by an error or Ctrl-C; hand work over at its begin.
+
+    Work is handed over within `interruption_waits`, as that starts the processes.
+    """
+    from concurrent.futures import ProcessPoolExecutor  # which takes long to import
+
+    pool = ProcessPoolExecutor(count)
+    try:
+        yield pool
+    except BaseException:
+        processes = list((getattr(pool, "_processes", None) or {}).values())
+        for process in processes:
+            process.terminate()
+        raise
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
 def is_file(path: str | Path) -> bool:
     """Whether a path is a regular file, which has a size and can be read twice; False where it cannot be seen."""
     try:
@@ -126,11 +167,14 @@ def read_input(path: str | Path, *, missing: str, folder: tuple[str, str], most:
         raise InputError(f"{name} cannot be read: {reason}.", code="unreadable-file") from None
 
 
-def sha256_of(path: str | Path) -> str:
-    """SHA-256 of a file; InputError where it cannot be read."""
+def sha256_of(path: str | Path, stopped: Callable[[], bool] = lambda: False) -> str:
+    """SHA-256 of a file; InputError where it cannot be read. Of its begin only where `stopped` becomes true."""
+    digest = hashlib.sha256()
     try:
-        with Path(path).open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        with Path(path).open("rb", buffering=0) as stream:
+            while not stopped() and (chunk := stream.read(8 * CHUNK)):
+                digest.update(chunk)
+        return digest.hexdigest()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.", code="unreadable-file") from None
 
@@ -171,6 +215,10 @@ def _read_pipe(path: Path, most: int) -> bytes:
     return b"".join(chunks)
 
 
+WRITTEN: list[Path] = []
+"""The files that `write_whole` has written in this process, or this command."""
+
+
 def write_whole(target: Path, content: bytes) -> None:
     """Write a file that appears whole or not at all (a device or a pipe as it is, a link where it leads).
 
@@ -185,10 +233,13 @@ def write_whole(target: Path, content: bytes) -> None:
         partial = place.with_name(f".{place.name[:200]}.{os.getpid()}.part")
         partial.write_bytes(content)
         partial.replace(place)
+        partial = None
+        WRITTEN.append(target)
     except BrokenPipeError:
         raise
     except OSError as error:
-        if partial is not None:
+        raise InputError(f"cannot write {target}: {error.strerror or error}.", code="cannot-write") from None
+    finally:
+        if partial is not None:  # also after Ctrl-C
             with suppress(OSError):
                 partial.unlink(missing_ok=True)
-        raise InputError(f"cannot write {target}: {error.strerror or error}.", code="cannot-write") from None

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
+from _thread import interrupt_main
 from collections.abc import Sequence
+from threading import Timer
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -14,6 +17,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     # the matrices here are small: more threads of linear algebra wait for each other, on a busy machine for long
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    before, sys.unraisablehook = sys.unraisablehook, _let_through
     try:
         from swingid.cli.app import run
 
@@ -22,3 +26,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from swingid.cli.failure import interrupted
 
         return interrupted()
+    finally:
+        sys.unraisablehook = before
+
+
+def _let_through(lost: sys.UnraisableHookArgs) -> None:
+    """Send Ctrl-C again that came where no error can be raised, as in a callback; other errors as Python does."""
+    if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
+        again = Timer(0.01, interrupt_main)  # not here, where it would be lost again
+        again.daemon = True
+        again.start()
+    else:
+        sys.__unraisablehook__(lost)

@@ -29,6 +29,7 @@ from swingid.cli.results import compare, difference, validate
 from swingid.cli.simulate import simulate
 from swingid.cli.tensor import tensor
 from swingid.cli.weigh import weigh
+from swingid.system import WRITTEN
 
 app = typer.Typer(
     name="swingid",
@@ -73,6 +74,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
+    WRITTEN.clear()
     given = list(sys.argv[1:] if arguments is None else arguments)
     try:
         code = app(args=given, prog_name="swingid", standalone_mode=False)

@@ -5,13 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli.failure import keeps
 from swingid.cli.options import Json
 from swingid.cli.output import check_writable, overwrite, say, tell, time_left, write_json
+from swingid.cli.progress import bar
 from swingid.errors import UsageError
+
+if TYPE_CHECKING:
+    from swingid.study.campaign.plan import Plan
 
 LINES = 20
 """Lines of progress where standard error is no terminal."""
@@ -56,7 +61,8 @@ def campaign(
     folder = Path(out or f"campaign-{chosen.name}")
     if scheduler is None and not (folder / "results.parquet").is_file() and not are_compiled(chosen):
         say("compiling kernels and trying every kind of run, once per version, a minute or so")
-    run_campaign(chosen, folder, workers=workers, scheduler=scheduler, progress=_progress())
+    with keeps(lambda: _kept(chosen, folder)):
+        run_campaign(chosen, folder, workers=workers, scheduler=scheduler, progress=_progress())
     summary = summarise(chosen, folder)
     text = summary.to_json()
     write_json(text, str(folder / "summary.json"))
@@ -64,6 +70,14 @@ def campaign(
     if json is not None:
         write_json(text, json)
     tell(summary.text() + f"\nwrote {folder}: results.parquet, summary.json, report.html", to_error=json == "-")
+
+
+def _kept(plan: Plan, folder: Path) -> str:
+    """What a campaign that is interrupted keeps, and how it goes on."""
+    from swingid.study.campaign.store import Store
+
+    done = sum(len(plan.block(block)) for block in Store(plan, folder).done())
+    return f"{done} of {plan.trials} runs are kept in {folder}; the same command goes on from there"
 
 
 def _ready() -> str:
@@ -81,7 +95,7 @@ def _progress() -> Callable[[int, int, int], None]:
     def show(done: int, trials: int, already: int) -> None:
         nonlocal shown
         line = progress_line(done, trials, already, time.monotonic() - start)
-        if not overwrite(line, last=done == trials) and LINES * done // trials > shown:
+        if not overwrite(f"{bar(done, trials)} {line}", last=done == trials) and LINES * done // trials > shown:
             shown = LINES * done // trials
             tell(f"swingid: {line}", to_error=True)
 

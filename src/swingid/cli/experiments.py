@@ -10,6 +10,7 @@ import typer
 from swingid.cli import output
 from swingid.cli.compile import compile_first
 from swingid.cli.options import Angle, Json, Methods, Motion, Rate, RigFile
+from swingid.cli.progress import Progress, Steps
 from swingid.cli.simulate import Gains, compensator_of, motion_of, parse_angle
 from swingid.errors import SwingidError, UsageError
 from swingid.system import write_whole
@@ -111,13 +112,9 @@ def rehearse(
         initial_angle=angle,
         methods=method,
         faults=fault or (),
-        progress=_progress,
+        progress=Progress("runs"),
     )
     output.hand_over(rehearsal, json)
-
-
-def _progress(done: int, runs: int) -> None:
-    output.overwrite(f"run {done} of {runs}", last=done == runs)
 
 
 def reproduce(
@@ -132,6 +129,7 @@ def reproduce(
     Writes index.html, fig2 to fig8 as .svg and .png, and results.json to DIR; the same seed gives the same files.
     """
     from swingid.study.reproduce import reproduce as run
+    from swingid.study.reproduce import steps
 
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -141,7 +139,7 @@ def reproduce(
     for name in (*names, "results.json", "index.html"):
         output.check_target(out / name)
     compile_first("simulate")
-    reproduction = run(seed=seed, quick=quick, progress=output.say)
+    reproduction = run(seed=seed, quick=quick, progress=Steps(steps(quick=quick)))
     from swingid.report.paper import drawn_figures, write_paper
 
     output.say("drawing figures 2 to 8")

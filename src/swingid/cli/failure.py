@@ -7,13 +7,14 @@ import platform
 import sys
 import tempfile
 import traceback
-from collections.abc import Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 
 import typer
 
 from swingid.cli.output import flush, say, tell
 from swingid.errors import SwingidError
+from swingid.system import WRITTEN
 
 INTERRUPTED, CLOSED_PIPE, BUG = 130, 141, 70
 """128 + SIGINT, 128 + SIGPIPE, and EX_SOFTWARE of sysexits.h."""
@@ -54,10 +55,40 @@ def _point(code: str) -> None:
         tell(f"         {EXPLAINED}#{code}", to_error=True)
 
 
+_kept: list[Callable[[], str]] = []
+
+
+@contextmanager
+def keeps(what: Callable[[], str]) -> Iterator[None]:
+    """What a command that is interrupted within the block says about what is kept."""
+    _kept.append(what)
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise  # `interrupted` says it
+    except BaseException:
+        _kept.clear()
+        raise
+    else:
+        _kept.clear()
+
+
 def interrupted() -> int:
-    """Print that the user stopped the run; returns the exit code."""
-    say("interrupted")
+    """Print that the user stopped the run, and what is kept of it; returns the exit code."""
+    exec("")  # else CPython ends by the signal, without the exit code, where Ctrl-C came within an `exec`
+    say(f"interrupted; {_what_is_kept()}")
     return INTERRUPTED
+
+
+def _what_is_kept() -> str:
+    """What is kept of the command's work, and how to go on."""
+    if _kept:
+        with suppress(Exception):
+            return _kept.pop()()
+    files = list(dict.fromkeys(str(path) for path in WRITTEN if path.exists()))
+    if files:
+        return f"{', '.join(files)} {'is' if len(files) == 1 else 'are'} whole, nothing else was written; start again"
+    return "nothing was written, so start again"
 
 
 def _broken_output() -> SwingidError | None:

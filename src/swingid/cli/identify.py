@@ -13,16 +13,16 @@ import typer
 from swingid.cli.compile import compile_first
 from swingid.cli.options import Certificate, JsonOrRefusal, Logs, Method, Report, RigFile
 from swingid.cli.output import (
-    Progress,
     check_report,
     check_targets,
     check_writable,
     hand_over,
-    overwrite,
     refusals_to,
 )
+from swingid.cli.progress import Progress
 from swingid.errors import SwingidError, UsageError
 from swingid.methods.table import DEFAULT
+from swingid.progress import shown
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -47,7 +47,7 @@ class _Reading:
         from swingid.recording.recording import Recording
 
         if is_large(log):
-            large = LargeLog(log, rig, self.repairs, self.part, Progress())
+            large = LargeLog(log, rig, self.repairs, self.part, Progress("million rows", 1e6))
             return large if self.part is None else large.small() or large
         recording = Recording.load(log, rig, repairs=self.repairs)
         return recording if self.part is None else recording.segment(*self.part)
@@ -181,7 +181,8 @@ def _identify(
     if len(logs) > 1:
         recording = None
         compile_first(method)
-        result = run(_loaded(logs, plant, reading), plant, method, **options)
+        with shown(Progress("logs")):
+            result = run(_loaded(logs, plant, reading), plant, method, **options)
     else:
         log = reading.load(logs[0], plant)
         recording = log if isinstance(log, Recording) else None
@@ -204,10 +205,7 @@ def _with_draws(log: Recording, rig: Rig, result: Result, draws: int, options: d
     """The result with the distribution of its parameters."""
     from swingid.study.monte_carlo import monte_carlo
 
-    def progress(done: int, planned: int) -> None:
-        overwrite(f"swingid: {done} of {planned} draws", last=done == planned)
-
-    return monte_carlo(log, rig, result.method, result, draws, options=options, progress=progress)
+    return monte_carlo(log, rig, result.method, result, draws, options=options, progress=Progress("draws"))
 
 
 def _loaded(logs: list[str], rig: Rig, reading: _Reading) -> dict[str, Recording | LargeLog | SwingidError]:

@@ -9,7 +9,9 @@ import typer
 
 from swingid.cli import output
 from swingid.cli.options import Json, Report
+from swingid.cli.progress import Progress
 from swingid.errors import InputError, UsageError
+from swingid.progress import shown
 
 if TYPE_CHECKING:
     from swingid.recording.datasets import DataSet
@@ -102,7 +104,8 @@ def convert(
 
     output.check_targets({"OUT": target}, {source: "IN"})
     output.check_target(Path(target))
-    rows, columns, dropped = run(source, target)
+    with shown(Progress("million rows", 1e6)):
+        rows, columns, dropped = run(source, target)
     line = f"wrote {target}: {rows} rows of {', '.join(columns)}"
     output.tell(line + (f"; left out, no numbers: {', '.join(dropped)}" if dropped else ""))
 

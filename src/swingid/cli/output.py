@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -140,8 +140,9 @@ def overwrite(line: str, *, last: bool) -> bool:
     """Show progress on a terminal in a line that overwrites itself; False where standard error is none."""
     if not on_terminal():
         return False
+    width = shutil.get_terminal_size().columns - 1
     with suppress(OSError):
-        sys.stderr.write(f"\r{line:<70}" + ("\n" if last else ""))
+        sys.stderr.write(f"\r{line[:width]:<{width}}" + ("\n" if last else ""))
         sys.stderr.flush()
     return True
 
@@ -227,30 +228,6 @@ def refusals_to(
             with suppress(SwingidError):
                 write_report(refused, None, None, Path(report), certificate)
         raise
-
-
-EVERY = 10.0
-"""Seconds between two lines where standard error is no terminal; a terminal has one line that overwrites itself."""
-
-
-class Progress:
-    """Called with the rows read so far and the rows of the log."""
-
-    def __init__(self) -> None:
-        self.first: tuple[float, int] | None = None
-        self.shown = time.monotonic()
-
-    def __call__(self, rows: int, total: int) -> None:
-        """Report how far it is; how long the rest takes, from the second call on, for the first may compile."""
-        now = time.monotonic()
-        text = f"{rows / 1e6:.1f} of {total / 1e6:.1f} million rows"
-        if self.first is None:
-            self.first = now, rows
-        elif rows > self.first[1]:
-            text += f", {time_left((now - self.first[0]) / (rows - self.first[1]) * max(total - rows, 0))} left"
-        if not overwrite(text, last=rows >= total) and now - self.shown > EVERY:
-            self.shown = now
-            say(text)
 
 
 def time_left(seconds: float) -> str:

@@ -10,7 +10,9 @@ import typer
 from swingid.cli import output
 from swingid.cli.compile import compile_first
 from swingid.cli.options import Certificate, Json, JsonOrRefusal, Logs, Methods, Report, RigFile
+from swingid.cli.progress import Progress
 from swingid.methods.table import METHODS
+from swingid.progress import shown
 
 
 def compare(
@@ -30,7 +32,8 @@ def compare(
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant) for log in logs]
     compile_first(*(method or METHODS))
-    comparison = run(recordings, plant, method)
+    with shown(Progress("results")):
+        comparison = run(recordings, plant, method)
     if report is not None:
         from swingid.report.html import write_comparison
 
@@ -68,7 +71,8 @@ def validate(
     plant, found = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
     compile_first("output-error")
-    validation = run(found, recordings, plant, input=None if input is None else input.value)
+    with shown(Progress("logs")):
+        validation = run(found, recordings, plant, input=None if input is None else input.value)
     if report is not None:
         from swingid.report.html import write_validation
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +11,7 @@ import typer
 from swingid.cli import output
 from swingid.cli.options import JsonOrRefusal
 from swingid.errors import UsageError
+from swingid.system import write_whole
 
 
 def tensor(
@@ -60,7 +62,9 @@ def tensor(
             cad = load_cad(compare, link=link, mass=stated.body.mass, density=density, mesh_unit=mesh_unit)
         found = solve(stated, results, compare_with=cad, about=[_axis(text) for text in about or ()])
         if plot is not None:
-            found.plot().savefig(plot, dpi=150)
+            drawn = io.BytesIO()
+            found.plot().savefig(drawn, dpi=150, format=Path(plot).suffix[1:].lower() or "png")
+            write_whole(Path(plot), drawn.getvalue())
     output.hand_over(found, json, plot)
 
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from threading import Event
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from swingid.pooling.shares import Estimate, sum_of
 from swingid.recording.large import LARGE, LargeLog
 from swingid.recording.recording import Recording
 from swingid.result.result import Details, Message, Result, SwingSeries
+from swingid.system import sha256_of
 from swingid.uncertainty.budget import BudgetEntry, Parameter, systematic
 from swingid.uncertainty.freedom import effective_freedom
 
@@ -61,9 +64,10 @@ def identify_large(log: LargeLog, identify_one: Callable[[Recording], Result]) -
     number, the error of the first.
     """
     found: list[Part] = []
-    with ThreadPoolExecutor(2) as pool:
-        digest = pool.submit(log.sha256)
-        iterator = log.parts()
+    stop = Event()
+    with ThreadPoolExecutor(2) as pool, ended_by(stop):
+        digest = pool.submit(sha256_of, log.path, stop.is_set)
+        iterator = log.parts(stop.is_set)
         ahead = pool.submit(next, iterator, None)
         before = 0
         while (read := ahead.result()) is not None:
@@ -78,6 +82,16 @@ def identify_large(log: LargeLog, identify_one: Callable[[Recording], Result]) -
         raise InputError(f"{log.path} has no rows of numbers in the part that is to be used.", code="empty-file")
     result = combine_parts(found)
     return replace(result, provenance=result.provenance | {"log": log.path, "log_sha256": sha256})
+
+
+@contextmanager
+def ended_by(stop: Event) -> Iterator[None]:
+    """Set the event where the block ends by an error or Ctrl-C, for the threads that would go on."""
+    try:
+        yield
+    except BaseException:
+        stop.set()
+        raise
 
 
 def _part(recording: Recording | SwingidError, rows: int, identify_one: Callable[[Recording], Result]) -> Part:

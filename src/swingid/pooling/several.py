@@ -11,6 +11,7 @@ from swingid.format import percent, plus_minus
 from swingid.pooling.joint import PAIR, Pairs, correlation, is_joint, outlying_pair, pool_pair
 from swingid.pooling.pooling import Pooled, outliers, pool
 from swingid.pooling.shares import Estimate, Identity, estimate_of
+from swingid.progress import tracked
 from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
@@ -52,7 +53,7 @@ def identify_several(
     _refuse_twice(by_name)
     results: list[Result] = []
     errors: list[SwingidError] = []
-    for name, log in by_name.items():
+    for name, log in tracked(by_name.items()):
         try:
             if isinstance(log, SwingidError):
                 raise log

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.progress import advanced
 from swingid.recording.formats import parquet, read_table, writer_for
 from swingid.recording.formats.table import METADATA_KEY
 from swingid.recording.large import is_large
-from swingid.recording.large.log import pieces_of
+from swingid.recording.large.log import pieces_of, rows_in
 from swingid.recording.load import read_bytes
 from swingid.system import write_whole
 
@@ -61,6 +62,7 @@ def _convert_large(source: str | Path, target: Path) -> tuple[int, list[str], li
     import pyarrow.parquet as pq
 
     header, pieces = pieces_of(source)
+    total = rows_in(source)
     partial = target.with_name(f".{target.name}.part")
     rows, names, dropped = 0, {}, []
     writer = None
@@ -76,8 +78,10 @@ def _convert_large(source: str | Path, target: Path) -> tuple[int, list[str], li
             columns = [table.numbers(name)[0] for name in names]
             writer.write_table(pa.table(dict(zip(names.values(), columns, strict=True)), schema=writer.schema))
             rows += len(columns[0]) if columns else 0
+            advanced(min(rows, total), total)
         if writer is not None:
             writer.close()
+            advanced(total, total)
             partial.replace(target)
     except OSError as error:
         raise InputError(f"cannot write {target}: {error.strerror or error}", code="cannot-write") from None

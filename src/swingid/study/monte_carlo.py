@@ -15,7 +15,6 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -32,7 +31,7 @@ from swingid.preparation.encoders import moved
 from swingid.recording.recording import Recording
 from swingid.result.data import Distributed, MonteCarlo
 from swingid.result.result import Result
-from swingid.system import cores
+from swingid.system import cores, interruption_waits, worker_pool
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE
 from swingid.units import Quantity, UnknownScale
@@ -236,8 +235,10 @@ def _estimates(experiment: Experiment, planned: list[Draw], workers: int) -> Ite
     if workers == 1:
         yield from map(experiment.estimate, planned[1:])
         return
-    with ProcessPoolExecutor(min(workers, len(planned))) as pool:
-        yield from pool.map(partial(_estimate, experiment), planned[1:], chunksize=8)
+    with worker_pool(min(workers, len(planned))) as pool:
+        with interruption_waits():
+            found = pool.map(partial(_estimate, experiment), planned[1:], chunksize=8)
+        yield from found
 
 
 def _estimate(experiment: Experiment, draw: Draw) -> dict[str, float] | str:

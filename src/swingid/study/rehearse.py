@@ -6,7 +6,6 @@ import math
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -23,6 +22,7 @@ from swingid.recording.recording import Recording
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, aligned, counted, noted
+from swingid.system import interruption_waits, worker_pool
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -203,8 +203,10 @@ def _runs(experiment: Experiment, seeds: list[int], workers: int) -> Iterator[tu
     if workers == 1:
         yield from (run_once(experiment, seed) for seed in seeds[1:])
         return
-    with ProcessPoolExecutor(min(workers, len(seeds))) as pool:
-        yield from pool.map(partial(run_once, experiment), seeds[1:])
+    with worker_pool(min(workers, len(seeds))) as pool:
+        with interruption_waits():
+            found = pool.map(partial(run_once, experiment), seeds[1:])
+        yield from found
 
 
 def run_once(experiment: Experiment, seed: int) -> tuple[Outcome, ...]:

@@ -30,6 +30,7 @@ from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared, prepare
 from swingid.preparation.scale import Scale, refuse_motor
 from swingid.preparation.speed import smooth_speed
+from swingid.progress import tracked
 from swingid.recording.recording import Recording
 from swingid.result.data import require_scale
 from swingid.result.provenance import constants
@@ -143,10 +144,13 @@ def validate(
     """
     refuse_motor(rig, "validate")
     p = model_vector(result, rig)
-    several = [
-        prepare(with_found_gain(log, result, rig), rig) for log in ([logs] if isinstance(logs, Recording) else logs)
-    ]
-    predictions = tuple(_of_log(one, p, input, one.log.source.path or f"log {k + 1}") for k, one in enumerate(several))
+    given = [logs] if isinstance(logs, Recording) else list(logs)
+    several, predicted = [], []
+    for k, log in enumerate(tracked(given)):
+        one = prepare(with_found_gain(log, result, rig), rig)
+        several.append(one)
+        predicted.append(_of_log(one, p, input, one.log.source.path or f"log {k + 1}"))
+    predictions = tuple(predicted)
     notes = (*_notes(result, [one.log for one in several], rig), *_misfits(predictions))
     return Validation(result.method, rig.axis.kind == "linear", predictions, notes)
 

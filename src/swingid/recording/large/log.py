@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import takewhile
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -138,8 +139,10 @@ class LargeLog:
         """Rows of the file, about so many of a text file."""
         return self._open.rows
 
-    def parts(self) -> Iterator[tuple[int, Recording | SwingidError]]:
+    def parts(self, stopped: Callable[[], bool] = lambda: False) -> Iterator[tuple[int, Recording | SwingidError]]:
         """The parts of the log in their order, or why one cannot be used; with the rows of the file read so far.
+
+        No more is read once `stopped` gives true.
 
         Rows are averaged as far as the motion allows, see `parts`; each recording states how many (`averaged`). Raises
         InputError where the file cannot be read.
@@ -152,7 +155,7 @@ class LargeLog:
             raise InputError(f"{message} not be cut; use a part of it, --part FROM:TO.", code="rate-in-parts")
         found = _columns(header, reading.conventions)
         wanted = [column for channel, column in found.items() if channel not in UNUSED]
-        yield from parts(self._open.pieces(PIECE, wanted), reading)
+        yield from parts(takewhile(lambda _: not stopped(), self._open.pieces(PIECE, wanted)), reading)
 
     def small(self) -> Recording | None:
         """The part `span` as an ordinary recording, of which nothing is averaged; None where it is large, too.

@@ -24,7 +24,7 @@ from swingid.study.campaign.plan import Plan
 from swingid.study.campaign.store import Store, is_finished, made_by
 from swingid.study.campaign.trial import Row, batch_rows, run_trial
 from swingid.study.campaign.trust import fault_factors
-from swingid.system import cores, locked
+from swingid.system import cores, interruption_waits, locked
 
 Progress = Callable[[int, int, int], None]
 
@@ -125,7 +125,9 @@ def _by_processes(plan: Plan, blocks: Sequence[int], count: int) -> Iterator[Don
         try:
             with parallel_config(backend="loky", inner_max_num_threads=1, idle_worker_timeout=IDLE):
                 pool = Parallel(n_jobs=count, return_as="generator_unordered", batch_size=1, pre_dispatch="2*n_jobs")
-                for block, rows in pool(delayed(_one_for)(os.getpid(), plan, block) for block in list(left)):
+                with interruption_waits():
+                    found = pool(delayed(_one_for)(os.getpid(), plan, block) for block in list(left))
+                for block, rows in found:
                     del left[block]
                     yield block, rows
             return

@@ -14,6 +14,7 @@ from swingid.identification import identify
 from swingid.methods.table import METHODS
 from swingid.model.rig import Rig
 from swingid.pooling.shares import Identity, estimate_of, sum_of
+from swingid.progress import tracked
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
 from swingid.study.output import NO_BREAK, WIDTH, Study, aligned
@@ -153,11 +154,11 @@ def compare(logs: Recording | Sequence[Recording], rig: Rig, methods: Sequence[s
     """
     several = [logs] if isinstance(logs, Recording) else list(logs)
     trials: list[Trial] = []
-    for k, log in enumerate(several):
-        for method in dict.fromkeys(methods or METHODS):
-            result, seconds = _timed(log, rig, method)
-            depends = assumptions(method, rig, result)
-            trials.append(Trial(log.source.path or f"log {k + 1}", method, result, seconds, depends, _truth(log)))
+    chosen = dict.fromkeys(methods or METHODS)
+    for k, log, method in tracked([(k, log, method) for k, log in enumerate(several) for method in chosen]):
+        result, seconds = _timed(log, rig, method)
+        depends = assumptions(method, rig, result)
+        trials.append(Trial(log.source.path or f"log {k + 1}", method, result, seconds, depends, _truth(log)))
     if all(trial.result.status == "refused" for trial in trials):
         reason = trials[0].result.error
         raise UnanswerableError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from swingid.study.reproduce.reproduction import Reproduction, reproduce
+from swingid.study.reproduce.reproduction import Reproduction, reproduce, steps
 from swingid.study.reproduce.tables import Table, tables
 
-__all__ = ["Reproduction", "Table", "reproduce", "tables"]
+__all__ = ["Reproduction", "Table", "reproduce", "steps", "tables"]

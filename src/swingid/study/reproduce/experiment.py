@@ -173,6 +173,10 @@ class Simulation:
     answers: dict[str, object]
 
 
+SIMULATION_STEPS = 6
+"""How often `simulation` calls `progress`."""
+
+
 def simulation(progress: Callable[[str], None]) -> Simulation:
     """Both simulations and what the methods find in the first."""
     progress("ideal simulation of Fig. 7, 10 kHz")

@@ -10,9 +10,16 @@ from typing import Any
 from swingid.errors import UsageError
 from swingid.result.data import plain
 from swingid.study.reproduce import claims, claims_control, published
-from swingid.study.reproduce.experiment import FRICTIONS, Experiment, Simulation, experiment, simulation
-from swingid.study.reproduce.imperfections import imperfection_rows
-from swingid.study.reproduce.runs import Answer
+from swingid.study.reproduce.experiment import (
+    FRICTIONS,
+    SIMULATION_STEPS,
+    Experiment,
+    Simulation,
+    experiment,
+    simulation,
+)
+from swingid.study.reproduce.imperfections import imperfection_rows, imperfections
+from swingid.study.reproduce.runs import WAYS, Answer
 
 SCHEMA = "swingid.reproduce/1"
 
@@ -58,6 +65,12 @@ def reproduce(*, seed: int = 0, quick: bool = False, progress: Callable[[str], N
         results["imperfections"] = imperfection_rows(seed, report)
         results["claims"] = claim_rows(seed, report)
     return Reproduction(plain_data(results), runs["viscous"], ideal)
+
+
+def steps(*, quick: bool = False) -> int:
+    """How often `reproduce` calls `progress`."""
+    always = len(FRICTIONS) * len(WAYS) + SIMULATION_STEPS
+    return always + (0 if quick else len(imperfections()) + len(claims.TESTS) + len(claims_control.TESTS))
 
 
 def _published() -> dict[str, object]:

@@ -1,0 +1,245 @@
+"""Ctrl-C at several instants of long work: exit code 130, a sentence on what is kept, no half file, no process left."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from large_logs import GIVEN, write_large_log
+from swingid.cli import failure, main
+from swingid.system import WRITTEN, interruption_waits, worker_pool, write_whole
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends SIGINT to a group of processes")
+
+NOTHING = "swingid: interrupted; nothing was written, so start again."
+
+
+class Started:
+    """A command in a group of processes of its own, as a terminal starts it."""
+
+    def __init__(self, *arguments: object, environment: dict[str, str] | None = None) -> None:
+        command = [sys.executable, "-m", "swingid", *map(str, arguments)]
+        self.process = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+            env=os.environ | (environment or {}),
+        )
+
+    def interrupt(self, *, group: bool = True) -> tuple[str, str]:
+        """Send SIGINT to all its processes, or to the first alone; returns what it wrote."""
+        assert self.process.poll() is None, self.process.stderr.read()
+        (os.killpg if group else os.kill)(self.process.pid, signal.SIGINT)
+        return self.process.communicate(timeout=120)
+
+    def is_gone(self, seconds: float = 30.0) -> bool:
+        """Whether all its processes end within this time."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            try:
+                os.killpg(self.process.pid, 0)
+            except ProcessLookupError:
+                return True
+            time.sleep(0.05)
+        return False
+
+    def kill(self) -> None:
+        """End all its processes."""
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(self.process.pid, signal.SIGKILL)
+        self.process.wait()
+
+
+@pytest.fixture
+def started() -> Iterator[type[Started] | object]:
+    """Start commands; those that still run in the end are killed."""
+    running: list[Started] = []
+
+    def start(*arguments: object, **options: object) -> Started:
+        running.append(Started(*arguments, **options))
+        return running[-1]
+
+    yield start
+    for one in running:
+        one.kill()
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory) -> Path:
+    """25 s of the paper's rig."""
+    path = tmp_path_factory.mktemp("log") / "log.parquet"
+    words = "sine 0.8 rad 8.5 rad/s"
+    assert main(["simulate", "--rig", "paper", "--reference", words, "--duration", "25", "--out", str(path)]) == 0
+    return path
+
+
+def check(one: Started, folder: Path, *, group: bool, last: str = re.escape(NOTHING)) -> None:
+    """Interrupt a command and look at what it leaves."""
+    out, err = one.interrupt(group=group)
+    assert one.process.returncode == 130, err
+    assert re.fullmatch(last, err.strip().splitlines()[-1]), err
+    assert "Traceback" not in err
+    assert "Exception ignored" not in err
+    assert out == ""
+    assert one.is_gone()
+    assert not [path for path in folder.rglob("*") if path.name.endswith(".part")]
+
+
+@pytest.mark.parametrize(("seconds", "group"), [(0.8, False), (2.0, True), (5.0, True)])
+def test_while_kernels_are_compiled(started, log, tmp_path, seconds, group):
+    target = tmp_path / "result.json"
+    target.write_text("as it was")
+    cache = {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    one = started("identify", log, "--rig", "paper", "--method", "output-error", "--json", target, environment=cache)
+    time.sleep(seconds)
+    check(one, tmp_path, group=group)
+    assert target.read_text() == "as it was"
+
+
+@pytest.mark.parametrize(("seconds", "group"), [(1.5, True), (6.0, True), (6.0, False)])
+def test_while_processes_draw(started, log, tmp_path, seconds, group):
+    target = tmp_path / "result.json"
+    one = started("identify", log, "--rig", "paper", "--monte-carlo", 20_000, "--json", target)
+    time.sleep(seconds)
+    check(one, tmp_path, group=group)
+    assert not target.exists()
+
+
+@pytest.mark.parametrize("group", [True, False])
+def test_a_large_log(started, tmp_path, group):
+    path = write_large_log(tmp_path / "log.parquet", 6_000_000)
+    (tmp_path / "rig.toml").write_text(GIVEN.text)
+    one = started("identify", path, "--rig", tmp_path / "rig.toml", "--method", "energy", "--json", tmp_path / "r.json")
+    time.sleep(2.5)
+    check(one, tmp_path, group=group)
+    assert not (tmp_path / "r.json").exists()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("group", [True, False])
+def test_a_campaign_keeps_its_runs_and_goes_on(started, tmp_path, group):
+    folder = tmp_path / "runs"
+    one = started("campaign", "coverage", "--out", folder, "--workers", 2, "--runs", 4000)
+    while not list(folder.glob("parts/part-*.parquet")):
+        assert one.process.poll() is None
+        time.sleep(0.2)
+    said = rf"swingid: interrupted; (\d+) of 4\d+ runs are kept in {re.escape(str(folder))}; the same command goes on "
+    check(one, tmp_path, group=group, last=said + "from there.")
+    kept = len(list(folder.glob("parts/part-*.parquet")))
+    assert kept > 0
+    again = started("campaign", "coverage", "--out", folder, "--workers", 2, "--runs", 4000)
+    time.sleep(8.0)
+    check(again, tmp_path, group=group, last=said + "from there.")
+    assert len(list(folder.glob("parts/part-*.parquet"))) >= kept
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("seconds", [1.0, 4.0, 9.0, 15.0])
+@pytest.mark.parametrize("command", ["rehearse", "reproduce", "simulate", "compare"])
+def test_other_long_commands(started, log, tmp_path, command, seconds):
+    motion = ["--rig", "paper", "--reference", "sine 0.8 rad 8.5 rad/s"]
+    arguments = {
+        "rehearse": ["rehearse", *motion, "--duration", 25, "--runs", 400, "--json", tmp_path / "r.json"],
+        "reproduce": ["reproduce", "--out", tmp_path / "paper"],
+        "simulate": ["simulate", *motion, "--duration", 19_000, "--out", tmp_path / "r.parquet"],
+        "compare": ["compare", log, log.with_name("other.parquet"), "--rig", "paper", "--report", tmp_path / "r.html"],
+    }[command]
+    if command == "compare":
+        log.with_name("other.parquet").write_bytes(log.read_bytes())
+    one = started(*arguments, environment={"NUMBA_CACHE_DIR": str(tmp_path / "cache")})
+    time.sleep(seconds)
+    check(one, tmp_path, group=True)
+
+
+def test_what_was_written_is_named(monkeypatch, tmp_path, capsys, log):
+    """The report is whole, and the interruption comes before the JSON."""
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    report = tmp_path / "report.html"
+    monkeypatch.setattr("swingid.cli.identify.hand_over", stop)
+    assert main(["identify", str(log), "--rig", "paper", "--report", str(report), "--json", str(tmp_path / "r")]) == 130
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert last == f"swingid: interrupted; {report} is whole, nothing else was written; start again."
+    assert "</html>" in report.read_text()[-20:]
+
+
+def test_a_file_that_was_begun_is_taken_away(monkeypatch, tmp_path):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    target = tmp_path / "file"
+    target.write_bytes(b"before")
+    monkeypatch.setattr(Path, "replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        write_whole(target, b"after")
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+    assert target.read_bytes() == b"before"
+
+
+def test_an_interruption_in_a_callback_is_not_lost(capsys):
+    """Python drops what is raised in a destructor."""
+
+    class Dropped:
+        def __del__(self):
+            raise KeyboardInterrupt
+
+    def work(_):
+        Dropped()
+        for _ in range(500):
+            time.sleep(0.01)
+        return 0
+
+    WRITTEN.clear()
+    begin = time.monotonic()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("swingid.cli.app.run", work)
+        assert main([]) == 130
+    assert time.monotonic() - begin < 5.0
+    assert capsys.readouterr().err == NOTHING + "\n"
+
+
+def interrupted_pool(processes: list) -> None:
+    """A pool that works for a minute, interrupted at once; its processes go to the list."""
+    with worker_pool(2) as pool:
+        with interruption_waits():
+            pool.map(time.sleep, [60.0, 60.0])
+        processes += pool._processes.values()
+        raise KeyboardInterrupt
+
+
+def test_processes_end_with_their_pool():
+    processes: list = []
+    with pytest.raises(KeyboardInterrupt):
+        interrupted_pool(processes)
+    assert len(processes) == 2
+    assert not any(process.is_alive() for process in processes)
+
+
+def test_processes_do_not_get_the_interruption():
+    with worker_pool(1) as pool:
+        with interruption_waits():
+            blocked = pool.submit(signal.pthread_sigmask, signal.SIG_BLOCK, [])
+        assert signal.SIGINT in blocked.result()
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def test_what_is_kept_is_said_once(capsys):
+    WRITTEN.clear()
+    with pytest.raises(KeyboardInterrupt), failure.keeps(lambda: "much is kept"):
+        raise KeyboardInterrupt
+    assert failure.interrupted() == 130
+    assert failure.interrupted() == 130
+    assert capsys.readouterr().err.splitlines() == ["swingid: interrupted; much is kept.", NOTHING]

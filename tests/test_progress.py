@@ -1,0 +1,147 @@
+"""The progress of long work: a bar on a terminal, plain lines elsewhere, never in standard output."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from swingid.cli import main, progress
+from swingid.cli.progress import Progress, Steps, bar
+from swingid.progress import advanced, shown, tracked
+
+
+@pytest.fixture
+def now(monkeypatch) -> list[float]:
+    """The clock, in s."""
+    clock = [0.0]
+    monkeypatch.setattr(progress.time, "monotonic", lambda: clock[0])
+    return clock
+
+
+@pytest.fixture
+def terminal(monkeypatch, capsys):
+    """Standard error counts as a terminal of 100 columns."""
+    monkeypatch.setattr("swingid.cli.output.on_terminal", lambda: True)
+    monkeypatch.setenv("COLUMNS", "100")
+    return lambda: [line.rstrip() for line in capsys.readouterr().err.split("\r")[1:]]
+
+
+def test_loops_report_and_loops_inside_them_do_not():
+    seen: list[tuple[int, int]] = []
+    assert list(tracked("ab")) == ["a", "b"]
+    with shown(lambda done, total: seen.append((done, total))):
+        for _ in tracked("abc"):
+            list(tracked("de"))
+            advanced(1, 9)
+        assert list(tracked("x")) == ["x"]
+        advanced(4, 9)
+    list(tracked("ab"))
+    assert seen == [(0, 3), (1, 3), (2, 3), (3, 3), (4, 9)]
+
+
+def left_halfway() -> None:
+    """A loop with an error in its first round."""
+    for _ in tracked("abc"):
+        next(iter(()))
+
+
+def test_a_loop_that_is_left_does_not_silence_the_next():
+    seen: list[tuple[int, int]] = []
+    with shown(lambda done, total: seen.append((done, total))):
+        with pytest.raises(StopIteration):
+            left_halfway()
+        list(tracked("de"))
+    assert seen[-1] == (2, 2)
+
+
+def test_a_bar_on_a_terminal(now, terminal):
+    show = Progress("runs")
+    for second, done in ((0.0, 0), (30.0, 1), (31.0, 2), (34.0, 5), (39.0, 10)):
+        now[0] = second
+        show(done, 10)
+    assert terminal() == [
+        "[....................] 0 of 10 runs",
+        "[##..................] 1 of 10 runs",
+        "[####................] 2 of 10 runs, 8 s left",
+        "[##########..........] 5 of 10 runs, 5 s left",
+        "[####################] 10 of 10 runs",
+    ]
+
+
+def test_short_work_says_nothing_where_there_is_no_terminal(now, capsys):
+    show = Progress("logs")
+    for second in range(9):
+        now[0] = float(second)
+        show(second, 8)
+    assert capsys.readouterr().err == ""
+
+
+def test_steps_with_the_time_left(now, terminal):
+    show = Steps(3)
+    for second, words in ((0.0, "one"), (20.0, "two"), (24.0, "three")):
+        now[0] = second
+        show(words)
+    assert terminal() == [
+        "[....................] one, step 1 of 3",
+        "[######..............] two, step 2 of 3",
+        "[#############.......] three, step 3 of 3, 4 s left",
+    ]
+
+
+def test_a_line_fits_the_terminal(terminal, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "30")
+    Steps(2)("words " * 20)
+    assert [len(line) for line in terminal()] == [28]  # 29 with the blank in the end
+
+
+def test_a_bar_is_as_long_as_its_share():
+    assert [bar(done, 40).count("#") for done in (0, 1, 2, 39, 40, 41)] == [0, 0, 1, 19, 20, 20]
+    assert bar(0, 0).count("#") == 0
+
+
+def test_json_on_standard_output_is_json_alone(now, terminal, tmp_path, capsys):
+    path = tmp_path / "log.parquet"
+    words = ["--reference", "sine 0.8 rad 8.5 rad/s", "--duration", "15"]
+    assert main(["simulate", "--rig", "paper", *words, "--out", str(path)]) == 0
+    capsys.readouterr()
+    methods = ["--method", "momentum", "--method", "energy"]
+    assert main(["compare", str(path), "--rig", "paper", *methods, "--json", "-"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["schema"] == "swingid.compare/1"
+    assert "[##########..........] 1 of 2 results" in err
+
+
+def test_every_step_of_the_paper_is_counted(monkeypatch):
+    """Nothing is computed: each part only says what comes next."""
+    from swingid.study.reproduce import reproduction, steps
+    from swingid.study.reproduce.runs import WAYS
+
+    said: list[str] = []
+    for name in ("experiment", "simulation", "imperfection_rows", "claim_rows"):
+        monkeypatch.setattr(reproduction, name, _announcing(name, reproduction, WAYS))
+    monkeypatch.setattr(reproduction, "Reproduction", lambda *_: None)
+    monkeypatch.setattr(reproduction, "plain_data", lambda value: value)
+    for quick in (True, False):
+        said.clear()
+        reproduction.reproduce(quick=quick, progress=said.append)
+        assert len(said) == steps(quick=quick)
+
+
+def _announcing(name, module, ways):
+    """A part of the reproduction that only announces its steps, as often as the code that it stands for."""
+    import types
+
+    def run(*arguments):
+        report = arguments[-1]
+        count = {
+            "experiment": len(ways),
+            "simulation": module.SIMULATION_STEPS,
+            "imperfection_rows": len(module.imperfections()),
+            "claim_rows": len(module.claims.TESTS) + len(module.claims_control.TESTS),
+        }[name]
+        for k in range(count):
+            report(f"{name} {k}")
+        return types.SimpleNamespace(answers={})
+
+    return run

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from _thread import interrupt_main
 from collections.abc import Sequence
@@ -28,6 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return interrupted()
     finally:
         sys.unraisablehook = before
+        if arguments is None:  # while Python ends nothing is left to be said
+            signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def _let_through(lost: sys.UnraisableHookArgs) -> None:

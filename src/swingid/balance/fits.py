@@ -33,7 +33,7 @@ GRAVITY = "axis.gravity_torque"
 ROUNDING = 1e-9
 """Share of the known side below which residuals are those of the arithmetic, which no prior may be weighed by."""
 
-EQUAL = 1e-9
+EQUAL = 1e-8
 """Relative change of the weight of a prior from which on the fit is the same."""
 
 SLIGHT = 1e-6

@@ -64,7 +64,9 @@ def exponential(matrix: Array) -> Array:
         size *= 0.5
         scale *= 0.5
         squarings += 1
-    result = np.eye(n)
+    result = np.zeros((n, n))
+    for i in range(n):
+        result[i, i] = 1.0
     for term in range(TAYLOR_TERMS, 0, -1):
         result = multiply(matrix, result, scale / term)
         for i in range(n):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import secrets
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -51,6 +50,8 @@ def dashboard(
 
     plant = Rig.load(rig)
     _require_log(log, plant) if log is not None else _require_live(folder)
+    import secrets
+
     token = "" if host in LOCAL else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
     place = Place(host, free_port(host, port), token)
     output.tell(f"the page is {place.address}\nCtrl-C ends it")

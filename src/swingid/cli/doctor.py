@@ -11,7 +11,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, requires, version
 from pathlib import Path
 from typing import Literal
 
@@ -75,6 +74,8 @@ def diagnose() -> Diagnosis:
 
 
 def _versions() -> Iterator[Finding]:
+    from importlib.metadata import PackageNotFoundError, version
+
     yield Finding("versions", "ok", "python", f"{platform.python_version()} at {sys.executable}")
     yield Finding("versions", "ok", "system", platform.platform())
     for name in CORE:
@@ -92,6 +93,8 @@ def _versions() -> Iterator[Finding]:
 
 
 def _extras() -> Iterator[Finding]:
+    from importlib.metadata import requires
+
     packages: dict[str, list[str]] = {}
     for line in requires("swingid") or ():
         match = re.match(r"([\w.-]+).*extra\s*==\s*['\"]([\w-]+)['\"]", line)
@@ -107,6 +110,8 @@ def _extras() -> Iterator[Finding]:
 
 
 def _installed(package: str) -> bool:
+    from importlib.metadata import PackageNotFoundError, version
+
     try:
         version(package)
     except PackageNotFoundError:

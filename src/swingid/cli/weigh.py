@@ -13,7 +13,6 @@ from swingid.cli.live import address_of, conduct, identified
 from swingid.cli.options import JsonOrRefusal, Method, RigFile
 from swingid.cli.simulate import Gains, compensator_of, motion_of
 from swingid.errors import UsageError
-from swingid.format import percent
 from swingid.methods.table import DEFAULT
 from swingid.system import write_whole
 
@@ -107,6 +106,8 @@ def _weighed(plant: Rig, address: str, order: Order, out: Path, method: str) -> 
     result = identified(journal, plant, method, provenance, None)
     write_whole(Path(f"{out}.json"), result.to_json().encode())
     found, spread = result.inertia, result.inertia.standard_uncertainty
+    from swingid.format import percent
+
     known = "" if spread is None else f" ± {percent(spread / abs(found.value))}"
     output.say(f"inertia {found.value:.6g} {found.unit}{known}")
     return result

@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from swingid.simulation.ensemble.runs import Run
 
 
+ROUNDING = 1e-6
+"""Of a step: more than the rounding of an instant, which so never lies outside the steps in which it is expected."""
+
+
 @dataclass(frozen=True)
 class Kind:
     """What all runs of a block have in common, since the kernel is compiled for it.
@@ -49,8 +53,8 @@ class Block:
     """Up to LANES runs that go together, by their places `members` in the ensemble; p (members, SIZE): their constants.
 
     resolutions (members, 2): of their encoders (rad). inputs (instants, references), which (members,): references or
-    commands, and each run's column of them. when (rows, 2, members): instants of the readings in samples; empty where
-    all are on time.
+    commands, and each run's column of them. after (rows or 1, 2, members): how many samples after their rows the
+    encoders are read; empty where all are on time.
     """
 
     members: list[int]
@@ -60,7 +64,7 @@ class Block:
     resolutions: Array
     inputs: Array
     which: Ints
-    when: Array
+    after: Array
 
 
 @dataclass(frozen=True)
@@ -124,12 +128,20 @@ def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
 
 def _block(members: list[int], runs: list[Run], kind: Kind, p: Array, resolutions: Array, rows: int) -> Block:
     """A block without its inputs, as many instants as it takes until the last row has been read."""
-    when, total = np.empty((0, 2, len(runs))), rows
+    after, total = np.empty((0, 2, len(runs))), rows
     if kind.late:
-        when = np.stack([np.arange(rows) + run.rate * run.delays(rows) for run in runs]).transpose(2, 1, 0)
-        total = max(rows, int(np.ceil(when.max())))
-        when = np.minimum(when, np.nextafter(float(total), 0.0))
-    return Block(members, runs, kind, p, resolutions, np.empty((total, 0)), np.empty(0, np.int64), when)
+        drawn = [run.delays(rows) for run in runs]
+        length = max(len(draws) for _, _, draws in drawn)
+        units = np.zeros((len(runs), length))
+        for i, (_, _, draws) in enumerate(drawn):
+            units[i] = draws
+        latencies, jitters = (np.array([each[part] for each in drawn]).T * runs[0].rate for part in (0, 1))
+        after = np.ascontiguousarray(units.T)[:, None] * jitters
+        after += latencies
+        least, most = float(after.min()), float(after.max())
+        ends = after[-min(length, int(most - least) + 2) :]  # earlier rows are all read before the last
+        total = max(rows, int(np.ceil((np.arange(rows - len(ends), rows)[:, None, None] + ends).max())))
+    return Block(members, runs, kind, p, resolutions, np.empty((total, 0)), np.empty(0, np.int64), after)
 
 
 def _sharing_inputs(blocks: list[Block]) -> list[Block]:
@@ -174,7 +186,7 @@ def run_packed(block: Block, log: Array) -> Array:
     while run_block(flat, p, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
         step = int(place[ROW]) * steps + int(place[STEP]) - 1
         for i in np.flatnonzero(lane[lanes.LEFT]):
-            advance_run(lane, int(i), p[i], h, late, step)
+            advance_run(lane, int(i), p[i], h, late, step, steps)
     end = lane[lanes.END : lanes.END + 4, :count].T
     result: Array = end * np.array([1.0, 1.0 / h, 1.0, 1.0 / h])
     return result
@@ -213,11 +225,10 @@ def _noise(block: Block, rows: int) -> Array:
     """Noise (2, instants, LANES) (rad) of both encoders, (2, 0, LANES) where there is none."""
     if not block.kind.noisy:
         return np.zeros((2, 0, LANES))
-    noise = np.zeros((2, len(block.inputs), LANES))
+    noise, draws = np.zeros((2, len(block.inputs), LANES)), np.zeros((len(block.runs), 2, rows))
     for i, run in enumerate(block.runs):
-        draws = run.noise(rows)
-        if draws is not None:
-            noise[:, :rows, i] = draws
+        draws[i] = run.noise(rows)
+    noise[:, :rows, : len(draws)] = draws.transpose(1, 2, 0)
     return noise
 
 
@@ -225,23 +236,30 @@ def _late(block: Block, filled: Ints, steps: int) -> Late:
     """What `readings` has of encoders that are not read on time; before the start the motion is uniform."""
     if not block.kind.late:
         return np.empty((0, 2, LANES)), np.empty((0, 2, LANES)), 0, 0
-    early = block.when[:, :, filled]
-    seen = np.zeros_like(early)
-    time = early / block.runs[0].rate
+    rows, rate, total = block.runs[0].row_count(), block.runs[0].rate, len(block.inputs)
+    after = block.after if len(block.runs) == LANES else block.after[:, :, filled]
+    when = after + np.arange(rows, dtype=np.float64)[:, None, None]
+    if steps > 1:
+        when *= steps
+    least, most = float(block.after.min()), float(block.after.max())
+    ends = when[max(total - int(np.floor(most)) - 2, 0) :]
+    np.minimum(ends, np.nextafter(float(total * steps), 0.0), out=ends)
+    seen = np.empty_like(when)
+    early = slice(0, max(int(np.ceil(-least)), 0))
     angle, speed = (np.array([getattr(run, f"initial_{name}") for run in block.runs]) for name in ("angle", "speed"))
-    seen[:, 0] = np.where(early[:, 0] < 0.0, angle[filled] + speed[filled] * time[:, 0], 0.0)
-    when = early * steps
-    after = np.floor(when) - steps * np.arange(len(when))[:, None, None]
-    return when, seen, int(after.min()), int(after.max())
+    uniform = angle[filled] + speed[filled] * when[early, 0] / (steps * rate)
+    seen[early, 0] = np.where(when[early, 0] < 0.0, uniform, 0.0)
+    return when, seen, int(np.floor(steps * least - ROUNDING)), int(np.floor(steps * most + ROUNDING))
 
 
-def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int) -> None:
-    """Take what is left of a step of h (s) of run i by the kernel of single runs; late, step: as of `readings.fill`."""
+def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int, steps: int) -> None:
+    """Take what is left of a step of h (s) of run i by the kernel of single runs; the last: as of `readings.fill`."""
     left = float(lane[lanes.LEFT, i])
     work, counts = np.zeros((10, 5)), np.zeros(COUNTS, np.int64)
     work[NOW, [ANGLE, V1]] = lane[lanes.Q1, i], lane[lanes.U, i] / h
     work[NOW, [WHEEL_ANGLE, V2]] = lane[lanes.Q2, i], lane[lanes.Y, i] / h
-    when, seen = late[0][:, :, i], late[1][:, :, i]
+    rows = slice(max((step - late[3]) // steps, 0), max((step - late[2]) // steps + 1, 0))
+    when, seen = late[0][rows, :, i], late[1][rows, :, i]
     rest = (when - step) * h - (h - left)
     inside = np.argwhere((rest >= 0.0) & (when >= step) & (when < step + 1))
     instants = np.sort(rest[tuple(inside.T)])

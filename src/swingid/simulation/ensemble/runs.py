@@ -56,19 +56,21 @@ class Run(Setup):
             return vector(draw_constants(self.own_rig, self.seed), kind)
         return vector({key: quantity.value for key, quantity in constants(self.rig).items()} | dict(self.changes), kind)
 
-    def delays(self, rows: int) -> Array:
-        """How much after its row each encoder is read (2, rows) (s), as drawn."""
-        sensors = [self.rig.sensors.of(name) for name in CHANNELS]
-        latency = stream(self.seed, "latency").standard_normal(2)
-        jitter = stream(self.seed, "jitter").standard_normal(rows)
-        own = [s.latency.value + (s.latency.std or 0.0) * one for s, one in zip(sensors, latency, strict=True)]
-        return np.array([one + s.jitter * jitter for s, one in zip(sensors, own, strict=True)])
+    def delays(self, rows: int) -> tuple[Array, Array, Array]:
+        """How much after its row each encoder is read, as drawn: latencies (2,), jitters (2,) (s), draws (rows or 1,).
 
-    def noise(self, rows: int) -> Array | None:
-        """Noise (2, rows) (rad) of the two encoders, None where there is none."""
+        A delay is the latency and jitter times draw.
+        """
+        sensors = [self.rig.sensors.of(name) for name in CHANNELS]
+        units = stream(self.seed, "latency").standard_normal(2)
+        latencies = [s.latency.value + (s.latency.std or 0.0) * one for s, one in zip(sensors, units, strict=True)]
+        jitters = np.array([s.jitter for s in sensors])
+        draws = stream(self.seed, "jitter").standard_normal(rows) if jitters.any() else np.zeros(1)
+        return np.array(latencies), jitters, draws
+
+    def noise(self, rows: int) -> Array:
+        """Noise (2, rows) (rad) of the two encoders."""
         levels = [self.rig.sensors.of(name).noise for name in CHANNELS]
-        if not any(levels):
-            return None
         draws = stream(self.seed, "noise").standard_normal((2, rows))
         draws *= np.array(levels)[:, None]
         return draws

@@ -168,6 +168,8 @@ def read_input(path: str | Path, *, missing: str, folder: tuple[str, str], most:
 
 def sha256_of(path: str | Path, stopped: Callable[[], bool] = lambda: False) -> str:
     """SHA-256 of a file; InputError where it cannot be read. Of its begin only where `stopped` becomes true."""
+    import hashlib
+
     digest = hashlib.sha256()
     try:
         with Path(path).open("rb", buffering=0) as stream:

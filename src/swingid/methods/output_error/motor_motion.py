@@ -14,10 +14,10 @@ import math
 
 import numpy as np
 
-from swingid.methods.output_error.partials import axis_row, axis_slopes, mass_rows, motor_row
+from swingid.methods.output_error.partials import Further, mass_rows, motor_row, sliding_row, sliding_slopes
 from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z, derivative
 from swingid.model.motion import COUNTS, next_step
-from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, GEAR, SIZE
+from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, FURTHER, GEAR, SIZE
 from swingid.model.sticking import choose_mode, stop_reversed
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_inlined, place
@@ -118,6 +118,7 @@ def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: flo
 
 @njit
 def motor_readings(
+    further: Further,
     nodes: Array,
     begins: Ints,
     p: Array,
@@ -131,15 +132,15 @@ def motor_readings(
 ) -> None:
     """What is read along the steps of `motor_steps`, and its derivatives.
 
-    p (SIZE,): the constants of these steps. places, columns, weights: each constant of p that moves with an unknown;
-    place SIZE + k is the height of a Stribeck's peak of the speed peaks[k] (rad/s), which the motion has not.
-    outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives by the four initial values
-    of the row's segment, then by the unknowns.
+    further: `partials.further_kernel`. p (SIZE,): the constants of these steps. places, columns, weights: each constant
+    of p that moves with an unknown; place SIZE + k is the height of a Stribeck's peak of the speed peaks[k] (rad/s),
+    which the motion has not. outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives
+    by the four initial values of the row's segment, then by the unknowns.
     """
     m = slopes.shape[1]
     wide = (m + 7) // 8 * 8
     block, points, mode = np.zeros(BLOCK * WIDEST), np.zeros((3, 5)), np.zeros(4)
-    rows, jacobian, r = np.zeros((2, SIZE + len(peaks))), np.zeros((3, 9)), 0
+    rows, jacobian, more, r = np.zeros((2, SIZE + len(peaks))), np.zeros((3, 9)), np.zeros(2), 0
     for segment in range(len(begins) - 1):
         for i in range(4 * WIDEST):
             block[i] = 1.0 if i % WIDEST == i // WIDEST else 0.0
@@ -159,7 +160,9 @@ def motor_readings(
                     for i in range(4, BLOCK):
                         block[i * WIDEST + c] = 0.0
                 for at in range(3):
-                    _slopes_at(at, points, mode, p, rows, places, columns, weights, peaks, jacobian, block)
+                    _slopes_at(
+                        further, more, at, points, mode, p, rows, places, columns, weights, peaks, jacobian, block
+                    )
                 _carry(nodes[n, STEP], block, jacobian, wide)
 
 
@@ -198,6 +201,8 @@ def _points(nodes: Array, n: int, points: Array, mode: Array) -> None:
 
 @njit_inlined
 def _slopes_at(
+    further: Further,
+    more: Array,
     at: int,
     points: Array,
     mode: Array,
@@ -213,7 +218,9 @@ def _slopes_at(
     """At a point within `mode`: ∂q''/∂(q1, q1', q2') and M⁻¹ into jacobian[at] (9,), ∂r/∂θ into `block`."""
     q1, v1, v2 = points[at, 0], points[at, 1], points[at, 2]
     s1, s2, branch = int(mode[0]), int(mode[1]), int(mode[2])
-    axis_row(q1, v1, s1, p, rows[0])
+    sliding_row(q1, v1, s1, p, rows[0])
+    if p[FURTHER] != 0.0:
+        further(q1, v1, s1, p, rows[0], more)
     motor_row(mode[3], v2, s2, branch, p, rows[1])
     mass_rows(points[at, 3], points[at, 4], rows[0], rows[1])
     for k in range(len(peaks)):
@@ -226,7 +233,8 @@ def _slopes_at(
         i11 = 1.0 / p[A11]
     elif s2 != 0:
         i22 = 1.0 / p[A22]
-    by_angle, by_speed = axis_slopes(q1, v1, s1, p)
+    by_angle, by_speed = sliding_slopes(q1, v1, s1, p)
+    by_angle, by_speed = by_angle + more[0], by_speed + more[1]
     loss = -p[GEAR] * (p[F2] * p[GEAR] + (p[ETA] * p[C2] if branch != 0 else 0.0))
     jacobian[at, 0], jacobian[at, 1], jacobian[at, 2] = -i11 * by_angle, -i11 * by_speed, i12 * loss
     jacobian[at, 3], jacobian[at, 4], jacobian[at, 5] = -i12 * by_angle, -i12 * by_speed, i22 * loss

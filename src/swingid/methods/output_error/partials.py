@@ -7,12 +7,13 @@ sides of sliding and the branch of the dead zone given), where r is smooth.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from swingid.model import parameters as at
 from swingid.model.further import further_row, further_slopes
 from swingid.model.motor import branch_torque
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit_inlined
+from swingid.numerics.compiled import FLOAT, INT, VECTOR, KernelPointer, njit, njit_inlined
 
 
 @njit_inlined
@@ -29,9 +30,15 @@ def friction_slope(v: float, s: int, p: Array) -> float:
 
 
 @njit_inlined
+def sliding_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
+    """Derivatives of gravity and friction, by the angle (N m/rad) and by the speed (N m s)."""
+    return float(p[at.B] * math.cos(q1)), friction_slope(v, s, p)
+
+
+@njit_inlined
 def axis_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
     """Derivatives of the torques on the left of equation (I), by the angle (N m/rad) and by the speed (N m s)."""
-    by_angle, by_speed = p[at.B] * math.cos(q1), friction_slope(v, s, p)
+    by_angle, by_speed = sliding_slopes(q1, v, s, p)
     if p[at.FURTHER] != 0.0:
         further = further_slopes(q1, v, s, p)
         by_angle, by_speed = by_angle + further[0], by_speed + further[1]
@@ -39,8 +46,8 @@ def axis_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
 
 
 @njit_inlined
-def axis_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
-    """∂r1/∂p into the places of `row` (SIZE,) that equation (I) contains: −sin q1 for b, and those of −F."""
+def sliding_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
+    """∂r1/∂p into the places of `row` (SIZE,) of gravity and friction: −sin q1 for b, and those of −F."""
     row[at.B] = -math.sin(q1)
     peak = 0.0
     if p[at.STRIBECK_SPEED] > 0.0:
@@ -53,8 +60,38 @@ def axis_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
     row[at.COULOMB_P], row[at.COULOMB_N] = -(1.0 - peak) * up, (1.0 - peak) * down
     row[at.STATIC_P], row[at.STATIC_N] = -peak * up, peak * down
     row[at.QUADRATIC], row[at.CUBIC], row[at.OFFSET] = -s * v * v, -v * v * v, -1.0
+
+
+@njit_inlined
+def axis_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
+    """∂r1/∂p into the places of `row` (SIZE,) that equation (I) contains."""
+    sliding_row(q1, v, s, p, row)
     if p[at.FURTHER] != 0.0:
         further_row(q1, v, s, p, row)
+
+
+@njit
+def _further(q1: float, v: float, s: int, p: Array, row: Array, slopes: Array) -> float:
+    """What the further terms add to `sliding_row`, and to `sliding_slopes` as `slopes` (2,)."""
+    further_row(q1, v, s, p, row)
+    slopes[0], slopes[1] = further_slopes(q1, v, s, p)
+    return 0.0
+
+
+@njit
+def _nothing(q1: float, v: float, s: int, p: Array, row: Array, slopes: Array) -> float:
+    return 0.0
+
+
+Further = Callable[[float, float, int, Array, Array, Array], float]
+
+_TYPES = FLOAT(FLOAT, FLOAT, INT, VECTOR, VECTOR, VECTOR)
+_FURTHER_KERNEL, _NO_FURTHER_KERNEL = KernelPointer(_further, _TYPES), KernelPointer(_nothing, _TYPES)
+
+
+def further_kernel(p: Array) -> KernelPointer:
+    """The kernel of the further terms, which is compiled only where a rig has some."""
+    return _FURTHER_KERNEL if p[at.FURTHER] != 0.0 else _NO_FURTHER_KERNEL
 
 
 @njit_inlined

@@ -23,6 +23,7 @@ from swingid.methods.output_error.motor_motion import (
     motor_readings,
     motor_steps,
 )
+from swingid.methods.output_error.partials import further_kernel
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.model.integrator import STEP_KERNEL
 from swingid.model.parameters import SIZE, STATIC_N, STATIC_P, STRIBECK_SPEED
@@ -172,14 +173,15 @@ def _along(
     steps: tuple[Array, Ints], p: Array, entries: Entries, peaks: Array, outputs: Array, rates: Array, slopes: Array
 ) -> None:
     """`motor_readings` with any number of columns, some at a time."""
-    s, (places, columns, weights) = READ_STATES, entries
+    s, (places, columns, weights), further = READ_STATES, entries, further_kernel(p)
     if slopes.shape[1] <= WIDEST:
-        motor_readings(*steps, p, places, columns, weights, peaks, outputs, rates, slopes)
+        motor_readings(further, *steps, p, places, columns, weights, peaks, outputs, rates, slopes)
         return
     for first in range(s, slopes.shape[1], WIDEST - s):
         own = (columns >= first) & (columns < first + WIDEST - s)
         part = np.zeros((len(slopes), min(slopes.shape[1] - first + s, WIDEST)))
-        motor_readings(*steps, p, places[own], columns[own] - first + s, weights[own], peaks, outputs, rates, part)
+        mine, to, by = places[own], columns[own] - first + s, weights[own]
+        motor_readings(further, *steps, p, mine, to, by, peaks, outputs, rates, part)
         slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
 
 

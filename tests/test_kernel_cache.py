@@ -8,7 +8,15 @@ import pytest
 
 from swingid.numerics.compiled import CACHE, PACKAGE, kernel_hash
 
-KERNELS = ["model/friction.py", "model/integrator.py", "model/motion.py", "simulation/loop.py", "control/law.py"]
+KERNELS = [
+    "model/friction.py",
+    "model/integrator.py",
+    "model/motion.py",
+    "model/parameters.py",
+    "simulation/loop.py",
+    "simulation/ensemble/lanes.py",
+    "control/law.py",
+]
 
 
 @pytest.fixture

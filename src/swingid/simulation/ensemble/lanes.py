@@ -4,6 +4,7 @@ Everything of a block lies in one array of rows of the fixed length `LANES`. So 
 overlap, and turns the loop over the runs into vector instructions without asking.
 
 Speeds are kept as U = h q1' and Y = h q2' (rad per step of h), for which Taylor's coefficients have no powers of h.
+(Kernels under njit have the places compiled in.)
 """
 
 from __future__ import annotations

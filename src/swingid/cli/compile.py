@@ -8,9 +8,7 @@ from typing import Annotated
 import typer
 
 from swingid.cli import output
-
-BAR = 24
-"""Characters of the bar."""
+from swingid.cli.progress import bar
 
 
 def compile(
@@ -50,7 +48,6 @@ class Bar:
 
     def __call__(self, part: float, seconds: float) -> None:
         """`part` (0 to 1) took so many seconds."""
-        full = round(BAR * part)
-        bar = "█" * full + "░" * (BAR - full)
         left = f", {output.time_left(seconds / part * (1.0 - part))} left" if 0.1 < part < 1.0 else ""
-        output.overwrite(f"compiling {bar} {100 * part:3.0f} %{left}", last=part >= 1.0 - 1e-9)
+        text = f"{bar(round(1000 * part), 1000)} kernels, {100 * part:.0f} %{left}"
+        output.overwrite(text, last=part >= 1.0 - 1e-9)

@@ -107,6 +107,17 @@ def test_while_kernels_are_compiled(started, log, tmp_path, seconds, group):
     assert target.read_text() == "as it was"
 
 
+@pytest.mark.parametrize("group", [True, False])
+def test_compilation_keeps_its_kernels(started, tmp_path, group):
+    one = started("compile", "simulate", environment={"NUMBA_CACHE_DIR": str(tmp_path)})
+    while not list(tmp_path.rglob("*.nbc")):
+        assert one.process.poll() is None
+        time.sleep(0.1)
+    said = rf"swingid: interrupted; the kernels that are compiled are kept in {re.escape(str(tmp_path))}.*"
+    check(one, tmp_path, group=group, last=said)
+    assert not list(tmp_path.rglob("ready-*"))
+
+
 @pytest.mark.parametrize(("seconds", "group"), [(1.5, True), (6.0, True), (6.0, False)])
 def test_while_processes_draw(started, log, tmp_path, seconds, group):
     target = tmp_path / "result.json"

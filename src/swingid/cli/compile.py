@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from swingid.cli import output
+from swingid.cli.failure import keeps
 from swingid.cli.progress import bar
 
 
@@ -28,7 +29,8 @@ def compile(
     from swingid.numerics.compiled import CACHE
 
     start = time.monotonic()
-    count = compile_ahead(tasks or listed(), Bar(), processes)
+    with keeps(lambda: f"the kernels that are compiled are kept in {CACHE}; the same command goes on from there"):
+        count = compile_ahead(tasks or listed(), Bar(), processes)
     took = f"{count} kernels compiled in {time.monotonic() - start:.0f} s" if count else "all kernels were compiled"
     output.say(f"{took}; they are in {CACHE}")
 

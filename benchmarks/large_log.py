@@ -57,6 +57,7 @@ def _print(given: argparse.Namespace, found: dict, reading: dict) -> None:
         f"  read and identified      {_rate(rows, seconds)}",
         f"  the same less reading    {_rate(rows, after)}",
         f"  processor time of that   {_rate(rows, used)}",
+        f"  processor time in all    {_rate(rows, found['processor'])}",
         f"  peak memory              {found['memory']:7.2f} GB",
         f"  error of the inertia     {100 * (inertia['value'] / INERTIA - 1):+.5f} %",
         f"  95 % interval            ±{100 * (high - low) / 2 / INERTIA:.5f} %",

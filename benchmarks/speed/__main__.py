@@ -19,7 +19,7 @@ from case import Case, Measured, measured
 
 import history
 
-FAMILIES = ("identify", "start", "ensembles")
+FAMILIES = ("identify", "start", "ensembles", "large_logs")
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "benchmarks.md"
 HEAD = ("", "reference", "ratio", "asked", "our time")
 

@@ -26,6 +26,8 @@ class Case:
     reference: Timer
     asked: float | None = None
     pairs: int = 9
+    warm: bool = True
+    """Whether a first call of each is not counted, because it may compile."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,13 @@ def processor_time(work: Callable[[], object]) -> Timer:
 
 
 def measured(case: Case) -> Measured:
-    """A first call of each that is not counted (it may compile), then pairs by turns.
+    """Pairs by turns, after a first one that is not counted where the case is warm.
 
     The median of paired ratios, because a pair shares the machine's state of the moment; its spread from the median
     absolute deviation, times 1.253 / sqrt(pairs), the standard deviation of a median of normal values.
     """
-    case.ours(), case.reference()
+    if case.warm:
+        case.ours(), case.reference()
     pairs = [(case.ours(), case.reference()) for _ in range(case.pairs)]
     logs = [math.log(ours / reference) for ours, reference in pairs]
     middle = statistics.median(logs)

@@ -47,7 +47,7 @@ def cases() -> Iterator[Case]:
         )
         for task, arguments in first.items():
             ours = command(["-m", "swingid", *arguments], environment, empty=True)
-            yield Case(f"first {task}", "numba compiling 40 fixed lines", ours, cold, pairs=3)
+            yield Case(f"first {task}", "numba compiling 40 fixed lines", ours, cold, pairs=3, warm=False)
         warm = ["-m", "swingid", "identify", log, "--rig", "paper"]
         imports = command(["-c", PACKAGES], environment)
         yield Case("identify, new process", f"`{PACKAGES}`", command(warm, environment), imports)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from swingid.cli.compile import compile_first
 from swingid.cli.failure import keeps
 from swingid.cli.options import Json
 from swingid.cli.output import check_writable, overwrite, say, tell, time_left, write_json
@@ -60,7 +61,8 @@ def campaign(
     chosen = load_plan(plan).with_runs(runs)
     folder = Path(out or f"campaign-{chosen.name}")
     if scheduler is None and not (folder / "results.parquet").is_file() and not are_compiled(chosen):
-        say("compiling kernels and trying every kind of run, once per version, a minute or so")
+        compile_first("simulate", *chosen.tables.base.methods)
+        say("trying every kind of run, once per version")
     with keeps(lambda: _kept(chosen, folder)):
         run_campaign(chosen, folder, workers=workers, scheduler=scheduler, progress=_progress())
     summary = summarise(chosen, folder)

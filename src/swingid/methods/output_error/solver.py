@@ -14,7 +14,7 @@ import numpy as np
 from swingid.methods.output_error.problem import Prediction, Problem
 from swingid.methods.output_error.unknowns import Unknowns
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import njit
+from swingid.numerics.regression import SINGLE
 
 LOSSES = ("linear", "huber", "soft_l1")
 
@@ -103,27 +103,18 @@ def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduc
     return result
 
 
-@njit
 def _grams(slopes: Array, residuals: Array, weights: Array, scale: Array, rows: Ints) -> Array:
-    """Weighted products of all columns and the residuals (k, m + 1, m + 1), segment by segment.
-
-    Compiled, as for so few columns the threads of a matrix product cost more than they save.
-    """
+    """Weighted products of all columns and the residuals (k, m + 1, m + 1), segment by segment."""
     m = slopes.shape[1]
-    grams = np.zeros((len(rows) - 1, m + 1, m + 1))
-    line = np.empty(m + 1)
-    for k in range(len(rows) - 1):
-        for r in range(rows[k], rows[k + 1]):
-            for c in range(m):
-                line[c] = slopes[r, c] * scale[r]
-            line[m] = residuals[r]
-            for i in range(m + 1):
-                weighted = weights[r] * line[i]
-                for j in range(i + 1):
-                    grams[k, i, j] += weighted * line[j]
-        for i in range(m + 1):
-            for j in range(i):
-                grams[k, j, i] = grams[k, i, j]
+    size = max(SINGLE // (m + 1) ** 2, 1)
+    grams, part = np.zeros((len(rows) - 1, m + 1, m + 1)), np.empty((size, m + 1))
+    for k, (begin, end) in enumerate(pairwise(rows)):
+        for first in range(begin, end, size):
+            last = min(first + size, end)
+            own = part[: last - first]
+            np.multiply(slopes[first:last], scale[first:last, None], out=own[:, :m])
+            own[:, m] = residuals[first:last]
+            grams[k] += (own * weights[first:last, None]).T @ own
     return grams
 
 

@@ -201,3 +201,12 @@ def test_lengths_and_keys_that_cannot_be_are_refused():
         simulate_ensemble(rig, fast, duration=1.0, seeds=[1, 2, 3], values={"axis.inertia": [3e-3, 2e-3]})
     with pytest.raises(UsageError, match=r"sensors\.noise cannot differ"):
         simulate_ensemble(rig, fast, duration=1.0, values={"sensors.noise": [0.0, 1e-3]})
+
+
+def test_recordings_of_a_rig_that_logs_a_rate_are_refused():
+    """They would lack the rate; the angles are there."""
+    rig = Rig.builtin("paper").changed({"log.angle_speed": "rate"})
+    runs = simulate_ensemble(rig, fast, duration=0.1)
+    assert runs.channel("angle").shape == (1, 101)
+    with pytest.raises(UsageError, match="logs a rate, which an ensemble does not"):
+        runs.recording(0)

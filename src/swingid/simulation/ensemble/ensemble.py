@@ -59,10 +59,13 @@ class Ensemble:
         return values
 
     def recording(self, k: int) -> Recording:
-        """Run k as the Recording that `simulate` gives for it; UsageError unless record="all"."""
+        """Run k as the Recording that `simulate` gives; UsageError unless record="all", or if the rig logs a rate."""
         if len(self.log) < CHANNELS["all"]:
             raise UsageError('simulate the ensemble with record="all" to have recordings', code="not-recorded")
         run, rows = self.runs[k], len(self.time)
+        if run.rig.log.angle_speed is not None or run.rig.sensors.wheel_speed is not None:
+            text = f"rig {run.rig.name!r} logs a rate, which an ensemble does not; simulate its runs one by one"
+            raise UsageError(text, code="not-recorded")
         run = replace(run, rig=run.own_rig, changes={})
         made = drawn(run.rig, rows, run.seed, constants_too=run.draw)
         return run.recording(run.controller, self.time, run.inputs(self.time, rows)[0], self.log[:, k].T, made)

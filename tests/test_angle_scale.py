@@ -12,7 +12,7 @@ import pytest
 from closed_form_logs import INERTIA, TWO_TONES, direct_log, direct_rig, exact_rig, free_log, free_rig, wheel_log
 from swingid.balance.choice import choose
 from swingid.balance.rows import Signals
-from swingid.checks.angle_scale import angle_scale, check_angle_scale
+from swingid.checks.angle_scale import check_angle_scale, scale_at, search_scale
 from swingid.errors import UnanswerableError
 from swingid.identification import identify
 from swingid.methods.output_error.problem import Prediction
@@ -95,7 +95,9 @@ def test_every_method_names_it(logs, method):
 @pytest.mark.parametrize("kind", ["wheel", "direct", "free"])
 def test_the_scale_is_within_its_uncertainty(logs, kind):
     choice = fits_of(*logs[kind])
-    found = [one for fit in choice.tried.values() if (one := angle_scale(fit, choice.signals)) is not None]
+    searched = [(fit, search_scale(fit, choice.signals)) for fit in choice.tried.values()]
+    every = [scale_at(fit, choice.signals, *one) for fit, one in searched if one is not None]
+    found = [one for one in every if one is not None]
     best = min(found, key=lambda one: one.relative)
     assert abs(best.value - 1) < 4 * best.u
     assert best.u < 3e-3

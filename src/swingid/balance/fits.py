@@ -36,6 +36,9 @@ ROUNDING = 1e-9
 EQUAL = 1e-8
 """Relative change of the weight of a prior from which on the fit is the same."""
 
+SINGULAR, TINY = 1e-14, 1e-300
+"""What is added to scaled normal equations, and least power of a column: columns may be 0 or repeat another."""
+
 SLIGHT = 1e-6
 """Residuals as a share of the known side (RMS) below which no term is missing: they bias the inertia by about as much,
 and a latency that was corrected to first order leaves as much."""
@@ -191,22 +194,33 @@ def fit_with_prior(
     the prior, and the standard deviation of a row by which these are weighted: rows share data, so each holds less
     information than its residual alone implies.
     """
-    columns = fit.columns
+    columns, known, count = fit.columns, fit.known, len(extra)
     rows, unknowns = columns.shape
-    matrix = np.column_stack([columns, *extra])
-    target, residuals = np.append(fit.known, np.zeros(len(extra))), fit.fit.residuals[:rows]
-    least, before = ROUNDING * float(np.sqrt(np.mean(target**2))), 0.0
-    for _ in range(rounds):
-        error = max(float(np.sqrt(LAG / 2 * np.mean(residuals**2))), least)
-        if abs(error - before) < EQUAL * error:
+    matrix, expected = np.column_stack([columns, *extra]), np.asarray(means) if len(means) else np.zeros(count)
+    products, right = matrix.T @ matrix, matrix.T @ known
+    residuals = fit.fit.residuals[:rows]
+    least, before = ROUNDING * float(np.sqrt(known @ known / (rows + count))), 0.0
+    for k in range(rounds):
+        error = max(float(np.sqrt(LAG / 2 * (residuals @ residuals) / rows)), least)
+        if k == rounds - 1 or abs(error - before) < EQUAL * error:
             break
         before = error
-        prior = np.hstack([np.zeros((len(extra), unknowns)), error * np.eye(len(extra))])
-        if len(means):
-            target = np.append(fit.known, error * np.asarray(means))
-        solved = fit_linear(np.vstack([matrix, prior]), target)
-        residuals = solved.residuals[:rows]
-    return solved, error
+        residuals = known - matrix @ _under_prior(products, right, error, expected)
+    prior = np.hstack([np.zeros((count, unknowns)), error * np.eye(count)])
+    return fit_linear(np.vstack([matrix, prior]), np.concatenate([known, error * expected])), error
+
+
+def _under_prior(products: Array, right: Array, error: float, means: Array) -> Array:
+    """Values by the normal equations, the last ones under a normal prior with these means; quick, for residuals."""
+    products, right, first = products.copy(), right.copy(), len(right) - len(means)
+    own = np.arange(first, len(right))
+    products[own, own] += error**2
+    right[first:] += error**2 * means
+    scale = 1.0 / np.sqrt(np.maximum(products.diagonal(), TINY))
+    products *= scale * scale[:, None]
+    products[np.arange(len(right)), np.arange(len(right))] += SINGULAR
+    values: Array = np.linalg.solve(products, right * scale) * scale
+    return values
 
 
 def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:

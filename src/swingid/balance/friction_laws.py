@@ -205,11 +205,12 @@ def _function_weights(knots: Array, values: Array, above: float, below: float) -
 
 def _smooth(knots: Array, values: Array) -> Array:
     """Values (..., knots) whose linear interpolation has the right mean: f − h² f''/12, except next to rest."""
-    result, steps, middle = values.copy(), np.diff(knots), len(knots) // 2
+    result, steps, middle = values.copy(), knots[1:] - knots[:-1], len(knots) // 2
     before, after = steps[:-1], steps[1:]
-    change = np.diff(np.diff(values) / steps)
+    slopes = (values[..., 1:] - values[..., :-1]) / steps
+    change = slopes[..., 1:] - slopes[..., :-1]
     change[..., max(middle - 2, 0) : middle + 1] = 0.0
-    result[..., 1:-1] -= before * after * change / (before + after) / 6
+    result[..., 1:-1] -= change * (before * after / (before + after) / 6)
     return result
 
 

@@ -77,18 +77,22 @@ def check_angle_scale(
     """
     if signals.linear or not law.b:
         return []
-    every = [(one, fit) for fit in tried if (one := angle_scale(fit, signals)) is not None]
-    if not every:
+    searched = ((fit, *one) for fit in tried if (one := search_scale(fit, signals)) is not None)
+    every = sorted(searched, key=lambda one: one[2] / one[1])
+    for sharpest, s, u in every:
+        found = scale_at(sharpest, signals, s, u)
+        if found is not None:
+            break
+    else:
         return []
     ran("angle-scale")
-    found, sharpest = min(every, key=lambda pair: pair[0].relative)
-    for one, _ in every:
-        level = CERTAIN if one is found else DETECTED
-        off = (one.value - 1) * np.sign(found.value - 1)
-        if one.relative < AS_SHARP * found.relative and off <= level * one.u:
-            return []
     if abs(found.a11 - law.a11) <= max(MATTERS * uncertainty, LEAST * law.a11):
         return []
+    for fit, s, u in every:
+        off = (s - 1) * np.sign(found.value - 1)
+        within = off <= (CERTAIN if fit is sharpest else DETECTED) * u
+        if within and u / s < AS_SHARP * found.relative and scale_at(fit, signals, s, u) is not None:
+            return []
     if found.left > CLEARLY * found.plain:  # friction that no term describes leaves 0.55 and more (foreign logs)
         return []
     if any(AS_GOOD * _rms(one.more) < found.left for one in place_fits(sharpest, signals)):
@@ -111,8 +115,8 @@ def _likely(found: AngleScale) -> str:
     return f" ({USUAL[nearest]})" if off[nearest] < INDICATED else ""
 
 
-def angle_scale(fit: WindowFit, signals: Signals) -> AngleScale | None:
-    """The scale of the angle by the windows of a fit; None where they do not determine one."""
+def search_scale(fit: WindowFit, signals: Signals) -> tuple[float, float] | None:
+    """The scale of the angle by the windows of a fit, and its uncertainty; None where they do not determine one."""
     s, spread = 1.0, np.inf
     for k in range(ROUNDS):
         step, spread = _step(fit, signals, s)
@@ -120,9 +124,12 @@ def angle_scale(fit: WindowFit, signals: Signals) -> AngleScale | None:
             return None
         s += float(np.clip(step, -s / 2, s))
         if abs(step) < (1.0 if k == 0 else SETTLED) * spread:
-            break
-    else:
-        return None
+            return s, spread
+    return None
+
+
+def scale_at(fit: WindowFit, signals: Signals, s: float, spread: float) -> AngleScale | None:
+    """What follows from a scale s; None where it does not reduce the residuals."""
     free = replace(fit.scale, b=None) if _is_driven(fit) else fit.scale
     sine = _sine(fit, signals, s, slope=False)[0]
     before, after = _solved(fit, free, fit.rows.gravity, 1.0).residuals, _solved(fit, free, sine, s).residuals

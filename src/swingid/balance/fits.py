@@ -140,7 +140,8 @@ class WindowFit(NamedFit):
     def freedom(self) -> float:
         """Degrees of freedom of the covariance: those of the scatter; the part by the sensors' noise is computed."""
         of_scatter = scatter_freedom(self.fit.influence[0], bartlett(LAG), len(self.unknowns))
-        scattered = max(float(self.covariance[0, 0]) - self.computed, 0.0)
+        scattered = float(self.covariance[0, 0]) - self.computed
+        scattered = scattered if scattered > 1e-12 * self.computed else 0.0  # else it is that of the arithmetic
         return effective_freedom(((scattered**0.5, of_scatter), (self.computed**0.5, math.inf)))
 
     @property

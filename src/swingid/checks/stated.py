@@ -17,6 +17,7 @@ import numpy as np
 
 from swingid.balance.fits import (
     LAG,
+    ROUNDING,
     WindowFit,
     columns_of,
     known_side,
@@ -88,6 +89,8 @@ def _shows(law: WindowFit, before: float, after: float) -> bool:
     """Whether a fall of the residuals' power is large and significant."""
     # without a nonlinearity 0.95 of the residuals and more remain
     freedom = len(law.rows.windows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES
+    if not before > ROUNDING**2 * float(np.mean(law.known**2)):
+        return False  # these are residuals of the arithmetic
     return 0 < after < BETTER**2 * before and (before / after - 1) * freedom / AMPLITUDES >= CERTAIN_RATIO
 
 

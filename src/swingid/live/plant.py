@@ -18,6 +18,7 @@ from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, STEP_KERNEL
 from swingid.model.motion import COUNTS, LONGEST, advance
 from swingid.model.parameters import OFFSET, vector
 from swingid.model.sensors import encoder_reading
+from swingid.model.sticking import BEGIN_KERNEL
 from swingid.simulation import draws
 from swingid.simulation.loop import before_start
 from swingid.simulation.twin import own_limit
@@ -144,9 +145,8 @@ class Plant:
         offset = self.values[OFFSET]
         self.values[OFFSET] = offset - self.push  # a constant friction torque is an external one of opposite sign
         t, end = self._row / self.rate, (self._row + 1) / self.rate
-        self._tried = advance(
-            STEP_KERNEL, t, end, u, self._work, self._tried, self.values, self._instants, self._seen, self._counts
-        )
+        noted = self._instants, self._seen, self._counts
+        self._tried = advance(STEP_KERNEL, BEGIN_KERNEL, t, end, u, self._work, self._tried, self.values, *noted)
         self.values[OFFSET] = offset
         self._row += 1
         if self._row == self._first + self.rows:

@@ -16,7 +16,7 @@ from __future__ import annotations
 import math
 
 from swingid.model.friction import sliding_friction
-from swingid.model.further import ALL, HELD, further_torque
+from swingid.model.further import ALL, HELD, POSITIVE, further_torque
 from swingid.model.motor import branch_torque, motor_friction
 from swingid.model.parameters import A11, A12, A22, DIRECT, FURTHER, GEAR, B
 from swingid.numerics.arrays import Array
@@ -33,7 +33,7 @@ def axis_load(q1: float, u: float, p: Array) -> float:
 def held_load(q1: float, torque: float, p: Array) -> float:
     """A torque on the axis less what its angle makes of gravity and the further terms (N m)."""
     load = torque - p[B] * math.sin(q1)
-    return float(load - further_torque(q1, 0.0, 1, HELD, p)) if p[FURTHER] != 0.0 else float(load)
+    return float(load - further_torque(q1, 0.0, POSITIVE, HELD, p)) if p[FURTHER] != 0.0 else float(load)
 
 
 @njit_inlined

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from swingid.model import parameters as at
-from swingid.model.further import DRY, WET, further_torque
+from swingid.model.further import DRY, POSITIVE, WET, further_torque
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit_inlined
 
@@ -69,7 +69,7 @@ def static_curve(v: float, p: Array) -> float:
 def release_margin(hold: float, q: float, p: Array) -> float:
     """How far (N m) an axis at rest at q (rad) is from release when friction must supply `hold` (N m); < 0: none."""
     dry = hold - p[at.OFFSET]
-    level = further_torque(q, 0.0, 1, DRY, p) if p[at.FURTHER] != 0.0 else 0.0
+    level = further_torque(q, 0.0, POSITIVE, DRY, p) if p[at.FURTHER] != 0.0 else 0.0
     return float(min(p[at.STATIC_P] + level - dry, p[at.STATIC_N] + level + dry))
 
 

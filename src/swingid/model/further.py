@@ -13,13 +13,16 @@ import math
 from swingid.model.parameters import COEFFICIENT, FIRST_SLOT, FURTHER, KIND, ODD, ORDER, POWER, SHIFT, SLOT
 from swingid.model.terms import DISPLACEMENT, STRINGS, WAVE, WEIGHT
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit_called
+from swingid.numerics.compiled import njit_called, place
 
 FLATTEST = 1e-3
 """Least square of the strings' height over that at rest: below it they are about to cross, and the model ends."""
 
-HELD, DRY, WET, ALL = 1, 2, 4, 7
+HELD, DRY, WET, ALL = map(place, (1, 2, 4, 7))
 """Kinds of terms by their speed: without it (springs, cogging), with its sign alone, with its size."""
+
+POSITIVE = place(1)
+"""The side towards which speeds are positive."""
 
 
 @njit_called

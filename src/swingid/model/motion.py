@@ -26,10 +26,9 @@ from swingid.model.integrator import (
     Mode,
     Step,
     Z,
-    derivative,
     quintic,
 )
-from swingid.model.sticking import choose_mode, first_dip, locate, margin, stop_reversed
+from swingid.model.sticking import BEGIN_KERNEL, Begin, first_dip, locate, margin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import FLOAT, INTS, MATRIX, VECTOR, KernelPointer, njit, njit_inlined
 
@@ -124,6 +123,7 @@ def next_step(
 @njit
 def advance(
     step: Step,
+    begin: Begin,
     t: float,
     t_end: float,
     u: float,
@@ -136,15 +136,14 @@ def advance(
 ) -> float:
     """Move row NOW of `work` from t to t_end (s) under the held command u (V; direct drive N m), in place.
 
-    `step` is `integrator.step`, or its pointer; `tried` the length of the first step (s), and the length to try in the
-    next call is returned. `seen` (n, 5) receives the state at the sorted `instants` (n,) passed on the way; `counts`
-    (4,) sums up steps, mode changes, guarded steps and instants passed.
+    `step` and `begin`: `STEP_KERNEL`, `BEGIN_KERNEL`. `tried` is the length of the first step (s), and the length to
+    try in the next call is returned. `seen` (n, 5) receives the state at the sorted `instants` (n,) passed on the way;
+    `counts` (4,) sums up steps, mode changes, guarded steps and instants passed.
     """
     ended, events = True, -1
     while t < t_end:
         if ended:
-            mode = choose_mode(work, u, p)
-            derivative(work, NOW, FIRST, mode, u, p)
+            mode = begin(work, u, p)
             events += 1
         h, tried, ended = next_step(step, t_end - t, tried, work, mode, u, p, events, counts)
         until = t_end if not ended and h >= t_end - t else t + h
@@ -161,5 +160,6 @@ def advance(
 
 Advance = Callable[..., float]
 ADVANCE_KERNEL = KernelPointer(
-    advance, FLOAT(STEP_KERNEL.type, FLOAT, FLOAT, FLOAT, MATRIX, FLOAT, VECTOR, VECTOR, MATRIX, INTS)
+    advance,
+    FLOAT(STEP_KERNEL.type, BEGIN_KERNEL.type, FLOAT, FLOAT, FLOAT, MATRIX, FLOAT, VECTOR, VECTOR, MATRIX, INTS),
 )

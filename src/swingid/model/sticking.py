@@ -12,14 +12,15 @@ Arguments as in `dynamics`; `work` (10, 5) is the integrator's array, whose rows
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from swingid.model.dynamics import accelerations, holding_torques
 from swingid.model.friction import release_margin
-from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, Step, Z
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, Step, Z, derivative
 from swingid.model.motor import branch_margin, motor_branch
 from swingid.model.parameters import AXIS_STICKS, WHEEL_STATIC
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit, njit_inlined
+from swingid.numerics.compiled import FLOAT, INT, MATRIX, VECTOR, KernelPointer, njit, njit_inlined, tuple_of
 
 ROUNDING = 1e-9  # rad/s^2: an acceleration of the wrong side, but below this, is rounding
 RESOLUTION = 1e-14  # s: reversals and releases are located to this
@@ -108,6 +109,18 @@ def choose_mode(work: Array, u: float, p: Array) -> Mode:
     if v1 == 0.0 or v2 == 0.0:
         return mode_at_rest(work[NOW, Q1], v1, v2, work[NOW, Z], moving, u, p)
     return moving
+
+
+@njit
+def begin_mode(work: Array, u: float, p: Array) -> Mode:
+    """The mode of row NOW under the command u, as of `choose_mode`; row FIRST becomes y' in it."""
+    mode = choose_mode(work, u, p)
+    derivative(work, NOW, FIRST, mode, u, p)
+    return mode
+
+
+Begin = Callable[[Array, float, Array], Mode]
+BEGIN_KERNEL = KernelPointer(begin_mode, tuple_of(INT, 3)(MATRIX, FLOAT, VECTOR))
 
 
 @njit_inlined

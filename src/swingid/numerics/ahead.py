@@ -86,7 +86,7 @@ def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes
         except BaseException:  # also Ctrl-C: what is in the cache stays there
             threads.shutdown(wait=False, cancel_futures=True)
             for worker in workers:
-                worker.kill()
+                worker.kill()  # else the threads wait for its answer
             raise
     for task in missing:
         _stamp(task).touch()
@@ -148,7 +148,8 @@ def _workers(count: int) -> Iterator[list[subprocess.Popen[str]]]:
         yield workers
     finally:
         for worker in workers:
-            worker.communicate()  # closes its input, at which it ends
+            worker.kill()  # what it has answered is in the cache; its own end takes most of a second
+            worker.communicate()
 
 
 def _compile_by(worker: subprocess.Popen[str], kernel: Kernel) -> None:

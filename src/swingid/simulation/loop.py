@@ -10,6 +10,7 @@ from swingid.model.integrator import NOW, Q1, Q2, ROWS, STATES, V1, V2, Step
 from swingid.model.motion import COUNTS, LONGEST, PROBES, Advance
 from swingid.model.parameters import OFFSET
 from swingid.model.sensors import encoder_reading
+from swingid.model.sticking import Begin
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import FLOAT, VECTOR, KernelPointer, njit, njit_nogil
 
@@ -48,6 +49,7 @@ def before_start(
 @njit_nogil
 def closed_loop(
     step: Step,
+    begin: Begin,
     move: Advance,
     control: KernelPointer,
     times: Array,
@@ -67,9 +69,9 @@ def closed_loop(
 ) -> Ints:
     """Run the loop over the sample instants `times` (n + 1,) (s); returns the counts of `advance`.
 
-    step, move: `STEP_KERNEL`, `ADVANCE_KERNEL`; control: `OPEN_LOOP`, `COMPENSATOR` or `BACKSTEPPING`. They are called
-    by their addresses, so that each is compiled once, apart from this loop, and what a run does not use is not
-    compiled.
+    step, begin, move: `STEP_KERNEL`, `BEGIN_KERNEL`, `ADVANCE_KERNEL`; control: `OPEN_LOOP`, `COMPENSATOR` or
+    `BACKSTEPPING`. They are called by their addresses, so that each is compiled once, apart from this loop, and what a
+    run does not use is not compiled.
 
     inputs (n,): reference (rad), or the command where the loop is open. pushes (n,): torque on the axis from outside
     (N m), held from sample to sample, or empty. y (5,): initial state. encoders (2, 4):
@@ -100,7 +102,7 @@ def closed_loop(
         if k < rows:
             log[k, 2] = u
             log[k, 3] = state[0]
-        tried = move(step, t, times[k + 1], u, work, tried, p, instants, seen, counts)
+        tried = move(step, begin, t, times[k + 1], u, work, tried, p, instants, seen, counts)
     for k in range(rows):
         log[k, 0] = encoder_reading(seen[reads[0, k], Q1], angle_encoder, noise[0, k])
         log[k, 1] = encoder_reading(seen[reads[1, k], Q2], wheel_encoder, noise[1, k])

@@ -16,6 +16,7 @@ from swingid.errors import UsageError
 from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
 from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
+from swingid.model.sticking import BEGIN_KERNEL
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
 from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
@@ -204,6 +205,7 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
     seen, log = np.zeros((len(instants), STATES)), np.zeros((rows, 4))
     counts = closed_loop(
         STEP_KERNEL,
+        BEGIN_KERNEL,
         ADVANCE_KERNEL,
         control,
         times,

@@ -15,10 +15,10 @@ import math
 import numpy as np
 
 from swingid.methods.output_error.partials import Further, mass_rows, motor_row, sliding_row, sliding_slopes
-from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z, derivative
+from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, Q2, ROWS, STATES, V1, V2, Mode, Step, Z
 from swingid.model.motion import COUNTS, next_step
 from swingid.model.parameters import A11, A12, A22, C2, ETA, F2, FURTHER, GEAR, SIZE
-from swingid.model.sticking import choose_mode, stop_reversed
+from swingid.model.sticking import Begin, stop_reversed
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.compiled import njit, njit_inlined, place
 
@@ -45,6 +45,7 @@ NONE = place(0)
 @njit
 def motor_steps(
     step: Step,
+    begin: Begin,
     knots: Array,
     commands: Array,
     flags: Ints,
@@ -56,7 +57,7 @@ def motor_steps(
 ) -> int:
     """The steps of the rig under held voltages, segment by segment, into the rows of `nodes` (n, FIELDS).
 
-    step: `model.integrator.STEP_KERNEL`.
+    step, begin: `STEP_KERNEL` and `BEGIN_KERNEL` of the model.
     knots (n,): instants at which a voltage begins or an angle is read, s. commands (n,): voltage from each knot on, V.
     flags (n,): READ_ANGLE | READ_WHEEL. bounds (k + 1,): first knot of each segment. states (k, 4): (q1, q1', q2, q2')
     at a segment's first knot. p (SIZE,): the rig's constants. begins (k + 1,) becomes the first row of each segment and
@@ -75,8 +76,7 @@ def motor_steps(
             mode, ended, going = (NONE, NONE, NONE), True, True
             while going:
                 if ended:
-                    mode = choose_mode(work, u, p)
-                    derivative(work, NOW, FIRST, mode, u, p)
+                    mode = begin(work, u, p)
                 if rows == len(nodes):
                     return -1
                 _note(nodes, rows, work, mode, u, passed, flag)

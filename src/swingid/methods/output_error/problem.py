@@ -27,6 +27,7 @@ from swingid.methods.output_error.partials import further_kernel
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.model.integrator import STEP_KERNEL
 from swingid.model.parameters import SIZE, STATIC_N, STATIC_P, STRIBECK_SPEED
+from swingid.model.sticking import BEGIN_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.preparation.encoders import Encoders
@@ -147,7 +148,7 @@ class Problem:
         while True:
             nodes = np.empty((room, FIELDS))
             ended = motor_steps(
-                STEP_KERNEL, self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins
+                STEP_KERNEL, BEGIN_KERNEL, self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins
             )
             if ended >= 0:
                 return (nodes, begins) if ended else None

@@ -14,6 +14,7 @@ from swingid.model.integrator import Q2 as WHEEL_ANGLE
 from swingid.model.motion import COUNTS, LONGEST, advance
 from swingid.model.parameters import CUBIC, STRIBECK_SPEED
 from swingid.model.sensors import ALPHA, BETA, RESOLUTION, ZERO
+from swingid.model.sticking import BEGIN_KERNEL
 from swingid.simulation.draws import CHANNELS, draw_nonlinearity
 from swingid.simulation.ensemble import lanes
 from swingid.simulation.ensemble.block import PLACES, ROW, STEP, TOGETHER, run_block
@@ -265,7 +266,7 @@ def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int, 
     instants = np.sort(rest[tuple(inside.T)])
     states = np.zeros((len(instants), STATES))
     command = float(lane[lanes.COMMAND, i])
-    advance(STEP_KERNEL, 0.0, left, command, work, min(left, LONGEST), p, instants, states, counts)
+    advance(STEP_KERNEL, BEGIN_KERNEL, 0.0, left, command, work, min(left, LONGEST), p, instants, states, counts)
     for row, e in inside:
         seen[row, e] = states[np.searchsorted(instants, rest[row, e]), WHEEL_ANGLE if e else ANGLE]
     lane[lanes.Q1, i], lane[lanes.U, i] = work[NOW, ANGLE], work[NOW, V1] * h

@@ -245,11 +245,12 @@ def _late(block: Block, filled: Ints, steps: int) -> Late:
     least, most = float(block.after.min()), float(block.after.max())
     ends = when[max(total - int(np.floor(most)) - 2, 0) :]
     np.minimum(ends, np.nextafter(float(total * steps), 0.0), out=ends)
-    seen = np.empty_like(when)
+    seen = np.full_like(when, np.nan)  # so that a reading that nothing fills is found
     early = slice(0, max(int(np.ceil(-least)), 0))
     angle, speed = (np.array([getattr(run, f"initial_{name}") for run in block.runs]) for name in ("angle", "speed"))
     uniform = angle[filled] + speed[filled] * when[early, 0] / (steps * rate)
     seen[early, 0] = np.where(when[early, 0] < 0.0, uniform, 0.0)
+    seen[early, 1] = 0.0  # the wheel rests until the start
     return when, seen, int(np.floor(steps * least - ROUNDING)), int(np.floor(steps * most + ROUNDING))
 
 

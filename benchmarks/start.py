@@ -59,7 +59,10 @@ class Tree:
         self.folder, self.cache = folder, folder / "kernels"
         folder.mkdir(parents=True, exist_ok=True)
         self.environment = os.environ | {"PYTHONPATH": str(sources), "NUMBA_CACHE_DIR": str(self.cache)}
-        self.environment.pop("PYTHONDONTWRITEBYTECODE", None)  # a user's modules are compiled once
+        self.environment.pop("PYTHONDONTWRITEBYTECODE", None)
+        subprocess.run(
+            [sys.executable, "-m", "compileall", "-q", sources], env=self.environment, check=True
+        )  # as pip does
 
     def run(self, arguments: Sequence[str]) -> Times:
         """Run Python with these arguments."""

@@ -16,7 +16,7 @@ from swingid.cli.app import run
 from swingid.errors import UsageError
 from swingid.methods.table import METHODS
 from swingid.model.integrator import STEP_KERNEL
-from swingid.numerics import ahead, compiled
+from swingid.numerics import ahead, cache
 
 SMALL = {"small": [ahead.Kernel("swingid.simulation.loop", "given_command", "float64, float64", 0.1)]}
 
@@ -51,7 +51,7 @@ def test_types_survive_as_words(kind: object) -> None:
 
 def test_a_task_is_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
-    monkeypatch.setattr(compiled, "CACHE", tmp_path)
+    monkeypatch.setattr(cache, "CACHE", tmp_path)
     parts: list[float] = []
     assert ahead.compile_ahead(["small"], lambda part, _: parts.append(part)) == 1
     assert parts == [1.0]
@@ -83,7 +83,7 @@ def test_a_worker_goes_on_after_what_it_cannot_compile() -> None:
 
 def test_a_dead_worker_does_not_stop_the_rest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
-    monkeypatch.setattr(compiled, "CACHE", tmp_path)
+    monkeypatch.setattr(cache, "CACHE", tmp_path)
     monkeypatch.setattr(sys, "executable", "/bin/false" if os.name == "posix" else sys.executable)
     assert ahead.compile_ahead(["small"]) == 1
 

@@ -6,7 +6,7 @@ import shutil
 
 import pytest
 
-from swingid.numerics.compiled import CACHE, PACKAGE, kernel_hash
+from swingid.numerics.cache import CACHE, PACKAGE, kernel_hash
 
 KERNELS = [
     "model/friction.py",

@@ -127,7 +127,7 @@ def without_posix(program: str, folder: Path, **environment: str) -> str:
 
 @pytest.mark.skipif(not POSIX, reason="takes away what is not there")
 def test_the_cache_of_kernels_has_a_folder_without_posix(tmp_path: Path) -> None:
-    program = "from swingid.numerics.compiled import CACHE\nprint(CACHE)"
+    program = "from swingid.numerics.cache import CACHE\nprint(CACHE)"
     found = Path(without_posix(program, tmp_path, LOGNAME="a b/c").strip())
     assert found.is_dir()
     assert found.parent == tmp_path / "swingid-a-b-c"

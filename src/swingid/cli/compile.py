@@ -26,7 +26,7 @@ def compile(
     """
     from swingid.numerics.ahead import compile_ahead
     from swingid.numerics.ahead import tasks as listed
-    from swingid.numerics.compiled import CACHE
+    from swingid.numerics.cache import CACHE
 
     start = time.monotonic()
     with keeps(lambda: f"the kernels that are compiled are kept in {CACHE}; the same command goes on from there"):

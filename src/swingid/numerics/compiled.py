@@ -1,17 +1,9 @@
-"""The `njit` of every compiled kernel: cached on disk, and recompiled when any kernel source changes.
-
-numba's own cache notices an edit of the file that holds a function, not of another file whose function it
-inlines. The cache folder is therefore named by a hash of all sources of the package that hold kernels.
-"""
+"""The `njit` of every compiled kernel, kept in the folder of `numerics.cache`; an edit of any kernel compiles all anew."""
 
 from __future__ import annotations
 
-import hashlib
-import os
-import tempfile
 from collections.abc import Callable
 from functools import partial
-from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
@@ -19,44 +11,11 @@ import numba.experimental.function_type  # makes numba accept `KernelPointer` as
 import numpy as np
 from numba import types
 
-from swingid.system import user
+from swingid.numerics.cache import CACHE
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
-PACKAGE = Path(__file__).resolve().parents[1]
-
-
-def kernel_hash(package: Path = PACKAGE) -> str:
-    """Hash of all sources below `package` that mention `njit`, with numba's version."""
-    digest = hashlib.sha256(numba.__version__.encode())
-    for path in sorted(package.rglob("*.py")):
-        source = path.read_bytes()
-        if b"njit" in source:
-            digest.update(str(path.relative_to(package)).encode())
-            digest.update(source)
-    return digest.hexdigest()[:16]
-
-
-def cache_folder() -> Path:
-    """Folder of this version's compiled kernels, made if it can be made, else one in the temporary folder."""
-    home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    wanted = Path(os.environ.get("NUMBA_CACHE_DIR", Path(home) / "swingid")) / kernel_hash()
-    try:
-        wanted.mkdir(parents=True, exist_ok=True)
-    except OSError:
-        wanted = Path(tempfile.gettempdir()) / f"swingid-{user()}" / wanted.name
-        wanted.mkdir(parents=True, exist_ok=True)
-    return wanted
-
-
-CACHE = cache_folder()
 numba.config.CACHE_DIR = str(CACHE)
-
-
-def first_use(folder: Path = CACHE) -> bool:
-    """Whether no kernel of this version has been compiled yet on this machine."""
-    return not any(folder.rglob("*.nbc"))
-
 
 FLOAT, INT = numba.float64, numba.int64
 VECTOR, MATRIX, INTS = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]

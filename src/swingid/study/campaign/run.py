@@ -199,7 +199,7 @@ def are_compiled(plan: Plan) -> bool:
 
 
 def _marker(kind: str) -> Path:
-    from swingid.numerics.compiled import CACHE
+    from swingid.numerics.cache import CACHE
 
     return CACHE / f"campaign-{kind}"
 

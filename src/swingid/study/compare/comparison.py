@@ -200,7 +200,7 @@ def _bug(method: str, error: Exception) -> SwingidError:
 
 def _kernels() -> int:
     """Number of compiled kernels on disk."""
-    from swingid.numerics.compiled import CACHE
+    from swingid.numerics.cache import CACHE
 
     return sum(1 for _ in CACHE.rglob("*.nbc"))
 

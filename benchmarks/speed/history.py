@@ -35,14 +35,15 @@ ELSEWHERE = 2.0
 
 
 def processor() -> str:
-    """The processor's name and the width of its vectors, which change ratios most."""
+    """The processor's name, family and model, and the width of its vectors, which change ratios most."""
     info = Path("/proc/cpuinfo")
     if not info.is_file():
         return platform.processor() or platform.machine()
     text = info.read_text(encoding="utf-8")
-    name = re.search(r"^model name\s*:\s*(.*)$", text, re.M)
+    found = {key: re.search(rf"^{key}\s*:\s*(.*)$", text, re.M) for key in ("model name", "cpu family", "model")}
+    name, family, model = (match[1] if match else "?" for match in found.values())
     bits = 512 if " avx512f" in text else 256 if " avx2" in text else 128
-    return f"{name[1] if name else platform.machine()}, {bits} bit"
+    return f"{name} (family {family}, model {model}), {bits} bit"
 
 
 def records() -> list[dict[str, Any]]:

@@ -1,4 +1,4 @@
-"""The `njit` of every compiled kernel, kept in the folder of `numerics.cache`; an edit of any kernel compiles all anew."""
+"""The `njit` of every kernel, compiled into the folder of `numerics.cache`; an edit of any kernel compiles all anew."""
 
 from __future__ import annotations
 

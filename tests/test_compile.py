@@ -30,7 +30,7 @@ def test_the_list_names_kernels_that_exist() -> None:
             assert arguments is not None, f"{kernel.name}: numba has no type {kernel.arguments}"
             count = function.py_func.__code__.co_argcount
             assert len(arguments) == count, f"{kernel.name} takes {count} arguments now: run tools/list_kernels.py"
-    assert {"simulate", "output-error"} <= set(ahead.tasks())
+    assert {"simulate", *METHODS} <= set(ahead.tasks())
 
 
 @pytest.mark.parametrize(

@@ -134,9 +134,9 @@ def main() -> None:
         content[task] = json.loads(done.stdout.splitlines()[-1])
         print(f"{task}: {len(content[task])} kernels, {sum(entry[3] for entry in content[task]):.1f} s")
     lines = (
-        f'"{task}": [\n' + ",\n".join(f" {json.dumps(entry)}" for entry in content[task]) + "\n]"
+        f'"{task}": [' + ",".join(f"\n {json.dumps(entry)}" for entry in content[task]) + "]"
         for task in TASKS
-        if content.get(task)
+        if task in content
     )
     ahead.LIST.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 

@@ -23,14 +23,12 @@ cd "$place/work"
 swingid init lab
 swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 25 --rate 1000 --out run.parquet \
     2> simulate.err
-start=$(date +%s)
 swingid identify run.parquet --rig paper --json result.json --report report.html > summary.txt 2> identify.err
-echo "first identify, with compilation and report: $(($(date +%s) - start)) s"
-swingid identify run.parquet --rig paper --json - > again.json 2> again.err
+swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 1 --rate 1000 --out again.parquet \
+    2> again.err
 grep -q "compiling kernels" simulate.err
-grep -q "compiling kernels" identify.err
-if grep "compiling kernels" again.err; then
-    echo "the second identify compiles again" >&2
+if grep "compiling kernels" identify.err again.err; then
+    echo "identify, or the second simulate, compiles kernels" >&2
     exit 1
 fi
 python - "$checkout" << 'END'

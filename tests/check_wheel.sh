@@ -24,6 +24,7 @@ swingid init lab
 swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 25 --rate 1000 --out run.parquet \
     2> simulate.err
 swingid identify run.parquet --rig paper --json result.json --report report.html > summary.txt 2> identify.err
+swingid identify run.parquet --rig paper --json - > again.json 2>> identify.err
 swingid simulate --rig paper --reference "sine 0.8 rad 8.5 rad/s" --duration 1 --rate 1000 --out again.parquet \
     2> again.err
 grep -q "compiling kernels" simulate.err

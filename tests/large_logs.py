@@ -5,11 +5,15 @@ from __future__ import annotations
 import json
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from closed_form_logs import INERTIA, Sines, integrals, wheel_log
 from swingid.model.rig import Rig
+
+if TYPE_CHECKING:
+    import pytest
 
 RATE = 10_000.0
 PERIOD = 20.0
@@ -120,3 +124,12 @@ def _write_mcap(path: Path, rows: int, parts) -> None:
                 stamp = round(1e9 * row[0])
                 writer.add_message(channel, log_time=stamp, publish_time=stamp, data=text.encode())
         writer.finish()
+
+
+def make_parts_small(monkeypatch: pytest.MonkeyPatch, piece: int, enough: int) -> None:
+    """Logs count as large from 100 000 rows on, and parts are small, so that tests are quick."""
+    from swingid.recording.large import log, parts
+
+    monkeypatch.setattr(log, "LARGE", 100_000)
+    monkeypatch.setattr(log, "PIECE", piece)
+    monkeypatch.setattr(parts, "ENOUGH", enough)

@@ -13,11 +13,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import swingid as sw
-from large_logs import GIVEN, write_large_log
+from large_logs import GIVEN, make_parts_small, write_large_log
 from swingid.cli import main
 from swingid.errors import InputError
 from swingid.recording.formats import hdf5, mcap, read_table
-from swingid.recording.large import LargeLog, is_large, log, parts
+from swingid.recording.large import LargeLog, is_large, log
 
 pytest.importorskip("h5py")
 pytest.importorskip("mcap")
@@ -28,10 +28,7 @@ NAMES = ["t", "q1", "q2", "u"]
 
 @pytest.fixture
 def small_parts(monkeypatch):
-    """Logs count as large from 100 000 rows on, and parts are small, so that tests are quick."""
-    monkeypatch.setattr(log, "LARGE", 100_000)
-    monkeypatch.setattr(log, "PIECE", 40_000)
-    monkeypatch.setattr(parts, "ENOUGH", 6_000)
+    make_parts_small(monkeypatch, 40_000, 6_000)
 
 
 @pytest.fixture(scope="module")

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 import large_logs
 import swingid as sw
 from closed_form_logs import INERTIA
-from large_logs import GIVEN, RATE, write_large_log
+from large_logs import GIVEN, RATE, make_parts_small, write_large_log
 from swingid.cli import main
 from swingid.cli.progress import Progress
 from swingid.errors import InputError, UnanswerableError, UsageError
-from swingid.recording.large import LargeLog, is_large, log, parts
+from swingid.recording.large import LargeLog, is_large
 from swingid.recording.large.parts import averaged, block_length
 from swingid.recording.recording import Recording
 
@@ -29,10 +29,7 @@ ROWS = 450_000
 
 @pytest.fixture
 def small_parts(monkeypatch):
-    """Logs count as large from 100 000 rows on, and parts are small, so that tests are quick."""
-    monkeypatch.setattr(log, "LARGE", 100_000)
-    monkeypatch.setattr(log, "PIECE", 60_000)
-    monkeypatch.setattr(parts, "ENOUGH", 12_000)
+    make_parts_small(monkeypatch, 60_000, 12_000)
 
 
 @pytest.fixture(scope="module")

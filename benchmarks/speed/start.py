@@ -21,16 +21,17 @@ def command(arguments: Sequence[object], environment: Mapping[str, str], empty: 
     """Timer of a Python process with its children; `empty`: with a cache of kernels of its own, which is empty."""
 
     def timer() -> float:
-        before = _processor()
+        before = processor()
         with tempfile.TemporaryDirectory() as cache:
             own = {**environment, "NUMBA_CACHE_DIR": cache} if empty else environment
             subprocess.run([sys.executable, *map(str, arguments)], env=own, check=True, capture_output=True)
-        return _processor() - before
+        return processor() - before
 
     return timer
 
 
-def _processor() -> float:
+def processor() -> float:
+    """Seconds of all processes that this one waited for."""
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return used.ru_utime + used.ru_stime
 

@@ -26,7 +26,7 @@ def shown(show: Show) -> Iterator[None]:
 
 
 def tracked(items: Collection[Item]) -> Iterator[Item]:
-    """The items one by one; before the first and after each the progress is shown, where it is asked for.
+    """The items one by one; before the first and after each the progress is shown, within a block of `shown`.
 
     Loops inside such a loop show nothing.
     """
@@ -45,7 +45,7 @@ def tracked(items: Collection[Item]) -> Iterator[Item]:
 
 
 def advanced(done: int, total: int) -> None:
-    """Show the progress of work that is no loop over items, where it is asked for."""
+    """Show the progress of work that is no loop over items, within a block of `shown`."""
     show = _show.get()
     if show is not None:
         show(done, total)

@@ -7,17 +7,20 @@ import os
 import signal
 import stat
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path
 from time import sleep
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from swingid.errors import InputError
 
 if TYPE_CHECKING:
     from concurrent.futures import ProcessPoolExecutor
+
+Item = TypeVar("Item")
+Found = TypeVar("Found")
 
 LARGEST_FILE = 1 << 30
 """Bytes of a file or a pipe that are read whole, at most."""
@@ -124,6 +127,16 @@ def worker_pool(count: int) -> Iterator[ProcessPoolExecutor]:
         raise
     finally:
         pool.shutdown(wait=True, cancel_futures=True)
+
+
+def map_in_processes(
+    count: int, function: Callable[[Item], Found], items: Sequence[Item], chunksize: int = 1
+) -> Iterator[Found]:
+    """What the function returns for each item, in order, by some processes that end with it, also at Ctrl-C."""
+    with worker_pool(count) as pool:
+        with interruption_waits():
+            found = pool.map(function, items, chunksize=chunksize)
+        yield from found
 
 
 def is_file(path: str | Path) -> bool:

@@ -249,7 +249,7 @@ def _check(task: Task, rig: Rig, view: View) -> None:
         found = commission(session, rig, progress=view.say)
     for line in found.lines():
         view.say(line)
-    wrong = [name for name in ("wheel_sign", "voltage_sign") if getattr(found, name) != (getattr(rig.device, name))]
+    wrong = [name for name in ("wheel_sign", "voltage_sign") if getattr(found, name) != getattr(rig.device, name)]
     if wrong:
         text = f"{task.rig}: device.{' and device.'.join(wrong)} must be the other sign; swingid commission writes it"
         raise InputError(text, code="wrong-sign")

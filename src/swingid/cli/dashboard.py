@@ -45,13 +45,13 @@ def dashboard(
     if find_spec("nicegui") is None:
         text = "the page needs the package nicegui; run: pip install 'swingid[app]'"
         raise UsageError(text, code="missing-package")
+    import secrets
+
     from swingid.app.server import LOCAL, Place, free_port
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
     _require_log(log, plant) if log is not None else _require_live(folder)
-    import secrets
-
     token = "" if host in LOCAL else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
     place = Place(host, free_port(host, port), token)
     output.tell(f"the page is {place.address}\nCtrl-C ends it")

@@ -120,10 +120,10 @@ def _installed(package: str) -> bool:
 
 
 def _folders() -> Iterator[Finding]:
-    from swingid.numerics.cache import CACHE, first_use
+    from swingid.numerics.cache import CACHE, kept_kernels
 
-    kernels = sum(1 for _ in CACHE.rglob("*.nbc"))
-    state = "nothing compiled yet (swingid compile)" if first_use() else f"{kernels} compiled kernels"
+    kernels = kept_kernels()
+    state = f"{kernels} compiled kernels" if kernels else "nothing compiled yet (swingid compile)"
     wanted = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     if CACHE.is_relative_to(wanted):
         yield _folder("cache of kernels", CACHE, state)

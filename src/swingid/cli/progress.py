@@ -14,7 +14,7 @@ WIDTH = 20
 
 
 class Progress:
-    """Called with what is done and the whole, in `scale` of the unit; tells the share, and how long the rest takes.
+    """Called with what is done and the whole, in `scale` of the unit; shows the share, and how long the rest takes.
 
     The time left is known from the second call with something done on, for what comes first may compile kernels.
     """
@@ -42,7 +42,7 @@ class Progress:
 
 
 class Steps:
-    """Called with what comes next, in words, `total` times; tells it with the time left, all steps taken alike."""
+    """Called with what comes next, in words, `total` times; shows it with the time left, all steps taken alike."""
 
     def __init__(self, total: int) -> None:
         self.total, self.done = total, 0

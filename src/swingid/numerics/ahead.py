@@ -13,17 +13,18 @@ from __future__ import annotations
 import gc
 import importlib
 import json
-import os
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO, cast
 
 from swingid.errors import UsageError
+from swingid.system import cores
 
 LIST = Path(__file__).with_name("kernels.json")
 
@@ -65,7 +66,7 @@ def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes
     kernels = sorted({kernel for task in missing for kernel in listed[task]}, key=lambda kernel: -kernel.seconds)
     if not kernels:
         return 0
-    count = min(processes or processors(), len(kernels))
+    count = min(processes or cores(), len(kernels))
     start, whole, done = time.monotonic(), sum(kernel.seconds for kernel in kernels), 0.0
     with _workers(count) as workers, ThreadPoolExecutor(count) as threads:
         free = list(workers)
@@ -94,12 +95,6 @@ def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes
     return len(kernels)
 
 
-def processors() -> int:
-    """Processors that this process may use."""
-    affinity = getattr(os, "sched_getaffinity", None)  # not on every system
-    return len(affinity(0)) if affinity is not None else os.cpu_count() or 1
-
-
 def word(kind: Any) -> str:
     """A numba type as the expression that makes it; ValueError for one that has none."""
     from numba import types
@@ -125,6 +120,7 @@ def _evaluated(text: str) -> Any:
         return None
 
 
+@cache
 def _listed() -> dict[str, list[Kernel]]:
     content = json.loads(LIST.read_text(encoding="utf-8"))
     return {task: [Kernel(*entry) for entry in entries] for task, entries in content.items()}

@@ -43,6 +43,6 @@ def cache_folder() -> Path:
 CACHE = cache_folder()
 
 
-def first_use(folder: Path = CACHE) -> bool:
-    """Whether no kernel of this version has been compiled yet on this machine."""
-    return not any(folder.rglob("*.nbc"))
+def kept_kernels() -> int:
+    """Number of kernels of this version that are compiled on this machine."""
+    return sum(1 for _ in CACHE.rglob("*.nbc"))

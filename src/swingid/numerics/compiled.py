@@ -24,11 +24,6 @@ tuple_of = types.UniTuple
 
 njit: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy")
 
-njit_sums: Callable[[Function], Function] = partial(
-    numba.njit, cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz"}
-)
-"""For kernels whose sums may be reordered, so that the compiler can use vector instructions."""
-
 njit_nogil: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy", nogil=True)
 """For kernels that take long enough to run in threads beside each other."""
 
@@ -44,11 +39,6 @@ these counts out where a function branches, and in a hot loop they cost more tha
 
 njit_called: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy", _nrt=False)
 """The same for functions that a hot loop seldom calls: they make it no longer."""
-
-njit_inlined_with_arrays: Callable[[Function], Function] = partial(
-    numba.njit, cache=True, error_model="numpy", forceinline=True
-)
-"""For the others."""
 
 
 def place(number: int) -> int:

@@ -31,7 +31,7 @@ from swingid.preparation.encoders import moved
 from swingid.recording.recording import Recording
 from swingid.result.data import Distributed, MonteCarlo
 from swingid.result.result import Result
-from swingid.system import cores, interruption_waits, worker_pool
+from swingid.system import cores, map_in_processes
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE
 from swingid.units import Quantity, UnknownScale
@@ -235,10 +235,7 @@ def _estimates(experiment: Experiment, planned: list[Draw], workers: int) -> Ite
     if workers == 1:
         yield from map(experiment.estimate, planned[1:])
         return
-    with worker_pool(min(workers, len(planned))) as pool:
-        with interruption_waits():
-            found = pool.map(partial(_estimate, experiment), planned[1:], chunksize=8)
-        yield from found
+    yield from map_in_processes(min(workers, len(planned)), partial(_estimate, experiment), planned[1:], chunksize=8)
 
 
 def _estimate(experiment: Experiment, draw: Draw) -> dict[str, float] | str:

@@ -22,7 +22,7 @@ from swingid.recording.recording import Recording
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, aligned, counted, noted
-from swingid.system import interruption_waits, worker_pool
+from swingid.system import map_in_processes
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -203,10 +203,7 @@ def _runs(experiment: Experiment, seeds: list[int], workers: int) -> Iterator[tu
     if workers == 1:
         yield from (run_once(experiment, seed) for seed in seeds[1:])
         return
-    with worker_pool(min(workers, len(seeds))) as pool:
-        with interruption_waits():
-            found = pool.map(partial(run_once, experiment), seeds[1:])
-        yield from found
+    yield from map_in_processes(min(workers, len(seeds)), partial(run_once, experiment), seeds[1:])
 
 
 def run_once(experiment: Experiment, seed: int) -> tuple[Outcome, ...]:

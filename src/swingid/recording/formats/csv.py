@@ -91,12 +91,7 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
     if not rows.strip():
         raise InputError(f"{name} has a header but no rows of numbers; log a motion.", code="empty-file")
     rows = _parted(rows, layout)
-    ragged = []
-
-    def leave_out(row: Any) -> Literal["skip"]:
-        ragged.append(row.number)
-        return "skip"
-
+    split, ragged = _splitting(layout)
     try:
         table = pc.read_csv(
             io.BytesIO(rows),
@@ -104,13 +99,26 @@ def read_rows(rows: bytes, layout: Layout, name: str, raw_metadata: str = "{}") 
                 column_names=column_names(layout),
                 block_size=min(max(len(rows) + 1, 1 << 16), 1 << 30),  # types from all rows
             ),
-            parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out),
+            parse_options=split,
             convert_options=pc.ConvertOptions(decimal_point=layout.decimal, strings_can_be_null=True),
         )
     except pa.ArrowException:
         message = f"{name} is not a table: its lines do not split into the columns that its header names."
         raise InputError(message, code="not-a-table") from None
     return table_from_arrow(table, name, raw_metadata, len(ragged), layout.units, layout.decimal)
+
+
+def _splitting(layout: Layout) -> tuple[Any, list[int | None]]:
+    """How lines are split into cells, and the list to which it adds each line of another length, which is left out."""
+    import pyarrow.csv as pc
+
+    ragged: list[int | None] = []
+
+    def leave_out(row: Any) -> Literal["skip"]:
+        ragged.append(row.number)
+        return "skip"
+
+    return pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out), ragged
 
 
 def _parted(rows: bytes, layout: Layout) -> bytes:
@@ -135,17 +143,12 @@ def read_numbers(rows: bytes, layout: Layout, name: str, columns: list[str]) -> 
     names = [column.strip() for column in column_names(layout)]
     if len(set(names)) < len(names):
         return None
-    ragged = []
-
-    def leave_out(row: Any) -> Literal["skip"]:
-        ragged.append(row.number)
-        return "skip"
-
+    split, ragged = _splitting(layout)
     try:
         table = pc.read_csv(
             pa.BufferReader(_parted(rows, layout)),
             read_options=pc.ReadOptions(column_names=names, block_size=BLOCK),
-            parse_options=pc.ParseOptions(delimiter=layout.delimiter.decode(), invalid_row_handler=leave_out),
+            parse_options=split,
             convert_options=pc.ConvertOptions(
                 decimal_point=layout.decimal,
                 column_types=dict.fromkeys(columns, pa.float64()),

@@ -13,6 +13,7 @@ from swingid.format import number, percent, plus_minus
 from swingid.identification import identify
 from swingid.methods.table import METHODS
 from swingid.model.rig import Rig
+from swingid.numerics.cache import kept_kernels
 from swingid.pooling.shares import Identity, estimate_of, sum_of
 from swingid.progress import tracked
 from swingid.recording.recording import Recording
@@ -174,7 +175,7 @@ def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:
     seconds = float("inf")
     result: Result | None = None
     for _ in range(2):
-        compiled = _kernels()
+        compiled = kept_kernels()
         begin = time.perf_counter()
         try:
             result = identify(log, rig, method)
@@ -185,7 +186,7 @@ def _timed(log: Recording, rig: Rig, method: str) -> tuple[Result, float]:
         except Exception as error:  # a bug of one method, which concerns it alone
             result = refusal(method, _bug(method, error))
         seconds = min(seconds, time.perf_counter() - begin)
-        if seconds > LONG and _kernels() == compiled:
+        if seconds > LONG and kept_kernels() == compiled:
             break
     assert result is not None
     return result, seconds
@@ -196,13 +197,6 @@ def _bug(method: str, error: Exception) -> SwingidError:
     what = f"this is a bug of swingid, {kind} ({error})"
     text = f"{what}; swingid identify --method {method} writes a file to report it with."
     return SwingidError(" ".join(text.split()), code=f"bug-{kind}")
-
-
-def _kernels() -> int:
-    """Number of compiled kernels on disk."""
-    from swingid.numerics.cache import CACHE
-
-    return sum(1 for _ in CACHE.rglob("*.nbc"))
 
 
 def _truth(log: Recording) -> float | None:

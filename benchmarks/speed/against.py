@@ -1,6 +1,6 @@
 """First use and warm start beside an earlier tree, old and new by turns: into docs/benchmarks.md.
 
-    python benchmarks/start.py [--against 72b55b8] [--cold 2] [--warm 9] [--print]
+    python benchmarks/speed/against.py [--against 72b55b8] [--cold 2] [--warm 9] [--print]
 
 Each tree runs as `python -m swingid` from its sources, in this environment, with a cache of kernels of its own: empty
 for the first `simulate`, then the first `identify` and the first `compare`; full for the warm starts. The default is
@@ -13,7 +13,6 @@ import argparse
 import io
 import os
 import re
-import resource
 import shutil
 import statistics
 import subprocess
@@ -24,27 +23,18 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from start import SIMULATE, processor
+
+ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "benchmarks.md"
-SIMULATE = (
-    "simulate",
-    "--rig",
-    "paper",
-    "--reference",
-    "sine 0.8 rad 8.5 rad/s",
-    "--duration",
-    "25",
-    "--out",
-    "run.parquet",
-)
 COLD = {
-    "first `simulate`": SIMULATE,
+    "first `simulate`": (*SIMULATE, "run.parquet"),
     "then the first `identify`": ("identify", "run.parquet", "--rig", "paper"),
     "then the first `compare`": ("compare", "run.parquet", "--rig", "paper"),
 }
 WARM = {
     "`swingid identify`, new process": ("-m", "swingid", "identify", "run.parquet", "--rig", "paper"),
-    "`swingid simulate`, new process": ("-m", "swingid", *SIMULATE),
+    "`swingid simulate`, new process": ("-m", "swingid", *SIMULATE, "run.parquet"),
     "`swingid --help`": ("-m", "swingid", "--help"),
     "`import swingid`": ("-c", "import swingid"),
 }
@@ -66,16 +56,11 @@ class Tree:
 
     def run(self, arguments: Sequence[str]) -> Times:
         """Run Python with these arguments."""
-        before, start = _processor(), time.perf_counter()
+        before, start = processor(), time.perf_counter()
         subprocess.run(
             [sys.executable, *arguments], cwd=self.folder, env=self.environment, check=True, capture_output=True
         )
-        return time.perf_counter() - start, _processor() - before
-
-
-def _processor() -> float:
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+        return time.perf_counter() - start, processor() - before
 
 
 def sources_of(revision: str, folder: Path) -> Path:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import os
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -294,14 +297,24 @@ def test_inspect_convert_and_init_take_large_logs(small_parts, parquet, tmp_path
         Recording.load(parquet, GIVEN)
 
 
+def benchmark(monkeypatch):
+    """benchmarks/large_log.py."""
+    monkeypatch.syspath_prepend(Path(__file__).resolve().parents[1] / "benchmarks")
+    return importlib.import_module("large_log")
+
+
+@pytest.mark.skipif(not hasattr(os, "wait4"), reason="no wait4 here")
+def test_measured_memory_is_that_of_the_command_alone(monkeypatch):
+    held = np.ones(40_000_000)  # 320 MB of this process
+    found = benchmark(monkeypatch)._timed([sys.executable, "-c", "kept = b'x' * 50_000_000"])
+    assert held[0] == 1.0
+    assert 0.05 < found["memory"] < 0.15
+
+
 @pytest.mark.long
-def test_memory_and_speed_of_three_million_rows(tmp_path):
+def test_memory_and_speed_of_three_million_rows(tmp_path, monkeypatch):
     """In a process of its own, as a user runs it; a loose bound on the speed, for a busy machine."""
-    import sys
-
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
-    from large_log import _command
-
+    _command = benchmark(monkeypatch)._command
     path = write_large_log(tmp_path / "log.parquet", 3_000_000)
     for method in ("momentum", "energy"):
         _command(path, method)  # compiles, which takes memory and time of its own

@@ -160,14 +160,15 @@ def test_a_campaign_keeps_its_runs_and_goes_on(started, tmp_path, group):
 @pytest.mark.parametrize("command", ["rehearse", "reproduce", "simulate", "compare"])
 def test_other_long_commands(started, log, tmp_path, command, seconds):
     motion = ["--rig", "paper", "--reference", "sine 0.8 rad 8.5 rad/s"]
+    logs = [log.with_name(f"log{k}.parquet") for k in range(60 * (command == "compare"))]  # a minute of work and more
+    for one in logs:
+        one.write_bytes(log.read_bytes())
     arguments = {
-        "rehearse": ["rehearse", *motion, "--duration", 25, "--runs", 400, "--json", tmp_path / "r.json"],
+        "rehearse": ["rehearse", *motion, "--duration", 25, "--runs", 4000, "--json", tmp_path / "r.json"],
         "reproduce": ["reproduce", "--out", tmp_path / "paper"],
-        "simulate": ["simulate", *motion, "--duration", 19_000, "--out", tmp_path / "r.parquet"],
-        "compare": ["compare", log, log.with_name("other.parquet"), "--rig", "paper", "--report", tmp_path / "r.html"],
+        "simulate": ["simulate", *motion, "--duration", 95_000, "--rate", 100, "--out", tmp_path / "r.parquet"],
+        "compare": ["compare", *logs, "--rig", "paper", "--report", tmp_path / "r.html"],
     }[command]
-    if command == "compare":
-        log.with_name("other.parquet").write_bytes(log.read_bytes())
     one = started(*arguments, environment={"NUMBA_CACHE_DIR": str(tmp_path / "cache")})
     time.sleep(seconds)
     check(one, tmp_path, group=True)

@@ -12,7 +12,8 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.methods.output_error.partials import axis_row, axis_slopes
 from swingid.model.dynamics import axis_load
 from swingid.model.energy import drive_power, kinetic_energy, motor_friction_power, potential_energy
-from swingid.model.friction import axis_friction
+from swingid.model.friction import sliding_friction
+from swingid.model.further import DRY, WET, further_torque
 from swingid.model.parameters import COEFFICIENT, FIRST_SLOT, FURTHER, SHIFT, SIZE, SLOT, constants, rig_vector, vector
 from swingid.model.terms import TERMS, Term, rig_terms
 from swingid.simulation import simulate_run
@@ -34,6 +35,11 @@ TRUE = {
     "cogging": {"cogging_sine": 4e-3 * np.cos(0.7), "cogging_cosine": 4e-3 * np.sin(0.7)},
     "load": {"load": 6e-3},
 }
+
+
+def axis_friction(q, v, side, p):
+    """All friction (N m) of an axis that slides."""
+    return sliding_friction(v, side, 0.0, p) + further_torque(q, v, side, DRY | WET, p)
 
 
 def off(parameter, truth):
@@ -95,7 +101,7 @@ def test_work_along_a_trajectory_is_the_change_of_energy():
         t = simulate_run(rig, duration=0.25, rate=4.0, drive=[6.0, 6.0], initial_angle=0.9, truth_times=times).truth
         assert (t.speed[1:] < 0.0).all()
         power = [
-            drive_power(6.0, v1, v2, p) - axis_friction(q, v1, -1, 0.0, p) * v1 - motor_friction_power(v2, 1, p)
+            drive_power(6.0, v1, v2, p) - axis_friction(q, v1, -1, p) * v1 - motor_friction_power(v2, 1, p)
             for q, v1, v2 in zip(t.angle, t.speed, t.wheel_speed, strict=True)
         ]
         weights = np.full(rows, 2.0)
@@ -111,7 +117,7 @@ def test_partial_derivatives_are_those_of_the_torques(side):
     p, q, v, step = rig_vector(paper_rig("stribeck", **CASES["all"])), 0.6, 1.3 * side, 1e-7
 
     def torque(q, v, p):
-        return axis_friction(q, v, side, 0.0, p) - axis_load(q, 0.0, p)
+        return axis_friction(q, v, side, p) - axis_load(q, 0.0, p)
 
     by_angle = (torque(q + step, v, p) - torque(q - step, v, p)) / (2 * step)
     by_speed = (torque(q, v + step, p) - torque(q, v - step, p)) / (2 * step)

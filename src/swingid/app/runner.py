@@ -257,12 +257,10 @@ def _check(task: Task, rig: Rig, view: View) -> None:
 
 def _order(task: Task, rig: Rig) -> Any:
     from swingid.control.compensator import Compensator
-    from swingid.control.references import parse_reference, require_axis
+    from swingid.control.references import reference_for
     from swingid.live.experiment import Order, required
 
-    motion = parse_reference(task.motion, "m" if rig.axis.kind == "linear" else "rad")
-    require_axis(motion, rig.axis.kind)
-    order = Order(motion, Compensator.paper(rig), task.duration, task.until, clear=task.clear)
+    order = Order(reference_for(task.motion, rig), Compensator.paper(rig), task.duration, task.until, clear=task.clear)
     required(order)
     return order
 

@@ -11,7 +11,7 @@ from swingid.cli import output
 from swingid.cli.compile import compile_first
 from swingid.cli.options import Angle, Json, Methods, Motion, Rate, RigFile
 from swingid.cli.progress import Progress, Steps
-from swingid.cli.simulate import Gains, compensator_of, motion_of, parse_angle
+from swingid.cli.simulate import Gains, compensator_of, parse_angle
 from swingid.errors import SwingidError, UsageError
 from swingid.system import write_whole
 
@@ -90,12 +90,13 @@ def rehearse(
     axis.inertia (what you expect) and should state axis.friction.
     """
     output.check_files({rig: "the rig file"}, json=json)
+    from swingid.control.references import reference_for
     from swingid.model.rig import Rig
     from swingid.study.rehearse import rehearse as run
 
     plant = Rig.load(rig)
     angle = parse_angle(initial_angle, plant)
-    motion = None if reference is None else motion_of(reference, plant)
+    motion = None if reference is None else reference_for(reference, plant)
     if motion is None and angle == 0.0:
         raise UsageError("nothing would move; give --reference or --initial-angle", code="no-motion")
     if motion is None and gains is not None:

@@ -11,7 +11,7 @@ import typer
 from swingid.cli import output
 from swingid.cli.compile import compile_first
 from swingid.cli.options import JsonOrRefusal, Method, Report, RigFile
-from swingid.cli.simulate import Gains, compensator_of, motion_of
+from swingid.cli.simulate import Gains, compensator_of
 from swingid.errors import UsageError
 from swingid.methods.table import DEFAULT
 
@@ -78,12 +78,13 @@ def run(
         raise UsageError(f"--out {out}: a journal is MCAP; give a name that ends in .mcap", code="bad-target")
     output.check_targets({"--out": out, "--json": json, "--report": report}, {rig: "the rig file"})
     output.check_writable(out, json, report)
+    from swingid.control.references import reference_for
     from swingid.live.experiment import Order, required
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
     share = 0.0 if until is None else _share(until)
-    order = Order(motion_of(reference, plant), compensator_of(plant, gains, {}), duration, share, clear=clear)
+    order = Order(reference_for(reference, plant), compensator_of(plant, gains, {}), duration, share, clear=clear)
     required(order)
     compile_first("simulate")
     address = address_of(device, plant)

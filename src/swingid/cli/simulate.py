@@ -94,11 +94,12 @@ def simulate(
     _check_length(duration, rate)
     writer_for(Path(out))
     output.check_target(Path(out))
+    from swingid.control.references import reference_for
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
     angle = parse_angle(initial_angle, plant)
-    motion = None if reference is None else motion_of(reference, plant)
+    motion = None if reference is None else reference_for(reference, plant)
     chosen = None
     if motion is not None:
         chosen = compensator_of(plant, gains, given) if controller is Kind.COMPENSATOR else _backstepping(plant, law)
@@ -186,15 +187,6 @@ def _commands(text: str, rig: Rig, duration: float, rate: float) -> Array:
         raise UsageError(f"--voltage {text!r}: {problem}{example}", code="bad-voltage") from None
     require_torque(rig)
     return np.asarray(wave(np.arange(int(duration * rate + 1e-9) + 1) / rate))
-
-
-def motion_of(text: str, rig: Rig) -> Reference:
-    """The reference motion in words, its amplitude in rad, or m on a linear axis; UsageError for others."""
-    from swingid.control.references import parse_reference, require_axis
-
-    motion = parse_reference(text, "m" if rig.axis.kind == "linear" else "rad")
-    require_axis(motion, rig.axis.kind)
-    return motion
 
 
 def parse_angle(text: str, rig: Rig, option: str = "--initial-angle") -> float:

@@ -11,7 +11,7 @@ from swingid.cli import output
 from swingid.cli.compile import compile_first
 from swingid.cli.live import address_of, conduct, identified
 from swingid.cli.options import JsonOrRefusal, Method, RigFile
-from swingid.cli.simulate import Gains, compensator_of, motion_of
+from swingid.cli.simulate import Gains, compensator_of
 from swingid.errors import UsageError
 from swingid.methods.table import DEFAULT
 from swingid.system import write_whole
@@ -45,6 +45,7 @@ def weigh(
 
     Says what to mount and waits for the Enter key; on the emulator nothing is to be mounted.
     """
+    from swingid.control.references import reference_for
     from swingid.live.experiment import Order, required
     from swingid.model.rig import Rig
     from swingid.pooling import difference
@@ -58,7 +59,7 @@ def weigh(
         text = "one twin can't be with and without the body; leave --device out, and each rig file is its own twin"
         raise UsageError(text, code="same-rig")
     orders = {
-        name: Order(motion_of(reference, plant), compensator_of(plant, gains, {}), duration)
+        name: Order(reference_for(reference, plant), compensator_of(plant, gains, {}), duration)
         for name, plant in plants.items()
     }
     for order in orders.values():

@@ -58,10 +58,10 @@ class LiveRig:
         ended otherwise than planned (the journal then holds what there is), UsageError where the twin passes a limit.
         """
         from swingid.control.compensator import Compensator as Chosen
-        from swingid.control.references import parse_reference
+        from swingid.control.references import reference_for
         from swingid.recording.recording import Recording
 
-        motion = parse_reference(reference) if isinstance(reference, str) else reference
+        motion = reference_for(reference, self.rig) if isinstance(reference, str) else reference
         order = Order(motion, controller or Chosen.paper(self.rig), duration, until, clear=clear)
         required(order)
         with tempfile.TemporaryDirectory() as folder:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 from swingid.model import parameters as at
-from swingid.model.further import DRY, POSITIVE, WET, further_torque
+from swingid.model.further import DRY, POSITIVE, further_torque
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit_inlined
 
@@ -71,11 +71,3 @@ def release_margin(hold: float, q: float, p: Array) -> float:
     dry = hold - p[at.OFFSET]
     level = further_torque(q, 0.0, POSITIVE, DRY, p) if p[at.FURTHER] != 0.0 else 0.0
     return float(min(p[at.STATIC_P] + level - dry, p[at.STATIC_N] + level + dry))
-
-
-@njit_inlined
-def axis_friction(q: float, v: float, s: int, z: float, p: Array) -> float:
-    """All friction (N m) of an axis that slides at the angle q (rad); arguments as `sliding_friction`."""
-    if p[at.FURTHER] == 0.0:
-        return sliding_friction(v, s, z, p)
-    return sliding_friction(v, s, z, p) + further_torque(q, v, s, DRY | WET, p)

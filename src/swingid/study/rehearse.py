@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -22,7 +21,7 @@ from swingid.recording.recording import Recording
 from swingid.study.experiment import Experiment, without_truth
 from swingid.study.faults import parse_fault, with_faults
 from swingid.study.output import Study, aligned, counted, noted
-from swingid.system import map_in_processes
+from swingid.system import cores, map_in_processes
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -168,7 +167,7 @@ def rehearse(
     if drawn:
         experiment = with_faults(experiment, drawn)
     outcomes: list[tuple[Outcome, ...]] = []
-    for found in _runs(experiment, [seed + k for k in range(runs)], workers or os.cpu_count() or 1):
+    for found in _runs(experiment, [seed + k for k in range(runs)], workers or cores()):
         outcomes.append(found)
         if progress is not None:
             progress(len(outcomes), runs)

@@ -2,7 +2,7 @@
 
 from swingid.control.references.base import Reference, require_axis
 from swingid.control.references.motions import Chirp, Multisine, Sine, Strokes, Triangle
-from swingid.control.references.parse import parse_reference
+from swingid.control.references.parse import parse_reference, reference_for
 from swingid.control.references.sampled import Motion, Sampled
 
 __all__ = [
@@ -15,5 +15,6 @@ __all__ = [
     "Strokes",
     "Triangle",
     "parse_reference",
+    "reference_for",
     "require_axis",
 ]

@@ -19,10 +19,11 @@ import math
 import re
 from typing import Any, TypeVar
 
-from swingid.control.references.base import Reference, refused
+from swingid.control.references.base import Reference, refused, require_axis
 from swingid.control.references.motions import Chirp, Multisine, Sine, Strokes, Triangle
 from swingid.control.references.sampled import Sampled
 from swingid.errors import InputError, UsageError
+from swingid.model.rig import Rig
 
 EXAMPLES = {
     "sine": "sine 0.8 rad 8.5 rad/s",
@@ -52,6 +53,13 @@ def parse_reference(text: str, unit: str = "rad") -> Reference:
     if kind == "multisine":
         return Multisine(tuple(_motion(Sine, text, kind, part, unit) for part in re.split(r"\s\+\s", rest)))
     return _motion(_KINDS[kind], text, kind, rest, unit)
+
+
+def reference_for(text: str, rig: Rig) -> Reference:
+    """As `parse_reference`, a bare amplitude in the unit of the rig's axis; UsageError also for a motion of another."""
+    motion = parse_reference(text, "m" if rig.axis.kind == "linear" else "rad")
+    require_axis(motion, rig.axis.kind)
+    return motion
 
 
 M = TypeVar("M", bound=Sine | Strokes | Triangle | Chirp)

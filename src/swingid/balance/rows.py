@@ -228,31 +228,41 @@ class Signals:
         """These signals, or on shorter blocks where half-lengths of `half` (s) need them."""
         if half >= FEWEST_BLOCKS * self.longest:
             return self
-        return Signals.of(*self.source, self.motion, self.encoders, longest=half / (2 * FEWEST_BLOCKS))
+        return Signals.of(*self.source, self.motion, self.encoders, longest=half / (2 * FEWEST_BLOCKS), known=self)
 
     @classmethod
     def of(
-        cls, log: Recording, rig: Rig, motion: Motion, encoders: Encoders, *, longest: float | None = None
+        cls,
+        log: Recording,
+        rig: Rig,
+        motion: Motion,
+        encoders: Encoders,
+        *,
+        longest: float | None = None,
+        known: Signals | None = None,
     ) -> Signals:
         """Signals of a log at the nodes of blocks no longer than `longest` (s), on the clock of the angle.
 
-        By default they are short beside the quickest turn of the motion.
+        By default they are short beside the quickest turn of the motion. known: the same on other blocks.
         """
         longest = BLOCK * motion.quickest if longest is None else longest
         nodes = BlockNodes.of(log.time, longest)
         late = encoders.angle.latency.value
-        slopes = spline_slopes(log.time, log.angle)
+        slopes = spline_slopes(log.time, log.angle) if known is None else known.angle_slopes
         angle = nodes.cubics(log.angle, slopes)
         wheel = wheel_values = wheel_slopes = None
         if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
-            wheel_values = moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late)
-            wheel_slopes = spline_slopes(log.time, wheel_values)
+            if known is None or known.wheel_values is None or known.wheel_slopes is None:
+                wheel_values = moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late)
+                wheel_slopes = spline_slopes(log.time, wheel_values)
+            else:
+                wheel_values, wheel_slopes = known.wheel_values, known.wheel_slopes
             wheel = nodes.cubics(wheel_values, wheel_slopes)
         torque = None
         if rig.drive.kind == "direct" and log.torque is not None:
             # on the angle's clock: a torque that acts at t is met by the angle in the row stamped t − late
-            measured = moved(log.time, log.torque, -late)
-            torque = nodes.hold(log.torque, late) if log.drive_held else nodes.spline(measured)
+            held = log.drive_held
+            torque = nodes.hold(log.torque, late) if held else nodes.spline(moved(log.time, log.torque, -late))
         edges, directions = motion.directions(log.time[0], log.time[-1])
         return cls(
             nodes=nodes,

@@ -51,6 +51,10 @@ MOTOR_KEYS = ("drive.motor.torque_per_volt", "drive.motor.efficiency", "drive.wh
 SHARES = (1 / 2, 1 / 4, 1 / 8, 1 / 16)
 """Half-lengths, in swings, of the windows that are compared."""
 
+LOUDER, FROM = 1.5, 0.3
+"""Windows of half the length have at least so many times the relative uncertainty by noise of the sensors, from this
+half-length (in swings) on: on even windows 4 times by white noise of an angle, twice by that of a rate."""
+
 SWINGS = 12
 """Swings from which a wrong sign or wrong motor constants are detected."""
 
@@ -103,10 +107,17 @@ def best_windows(
     """
     if len(signals.motion.turning_times) < 2:  # no swing, whose half-period would be the measure
         return None
-    halves = [*([] if first is None else [first]), *(share * signals.motion.half_period for share in SHARES)]
-    fits = [fit_rows(rows_of(signals.suited(half), law_windows(signals, half)), scale, noise, terms) for half in halves]
-    seen = [fit for fit in fits if fit is not None and np.isfinite(fit.u)]
-    least = min((fit.relative(fit.u) for fit in seen), default=0.0)
+    swing = signals.motion.half_period
+    seen: list[WindowFit] = []
+    least = np.inf
+    for half in [*([] if first is None else [first]), *(share * swing for share in SHARES)]:
+        fit = fit_rows(rows_of(signals.suited(half), law_windows(signals, half)), scale, noise, terms)
+        if fit is None or not np.isfinite(fit.u):
+            continue
+        seen.append(fit)
+        least = min(least, fit.relative(fit.u))
+        if half != first and half < FROM * swing and LOUDER * fit.relative(fit.computed**0.5) >= least:
+            break  # noise alone makes shorter ones worse
     return next((fit for fit in seen if fit.relative(fit.u) <= FLAT * least), None)
 
 

@@ -60,13 +60,14 @@ class Moved:
     warnings: list[Message] = field(default_factory=list)
 
 
-def with_latency(part: Part, memory: str = "auto") -> tuple[Choice, Moved]:
+def with_latency(part: Part, memory: str = "auto", signals: Signals | None = None) -> tuple[Choice, Moved]:
     """The choice for a part of a log, with a channel corrected by the latency found within its declared prior.
 
-    memory: as `balance.choice.MEMORY`. Where none is found, the uncertainty that remains is of first order; a warning
-    where its square matters as well.
+    memory: as `balance.choice.MEMORY`; signals: of the part, where they are known. Where none is found, the uncertainty
+    that remains is of first order; a warning where its square matters as well.
     """
-    choice, moved, result = _chosen(part, 0.0, memory), 0.0, Moved()
+    first = _chosen(part, 0.0, memory) if signals is None else choose(signals, part.rig, part.scale, part.noise, memory)
+    choice, moved, result = first, 0.0, Moved()
     if not _declared_spread(part):
         return choice, result
     found = latency_of(choice.law, choice.signals, part.rig)

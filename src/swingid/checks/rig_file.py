@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from swingid.balance.choice import Choice
+from swingid.balance.rows import Signals
 from swingid.balance.systematics import PlaceFit, gravity_conflict, place_fits, place_torque
 from swingid.checks.angle_scale import SCALE, check_angle_scale
 from swingid.checks.closure import check_closure
@@ -43,11 +44,14 @@ class RigFileCheck:
     stability: Stability
 
     @classmethod
-    def of(cls, prepared: Prepared) -> RigFileCheck | None:
-        """The balance with its windows chosen as momentum does; None where momentum has no answer."""
+    def of(cls, prepared: Prepared, part: Part | None = None, signals: Signals | None = None) -> RigFileCheck | None:
+        """The balance with its windows chosen as momentum does; None where momentum has no answer.
+
+        part, signals: those of momentum, with turning points read again, where they are known.
+        """
         try:
-            part = prepared.part(reread=True)
-            choice, _ = with_latency(part)
+            part = part or prepared.part(reread=True)
+            choice, _ = with_latency(part, signals=signals)
         except UnanswerableError:
             return None
         law, signals = choice.law, choice.signals

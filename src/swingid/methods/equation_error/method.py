@@ -74,7 +74,7 @@ def equation_error(
     selected, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
     chosen = selected.chosen
     windows, apart = _from_momentum(selected, signals)
-    rig_file = RigFileCheck.of(prepared)
+    rig_file = RigFileCheck.of(prepared, part, signals)
     selected = replace(selected, from_momentum=apart, conflict=rig_file.conflict if rig_file else 0.0)
     found = answer(selected, rig, scale)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))

@@ -77,6 +77,22 @@ def test_the_parts_together_say_what_the_whole_log_says(small_parts, parquet, me
         assert large.parameters["coulomb"].value == pytest.approx(large_logs.COULOMB, rel=2e-3)
 
 
+@pytest.mark.parametrize("method", ["momentum", "energy"])
+def test_any_number_of_processes_gives_the_same_result(small_parts, parquet, tmp_path, method):
+    columns = columns_of(parquet)
+    columns["q1"][:60_000] = columns["q1"][0]  # a part without motion, whose refusal comes from another process, too
+    path = rewritten(parquet, tmp_path, **columns)
+    found, told = [], []
+    for workers in (1, 2, 3):
+        log = LargeLog(path, GIVEN, progress=lambda *rows: told.append(rows), workers=workers)
+        found.append(sw.identify(log, GIVEN, method).to_json())
+    assert "parts-without-number" in found[0]
+    assert found[1] == found[0]
+    assert found[2] == found[0]
+    assert told == told[: len(told) // 3] * 3
+    assert told[-1] == (ROWS, ROWS)
+
+
 def test_text_gives_the_same_parts_as_parquet(small_parts, parquet, tmp_path):
     text = tmp_path / "log.csv"
     pc.write_csv(pq.read_table(parquet), text)

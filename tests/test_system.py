@@ -2,6 +2,7 @@
 
 import ast
 import os
+import pickle
 import re
 import subprocess
 import sys
@@ -16,7 +17,7 @@ import pytest
 import swingid as sw
 from swingid import system
 from swingid.cli import main
-from swingid.errors import InputError
+from swingid.errors import InputError, NotIdentifiableError, SwingidError
 
 SOURCE = Path(sw.__file__).parent
 POSIX = os.name == "posix"
@@ -243,3 +244,28 @@ def test_a_pipe_that_ends_is_a_log(fifo: Path) -> None:
     writer.start()
     assert system.read_file(fifo) == content.encode()
     writer.join(5)
+
+
+def test_a_worker_that_is_ended_gives_one_sentence() -> None:
+    with pytest.raises(InputError, match=r"a worker process was ended, perhaps for want of memory") as found:
+        list(system.map_in_processes(2, os._exit, [1, 1]))
+    assert found.value.code == "lost-workers"
+
+
+def subclasses(kind: type[SwingidError]) -> list[type[SwingidError]]:
+    return [kind, *(one for below in kind.__subclasses__() for one in subclasses(below))]
+
+
+@pytest.mark.parametrize("kind", subclasses(SwingidError))
+def test_errors_come_from_another_process_as_they_are(kind: type[SwingidError]) -> None:
+    options = {} if kind is NotIdentifiableError else {"code": "slug"}
+    error = kind("what to do", **options)
+    error.message = "what to do now"
+    found = pickle.loads(pickle.dumps(error))
+    assert type(found) is kind
+    assert (found.message, found.code, found.args, found.exit_code) == (
+        error.message,
+        error.code,
+        error.args,
+        error.exit_code,
+    )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 
 class SwingidError(Exception):
-    """An error that a user can act on.
+    """An error that a user can act on; it can be pickled, so it also comes from a process of a pool.
 
     `message` is one sentence, `code` a short stable slug such as ``"missing-file"`` that scripts may test,
     `exit_code` what the command line returns.
@@ -19,6 +19,16 @@ class SwingidError(Exception):
         super().__init__(message)
         self.message = message
         self.code = code
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """For pickle, which would call the class with the message alone."""
+        return _restored, (type(self), self.args, vars(self))
+
+
+def _restored(kind: type[SwingidError], arguments: tuple[object, ...], state: dict[str, object]) -> SwingidError:
+    error = kind.__new__(kind, *arguments)
+    vars(error).update(state)
+    return error
 
 
 class UsageError(SwingidError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
@@ -192,7 +193,7 @@ def _of_one(
     if isinstance(log, Recording):
         log = replace(log, findings=(*log.findings, *more)) if more else log
         return method.identify(log, rig, options, one_of_several=one_of_several)
-    from swingid.pooling.parts import identify_large, require_in_parts
+    from swingid.pooling.in_parts import identify_large, require_in_parts
 
     require_in_parts(log, method)
-    return identify_large(log, lambda one: method.identify(one, rig, options, one_of_several=True))
+    return identify_large(log, partial(method.identify, rig=rig, options=options, one_of_several=True))

@@ -1,29 +1,21 @@
-"""A large log read in parts: each identified by the ordinary method, then pooled as several logs are."""
+"""The results of the parts of a large log, pooled as those of several logs are."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from threading import Event
 
 import numpy as np
 
-from swingid.errors import InputError, SwingidError, UsageError
+from swingid.errors import SwingidError
 from swingid.format import percent
-from swingid.methods.table import METHODS, Method
 from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair
 from swingid.pooling.pooling import BETWEEN, Pooled, outliers, pool
-from swingid.pooling.runs import GRAVITY, constant
 from swingid.pooling.several import SINGLE, common_result, conditioning, estimates_of, pool_all
 from swingid.pooling.shares import Estimate, sum_of
-from swingid.recording.large import LARGE, LargeLog
-from swingid.recording.recording import Recording
 from swingid.result.result import Details, Message, Result, SwingSeries
-from swingid.system import sha256_of
 from swingid.uncertainty.budget import BudgetEntry, Parameter, systematic
 from swingid.uncertainty.freedom import effective_freedom
 
@@ -46,84 +38,6 @@ OF_A_PART = ("segment", "friction-per-log")
 
 DRAWN = 2000
 """Swings, at most, that the result keeps for drawing."""
-
-
-def require_in_parts(log: LargeLog, method: Method) -> None:
-    """Raise UsageError where a method does not read logs of this size."""
-    if not method.in_parts:
-        able = [one.name for one in METHODS.values() if one.in_parts]
-        message = f"{log.path} has {log.rows} rows, which {method.name} does not read in parts; take a part of it with "
-        message += f"--part FROM:TO (up to {LARGE} rows), or the method {' or '.join(able)}."
-        raise UsageError(message, code="too-large")
-
-
-def identify_large(log: LargeLog, identify_one: Callable[[Recording], Result]) -> Result:
-    """Identify a large log part by part in bounded memory; the parts are pooled like several logs.
-
-    identify_one: from a recording to its result. Raises InputError where the file cannot be used; where no part has a
-    number, the error of the first.
-    """
-    found: list[Part] = []
-    stop = Event()
-    with ThreadPoolExecutor(2) as pool, ended_by(stop):
-        digest = pool.submit(sha256_of, log.path, stop.is_set)
-        iterator = log.parts(stop.is_set)
-        ahead = pool.submit(next, iterator, None)
-        before = 0
-        while (read := ahead.result()) is not None:
-            ahead = pool.submit(next, iterator, None)  # the next part is read while this one is identified
-            rows, recording = read
-            found.append(_part(recording, rows - before, identify_one))
-            before = rows
-            if log.progress is not None:
-                log.progress(rows, log.rows)
-        sha256 = digest.result()
-    if not found:
-        raise InputError(f"{log.path} has no rows of numbers in the part that is to be used.", code="empty-file")
-    result = combine_parts(found)
-    return replace(result, provenance=result.provenance | {"log": log.path, "log_sha256": sha256})
-
-
-@contextmanager
-def ended_by(stop: Event) -> Iterator[None]:
-    """Set the event where the block ends by an error or Ctrl-C, for the threads that would go on."""
-    try:
-        yield
-    except BaseException:
-        stop.set()
-        raise
-
-
-def _part(recording: Recording | SwingidError, rows: int, identify_one: Callable[[Recording], Result]) -> Part:
-    if not isinstance(recording, Recording):
-        return Part(float("nan"), float("nan"), rows, 1, recording)
-    start, stop = float(recording.time[0]), float(recording.time[-1])
-    try:
-        result = identify_one(recording)
-        return Part(start, stop, rows, recording.averaged, result, _smear(recording, result))
-    except UsageError:
-        raise
-    except SwingidError as error:
-        return Part(start, stop, rows, recording.averaged, error)
-
-
-def _smear(log: Recording, result: Result) -> float:
-    """Relative error of the inertia, at most, by averaging rows: of the terms that are not linear in the angles.
-
-    The mean of sin q1 (and of friction) over a block of width w is that of the mean angle less (q1' w)²/24 of it
-    (Taylor); the gravity is b/(J ω²) times the inertia's term.
-    """
-    if log.averaged == 1:
-        return 0.0
-    steps = np.diff(log.time)
-    peak = float(np.quantile(np.abs(np.diff(log.angle) / steps), 0.99))
-    frequency = 2 * peak / max(float(np.ptp(log.angle)), 1e-300)
-    width = float(np.median(steps))
-    found, known = result.parameters.get("gravity_torque"), constant(result, GRAVITY)
-    b = found.value if found is not None else known[0] if known is not None else 0.0
-    size = peak if b else frequency  # without gravity the motion's size is none in angles
-    share = abs(b) / max(abs(result.inertia.value) * frequency**2, 1e-300)
-    return (size * width) ** 2 / 24 * max(1.0, share)
 
 
 @dataclass(frozen=True)

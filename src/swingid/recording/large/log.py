@@ -122,6 +122,8 @@ class LargeLog:
 
     repairs: switches as of `Recording.load`. span: the part of the log (s) to use, None for all. progress: is called
     with the rows read so far and the rows of the log (`rows`, of text about so many) after each part is identified.
+    workers: processes that identify parts, up to 4; None for one per core where they need no main module (Linux, up to
+    Python 3.13), else 1. More need `if __name__ == "__main__":` around a program's work there. The result is the same.
     """
 
     path: str
@@ -129,6 +131,7 @@ class LargeLog:
     repairs: Mapping[str, bool] = field(default_factory=dict)
     span: tuple[float, float] | None = None
     progress: Callable[[int, int], None] | None = None
+    workers: int | None = None
 
     @cached_property
     def _open(self) -> File:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from importlib import import_module
+from threading import Thread
 from typing import Annotated
 
 import typer
@@ -42,6 +44,8 @@ def compile_first(*tasks: str) -> None:
     missing = [task for task in tasks if not is_ready(task)]
     if missing:
         output.say("compiling kernels, once per version (swingid compile does all at once)")
+        # what calls the kernels imports numba afterwards, which takes most of a second: meanwhile
+        Thread(target=import_module, args=("numba",), daemon=True).start()
         compile_ahead(missing, Bar())
 
 

@@ -23,7 +23,7 @@ from swingid.cli.progress import Progress
 from swingid.errors import SwingidError, UsageError
 from swingid.methods.table import DEFAULT
 from swingid.progress import shown
-from swingid.system import cores
+from swingid.system import cores, keep_memory
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -48,6 +48,7 @@ class _Reading:
         from swingid.recording.recording import Recording
 
         if is_large(log):
+            keep_memory()
             large = LargeLog(log, rig, self.repairs, self.part, Progress("million rows", 1e6), cores())
             return large if self.part is None else large.small() or large
         recording = Recording.load(log, rig, repairs=self.repairs)

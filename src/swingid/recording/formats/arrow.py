@@ -25,12 +25,15 @@ def table_from_arrow(
     unreadable_rows: int = 0,
     units: tuple[str, ...] = (),
     decimal: str = ".",
+    *,
+    shared: bool = False,
 ) -> Table:
     """Named columns of a pyarrow.Table; names lose the blanks around them.
 
     name: the file's, for messages. raw_metadata: JSON text that swingid wrote. unreadable_rows: left out by the reader.
     units: of the columns in their order, from a line below the header. decimal: sign of the numbers in cells of text.
-    Raises InputError when two columns have one name, or the file has columns and no row.
+    shared: columns may be memory of Arrow, not to be written to. Raises InputError when two columns have one name, or
+    the file has columns and no row.
     """
     names = [str(column).strip() for column in table.column_names]
     for column in names:
@@ -41,7 +44,7 @@ def table_from_arrow(
     stated = {column: unit for column, unit in zip(names, units, strict=False) if unit}
     columns = {}
     for k, column in enumerate(names):
-        columns[column], is_time = _array(table.column(k), decimal)
+        columns[column], is_time = _array(table.column(k), decimal, shared=shared)
         stated |= {column: "s"} if is_time else {}
     return Table(columns, parse_metadata(raw_metadata), unreadable_rows, stated)
 
@@ -55,7 +58,7 @@ def parse_metadata(raw: str) -> dict[str, object]:
     return parsed if isinstance(parsed, dict) else {}
 
 
-def _array(column: Any, decimal: str) -> tuple[Array | NDArray[np.object_], bool]:
+def _array(column: Any, decimal: str, *, shared: bool) -> tuple[Array | NDArray[np.object_], bool]:
     """The cells of a column, and whether they are instants or durations, which are in s then."""
     import pyarrow as pa
 
@@ -63,7 +66,7 @@ def _array(column: Any, decimal: str) -> tuple[Array | NDArray[np.object_], bool
     if pa.types.is_temporal(kind):
         return _seconds(column), True
     if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
-        return _numbers(column.cast(pa.float64(), safe=False)), False
+        return _numbers(column.cast(pa.float64(), safe=False), shared=shared), False
     cells = [None if cell is None else str(cell) for cell in column.to_pylist()]
     seconds = seconds_of(cells)
     if seconds is not None:
@@ -85,10 +88,15 @@ def _seconds(column: Any) -> Array:
     return over_midnight(seconds) if pa.types.is_time(kind) else seconds
 
 
-def _numbers(column: Any) -> Array:
-    """A column of doubles, NaN where a cell is empty; not by `to_numpy`, which imports pandas where it is installed."""
+def _numbers(column: Any, *, shared: bool = False) -> Array:
+    """A column of doubles, NaN where a cell is empty; not by `to_numpy`, which imports pandas where it is installed.
+
+    shared: of one chunk the memory of Arrow itself.
+    """
     whole = column.fill_null(np.nan) if column.null_count else column
     parts = [np.from_dlpack(chunk) for chunk in whole.chunks]
+    if shared and len(parts) == 1:
+        return parts[0]
     return np.concatenate(parts) if parts else np.zeros(0)
 
 

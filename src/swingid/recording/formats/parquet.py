@@ -89,7 +89,7 @@ class File:
             wanted = [name for name in file.schema_arrow.names if str(name).strip() in columns]
             for batch in file.iter_batches(batch_size=rows, columns=wanted):
                 if batch.num_rows:
-                    yield table_from_arrow(pa.Table.from_batches([batch]), self.path, "{}")
+                    yield table_from_arrow(pa.Table.from_batches([batch]), self.path, "{}", shared=True)
 
 
 def _metadata(schema: pa.Schema) -> str:

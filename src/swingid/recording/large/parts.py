@@ -288,7 +288,9 @@ def _blocks(first: Array, values: Array, blocks: int, rows: int) -> tuple[Array,
 
 
 def _means(blocks: Array) -> Array:
-    result: Array = blocks.mean(axis=1)
+    """Row by row; `mean` takes five times as long for rows of some ten values."""
+    result: Array = np.einsum("ij->i", blocks)
+    result /= blocks.shape[1]
     return result
 
 

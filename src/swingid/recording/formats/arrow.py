@@ -96,7 +96,7 @@ def _numbers(column: Any, *, shared: bool = False) -> Array:
     whole = column.fill_null(np.nan) if column.null_count else column
     parts = [np.from_dlpack(chunk) for chunk in whole.chunks]
     if shared and len(parts) == 1:
-        return parts[0]
+        return parts[0].astype(np.float64, copy=False)
     return np.concatenate(parts) if parts else np.zeros(0)
 
 

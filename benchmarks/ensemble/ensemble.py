@@ -51,7 +51,7 @@ def reference(times: np.ndarray) -> np.ndarray:
 @numba.njit(error_model="numpy", fastmath={"contract", "nsz"})
 def step_of_block(lane: np.ndarray) -> int:
     widest()
-    return move_all(lane, None, None, None)
+    return move_all(lane, None, None)
 
 
 def vector_width() -> str:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.vectors import njit_lane, njit_threads, widest
 from swingid.simulation.ensemble import lanes as at
-from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.control import command_all
 from swingid.simulation.ensemble.events import redo
 from swingid.simulation.ensemble.lanes import LANES
-from swingid.simulation.ensemble.motion import afresh, any_rests, move_all
+from swingid.simulation.ensemble.motion import afresh, move_all
 from swingid.simulation.ensemble.readings import Late, fill, known, read_all
 
 ROW, STEP, REDONE, PLACES = range(4)
@@ -46,7 +43,6 @@ def write(lane: Array, log: Array, kept: Array, k: int, channels: tuple[int, int
 @njit_threads
 def run_block(
     lane: Array,
-    p: Array,
     inputs: Array,
     which: Ints,
     place: Ints,
@@ -64,19 +60,16 @@ def run_block(
 ) -> bool:
     """Run a block from `place` on for all rows of `inputs`, moving `lane` in place; whether `advance` must take over.
 
-    Then it has to take what LEFT says of each run, and this is called again. lane (ROWS * LANES,): as `lanes` says. p
-    (LANES, SIZE): constants once more, for what is done by itself. inputs (rows, references): rad; V or N m where the
-    loop is open. which (LANES,): each run's column of them. kinds: whether the loop is closed, some encoder is
-    nonlinear. steps of a sample, each of h (s). noise (2, rows or none, LANES) (rad). log (channels, runs <= LANES,
-    rows) receives angle, wheel angle, command and k tilde of every row, as many as it has channels; kept: as of
-    `write`. late: instants and angles of encoders that are not read on time; the last four: as `move` and
-    `command_all` say.
+    Then it has to take what LEFT says of each run, and this is called again. lane (ROWS * LANES,): as `lanes` says.
+    inputs (rows, references): rad; V or N m where the loop is open. which (LANES,): each run's column of them. kinds:
+    whether the loop is closed, some encoder is nonlinear. steps of a sample, each of h (s). noise (2, rows or none,
+    LANES) (rad). log (channels, runs <= LANES, rows) receives angle, wheel angle, command and k tilde of every row, as
+    many as it has channels; kept: as of `write`. late: instants and angles of encoders that are not read on time; the
+    last four: as `move` and `command_all` say.
     """
     widest()
     closed, bent = kinds
     total, rows, rate = len(inputs), log.shape[2], 1.0 / (h * steps)
-    work, taylor = np.zeros((10, 5)), np.zeros((series.ROWS, series.TERMS + 1))
-    resting = any_rests(lane)
     while place[ROW] < total:
         k = place[ROW]
         if place[STEP] == 0:
@@ -98,17 +91,15 @@ def run_block(
                 if is_late is None:
                     break
         while place[STEP] < steps:
-            count = move_all(lane, rich, 1, is_late) if resting else move_all(lane, rich, None, is_late)
+            count = move_all(lane, rich, is_late)
             step = k * steps + place[STEP]
             place[STEP] += 1
             if is_late is not None:
                 fill(lane, late, step, steps)
             if count > 0:
                 place[REDONE] += count
-                if redo(lane, p, h, work, taylor, late, step, steps):
+                if redo(lane, late, step, steps, rich, is_late):
                     return True
-            if resting or count > 0:
-                resting = any_rests(lane)
         place[ROW], place[STEP] = k + 1, 0
     if is_late is not None and len(log) > 0:
         for k in range(rows):

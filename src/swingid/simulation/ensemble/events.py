@@ -1,253 +1,311 @@
-"""A step of one run that holds a stop, a release or an edge of the dead zone: the changes are located in the series.
+"""Steps that hold a stop, a release or an edge of the dead zone, or pass Stribeck's peak: taken in parts, in columns.
 
-Between two changes the motion is the same Taylor series as in the lanes; where a speed passes zero, or the motor's
-torque an edge of its dead zone, is a root of its polynomial. What goes on from there, `model.sticking` decides. What is
-rarer, a release within the step or a turn there and back, is left to `advance` of the single run.
+A part has the same Taylor series as a step. It ends where the series is no longer exact, or where a speed passes zero
+or the motor's torque an edge of its dead zone: a root of the polynomial. A run at rest goes on in the mode of
+`model.sticking`. The runs go on side by side, each with its own parts, until all have taken the step. What is rarer,
+ a release within the step or a turn there and back, is left to `advance` of the single run.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from swingid.model import parameters as at
-from swingid.model.integrator import NOW, V1, V2, Mode
-from swingid.model.integrator import Q1 as ANGLE
-from swingid.model.integrator import Q2 as WHEEL_ANGLE
-from swingid.model.motor import motor_branch
-from swingid.model.sticking import mode_at_rest, side
 from swingid.numerics.arrays import Array
-from swingid.numerics.vectors import decay, njit_lane, njit_threads, sine_cosine
+from swingid.numerics.vectors import njit_lane, njit_threads, widest
+from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble import series
-from swingid.simulation.ensemble.lanes import COMMAND, COSINE, FLAG, LANES, LEFT, Q1, Q2, SINE, U, Y
-from swingid.simulation.ensemble.readings import Late, fill_alone
-from swingid.simulation.ensemble.series import COS, CUBE, INVERSES, PEAK, SIN, SPEED, SQUARE, TERMS, WHEEL_SPEED
+from swingid.simulation.ensemble.lanes import LANES
+from swingid.simulation.ensemble.motion import (
+    ERROR,
+    LARGEST_TURN,
+    PEAKED_ERROR,
+    friction,
+    held,
+    keep,
+    motor,
+    turn,
+)
+from swingid.simulation.ensemble.readings import Late, fill
 
-LAST = 1e-13
-"""rad per step: what the last term of a series may be, so that the next is well below it."""
+NOTHING, AXIS, WHEEL, EDGE = 0.0, 1.0, 2.0, 3.0
+"""What changes at the end of a part: the axis or the wheel stops, the torque passes an edge of the dead zone."""
 
-EASY = 1e-3
-"""Share of LAST below which a part is far from too long."""
+MOST_PARTS = 100
+NEWTON = 6
+"""Steps of Newton's method, which begins where a straight line would pass the level."""
 
-MOST_STEPS = 30
+CLOSE = 1e-9
+"""Of a step: where Newton's method has moved by less, its error is the square of that."""
+
 BEYOND = 1e-11
 """Of a step: how far behind an edge of the dead zone the motion goes on, so that it is on the other side for sure."""
 
-SHORTEST = 1e-13
-"""s: a part this short is left out."""
+SHORTEST = 1e-10
+"""Of a step: a part this short is left out."""
 
-NONE, AXIS, WHEEL, EDGE, UNSURE = 0, 1, 2, 3, 4
+ROUNDING = 1e-15
+"""rad per step^2: an acceleration of the wrong side, but below this, is rounding."""
 
+WIDTH = 0.7
+"""Ratio of the terms of Stribeck's peak where a step crosses one Stribeck speed."""
 
-@njit_lane
-def mode_constants(
-    mode: Mode, h: float, u: float, p: Array
-) -> tuple[series.Axis, tuple[float, float], series.Mobility]:
-    """What `expand` takes for a step of h (s) in a mode under the command u (V; N m), from p (SIZE,)."""
-    s1, s2, branch = mode
-    viscous, coulomb, static = p[at.VISCOUS_N], p[at.COULOMB_N], p[at.STATIC_N]
-    if s1 > 0:
-        viscous, coulomb, static = p[at.VISCOUS_P], p[at.COULOMB_P], p[at.STATIC_P]
-    height, peak = 0.0, 0.0
-    if p[at.STRIBECK_SPEED] > 0.0:
-        height, peak = s1 * (static - coulomb), 1.0 / (p[at.STRIBECK_SPEED] * h) ** 2
-    load = p[at.DIRECT] * u - p[at.OFFSET] - s1 * coulomb
-    drive, drag = 0.0, p[at.GEAR] * p[at.GEAR] * p[at.F2] / h
-    if branch != 0:
-        drive = p[at.GEAR] * (p[at.ETA] * p[at.C1] * u - (p[at.D1] if branch > 0 else p[at.D2]))
-        drag += p[at.GEAR] * p[at.ETA] * p[at.C2] / h
-    m11, m12, m22 = 0.0, 0.0, 0.0
-    if s1 != 0 and s2 != 0:
-        scale = h * h / (p[at.A11] * p[at.A22] - p[at.A12] * p[at.A12])
-        m11, m12, m22 = scale * p[at.A22], scale * p[at.A12], scale * p[at.A11]
-    elif s1 != 0:
-        m11 = h * h / p[at.A11]
-    elif s2 != 0:
-        m22 = h * h / p[at.A22]
-    cubic = p[at.CUBIC] / (h * h * h)
-    axis = (p[at.B], viscous / h, s1 * p[at.QUADRATIC] / (h * h), load, cubic, height, peak)
-    return axis, (drive - s2 * p[at.GEAR] * p[at.F3], drag), (m11, m12, m22)
+ONE = np.int64(1023 << 52)
+"""Bits of 1.0."""
 
 
 @njit_lane
-def expand(a: Array, axis: series.Axis, wheel: tuple[float, float], mobility: series.Mobility) -> None:
-    """Taylor's coefficients up to `TERMS`, of the speeds, into a from its first column.
-
-    That has sine and cosine of q1, U and Y. Time counts in steps; axis, wheel and mobility as there.
-    """
-    gravity, viscous, quadratic, load1, cubic, height, peak = axis
-    load2, drag = wheel
-    m11, m12, m22 = mobility
-    a[SQUARE, 0] = a[SPEED, 0] * a[SPEED, 0]
-    if height != 0.0:
-        a[PEAK, 0] = height * decay(peak * a[SQUARE, 0])
-    a[CUBE, 0] = a[SPEED, 0] * a[SQUARE, 0]
-    for k in range(TERMS):
-        if k > 0:
-            # what is newest comes last into each sum, so that the older products need not wait for it
-            s, c, w, g = 0.0, 0.0, 0.0, 0.0
-            for i in range(1, k):
-                s += a[SPEED, i] * a[COS, k - 1 - i]
-                c -= a[SPEED, i] * a[SIN, k - 1 - i]
-                w += a[SPEED, i] * a[SPEED, k - i]
-            a[SIN, k] = (s + a[SPEED, 0] * a[COS, k - 1]) * INVERSES[k]
-            a[COS, k] = (c - a[SPEED, 0] * a[SIN, k - 1]) * INVERSES[k]
-            a[SQUARE, k] = w + 2.0 * a[SPEED, 0] * a[SPEED, k]
-            if height != 0.0:
-                for i in range(k - 1, 0, -1):
-                    g -= (k - i) * a[SQUARE, k - i] * a[PEAK, i]
-                a[PEAK, k] = (g - k * a[SQUARE, k] * a[PEAK, 0]) * (peak * INVERSES[k])
-            if cubic != 0.0:
-                a[CUBE, k] = 0.0
-                for i in range(k + 1):
-                    a[CUBE, k] += a[SPEED, i] * a[SQUARE, k - i]
-            load1, load2 = 0.0, 0.0
-        r1 = load1 - gravity * a[SIN, k] - viscous * a[SPEED, k] - quadratic * a[SQUARE, k]
-        if height != 0.0:
-            r1 -= a[PEAK, k]
-        if cubic != 0.0:
-            r1 -= cubic * a[CUBE, k]
-        r2 = load2 - drag * a[WHEEL_SPEED, k]
-        a[SPEED, k + 1] = (m11 * r1 - m12 * r2) * INVERSES[k + 1]
-        a[WHEEL_SPEED, k + 1] = (m22 * r2 - m12 * r1) * INVERSES[k + 1]
+def sixth_root(x: float) -> float:
+    """Sixth root of x, 0 < x <= 1, to 3 %, by the logarithm that the bits of a number are."""
+    bits = np.float64(np.float64(x).view(np.int64) - ONE) * (1 / 6)
+    return float(np.int64(np.int64(bits) + ONE).view(np.float64))
 
 
 @njit_lane
-def first_change(
-    mode: Mode, u: Array, y: Array, ends: tuple[float, float], edges: tuple[float, float]
-) -> tuple[int, float]:
-    """(What changes first in a step, at which fraction of it): NONE at 1 where nothing does.
-
-    u, y: series of the speeds, which are `ends` at the end. edges: speeds Y of the wheel between which the motor stays
-    in its branch (rad per step).
-    """
-    s1, s2, _ = mode
-    what, x = NONE, 1.0
-    if s1 != 0:
-        end = ends[0]
-        if s1 * end < 0.0:
-            if u[0] == 0.0:
-                return UNSURE, 0.0
-            what, x = AXIS, series.root(u, end, 0.0)
-        elif s1 * (u[0] + u[1]) < 0.0:
-            return UNSURE, 0.0
-    end = ends[1]
-    if s2 != 0:
-        if s2 * end < 0.0:
-            if y[0] == 0.0:
-                return UNSURE, 0.0
-            there = series.root(y, end, 0.0)
-            if there < x:
-                what, x = WHEEL, there
-        elif s2 * (y[0] + y[1]) < 0.0:
-            return UNSURE, 0.0
-    for edge in edges:
-        if (end - edge) * (y[0] - edge) < 0.0:
-            there = series.root(y, end, edge)
-            if there < x:
-                what, x = EDGE, there
-    return what, x
-
-
-@njit_lane
-def branch_edges(branch: int, h: float, u: float, p: Array) -> tuple[float, float]:
-    """Speeds Y of the wheel (rad per step of h) at which the torque is at the edges of the motor's branch."""
-    if p[at.C2] == 0.0 or (p[at.D1] == 0.0 and p[at.D2] == 0.0):
-        return np.inf, np.inf
-    upper = (p[at.C1] * u - p[at.D1] / p[at.ETA]) / p[at.C2] * h
-    lower = (p[at.C1] * u - p[at.D2] / p[at.ETA]) / p[at.C2] * h
-    if branch > 0:
-        return upper, np.inf
-    if branch < 0:
-        return lower, np.inf
-    return upper, lower
-
-
-@njit_lane
-def released(mode: Mode, a: Array, h: float, u: float, drive: float, p: Array) -> bool:
-    """Whether what rests in a mode may be released within a step, by what friction must hold at its ends."""
-    s1, s2, _ = mode
-    a12 = p[at.A12] / (h * h)
-    if s1 == 0:
-        for k in range(2):
-            dry = p[at.DIRECT] * u - p[at.B] * a[SIN, 0] - p[at.OFFSET] - a12 * series.grade(a[WHEEL_SPEED], float(k))
-            if dry > p[at.STATIC_P] or dry < -p[at.STATIC_N]:
-                return True
-    if s2 == 0:
-        for k in range(2):
-            if abs(drive - a12 * series.grade(a[SPEED], float(k))) > p[at.WHEEL_STATIC]:
-                return True
-    return False
-
-
-@njit_threads
-def through(
-    work: Array, a: Array, h: float, u: float, p: Array, parts: float, late: Late, i: int, at_step: tuple[int, int]
-) -> float:
-    """Move row NOW of `work` by up to h (s) under the command u through changes of mode; returns what is left (s).
-
-    a (7, TERMS + 1): place for the series. parts: into how many parts h may have to be cut. late, i, at_step: readings
-    of run i within the step, as of `fill_alone`.
-    """
-    left, part = h, h / parts
-    speed, wheel_speed = a[SPEED], a[WHEEL_SPEED]
-    for _ in range(MOST_STEPS):
-        q1, v1, v2 = work[NOW, ANGLE], work[NOW, V1], work[NOW, V2]
-        mode = (side(v1), side(v2), motor_branch(u, v2, p))
-        if v1 == 0.0 or v2 == 0.0:
-            mode = mode_at_rest(q1, v1, v2, 0.0, mode, u, p)
-        a[SIN, 0], a[COS, 0] = sine_cosine(q1)
-        part, last, drive = min(part, left), 0.0, 0.0
-        for _ in range(series.MOST_TRIALS):
-            axis, wheel, mobility = mode_constants(mode, part, u, p)
-            speed[0], wheel_speed[0], drive = v1 * part, v2 * part, wheel[0]
-            expand(a, axis, wheel, mobility)
-            last = max(series.last_terms(speed), series.last_terms(wheel_speed), 1e-300)
-            if last <= LAST:
-                break
-            part *= min(0.9, 0.9 * (LAST / last) ** INVERSES[TERMS + 1])
-        if last > LAST or released(mode, a, part, u, drive, p):
-            return left
-        ends = series.value(speed, 1.0), series.value(wheel_speed, 1.0)
-        what, x = first_change(mode, speed, wheel_speed, ends, branch_edges(mode[2], part, u, p))
-        if what == UNSURE:
-            return left
-        if what == EDGE:
-            x = min(x + BEYOND, 1.0)
-        fill_alone(late, i, at_step, (1.0 - left / h, part * x / h, part / h), (q1, work[NOW, WHEEL_ANGLE]), a)
-        work[NOW, ANGLE] += series.passed(speed, x)
-        work[NOW, WHEEL_ANGLE] += series.passed(wheel_speed, x)
-        if what != NONE:
-            ends = series.value(speed, x), series.value(wheel_speed, x)
-        work[NOW, V1] = 0.0 if what == AXIS else ends[0] / part
-        work[NOW, V2] = 0.0 if what == WHEEL else ends[1] / part
-        if what == NONE and part == left:
-            return 0.0
-        left -= part * x
-        if left < SHORTEST:
-            return 0.0
-        part = left if last < EASY * LAST else part * 0.9 * (LAST / last) ** INVERSES[TERMS + 1]
-    return left
-
-
-@njit_threads
-def redo(lane: Array, p: Array, h: float, work: Array, a: Array, late: Late, step: int, steps: int) -> bool:
-    """Take the flagged steps of a block again, with each change located; whether something is left in LEFT (s).
-
-    work (10, 5), a (7, TERMS + 1): places; late, step, steps: as of `readings.fill`.
-    """
-    some = False
+def begin(lane: Array) -> tuple[int, int]:
+    """What the runs begin the flagged steps with; how many, how many sides are undecided."""
+    widest()
+    count, undecided = 0, 0
     for i in range(LANES):
-        lane[LEFT * LANES + i] = 0.0
-        if lane[FLAG * LANES + i] == 0.0:
-            continue
-        work[NOW, ANGLE], work[NOW, V1] = lane[Q1 * LANES + i], lane[U * LANES + i] / h
-        work[NOW, WHEEL_ANGLE], work[NOW, V2] = lane[Q2 * LANES + i], lane[Y * LANES + i] / h
-        parts = lane[FLAG * LANES + i]
-        left = through(work, a, h, lane[COMMAND * LANES + i], p[i], parts, late, i, (step, steps))
-        lane[Q1 * LANES + i], lane[U * LANES + i] = work[NOW, ANGLE], work[NOW, V1] * h
-        lane[Q2 * LANES + i], lane[Y * LANES + i] = work[NOW, WHEEL_ANGLE], work[NOW, V2] * h
-        lane[SINE * LANES + i], lane[COSINE * LANES + i] = sine_cosine(work[NOW, ANGLE])
-        if left > 0.0:
-            lane[LEFT * LANES + i] = left
-            some = True
-    return some
+        u, y, sticks = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.AXIS_STICKS * LANES + i] != 0.0
+        flagged, even = lane[at.FLAG * LANES + i] != 0.0, lane[at.AXIS_KINK * LANES + i] != 0.0
+        still = 1.0 if even & (not sticks) else 0.0
+        lane[at.SIDE1 * LANES + i] = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else still)
+        still = 1.0 if lane[at.WHEEL_STATIC * LANES + i] == 0.0 else 0.0
+        lane[at.SIDE2 * LANES + i] = 1.0 if y > 0.0 else (-1.0 if y < 0.0 else still)
+        deciding = flagged & (u == 0.0) & (not sticks) & (not even)
+        lane[at.UNDECIDED * LANES + i] = 1.0 if deciding else 0.0
+        lane[at.TODO * LANES + i] = 1.0 if flagged else 0.0
+        lane[at.BEGIN * LANES + i] = 0.0 if flagged else 1.0
+        lane[at.LEFT * LANES + i] = 0.0
+        count += 1 if flagged else 0
+        undecided += 1 if deciding else 0
+    return count, undecided
+
+
+@njit_lane
+def mobility(lane: Array, i: int, rest1: bool, rest2: bool) -> series.Mobility:
+    """Run i's mobilities where axis or wheel may rest."""
+    both = not (rest1 | rest2)
+    m11, m12, m22 = lane[at.M11 * LANES + i], lane[at.M12 * LANES + i], lane[at.M22 * LANES + i]
+    alone1, alone2 = lane[at.ALONE1 * LANES + i], lane[at.ALONE2 * LANES + i]
+    m11 = m11 if both else (0.0 if rest1 else alone1)
+    return m11, (m12 if both else 0.0), (m22 if both else (0.0 if rest2 else alone2))
+
+
+@njit_lane
+def acting(lane: Array, i: int, side1: float, side2: float, rich: int | None) -> tuple[series.Axis, float, float]:
+    """What acts on run i's axis as of `series.derivatives`; what friction would have to hold of axis and wheel."""
+    rest1 = side1 == 0.0
+    viscous, dry, cubic, height, spike = friction(lane, i, side1 >= 0.0, rich)
+    gravity, outer = lane[at.GRAVITY * LANES + i], held(lane, i)
+    load, height = (outer if rest1 else outer - dry), (0.0 if rest1 else height)
+    axis = (gravity, viscous, side1 * lane[at.QUADRATIC * LANES + i], load, cubic, height, spike)
+    return axis, outer - gravity * lane[at.SINE * LANES + i], side2 * lane[at.MOTOR_COULOMB * LANES + i]
+
+
+@njit_lane
+def beyond(lane: Array, i: int, hold1: float, hold2: float, rest1: bool, rest2: bool) -> bool:
+    """Whether what rests of run i would be released by these torques (N m)."""
+    positive, negative = lane[at.STATIC_P * LANES + i], lane[at.STATIC_N * LANES + i]
+    axis = rest1 & ((hold1 > positive) | (hold1 < -negative))
+    return bool(axis | (rest2 & (abs(hold2) > lane[at.WHEEL_STATIC * LANES + i])))
+
+
+@njit_lane
+def try_mode(lane: Array, i: int, side1: float, side2: float, rich: int | None) -> None:
+    """Decide for the sides (0: rest) if run i is undecided and they agree with themselves, `sticking.agrees`."""
+    u, y = lane[at.U * LANES + i], lane[at.Y * LANES + i]
+    still1, still2, rest1, rest2 = u == 0.0, y == 0.0, side1 == 0.0, side2 == 0.0
+    _, _, drive, drag, _, _ = motor(lane, i, y)
+    axis, hold, dry2 = acting(lane, i, side1, side2, rich)
+    wheel, mobile = (drive - dry2, drag), mobility(lane, i, rest1, rest2)
+    k1, k2, _ = series.first(lane[at.SINE * LANES + i], u, y, axis, wheel, mobile, rich)
+    a12, sticks = lane[at.A12 * LANES + i], lane[at.AXIS_STICKS * LANES + i] != 0.0
+    undecided, was1, was2 = lane[at.UNDECIDED * LANES + i], lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
+    agrees = (undecided != 0.0) & (still1 | (side1 * u > 0.0)) & (still2 | (side2 * y > 0.0))
+    agrees &= not beyond(lane, i, hold - a12 * k2, drive - a12 * k1, rest1 & still1, rest2 & still2)
+    agrees &= (sticks | (not rest1)) & ((lane[at.WHEEL_STATIC * LANES + i] > 0.0) | (not rest2))
+    agrees &= ((not still1) | (side1 * k1 >= -ROUNDING)) & ((not still2) | (side2 * k2 >= -ROUNDING))
+    lane[at.SIDE1 * LANES + i] = side1 if agrees else was1
+    lane[at.SIDE2 * LANES + i] = side2 if agrees else was2
+    lane[at.UNDECIDED * LANES + i] = 0.0 if agrees else undecided
+
+
+@njit_lane
+def decide(lane: Array, rich: int | None) -> None:
+    """Sides of the undecided runs, as of `sticking.mode_at_rest`; where none agrees, the step is left."""
+    widest()
+    for k in range(9):
+        one, two = k // 3, k % 3
+        side1, side2 = float(one if one < 2 else -1), float(two if two < 2 else -1)
+        for i in range(LANES):
+            try_mode(lane, i, side1, side2, rich)
+    for i in range(LANES):
+        leave(lane, i, lane[at.UNDECIDED * LANES + i] != 0.0)
+
+
+@njit_lane
+def leave(lane: Array, i: int, leaves: bool) -> None:
+    """Leave what is still to be taken of run i's step to the single run, if so."""
+    todo, left, undecided = lane[at.TODO * LANES + i], lane[at.LEFT * LANES + i], lane[at.UNDECIDED * LANES + i]
+    lane[at.LEFT * LANES + i] = todo if leaves else left
+    lane[at.TODO * LANES + i] = 0.0 if leaves else todo
+    lane[at.UNDECIDED * LANES + i] = 0.0 if leaves else undecided
+
+
+@njit_lane
+def longest(cu: series.Derivatives, cy: series.Derivatives, spike: float, rich: int | None) -> float:
+    """Share of a step up to which series with these derivatives are exact, by an estimate of the next term."""
+    fifth, fourth = max(abs(cu[4]), abs(cy[4])) * (1 / 120), max(abs(cu[3]), abs(cy[3])) * (1 / 24)
+    ratio, error = fifth / (fourth + 1e-30), ERROR
+    following = fifth * min(ratio, 1.0)
+    if rich is not None:
+        width, error = WIDTH * np.sqrt(spike) * abs(cu[0]), PEAKED_ERROR
+        following = max(following, width * max(fifth, width * max(fourth, width * abs(cu[2]) * (1 / 6))))
+    return 0.95 * sixth_root(min(max(error / following, 1e-10), 1.0)) if following > error else 1.0
+
+
+@njit_lane
+def part(lane: Array, i: int, rich: int | None) -> int:
+    """Series of run i's next part, its length and what may change in it; 1 where something does."""
+    u, y, todo = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.TODO * LANES + i]
+    side1, side2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
+    rest1, rest2 = side1 == 0.0, side2 == 0.0
+    volts, emf, drive, drag, above, below = motor(lane, i, y)
+    axis, hold, dry2 = acting(lane, i, side1, side2, rich)
+    sine, cosine = lane[at.SINE * LANES + i], lane[at.COSINE * LANES + i]
+    wheel, mobile = (drive - dry2, drag), mobility(lane, i, rest1, rest2)
+    cu, cy = series.derivatives(sine, cosine, u, y, axis, wheel, mobile, rich)
+    keep(lane, i, cu, cy)
+    x = min(todo, longest(cu, cy, axis[6], rich))
+    far = abs(u) + abs(cu[0])
+    x = x if x * far < LARGEST_TURN else LARGEST_TURN / far
+
+    u_end, y_end = series.speed(u, cu, x), series.speed(y, cy, x)
+    slope1, slope2 = series.slope(cu, x), series.slope(cy, x)
+    kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
+    stops1, stops2 = side1 * u_end < kink1, side2 * y_end < kink2
+    torque, edge_p, edge_n = volts - emf * y_end, lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
+    over, under = torque > edge_p, torque < edge_n
+    edge = (volts - (edge_p if above | (over & (not below)) else edge_n)) / emf
+    # what changes first, as far as straight lines show it
+    first, change, level = x, NOTHING, 0.0
+    there = x * u / (u - u_end)
+    change, first = (AXIS if stops1 else change), (there if stops1 else first)
+    there = x * y / (y - y_end)
+    sooner = stops2 & ((not stops1) | (there < first))
+    change, first = (WHEEL if sooner else change), (there if sooner else first)
+    there = x * (y - edge) / (y - y_end)
+    sooner = ((above ^ over) | (below ^ under)) & ((change == NOTHING) | (there < first))
+    change, first, level = (EDGE if sooner else change), (there if sooner else first), (edge if sooner else level)
+
+    a12, active = lane[at.A12 * LANES + i], todo > 0.0
+    undecided = active & beyond(lane, i, hold - a12 * cy[0], drive - a12 * cu[0], rest1, rest2)
+    # a release, a stop at once, or a turn there and back
+    leaves = beyond(lane, i, hold - a12 * slope2, drive - a12 * slope1, rest1, rest2)
+    leaves |= (stops1 & (u == 0.0)) | (stops2 & (y == 0.0))
+    leaves |= (not stops1) & (side1 * (u + x * cu[0]) < kink1) & (side1 * slope1 > 0.0)
+    leaves |= (not stops2) & (side2 * (y + x * cy[0]) < kink2) & (side2 * slope2 > 0.0)
+    leave(lane, i, active & leaves & (not undecided))
+    lane[at.UNDECIDED * LANES + i] = 1.0 if undecided else 0.0
+    lane[at.PART * LANES + i], lane[at.LEVEL * LANES + i] = first, level
+    lane[at.CHANGE * LANES + i] = change
+    return 1 if active & (change != NOTHING) else 0
+
+
+@njit_lane
+def part_all(lane: Array, rich: int | None) -> int:
+    """All runs' next part; in how many of them something changes."""
+    changes = 0
+    for i in range(LANES):
+        changes += part(lane, i, rich)
+    return changes
+
+
+@njit_lane
+def of(lane: Array, i: int, first: int) -> series.Derivatives:
+    """Run i's series whose rows begin at `first`."""
+    own = first * LANES + i
+    return lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES], lane[own + 4 * LANES]
+
+
+@njit_lane
+def locate(lane: Array, i: int) -> None:
+    """Where run i's speed passes the level, into PART: by Newton's method; left to the single run where that fails."""
+    change, level, x = lane[at.CHANGE * LANES + i], lane[at.LEVEL * LANES + i], lane[at.PART * LANES + i]
+    cu, cy, is_axis = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2), change == AXIS
+    k0, k1, k2 = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1]), (cu[2] if is_axis else cy[2])
+    k3, k4 = (cu[3] if is_axis else cy[3]), (cu[4] if is_axis else cy[4])
+    u, y, todo, part = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.TODO * LANES + i], x
+    start = (u if is_axis else y) - level
+    moved, k = 0.0, (k0, k1, k2, k3, k4)
+    for _ in range(NEWTON):
+        moved = series.speed(start, k, x) / series.slope(k, x)
+        x -= moved
+    fine = (abs(moved) < CLOSE) & (x >= 0.0) & (x <= todo)
+    x = x + BEYOND if change == EDGE else x
+    lane[at.PART * LANES + i] = x if change != NOTHING else part
+    leave(lane, i, (change != NOTHING) & (not fine))
+
+
+@njit_lane
+def finish(lane: Array, i: int) -> tuple[int, int]:
+    """Run i at the end of its part; whether some of the step is still to be taken, whether its side is undecided."""
+    x, change, todo = lane[at.PART * LANES + i], lane[at.CHANGE * LANES + i], lane[at.TODO * LANES + i]
+    q1, u, q2, y = lane[at.Q1 * LANES + i], lane[at.U * LANES + i], lane[at.Q2 * LANES + i], lane[at.Y * LANES + i]
+    side1, side2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
+    cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
+    x1, u_end, y_end = series.turned(u, cu, x), series.speed(u, cu, x), series.speed(y, cy, x)
+    u_end, y_end = (0.0 if change == AXIS else u_end), (0.0 if change == WHEEL else y_end)
+    # what a straight line showed later came first
+    missed = (side1 * u_end < lane[at.AXIS_KINK * LANES + i]) | (side2 * y_end < lane[at.WHEEL_KINK * LANES + i])
+    waits = lane[at.UNDECIDED * LANES + i] != 0.0
+    leave(lane, i, missed & (todo > 0.0) & (not waits))
+    stays = missed | waits | (todo == 0.0)
+    lane[at.Q1 * LANES + i] = q1 if stays else q1 + x1
+    lane[at.U * LANES + i] = u if stays else u_end
+    lane[at.Q2 * LANES + i] = q2 if stays else q2 + series.turned(y, cy, x)
+    lane[at.Y * LANES + i] = y if stays else y_end
+    turn(lane, i, x1, stays)
+    todo, after = lane[at.TODO * LANES + i], todo - x
+    after = after if after > SHORTEST else 0.0
+    todo = todo if stays else after
+    lane[at.BEGIN * LANES + i] = 1.0 - todo if todo > 0.0 else 1.0
+    stops = (not stays) & ((change == AXIS) | (change == WHEEL)) & (todo > 0.0)
+    undecided = stops | (waits & (todo > 0.0))
+    lane[at.TODO * LANES + i], lane[at.UNDECIDED * LANES + i] = todo, (1.0 if undecided else 0.0)
+    side = 1.0 if u_end > 0.0 else (-1.0 if u_end < 0.0 else side1)
+    lane[at.SIDE1 * LANES + i] = side1 if stays else side
+    side = 1.0 if y_end > 0.0 else (-1.0 if y_end < 0.0 else side2)
+    lane[at.SIDE2 * LANES + i] = side2 if stays else side
+    return (1 if todo > 0.0 else 0), (1 if undecided else 0)
+
+
+@njit_threads
+def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_late: int | None) -> bool:
+    """Take the flagged steps of a block in parts; whether something is left in LEFT. Others as of `readings.fill`."""
+    widest()
+    count, undecided = begin(lane)
+    for _ in range(MOST_PARTS):
+        if count == 0:
+            break
+        if undecided > 0:
+            decide(lane, rich)
+        if part_all(lane, rich) > 0:
+            for i in range(LANES):
+                locate(lane, i)
+        if is_late is not None:
+            fill(lane, late, step, steps)
+        count, undecided = 0, 0
+        for i in range(LANES):
+            more, waits = finish(lane, i)
+            count += more
+            undecided += waits
+    left = 0
+    for i in range(LANES):
+        leave(lane, i, lane[at.TODO * LANES + i] > 0.0)
+        left += 1 if lane[at.LEFT * LANES + i] > 0.0 else 0
+    if is_late is not None:
+        for i in range(LANES):
+            lane[at.BEGIN * LANES + i] = 0.0
+    return left > 0

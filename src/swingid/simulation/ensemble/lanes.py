@@ -33,11 +33,12 @@ def rows(first: int, *counts: int) -> tuple[int, ...]:
     return tuple(places)
 
 
-# State of motion and controller, and what a sample leaves. FLAG: 0, or where the step must be taken by itself into how
-# many parts it may have to be cut; LEFT: what `redo` left of it (s). The sine and the cosine are those of q1.
+# State of motion and controller, and what a sample leaves. FLAG: whether the step must be taken in parts; LEFT: which
+# share of it `redo` left. The sine and the cosine are those of q1.
 Q1, U, Q2, Y, K_TILDE, FILTERED, WHEEL_MEMORY, WHEEL_SEEN, XI = range(9)
 REFERENCE, ANGLE_READING, WHEEL_READING, COMMAND, FLAG, LEFT, SINE, COSINE = range(9, 17)
-# The axis: torques of gravity and friction, per U where they grow with it.
+# The axis: torques of gravity and friction, per U where they grow with it. KINK: products of two speeds up to this are
+# a reversal that changes the friction (0, or -inf where none does).
 GRAVITY, VISCOUS_P, VISCOUS_N, QUADRATIC, CUBIC, COULOMB_P, COULOMB_N, STATIC_P, STATIC_N = range(17, 26)
 OFFSET, PEAK, DIRECT, AXIS_STICKS, AXIS_KINK = range(26, 31)
 # The motor: eta c1, eta c2 / h, edges of the dead zone, N, N^2 f2 / h, N f3; torque that releases the wheel.
@@ -51,9 +52,12 @@ LIMIT, COULOMB, DEAD_NEGATIVE, DEAD_POSITIVE, EMF_RATIO, RIG_LIMIT = range(57, 6
 ANGLE_STEP, ANGLE_INVERSE, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO = range(63, 68)
 WHEEL_STEP, WHEEL_INVERSE, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(68, 73)
 ANGLE_NOISE, WHEEL_NOISE = range(73, 75)
-# Encoders that are read late or early: q1, U, q2, Y at the start of the last step and its series, the fraction
-# of it at which a row is read, where axis and wheel are there; state at the last row.
-START, SERIES1, SERIES2, WHEN, THERE, END, _NEXT = rows(75, 4, 5, 5, 1, 2, 4)
+# Encoders that are read late or early: q1, U, q2, Y at the start of the last step or part and its series, the fraction
+# of the step at which a row is read, where axis and wheel are there; state at the last row; where the part begins.
+START, SERIES1, SERIES2, WHEN, THERE, END, BEGIN, _NEXT = rows(75, 4, 5, 5, 1, 2, 4, 1)
+# A step in parts: share that is still to be taken, sides (0: at rest) and whether they are to be decided, length of the
+# part, what changes at its end, and the speed at which it does.
+TODO, SIDE1, SIDE2, UNDECIDED, PART, CHANGE, LEVEL, _NEXT = rows(_NEXT, 1, 1, 1, 1, 1, 1, 1)
 # Backstepping; its estimates stand in K_TILDE and FILTERED.
 BEFORE, SEEN, AXIS_OBSERVER, WHEEL_OBSERVER, STEPPING, _NEXT = rows(_NEXT, 3, 1, 14, 14, 8)
 # The chain (16) of another order than 1: xi, its distance from rest and a term of that, the Taylor series
@@ -90,11 +94,13 @@ def pack_motion(block: Array, p: Array, h: float) -> None:
     speed = p[:, places.STRIBECK_SPEED]
     block[PEAK] = np.divide(1.0, (speed * h) ** 2, out=np.zeros_like(speed), where=speed > 0.0)
     uneven = p[:, places.VISCOUS_P] != p[:, places.VISCOUS_N]
-    block[AXIS_KINK] = (p[:, places.AXIS_STICKS] != 0.0) | (p[:, places.QUADRATIC] != 0.0) | uneven
+    kink = (p[:, places.AXIS_STICKS] != 0.0) | (p[:, places.QUADRATIC] != 0.0) | uneven
+    block[AXIS_KINK] = np.where(kink, 0.0, -np.inf)
     block[GAIN], block[BACK_EMF] = eta * p[:, places.C1], eta * p[:, places.C2] / h
     block[EDGE_P], block[EDGE_N] = p[:, places.D1], p[:, places.D2]
     block[MOTOR_DRAG], block[MOTOR_COULOMB] = gear**2 * p[:, places.F2] / h, gear * p[:, places.F3]
-    block[WHEEL_KINK] = p[:, places.WHEEL_STATIC] != 0.0
+    static = p[:, places.WHEEL_STATIC]
+    block[WHEEL_KINK] = np.where((static > 0.0) & np.isfinite(static), 0.0, -np.inf)
     block[M11], block[M12], block[M22] = h**2 * a22 / determinant, h**2 * a12 / determinant, h**2 * a11 / determinant
     block[ALONE1], block[ALONE2], block[A12] = h**2 / a11, h**2 / a22, a12 / h**2
 

@@ -173,7 +173,7 @@ def run_packed(block: Block, log: Array) -> Array:
     steps = int(np.ceil(sample / LONGEST * (1.0 - 1e-9)))
     h = sample / steps
     filled = np.minimum(np.arange(LANES), count - 1)
-    lane, p = _packed(block, filled, sample, h), block.p[filled]
+    lane = _packed(block, filled, sample, h)
     late = _late(block, filled, steps)
     kinds = int(kind.control != "open"), int(kind.bent)
     place, flat, which = np.zeros(PLACES, np.int64), lane.ravel(), block.which[filled]
@@ -184,10 +184,10 @@ def run_packed(block: Block, log: Array) -> Array:
         kind.order if kind.control == "chain" else None,
         1 if kind.control == "backstepping" else None,
     )
-    while run_block(flat, p, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
+    while run_block(flat, block.inputs, which, place, kinds, steps, h, noise, log, kept, late, *variant):
         step = int(place[ROW]) * steps + int(place[STEP]) - 1
         for i in np.flatnonzero(lane[lanes.LEFT]):
-            advance_run(lane, int(i), p[i], h, late, step, steps)
+            advance_run(lane, int(i), block.p[filled[i]], h, late, step, steps)
     end = lane[lanes.END : lanes.END + 4, :count].T
     result: Array = end * np.array([1.0, 1.0 / h, 1.0, 1.0 / h])
     return result
@@ -256,7 +256,7 @@ def _late(block: Block, filled: Ints, steps: int) -> Late:
 
 def advance_run(lane: Array, i: int, p: Array, h: float, late: Late, step: int, steps: int) -> None:
     """Take what is left of a step of h (s) of run i by the kernel of single runs; the last: as of `readings.fill`."""
-    left = float(lane[lanes.LEFT, i])
+    left = h * float(lane[lanes.LEFT, i])
     work, counts = np.zeros((10, 5)), np.zeros(COUNTS, np.int64)
     work[NOW, [ANGLE, V1]] = lane[lanes.Q1, i], lane[lanes.U, i] / h
     work[NOW, [WHEEL_ANGLE, V2]] = lane[lanes.Q2, i], lane[lanes.Y, i] / h

@@ -92,7 +92,7 @@ def rows_in(late: Late, step: int, steps: int) -> tuple[int, int]:
 
 @njit_lane
 def fill(lane: Array, late: Late, step: int, steps: int) -> None:
-    """Angles at the readings that fall into the step that has been taken, by its series."""
+    """Angles at the readings that fall into the step that has been taken, from BEGIN on, by its series."""
     widest()
     when, seen, _, _ = late
     first, last = rows_in(late, step, steps)
@@ -103,31 +103,11 @@ def fill(lane: Array, late: Late, step: int, steps: int) -> None:
                 lane[at.WHEN * LANES + i] = instants[i] - step
                 lane[at.THERE * LANES + i] = angles[i]
             for i in range(LANES):
-                x, own = lane[at.WHEN * LANES + i], (at.SERIES1 + 5 * e) * LANES + i
+                x, begin, own = lane[at.WHEN * LANES + i], lane[at.BEGIN * LANES + i], (at.SERIES1 + 5 * e) * LANES + i
                 k = (lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES], lane[own + 4 * LANES])
                 start = (at.START + 2 * e) * LANES + i
-                angle = lane[start] + series.turned(lane[start + LANES], k, x)
-                inside = (x >= 0.0) & (x < 1.0)
+                angle = lane[start] + series.turned(lane[start + LANES], k, x - begin)
+                inside = (x >= begin) & (x < 1.0)
                 lane[at.THERE * LANES + i] = angle if inside else lane[at.THERE * LANES + i]
             for i in range(LANES):
                 angles[i] = lane[at.THERE * LANES + i]
-
-
-@njit_lane
-def fill_alone(
-    late: Late, i: int, at_step: tuple[int, int], span: tuple[float, float, float], q: tuple[float, float], a: Array
-) -> None:
-    """Angles of run i at the readings within a part of a step, from q = (q1, q2) at its start.
-
-    at_step: number of the step, and steps of a sample. span: start and length of the part, and the unit of time of the
-    series of both speeds, rows of a from `SPEED` on; all in steps.
-    """
-    when, seen, _, _ = late
-    step, steps = at_step
-    first, last = rows_in(late, step, steps)
-    start, length, unit = span
-    for row in range(first, last):
-        for e in range(2):
-            x = when[row, e, i] - step - start
-            if x >= 0.0 and x < length:
-                seen[row, e, i] = q[e] + series.passed(a[series.SPEED + e], x / unit)

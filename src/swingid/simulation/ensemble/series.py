@@ -10,12 +10,45 @@ The lanes have the derivatives U1 ... U5 themselves, by Leibniz' rule, so that n
 
 from __future__ import annotations
 
-from swingid.numerics.arrays import Array
 from swingid.numerics.vectors import decay, njit_lane
 
 Derivatives = tuple[float, float, float, float, float]
 Axis = tuple[float, float, float, float, float, float, float]
 Mobility = tuple[float, float, float]
+Linear = tuple[float, float, float, float, float]
+
+
+@njit_lane
+def per_torque(axis: Axis, wheel: tuple[float, float], mobility: Mobility) -> tuple[Linear, Linear]:
+    """U' = gu s + vu U + qu U^2 + du Y + lu, and Y' alike: so that a derivative waits only for those just before it."""
+    gravity, viscous, quadratic, load1, _, _, _ = axis
+    load2, drag = wheel
+    m11, m12, m22 = mobility
+    u = (-m11 * gravity, -m11 * viscous, -m11 * quadratic, m12 * drag, m11 * load1 - m12 * load2)
+    return u, (m12 * gravity, m12 * viscous, m12 * quadratic, -m22 * drag, m22 * load2 - m12 * load1)
+
+
+@njit_lane
+def first(
+    sine: float,
+    u: float,
+    y: float,
+    axis: Axis,
+    wheel: tuple[float, float],
+    mobility: Mobility,
+    rich: int | None,
+) -> tuple[float, float, float]:
+    """U1, Y1 and Stribeck's g (N m), as of `derivatives`."""
+    (gu, vu, qu, du, lu), (gy, vy, qy, dy, ly) = per_torque(axis, wheel, mobility)
+    u1 = ((lu + gu * sine) + du * y) + u * (vu + qu * u)
+    y1 = ((ly + gy * sine) + dy * y) + u * (vy + qy * u)
+    g = 0.0
+    if rich is not None:
+        square = u * u
+        g = axis[5] * decay(axis[6] * square)
+        f = g + axis[4] * (u * square)
+        u1, y1 = u1 - mobility[0] * f, y1 + mobility[1] * f
+    return u1, y1, g
 
 
 @njit_lane
@@ -35,20 +68,12 @@ def derivatives(
     and, where `rich` is not None, - cubic U^3 - g with g = height exp(-peak U^2) (N m), Stribeck's. wheel = (load,
     drag): load - drag Y (N m). mobility: h^2 M^-1 as (11, 12, 22), where 12 is taken off.
     """
-    gravity, viscous, quadratic, load1, cubic, height, peak = axis
-    load2, drag = wheel
-    m11, m12, m22 = mobility
-    # U' = gu s + vu U + qu U^2 + du Y + lu, Y' alike: so that each derivative waits only for those just before it
-    gu, vu, qu, du, lu = -m11 * gravity, -m11 * viscous, -m11 * quadratic, m12 * drag, m11 * load1 - m12 * load2
-    gy, vy, qy, dy, ly = m12 * gravity, m12 * viscous, m12 * quadratic, -m22 * drag, m22 * load2 - m12 * load1
-    u1 = ((lu + gu * sine) + du * y) + u * (vu + qu * u)
-    y1 = ((ly + gy * sine) + dy * y) + u * (vy + qy * u)
-    g, e1, e2, g1, g2 = 0.0, 0.0, 0.0, 0.0, 0.0
-    square, lean = u * u, 3.0 * cubic * (u * u)
-    if rich is not None:
-        g = height * decay(peak * square)
-        f = g + cubic * (u * square)
-        u1, y1 = u1 - m11 * f, y1 + m12 * f
+    _, _, _, _, cubic, _, peak = axis
+    m11, m12, _ = mobility
+    (gu, vu, qu, du, _), (gy, vy, qy, dy, _) = per_torque(axis, wheel, mobility)
+    u1, y1, g = first(sine, u, y, axis, wheel, mobility, rich)
+    e1, e2, g1, g2 = 0.0, 0.0, 0.0, 0.0
+    lean = 3.0 * cubic * (u * u)
     tu, ty = vu + 2.0 * u * qu, vy + 2.0 * u * qy
     s1, c1 = u * cosine, -u * sine
     u2, y2 = ((gu * s1 + du * y1) + tu * u1), ((gy * s1 + dy * y1) + ty * u1)
@@ -108,75 +133,12 @@ def turned(u: float, k: Derivatives, x: float) -> float:
 
 
 @njit_lane
-def slope_at_end(k: Derivatives) -> float:
-    """Derivative of the speed (rad per step^2) at the end of a step."""
-    return k[0] + (k[1] + (1 / 2 * k[2] + (1 / 6 * k[3] + 1 / 24 * k[4])))
-
-
-SIN, COS, SPEED, WHEEL_SPEED, SQUARE, PEAK, CUBE, ROWS = range(8)
-"""Rows of the series (ROWS, TERMS + 1) of a step that is taken by itself."""
-
-TERMS = 9
-"""Terms of the series here: more than in the lanes, since Stribeck's peak is passed within a step. A constant, so that
-the compiler unrolls its loops."""
-
-INVERSES = tuple(1.0 / max(k, 1) for k in range(TERMS + 2))
-
-MOST_TRIALS = 60
-
-CLOSE = 1e-9
-"""Of a step: where Newton's method has moved by less, its error is the square of that."""
-
-
-@njit_lane
-def last_terms(v: Array) -> float:
-    """How large the last terms of a series are; two, because one may be small by chance."""
-    return float(abs(v[TERMS]) + 0.1 * abs(v[TERMS - 1]))
-
-
-@njit_lane
-def value(v: Array, x: float) -> float:
+def speed(u: float, k: Derivatives, x: float) -> float:
     """Speed (rad per step) at the fraction x of a step."""
-    total = float(v[TERMS])
-    for k in range(TERMS - 1, -1, -1):
-        total = total * x + v[k]
-    return total
+    return u + x * (k[0] + x * (1 / 2 * k[1] + x * (1 / 6 * k[2] + x * (1 / 24 * k[3] + x * (1 / 120 * k[4])))))
 
 
 @njit_lane
-def grade(v: Array, x: float) -> float:
-    """Derivative of `value` (rad per step^2)."""
-    total = float(TERMS * v[TERMS])
-    for k in range(TERMS - 1, 0, -1):
-        total = total * x + k * v[k]
-    return total
-
-
-@njit_lane
-def passed(v: Array, x: float) -> float:
-    """Angle (rad) passed at the fraction x of a step: the integral of `value`."""
-    total = float(v[TERMS]) * INVERSES[TERMS + 1]
-    for k in range(TERMS - 1, -1, -1):
-        total = total * x + v[k] * INVERSES[k + 1]
-    return total * x
-
-
-@njit_lane
-def root(v: Array, end: float, level: float) -> float:
-    """Fraction of a step at which the speed passes `level`, which lies between its values at the start and `end`."""
-    low, high, at_low = 0.0, 1.0, v[0] - level
-    x = float(at_low / (v[0] - end))
-    for _ in range(MOST_TRIALS):
-        there = value(v, x) - level
-        if there * at_low > 0.0:
-            low = x
-        else:
-            high = x
-        slope = grade(v, x)
-        following = x - there / slope if slope != 0.0 else 0.5 * (low + high)
-        if not low < following < high:
-            following = 0.5 * (low + high)
-        if abs(following - x) < CLOSE:
-            return following
-        x = following
-    return x
+def slope(k: Derivatives, x: float) -> float:
+    """Derivative of the speed (rad per step^2) at the fraction x of a step."""
+    return k[0] + x * (k[1] + x * (1 / 2 * k[2] + x * (1 / 6 * k[3] + x * (1 / 24 * k[4]))))

@@ -18,6 +18,7 @@ import numpy as np
 
 from swingid.errors import InputError, SwingidError, UsageError
 from swingid.methods.table import METHODS, Method
+from swingid.numerics.arrays import median, quantile
 from swingid.pooling.parts import Part, combine_parts
 from swingid.pooling.runs import GRAVITY, constant
 from swingid.recording.large import LARGE, LargeLog
@@ -138,9 +139,9 @@ def _smear(log: Recording, result: Result) -> float:
     if log.averaged == 1:
         return 0.0
     steps = np.diff(log.time)
-    peak = float(np.quantile(np.abs(np.diff(log.angle) / steps), 0.99))
+    peak = quantile(np.abs(np.diff(log.angle) / steps), 0.99)
     frequency = 2 * peak / max(float(np.ptp(log.angle)), 1e-300)
-    width = float(np.median(steps))
+    width = median(steps)
     found, known = result.parameters.get("gravity_torque"), constant(result, GRAVITY)
     b = found.value if found is not None else known[0] if known is not None else 0.0
     size = peak if b else frequency  # without gravity the motion's size is none in angles

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.numerics.arrays import median, quantile
+
 if TYPE_CHECKING:
     from swingid.numerics.arrays import Array, Bools
 
@@ -187,7 +189,7 @@ def find_spikes(time: Array, values: Array, rows: int = 1) -> Bools:
         return spikes
     degree = _degree(time)
     misfit = np.abs(misfits(time, values))
-    threshold = NOISE_FACTOR * ROBUST * float(np.median(misfit[REACH:-REACH]))
+    threshold = NOISE_FACTOR * ROBUST * median(misfit[REACH:-REACH])
     candidates = np.flatnonzero(misfit > threshold)
     if candidates.size:
         threshold = max(threshold, *_floors(values, rows, SMALLEST))
@@ -211,7 +213,7 @@ def _degree(time: Array) -> int:
     """A cubic through neighbours that lie too close together would be wild: then a line."""
     steps = np.diff(time)
     least = float(steps.min())
-    return 3 if least > 0.5 * steps.max() or least > 0.5 * np.median(steps) else 1  # the median is below the maximum
+    return 3 if least > 0.5 * steps.max() or least > 0.5 * median(steps) else 1  # the median is below the maximum
 
 
 def misfits(time: Array, values: Array) -> Array:
@@ -243,10 +245,10 @@ def _through(times: Array, values: Array, at: Array) -> Array:
 def _floors(values: Array, rows: int, share: float) -> tuple[float, float]:
     """Misfits below these are no faults: some counts of the encoder, a small share of the motion's range."""
     steps = np.abs(np.diff(values))
-    low, high = np.quantile(values, (0.01, 0.99))
+    low, high = quantile(values, 0.01), quantile(values, 0.99)
     # means of the same counts in another order differ by rounding
-    quantum = rows * float(steps[steps > ROUNDING * float(high - low)].min(initial=np.inf))
-    return (QUANTA * quantum if np.isfinite(quantum) else 0.0), share * float(high - low)
+    quantum = rows * float(steps[steps > ROUNDING * (high - low)].min(initial=np.inf))
+    return (QUANTA * quantum if np.isfinite(quantum) else 0.0), share * (high - low)
 
 
 def find_jumps(time: Array, values: Array, rows: int = 1) -> list[tuple[int, float]]:
@@ -263,7 +265,7 @@ def find_jumps(time: Array, values: Array, rows: int = 1) -> list[tuple[int, flo
     size = np.abs(gap)
     if not known.any():
         return []
-    level = ROBUST * float(np.median(size[known]))
+    level = ROBUST * median(size[known])
     if size.max() <= NOISE_FACTOR * level:
         return []
     least = max(NOISE_FACTOR * level, *_floors(values, rows, SMALLEST_JUMP))

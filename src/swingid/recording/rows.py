@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.errors import InputError
+from swingid.numerics.arrays import median, quantile
 from swingid.recording.continuity import misfits
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def _with_gaps(time: Array) -> Clock | None:
 
 def _first_guess(time: Array) -> tuple[float, float]:
     """Step and start of the clock that some stamps follow best: where their phases agree most."""
-    usual, since = float(np.median(np.diff(time))), time - time[0]
+    usual, since = median(np.diff(time)), time - time[0]
     steps = usual * np.linspace(0.9, 1.1, 8 * time.size)
     phases = np.exp(2j * np.pi * since / steps[:, None]).mean(axis=1)
     best = int(np.argmax(np.abs(phases)))
@@ -141,7 +142,7 @@ def _fitted(time: Array, places: Array) -> Clock:
 def _roughness(time: Array, values: Array) -> float:
     """Root mean square of what each value misses the cubic through its neighbours by, the worst rows left out."""
     found = np.abs(misfits(time, values))
-    kept = found[found <= np.quantile(found, TRIMMED)]
+    kept = found[found <= quantile(found, TRIMMED)]
     return float(np.sqrt(np.mean(kept**2)))
 
 

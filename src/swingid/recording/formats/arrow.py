@@ -66,7 +66,9 @@ def _array(column: Any, decimal: str, *, shared: bool) -> tuple[Array | NDArray[
     if pa.types.is_temporal(kind):
         return _seconds(column), True
     if pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind):
-        return _numbers(column.cast(pa.float64(), safe=False), shared=shared), False
+        # a cast imports pyarrow.compute, which takes long
+        plain = column if kind == pa.float64() else column.cast(pa.float64(), safe=False)
+        return _numbers(plain, shared=shared), False
     cells = [None if cell is None else str(cell) for cell in column.to_pylist()]
     seconds = seconds_of(cells)
     if seconds is not None:

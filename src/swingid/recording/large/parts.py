@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from swingid.errors import InputError, SwingidError
+from swingid.numerics.arrays import median, quantile
 from swingid.numerics.reversals import reversals
 from swingid.recording.conventions import Reading, gather
 from swingid.recording.findings import Finding, Source
@@ -232,10 +233,12 @@ WIDE = 1.5
 def block_length(angle: Array) -> int:
     """Rows (odd) that may be averaged into one, from the swings of the angle (n,); 1 where there is no motion."""
     stride = max(1, angle.size // LOOKED_AT)
-    low, high = np.quantile(angle[::stride], (0.01, 0.99))
-    extremes = reversals(angle[::stride], BACK * float(high - low))[1:]  # the first may be where the rows begin
+    few = angle[::stride]
+    low, high = quantile(few, 0.01), quantile(few, 0.99)
+    extremes = reversals(few, BACK * (high - low))[1:]  # the first may be where the rows begin
     if len(extremes) >= 3:
-        swing = float(np.quantile(np.diff(extremes), SHORTER, method="lower")) * stride
+        lengths = np.sort(np.diff(extremes))
+        swing = float(lengths[int(SHORTER * (len(lengths) - 1))]) * stride
     else:  # a slow motion, or none
         swing = angle.size / 3 if extremes.size else 0.0
     rows = int(swing / BLOCKS_PER_SWING)
@@ -268,7 +271,7 @@ def averaged(
         elif name != "time":
             found[name] = np.concatenate([_means(part) for part in blocked[name]])[:-1]
     widths = np.concatenate([part[:, -1] - part[:, 0] for part in blocked["time"]])[:-1]
-    whole = widths < WIDE * np.median(widths)
+    whole = widths < WIDE * median(widths)
     if not whole.all():
         found = take(found, whole)
     left = total - used

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import sys
+import types
 
 import pytest
 
-from swingid.cli import main, progress
+from swingid.cli import main, output, progress
+from swingid.cli.output import say
 from swingid.cli.progress import Progress, Steps, bar
 from swingid.progress import advanced, shown, tracked
 
@@ -95,6 +98,22 @@ def test_a_line_fits_the_terminal(terminal, monkeypatch):
     assert [len(line) for line in terminal()] == [28]  # 29 with the blank in the end
 
 
+def test_a_sentence_begins_a_line_of_its_own(now, terminal, capsys):
+    Progress("runs")(1, 10)
+    say("interrupted")
+    say("again")
+    err = capsys.readouterr().err
+    assert err.split("\n")[1:] == ["swingid: interrupted.", "swingid: again.", ""]
+
+
+def test_a_dumb_terminal_gets_plain_lines(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", types.SimpleNamespace(isatty=lambda: True))
+    monkeypatch.setenv("TERM", "xterm")
+    assert output.on_terminal()
+    monkeypatch.setenv("TERM", "dumb")
+    assert not output.on_terminal()
+
+
 def test_a_bar_is_as_long_as_its_share():
     assert [bar(done, 40).count("#") for done in (0, 1, 2, 39, 40, 41)] == [0, 0, 1, 19, 20, 20]
     assert bar(0, 0).count("#") == 0
@@ -130,7 +149,6 @@ def test_every_step_of_the_paper_is_counted(monkeypatch):
 
 def _announcing(name, module, ways):
     """A part of the reproduction that only announces its steps, as often as the code that it stands for."""
-    import types
 
     def run(*arguments):
         report = arguments[-1]

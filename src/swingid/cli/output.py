@@ -30,6 +30,7 @@ def tell(text: str, *, to_error: bool = False) -> None:
     Raises InputError where standard output takes nothing; a broken standard error is passed over.
     """
     line = text.rstrip("\n") + "\n"
+    _close_progress()
     if to_error:
         with suppress(OSError, InputError):  # a broken standard error is no reason to fail
             _write(sys.stderr, line)
@@ -132,8 +133,21 @@ def check_files(inputs: Mapping[str, str], *, json: str | None = None, report: s
 
 
 def on_terminal() -> bool:
-    """Whether standard error is a terminal."""
-    return sys.stderr is not None and sys.stderr.isatty()
+    """Whether standard error is a terminal that can go back to the begin of a line."""
+    return sys.stderr is not None and sys.stderr.isatty() and os.environ.get("TERM") != "dumb"
+
+
+_open = [False]
+"""Whether the line of progress waits to be overwritten."""
+
+
+def _close_progress() -> None:
+    """End the line of progress, so that what follows does not stand behind it."""
+    waits, _open[0] = _open[0], False
+    if waits and on_terminal():
+        with suppress(OSError, AttributeError):
+            sys.stderr.write("\n")
+            sys.stderr.flush()
 
 
 def overwrite(line: str, *, last: bool) -> bool:
@@ -144,6 +158,7 @@ def overwrite(line: str, *, last: bool) -> bool:
     with suppress(OSError):
         sys.stderr.write(f"\r{line[:width]:<{width}}" + ("\n" if last else ""))
         sys.stderr.flush()
+    _open[0] = not last
     return True
 
 

@@ -18,7 +18,9 @@ from swingid.methods.table import METHODS
 from swingid.model.integrator import STEP_KERNEL
 from swingid.numerics import ahead, cache
 
-SMALL = {"small": [ahead.Kernel("swingid.simulation.loop", "given_command", "float64, float64", 0.1)]}
+SMALL = {
+    "small": [kernel for kernel in ahead._listed()["simulate"] if kernel.name == "given_command"],
+}
 
 
 def test_the_list_names_kernels_that_exist() -> None:
@@ -53,10 +55,12 @@ def test_a_task_is_compiled_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path
     monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
     monkeypatch.setattr(cache, "CACHE", tmp_path)
     parts: list[float] = []
-    assert ahead.compile_ahead(["small"], lambda part, _: parts.append(part)) == 1
-    assert parts == [1.0]
+    assert ahead.compile_ahead(["small"], lambda part, _: parts.append(part)) == (1, ())
+    assert parts == [0.0, 1.0]
     assert ahead.is_ready("small")
-    assert ahead.compile_ahead(["small"]) == 0
+    assert ahead.compile_ahead(["small"]) == (0, ())
+    monkeypatch.setattr(cache, "machine", lambda: "another")
+    assert not ahead.is_ready("small"), "another processor, Python or place of the package has kernels of its own"
     with pytest.raises(UsageError, match="no kernels named smal; there are small"):
         ahead.compile_ahead(["smal"])
 
@@ -78,14 +82,43 @@ def test_a_worker_goes_on_after_what_it_cannot_compile() -> None:
     )
     first, second = done.stdout.splitlines()
     assert first.startswith("not compiled: AttributeError")
-    assert second == "compiled"
+    assert second == ahead.KEPT
 
 
-def test_a_dead_worker_does_not_stop_the_rest(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+@pytest.mark.skipif(os.name != "posix", reason="needs /bin/false")
+def test_what_a_dead_process_did_not_compile_is_not_ready(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
     monkeypatch.setattr(cache, "CACHE", tmp_path)
-    monkeypatch.setattr(sys, "executable", "/bin/false" if os.name == "posix" else sys.executable)
-    assert ahead.compile_ahead(["small"]) == 1
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    assert ahead.compile_ahead(["small"]) == (0, ("given_command: the process that compiled it has ended",))
+    assert not ahead.is_ready("small")
+
+
+def test_a_process_that_cannot_be_started_is_the_reason(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
+    monkeypatch.setattr(cache, "CACHE", tmp_path)
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "nothing"))
+    ((reason,),) = [ahead.compile_ahead(["small"]).failed]
+    assert reason.startswith("given_command: no process could be started (")
+
+
+def test_files_of_the_folder_are_not_imported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """A folder with a queue.py of its own, which numba would import in place of Python's."""
+    (tmp_path / "queue.py").write_text("raise SystemExit\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(ahead, "_listed", lambda: SMALL)
+    monkeypatch.setattr(cache, "CACHE", tmp_path)
+    assert ahead.compile_ahead(["small"]) == (1, ())
+
+
+def test_the_command_fails_where_kernels_are_not_kept(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    failed = ("step: /cache cannot be written: No space left on device",)
+    monkeypatch.setattr(ahead, "compile_ahead", lambda *_: ahead.Compiled(5, failed))
+    assert run(["compile"]) == 3
+    said = capfd.readouterr().err
+    assert "1 of 6 kernels were not compiled ahead (step: /cache cannot be written: No space left on device)" in said
 
 
 def test_the_command_names_the_tasks_it_knows(capfd: pytest.CaptureFixture[str]) -> None:

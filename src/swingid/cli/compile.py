@@ -11,7 +11,8 @@ import typer
 
 from swingid.cli import output
 from swingid.cli.failure import keeps
-from swingid.cli.progress import bar
+from swingid.cli.progress import EVERY, bar
+from swingid.errors import InputError
 
 
 def compile(
@@ -32,9 +33,23 @@ def compile(
 
     start = time.monotonic()
     with keeps(lambda: f"the kernels that are compiled are kept in {CACHE}; the same command goes on from there"):
-        count = compile_ahead(tasks or listed(), Bar(), processes)
-    took = f"{count} kernels compiled in {time.monotonic() - start:.0f} s" if count else "all kernels were compiled"
-    output.say(f"{took}; they are in {CACHE}")
+        done = compile_ahead(tasks or listed(), Bar(), processes)
+    if done.failed:
+        raise InputError(
+            f"{len(done.failed)} of {done.kept + len(done.failed)} kernels were not compiled ahead "
+            f"({done.failed[0]}); mend that and give the same command, or each run compiles what it calls",
+            code="not-compiled",
+        )
+    what = f"{done.kept} kernel{'' if done.kept == 1 else 's'} compiled in {time.monotonic() - start:.0f} s"
+    output.say(f"{what if done.kept else 'no kernel is left to compile'}; they are in {CACHE}{_why_there()}")
+
+
+def _why_there() -> str:
+    """Why the kernels are not in the folder that the environment names; nothing where they are."""
+    from swingid.numerics.cache import CACHE, wanted_folder
+
+    wanted = wanted_folder()
+    return "" if wanted is None or CACHE.is_relative_to(wanted) else f", because {wanted} cannot be written"
 
 
 def compile_first(*tasks: str) -> None:
@@ -46,14 +61,22 @@ def compile_first(*tasks: str) -> None:
         output.say("compiling kernels, once per version (swingid compile does all at once)")
         # what calls the kernels imports numba afterwards, which takes most of a second: meanwhile
         Thread(target=import_module, args=("numba",), daemon=True).start()
-        compile_ahead(missing, Bar())
+        failed = compile_ahead(missing, Bar()).failed
+        if failed:
+            output.say(f"not all could be compiled ahead ({failed[0]}), so the run compiles what it calls")
 
 
 class Bar:
-    """Shows on a terminal how much is compiled, and the time left."""
+    """Shows how much is compiled, and the time left: a bar on a terminal, a plain line now and then elsewhere."""
+
+    def __init__(self) -> None:
+        self.shown = time.monotonic()
 
     def __call__(self, part: float, seconds: float) -> None:
         """`part` (0 to 1) took so many seconds."""
         left = f", {output.time_left(seconds / part * (1.0 - part))} left" if 0.1 < part < 1.0 else ""
-        text = f"{bar(round(1000 * part), 1000)} kernels, {100 * part:.0f} %{left}"
-        output.overwrite(text, last=part >= 1.0 - 1e-9)
+        text = f"{100 * part:.0f} % of the kernels{left}"
+        now, last = time.monotonic(), part >= 1.0 - 1e-9
+        if not output.overwrite(f"{bar(round(1000 * part), 1000)} {text}", last=last) and now - self.shown > EVERY:
+            self.shown = now
+            output.say(text)

@@ -120,15 +120,15 @@ def _installed(package: str) -> bool:
 
 
 def _folders() -> Iterator[Finding]:
-    from swingid.numerics.cache import CACHE, kept_kernels
+    from swingid.numerics.cache import CACHE, kept_kernels, wanted_folder
 
     kernels = kept_kernels()
     state = f"{kernels} compiled kernels" if kernels else "nothing compiled yet (swingid compile)"
-    wanted = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    if CACHE.is_relative_to(wanted):
+    wanted = wanted_folder()
+    if wanted is not None and CACHE.is_relative_to(wanted):
         yield _folder("cache of kernels", CACHE, state)
     else:
-        remedy = f"make {wanted} writable, or set NUMBA_CACHE_DIR"
+        remedy = "set NUMBA_CACHE_DIR" if wanted is None else f"make {wanted} writable, or set NUMBA_CACHE_DIR"
         yield Finding("folders", "note", "cache of kernels", f"{CACHE}: {state}", remedy)
     yield _folder("temporary folder", Path(tempfile.gettempdir()), "")
     yield _folder("working folder", Path.cwd(), "")

@@ -16,9 +16,9 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor, as_completed
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple, TextIO, cast
@@ -26,6 +26,7 @@ from typing import Any, NamedTuple, TextIO, cast
 from swingid.errors import UsageError
 from swingid.system import cores
 
+PACKAGE = Path(__file__).resolve().parents[1]
 LIST = Path(__file__).with_name("kernels.json")
 
 
@@ -38,8 +39,21 @@ class Kernel(NamedTuple):
     seconds: float
 
 
+class Compiled(NamedTuple):
+    """How many kernels were compiled and kept, and why others were not, a sentence each."""
+
+    kept: int
+    failed: tuple[str, ...]
+
+
 Report = Callable[[float, float], None]
 """Called with the part that is done (0 to 1) and the seconds since the start."""
+
+KEPT = "kept"
+"""What a process answers where all is well; else the reason."""
+
+PROGRAM = "import sys; sys.path.append(sys.argv[1]); from swingid.numerics.ahead import work; work()"
+"""What a process runs: the package of this one, nothing out of the folder in which the user happens to be."""
 
 
 def tasks() -> tuple[str, ...]:
@@ -52,8 +66,8 @@ def is_ready(task: str) -> bool:
     return not _listed().get(task) or _stamp(task).exists()
 
 
-def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes: int | None = None) -> int:
-    """Compile the listed kernels of some tasks that are not in the cache yet; returns how many kernels were compiled.
+def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes: int | None = None) -> Compiled:
+    """Compile the listed kernels of some tasks that are not in the cache yet.
 
     processes: how many work side by side, by default one for each processor. Kernels that fail here are compiled when
     they are called, and fail there with their reason. Raises UsageError for a task that is not listed.
@@ -65,34 +79,93 @@ def compile_ahead(wanted: Iterable[str], report: Report | None = None, processes
     missing = [task for task in wanted if not is_ready(task)]
     kernels = sorted({kernel for task in missing for kernel in listed[task]}, key=lambda kernel: -kernel.seconds)
     if not kernels:
-        return 0
-    count = min(processes or cores(), len(kernels))
-    start, whole, done = time.monotonic(), sum(kernel.seconds for kernel in kernels), 0.0
-    with _workers(count) as workers, ThreadPoolExecutor(count) as threads:
-        free = list(workers)
-
-        def made(kernel: Kernel) -> Kernel:
-            worker = free.pop()
-            try:
-                _compile_by(worker, kernel)
-            finally:
-                free.append(worker)
-            return kernel
-
-        jobs = [threads.submit(made, kernel) for kernel in kernels]
-        try:
-            for job in as_completed(jobs):
-                done += job.result().seconds
-                if report is not None:
-                    report(done / whole, time.monotonic() - start)
-        except BaseException:  # also Ctrl-C: what is in the cache stays there
-            threads.shutdown(wait=False, cancel_futures=True)
-            for worker in workers:
-                worker.kill()  # else the threads wait for its answer
-            raise
+        return Compiled(0, ())
+    answers = _compiled(kernels, report or (lambda part, seconds: None), min(processes or cores(), len(kernels)))
     for task in missing:
-        _stamp(task).touch()
-    return len(kernels)
+        if all(answers[kernel] == KEPT for kernel in listed[task]):
+            with suppress(OSError):  # a folder for reading alone
+                _stamp(task).touch()
+    failed = tuple(f"{kernel.name}: {answer}" for kernel, answer in answers.items() if answer != KEPT)
+    return Compiled(len(kernels) - len(failed), failed)
+
+
+def _compiled(kernels: list[Kernel], report: Report, count: int) -> dict[Kernel, str]:
+    """The answer for each kernel of `count` processes, which end with this function, also at Ctrl-C."""
+    start, whole, done = time.monotonic(), sum(kernel.seconds for kernel in kernels), 0.0
+    workers = [_Worker() for _ in range(count)]
+    free = list(workers)
+
+    def made(kernel: Kernel) -> str:
+        worker = free.pop()
+        try:
+            return worker.compile(kernel)
+        finally:
+            free.append(worker)
+
+    report(0.0, 0.0)
+    answers = {}
+    try:
+        with ThreadPoolExecutor(count) as threads:
+            jobs = {threads.submit(made, kernel): kernel for kernel in kernels}
+            try:
+                for job in as_completed(jobs):
+                    answers[jobs[job]] = job.result()
+                    done += jobs[job].seconds
+                    report(done / whole, time.monotonic() - start)
+            except BaseException:  # also Ctrl-C: what is in the cache stays there
+                threads.shutdown(wait=False, cancel_futures=True)
+                for worker in workers:
+                    worker.kill()  # else the threads wait for its answer
+                raise
+    finally:
+        for worker in workers:
+            worker.end()
+    return answers
+
+
+class _Worker:
+    """A process that compiles kernels one by one; where it dies, another one takes the next kernel."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[str] | None = None
+        with suppress(OSError):  # the first kernel has the reason
+            self._process = _process()
+
+    def compile(self, kernel: Kernel) -> str:
+        """Its answer for a kernel."""
+        try:
+            self._process = self._process or _process()
+        except OSError as error:
+            return f"no process could be started ({error.strerror})"
+        stdin, stdout = cast("TextIO", self._process.stdin), cast("TextIO", self._process.stdout)
+        answer = ""
+        with suppress(OSError):  # the process has ended
+            stdin.write(json.dumps(kernel) + "\n")
+            answer = stdout.readline().strip()
+        if answer:
+            return answer
+        self.end()
+        return "the process that compiled it has ended"
+
+    def kill(self) -> None:
+        """End the process: what it has answered is in the cache, and its own end takes most of a second."""
+        if self._process is not None:
+            self._process.kill()
+
+    def end(self) -> None:
+        """End the process, and leave nothing of it."""
+        if self._process is not None:
+            self._process.kill()
+            with suppress(OSError):  # what was not written to its input
+                self._process.communicate()
+            self._process = None
+
+
+def _process() -> subprocess.Popen[str]:
+    command = [sys.executable, "-P", "-c", PROGRAM, str(PACKAGE.parent)]
+    return subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1
+    )
 
 
 def word(kind: Any) -> str:
@@ -127,33 +200,9 @@ def _listed() -> dict[str, list[Kernel]]:
 
 
 def _stamp(task: str) -> Path:
-    from swingid.numerics.cache import CACHE
+    from swingid.numerics.cache import CACHE, machine
 
-    return CACHE / f"ready-{task}"
-
-
-@contextmanager
-def _workers(count: int) -> Iterator[list[subprocess.Popen[str]]]:
-    command = [sys.executable, "-m", "swingid.numerics.ahead"]
-    workers = [
-        subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, bufsize=1
-        )
-        for _ in range(count)
-    ]
-    try:
-        yield workers
-    finally:
-        for worker in workers:
-            worker.kill()  # what it has answered is in the cache; its own end takes most of a second
-            worker.communicate()
-
-
-def _compile_by(worker: subprocess.Popen[str], kernel: Kernel) -> None:
-    stdin, stdout = cast("TextIO", worker.stdin), cast("TextIO", worker.stdout)
-    with suppress(OSError):  # the process has ended
-        stdin.write(json.dumps(kernel) + "\n")
-        stdout.readline()
+    return CACHE / f"ready-{task}-{machine()}"
 
 
 def work() -> None:
@@ -162,11 +211,25 @@ def work() -> None:
     for line in sys.stdin:
         kernel = Kernel(*json.loads(line))
         try:
-            function = getattr(importlib.import_module(kernel.module), kernel.name)
-            function.compile(tuple(_evaluated(f"[{kernel.arguments}]")))
-            print("compiled", flush=True)
+            answer = _kept(kernel)
         except Exception as error:  # the kernel is compiled when it is called, and fails there with its reason
-            print(f"not compiled: {error!r}".splitlines()[0], flush=True)
+            answer = f"not compiled: {error!r}"
+        print(" ".join(answer.split()), flush=True)
+
+
+def _kept(kernel: Kernel) -> str:
+    """Compile a kernel into the cache; `KEPT`, or why it is not there."""
+    import numba
+
+    if numba.config.DISABLE_JIT:
+        return "NUMBA_DISABLE_JIT is set, which runs kernels in Python"
+    from swingid.numerics.cache import CACHE
+    from swingid.numerics.kept import NOT_KEPT
+
+    function = getattr(importlib.import_module(kernel.module), kernel.name)
+    NOT_KEPT.clear()
+    function.compile(tuple(_evaluated(f"[{kernel.arguments}]")))
+    return f"{CACHE} cannot be written: {NOT_KEPT[0]}" if NOT_KEPT else KEPT
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any, TypeVar
 
 import numba
@@ -11,33 +10,42 @@ import numba.experimental.function_type  # makes numba accept `KernelPointer` as
 import numpy as np
 from numba import types
 
-from swingid.numerics.cache import CACHE
+from swingid.numerics.kept import KeptKernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
-
-numba.config.CACHE_DIR = str(CACHE)
 
 FLOAT, INT = numba.float64, numba.int64
 VECTOR, MATRIX, INTS = numba.float64[::1], numba.float64[:, ::1], numba.int64[::1]
 tuple_of = types.UniTuple
 """Types of arguments, for the signatures of `KernelPointer`."""
 
-njit: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy")
 
-njit_nogil: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy", nogil=True)
+def kernels(**options: Any) -> Callable[[Function], Function]:
+    """A decorator with some of numba's options; what it compiles is kept in files."""
+
+    def made(function: Function) -> Function:
+        kernel = numba.njit(error_model="numpy", **options)(function)
+        if kernel is not function:  # it is with NUMBA_DISABLE_JIT
+            kernel._cache = KeptKernel(function)
+        return kernel  # type: ignore[no-any-return]
+
+    return made
+
+
+njit = kernels()
+
+njit_nogil = kernels(nogil=True)
 """For kernels that take long enough to run in threads beside each other."""
 
 
-njit_inlined: Callable[[Function], Function] = partial(
-    numba.njit, cache=True, error_model="numpy", forceinline=True, _nrt=False
-)
+njit_inlined = kernels(forceinline=True, _nrt=False)
 """For functions that neither make nor return an array, nor call one that does.
 
 Without numba's runtime (_nrt) an array that is passed on is not counted as one more reference. The compiler cannot take
 these counts out where a function branches, and in a hot loop they cost more than the rest of the function.
 """
 
-njit_called: Callable[[Function], Function] = partial(numba.njit, cache=True, error_model="numpy", _nrt=False)
+njit_called = kernels(_nrt=False)
 """The same for functions that a hot loop seldom calls: they make it no longer."""
 
 
@@ -58,6 +66,10 @@ class KernelPointer(types.WrapperAddressProtocol):  # type: ignore[misc]
         self._address: int | None = None
         self.type = self._numba_type_ = types.FunctionType(signature)
         """Its own type, for the signature of a kernel that gets it."""
+
+    def __call__(self, *arguments: Any) -> Any:
+        """The kernel as Python runs it, with NUMBA_DISABLE_JIT."""
+        return self._kernel(*arguments)
 
     def signature(self) -> Any:
         """Types of the result and the arguments."""

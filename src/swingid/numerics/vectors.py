@@ -12,16 +12,13 @@ products wait for others.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
-import numba
 import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
 
-from swingid.numerics import compiled
+from swingid.numerics.compiled import kernels
 
 WIDTH = '"prefer-vector-width"="512"'
 
@@ -39,19 +36,13 @@ def widest(typing: object) -> tuple[Any, Any]:
     return types.void(), codegen
 
 
-njit_lane: Callable[[compiled.Function], compiled.Function] = partial(
-    numba.njit, cache=True, error_model="numpy", forceinline=True, fastmath={"contract", "nsz"}
-)
+njit_lane = kernels(forceinline=True, fastmath={"contract", "nsz"})
 """For the arithmetic of one run inside a loop over runs: inlined, products and sums fused."""
 
-njit_threads: Callable[[compiled.Function], compiled.Function] = partial(
-    numba.njit, cache=True, error_model="numpy", nogil=True, fastmath={"contract", "nsz"}
-)
+njit_threads = kernels(nogil=True, fastmath={"contract", "nsz"})
 """For what runs beside other threads."""
 
-njit_sums_threads: Callable[[compiled.Function], compiled.Function] = partial(
-    numba.njit, cache=True, error_model="numpy", nogil=True, fastmath={"reassoc", "contract", "nsz"}
-)
+njit_sums_threads = kernels(nogil=True, fastmath={"reassoc", "contract", "nsz"})
 """The same for kernels whose sums may be reordered."""
 
 LARGEST_ANGLE = 1e5

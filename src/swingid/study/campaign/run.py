@@ -15,6 +15,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -199,9 +200,9 @@ def are_compiled(plan: Plan) -> bool:
 
 
 def _marker(kind: str) -> Path:
-    from swingid.numerics.cache import CACHE
+    from swingid.numerics.cache import CACHE, machine
 
-    return CACHE / f"campaign-{kind}"
+    return CACHE / f"campaign-{kind}-{machine()}"
 
 
 @cache
@@ -209,7 +210,8 @@ def _ensure(kind: str, pickled: bytes) -> None:
     marker = _marker(kind)
     if marker.exists():
         return
-    with locked(marker.with_name("campaign.lock"), wait=True):  # one worker of a machine compiles, the others wait
+    # one worker of a machine compiles, the others wait; a cache for reading alone stays as it is
+    with suppress(OSError), locked(marker.with_name("campaign.lock"), wait=True):
         if not marker.exists():
             subprocess.run([sys.executable, "-c", PROGRAM], input=pickled, capture_output=True, check=False)
             marker.touch()

@@ -551,8 +551,8 @@ def test_without_voltage_or_motor_constants(viscous_log):
 
 
 def test_a_model_whose_simulated_motion_diverges_is_refused(viscous_log, monkeypatch):
-    solve = method.solve
-    monkeypatch.setattr(method, "solve", lambda *given: replace(solve(*given), cost=np.inf))
+    solve = method.solve_from
+    monkeypatch.setattr(method, "solve_from", lambda *given: replace(solve(*given), cost=np.inf))
     with pytest.raises(UnanswerableError) as refused:
         identify(viscous_log, GIVEN, "output-error", law="viscous")
     assert refused.value.code == "poor-fit"

@@ -20,12 +20,12 @@ from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import noise_of, number
-from swingid.methods.output_error.problem import Input, Problem, problem_of
+from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem, problem_of
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, further_terms, values_by_key
-from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared, prepare
 from swingid.preparation.scale import Scale, refuse_motor
@@ -38,8 +38,6 @@ from swingid.result.result import Result
 from swingid.study.output import Study, aligned, noted
 
 SCHEMA = "swingid.validate/1"
-
-NO_ENTRIES: tuple[Ints, Ints, Array] = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
 
 POOR = 95.0
 """Fit one swing ahead, in per cent, below which a log contradicts the model."""

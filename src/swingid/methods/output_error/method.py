@@ -17,9 +17,9 @@ from swingid.methods.output_error.answer import answer_of, details_of, estimate_
 from swingid.methods.output_error.checks import check_fit, is_poor, left_of_channels
 from swingid.methods.output_error.declared import constants_found
 from swingid.methods.output_error.problem import Problem
-from swingid.methods.output_error.search import RICHEST, Searched, choose_law, first_values, search
+from swingid.methods.output_error.search import RICHEST, Searched, Start, best_start, choose_law, first_values, search
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import solve
+from swingid.methods.output_error.solver import CLOSE, solve, solve_from
 from swingid.preparation.prepared import Prepared
 from swingid.result.result import Result
 from swingid.uncertainty.dark import dark_uncertainty
@@ -102,18 +102,19 @@ def _best_fit(setup: Setup, law: str) -> tuple[Setup, Problem, Searched]:
 
 def _fit(setup: Setup, law: str) -> tuple[Problem, Searched]:
     # Stribeck's peak has minima of its own, so its speed is sought about a motion without it
-    problem, rough = _rough_fit(setup, RICHEST if law == "auto" or "stribeck" in law else law)
+    peaked = "stribeck" in law
+    problem, rough = _rough_fit(setup, RICHEST if law == "auto" or peaked else law, near=not peaked)
     if not np.isfinite(rough.fit.cost):
         return problem, rough
     return problem, _final_fit(setup, problem, rough, law)
 
 
-def _rough_fit(setup: Setup, law: str) -> tuple[Problem, Searched]:
+def _rough_fit(setup: Setup, law: str, *, near: bool) -> tuple[Problem, Searched]:
     """A first fit, on segments of the given length, or of one that suits.
 
     With a model that is not quite the rig's the simulation drifts away from the log over a long segment. Where the fit
     is poor the segments are halved (quartered where the search does not converge), and those with the least standard
-    uncertainty of the inertia are taken.
+    uncertainty of the inertia are taken. near: first as from values that are nearly the best (`search`).
     """
     unknowns = setup.unknowns(law)
     values = first_values(setup, unknowns)
@@ -121,10 +122,15 @@ def _rough_fit(setup: Setup, law: str) -> tuple[Problem, Searched]:
     tried: list[tuple[Problem, Searched]] = []
     while True:
         problem = setup.problem(length)
-        found = search(problem, unknowns, values, setup.loss, 1 if tried else setup.starts)
+        start = Start(values) if tried else best_start(problem, unknowns, values, setup.loss, setup.starts)
+        if not tried and start.starts > 1 and near:
+            found = search(problem, unknowns, start, setup.loss, near=True)
+            if not (unknowns.zero_bound(found.fit.values) or is_poor(found, problem)):
+                return problem, replace(found, law=law)
+        found = search(problem, unknowns, start, setup.loss)
         if not tried and (unknowns.zero_bound(found.fit.values) or is_poor(found, problem)):
             # a zero offset of more than a step counts where it alone makes the model explain the log
-            other = search(problem, unknowns.with_zero_of(None), values, setup.loss, 1)
+            other = search(problem, unknowns.with_zero_of(None), Start(values), setup.loss)
             found = found if is_poor(other, problem) else other
         tried.append((problem, found))
         # where the search does not converge the segments are far too long
@@ -147,14 +153,16 @@ def _rough_fit(setup: Setup, law: str) -> tuple[Problem, Searched]:
 def _final_fit(setup: Setup, problem: Problem, rough: Searched, law: str) -> Searched:
     """The fit with the given law, or with the law of least Bayesian information criterion."""
     if rough.law == law:
-        fit = solve(problem, rough.unknowns, rough.fit.values, rough.fit.states, setup.loss)
-        return replace(rough, fit=fit)
+        return replace(rough, fit=solve_from(rough.fit, problem, rough.unknowns, setup.loss))
     choice = choose_law(problem, rough.unknowns, rough.fit, _independent(problem, rough), setup.fastest, law)
     unknowns = setup.unknowns(choice.law).with_zero_of(rough.unknowns)
     begin = np.array([choice.values[name] for name in unknowns.names])
-    fit = solve(problem, unknowns, begin, rough.fit.states, setup.loss)
+    if rough.near and "stribeck" not in choice.law:  # whose peak is not linear in its speed
+        fit = solve(problem, unknowns, begin, choice.states, setup.loss, damping=CLOSE)
+    else:
+        fit = solve(problem, unknowns, begin, rough.fit.states, setup.loss)
     if not np.isfinite(fit.cost):  # values by a linear change of the motion, which may have a negative friction
-        fit = search(problem, unknowns, first_values(setup, unknowns), setup.loss, 1).fit
+        fit = search(problem, unknowns, Start(first_values(setup, unknowns)), setup.loss).fit
     spread = choice.spread if law == "auto" else 0.0
     return replace(rough, unknowns=unknowns, fit=fit, candidates=choice.candidates, law=choice.law, spread=spread)
 

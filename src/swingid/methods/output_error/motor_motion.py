@@ -116,6 +116,14 @@ def _note(nodes: Array, row: int, work: Array, mode: Mode, u: float, passed: flo
     nodes[row, END1], nodes[row, END2] = work[FIRST, V1], work[FIRST, V2]
 
 
+def read_along(nodes: Array, begins: Ints) -> tuple[Array, Array]:
+    """What is read along the steps of `motor_steps`, and its rates, without derivatives."""
+    nodes = nodes[: begins[-1]]
+    flags = nodes[:, FLAG].astype(np.int64)
+    read = (flags[:, None] & (READ_ANGLE, READ_WHEEL)) > 0
+    return nodes[:, ANGLE : TURN + 1 : 2][read], nodes[:, SPEED : WHEEL + 1 : 2][read]
+
+
 @njit
 def motor_readings(
     further: Further,
@@ -275,3 +283,26 @@ def _carry(h: float, block: Array, jacobian: Array, wide: int) -> None:
         block[WIDEST + c] = w1 + sixth * (f1 + k1) + third * (g1 + h1)
         block[2 * WIDEST + c] = x2 + sixth * (w2 + y2) + third * (u2 + v2)
         block[3 * WIDEST + c] = w2 + sixth * (f2 + k2) + third * (g2 + h2)
+
+
+def read_with_slopes(
+    further: Further,
+    steps: tuple[Array, Ints],
+    p: Array,
+    entries: tuple[Ints, Ints, Array],
+    peaks: Array,
+    outputs: Array,
+    rates: Array,
+    slopes: Array,
+) -> None:
+    """`motor_readings` with any number of columns, some at a time."""
+    s, (places, columns, weights) = 4, entries
+    if slopes.shape[1] <= WIDEST:
+        motor_readings(further, *steps, p, places, columns, weights, peaks, outputs, rates, slopes)
+        return
+    for first in range(s, slopes.shape[1], WIDEST - s):
+        own = (columns >= first) & (columns < first + WIDEST - s)
+        part = np.zeros((len(slopes), min(slopes.shape[1] - first + s, WIDEST)))
+        mine, to, by = places[own], columns[own] - first + s, weights[own]
+        motor_readings(further, *steps, p, mine, to, by, peaks, outputs, rates, part)
+        slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]

@@ -19,9 +19,9 @@ from swingid.methods.output_error.motor_motion import (
     FIELDS,
     READ_ANGLE,
     READ_WHEEL,
-    WIDEST,
-    motor_readings,
     motor_steps,
+    read_along,
+    read_with_slopes,
 )
 from swingid.methods.output_error.partials import further_kernel
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
@@ -45,8 +45,7 @@ LONGEST_STEP = 2e-3
 
 NO_PEAKS = np.empty(0)
 
-READ_STATES = 4
-"""Initial values of a segment under the voltage."""
+NO_ENTRIES: Entries = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
 
 FEWEST_ROWS = 12
 """Least number of rows of a segment; shorter ones are excluded."""
@@ -120,26 +119,35 @@ class Problem:
         if self.input == "voltage":
             steps = self._steps(p, states) if same is None else same.steps
             if steps is not None:
-                _along(steps, p, entries, NO_PEAKS, *found)
+                read_with_slopes(further_kernel(p), steps, p, entries, NO_PEAKS, *found)
             return Prediction(*found, finite=steps is not None, steps=steps)
         finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
         return Prediction(*found, finite=bool(finite))
 
-    def peak_slopes(self, p: Array, states: Array, same: Prediction, peaks: Array) -> Array:
-        """Derivatives (r, k) of a motion that has no Stribeck's peak by the heights of peaks of k speeds (rad/s)."""
-        count, s = len(self.measured), self.states
-        slopes = np.zeros((count, s + len(peaks)))
+    def with_peaks(
+        self, p: Array, entries: Entries, states: Array, unknowns: int, same: Prediction, peaks: Array
+    ) -> Prediction:
+        """As `predict` of a motion that has no Stribeck's peak, with further slopes: by the heights of k peaks.
+
+        same: a prediction of this motion; peaks (k,): their speeds (rad/s). One column of slopes is left at the end.
+        """
+        count, first = len(self.measured), self.states + unknowns
+        slopes = np.zeros((count, first + len(peaks) + 1))
         if same.steps is not None:
-            places, columns = np.arange(SIZE, SIZE + len(peaks)), np.arange(s, s + len(peaks))
-            entries = places, columns, np.ones(len(peaks))
-            _along(same.steps, p, entries, peaks, np.zeros(count), np.zeros(count), slopes)
-            return slopes[:, s:]
+            places, columns = np.arange(SIZE, SIZE + len(peaks)), np.arange(first, first + len(peaks))
+            more = places, columns, np.ones(len(peaks))
+            both = [np.concatenate(pair) for pair in zip(entries, more, strict=True)]
+            found = np.zeros(count), np.zeros(count), slopes
+            read_with_slopes(further_kernel(p), same.steps, p, (both[0], both[1], both[2]), peaks, *found)
+            return Prediction(*found, finite=True, steps=same.steps)
+        bare = self.predict(p, entries, states, unknowns)
+        slopes[:, :first] = bare.slopes
         for k, peak in enumerate(peaks):
             own = p.copy()
             own[STRIBECK_SPEED] = peak
-            entries = np.array([STATIC_P, STATIC_N]), np.array([s, s]), np.ones(2)
-            slopes[:, s + k] = self.predict(own, entries, states, 1).slopes[:, s]
-        return slopes[:, s:]
+            height = np.array([STATIC_P, STATIC_N]), np.array([self.states, self.states]), np.ones(2)
+            slopes[:, first + k] = self.predict(own, height, states, 1).slopes[:, self.states]
+        return replace(bare, slopes=slopes)
 
     def _steps(self, p: Array, states: Array) -> tuple[Array, Ints] | None:
         """The steps of the motion under the voltage, and the first of each segment; None where it diverges."""
@@ -160,30 +168,29 @@ class Problem:
         prediction = self.predict(unknowns.vector(values), entries, states, len(unknowns))
         return as_read(prediction, self, unknowns.names, values)
 
-    def part(self, chosen: list[int]) -> Problem:
-        """The problem of some of the segments."""
-        knots = np.concatenate([np.arange(self.bounds[s], self.bounds[s + 1]) for s in chosen])
-        rows = np.concatenate([np.arange(self.rows[s], self.rows[s + 1]) for s in chosen])
+    def moved(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
+        """The same readings without their derivatives (r, 0)."""
+        p = unknowns.vector(values)
+        if self.input == "voltage":
+            steps = self._steps(p, states)
+            found = (self.measured, self.measured) if steps is None else read_along(*steps)
+            prediction = Prediction(*found, slopes=np.empty((len(self.measured), 0)), finite=steps is not None)
+        else:
+            prediction = self.predict(p, NO_ENTRIES, states, 0)
+            prediction = replace(prediction, slopes=prediction.slopes[:, :0])
+        return as_read(prediction, self, unknowns.names, values)
+
+    def part(self, chosen: list[int], most: int = 1 << 62) -> Problem:
+        """The problem of some of the segments; most: knots of each, from its first one on."""
+        ends = [min(self.bounds[s] + most, self.bounds[s + 1]) for s in chosen]
+        knots = np.concatenate([np.arange(self.bounds[s], end) for s, end in zip(chosen, ends, strict=True)])
+        read = np.concatenate([[0], np.cumsum(np.bitwise_count(self.flags))])
+        lengths = [int(read[end] - read[self.bounds[s]]) for s, end in zip(chosen, ends, strict=True)]
+        rows = np.concatenate([np.arange(self.rows[s], self.rows[s] + n) for s, n in zip(chosen, lengths, strict=True)])
         of_knots = {name: getattr(self, name)[knots] for name in ("knots", "flags", "commands", "courses")}
         of_rows = {name: getattr(self, name)[rows] for name in ("measured", "wheel", "sigma", "times")}
-        bounds, edges = (_edges([of[s + 1] - of[s] for s in chosen]) for of in (self.bounds, self.rows))
-        return replace(self, bounds=bounds, rows=edges, starts=self.starts[chosen], **of_knots, **of_rows)
-
-
-def _along(
-    steps: tuple[Array, Ints], p: Array, entries: Entries, peaks: Array, outputs: Array, rates: Array, slopes: Array
-) -> None:
-    """`motor_readings` with any number of columns, some at a time."""
-    s, (places, columns, weights), further = READ_STATES, entries, further_kernel(p)
-    if slopes.shape[1] <= WIDEST:
-        motor_readings(further, *steps, p, places, columns, weights, peaks, outputs, rates, slopes)
-        return
-    for first in range(s, slopes.shape[1], WIDEST - s):
-        own = (columns >= first) & (columns < first + WIDEST - s)
-        part = np.zeros((len(slopes), min(slopes.shape[1] - first + s, WIDEST)))
-        mine, to, by = places[own], columns[own] - first + s, weights[own]
-        motor_readings(further, *steps, p, mine, to, by, peaks, outputs, rates, part)
-        slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]
+        bounds = _edges([end - self.bounds[s] for s, end in zip(chosen, ends, strict=True)])
+        return replace(self, bounds=bounds, rows=_edges(lengths), starts=self.starts[chosen], **of_knots, **of_rows)
 
 
 def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], values: Array) -> Prediction:
@@ -197,14 +204,15 @@ def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], valu
     # the latency acts on the angle that the nonlinearity is a function of, so it comes first
     for k in sorted(ours, key=lambda k: not names[k].endswith("latency")):
         here = problem.wheel if names[k].startswith("sensors.wheel.") else ~problem.wheel
+        column = prediction.slopes[:, problem.states + k] if prediction.slopes.size else np.empty(len(outputs))
         if names[k] == ZERO:
-            prediction.slopes[:, problem.states + k] = here
+            column[:] = here
             outputs += float(values[k]) * here
             continue
         rates, times = prediction.rates[here], problem.times[here]
         added, slope = _effect(names[k], float(values[k]), outputs[here], rates, times)
-        prediction.slopes[:, problem.states + k] = 0.0
-        prediction.slopes[here, problem.states + k] = slope
+        column[:] = 0.0
+        column[here] = slope
         outputs[here] += added
     return replace(prediction, outputs=outputs)
 

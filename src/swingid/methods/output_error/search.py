@@ -6,8 +6,9 @@ far from it, are tried on a few segments, so that a better minimum elsewhere is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from swingid.balance.friction_laws import DIRECTIONS, LAWS
 from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import Fit, reduce, solve
+from swingid.methods.output_error.solver import CLOSE, Fit, Reduced, reduce, solve, stepped_states
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
 from swingid.numerics.arrays import Array
 
@@ -27,6 +28,9 @@ FEW = 2
 
 ROUGH, NEAR = 1e-3, 1e-4
 """Termination (see `solve`) of the search from several starts, and of the first fit of all segments."""
+
+HEAD, HEAD_KNOTS = 0.1, 40
+"""Share of a segment, and fewest knots, from which its initial values are estimated first."""
 
 SAME = 0.01
 """Relative difference of the inertia up to which two starts have found the same minimum."""
@@ -54,8 +58,9 @@ PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 class Searched:
     """The fit, how many of its starts ended at its inertia, and the laws tried with their BIC above the best.
 
-    law: the friction law. spread: standard deviation of the inertia over these laws by their likelihoods; 0 where one
-    law is given. drift: change of the inertia since segments of twice the length, where these were shortened.
+    law: the friction law. near: see `search`. spread: standard deviation of the inertia over these laws by their
+    likelihoods; 0 where one law is given. drift: change of the inertia since segments of twice the length, where these
+    were shortened.
     """
 
     unknowns: Unknowns
@@ -64,6 +69,7 @@ class Searched:
     agreeing: int
     candidates: dict[str, float]
     law: str = ""
+    near: bool = False
     spread: float = 0.0
     drift: float = 0.0
 
@@ -106,11 +112,22 @@ def first_values(setup: Setup, unknowns: Unknowns) -> Array:
     return np.array(values)
 
 
-def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> Searched:
-    """Rough fit from the best of several starts: `values` (m,), and `starts` − 1 off it, tried on a few segments."""
+@dataclass(frozen=True)
+class Start:
+    """Values (m,) to fit all segments from: those of the best of `starts` starts; `agreeing`: how many ended there."""
+
+    values: Array
+    starts: int = 1
+    agreeing: int = 1
+
+
+def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> Start:
+    """The best of several starts, `values` (m,) and `starts` − 1 off it, tried on a few segments."""
+    if starts == 1:
+        return Start(values)
     chosen = list(np.unique(np.linspace(0, len(problem.bounds) - 2, FEW).astype(int)))
     some = problem.part(chosen)
-    tried = [solve(some, unknowns, values, some.starts, loss, ROUGH)] if starts > 1 else []
+    tried = [solve(some, unknowns, values, some.starts, loss, ROUGH)]
     for k in range(starts - 1):
         inertia, friction = OFF[k % len(OFF)]
         power = 1 + k // len(OFF)
@@ -119,35 +136,61 @@ def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, start
             for name in unknowns.names
         ]
         tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH))
-    agreeing = 1
-    if tried:
-        best = min(tried, key=lambda fit: fit.cost)
-        spread = SAME * abs(best.values[0])
-        agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)
-        values = best.values if np.isfinite(best.cost) else values
-    fit = solve(problem, unknowns, values, problem.starts, loss, NEAR)
-    return Searched(unknowns, fit, max(len(tried), 1), agreeing, {})
+    best = min(tried, key=lambda fit: fit.cost)
+    spread = SAME * abs(best.values[0])
+    agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)
+    return Start(best.values if np.isfinite(best.cost) else values, starts, agreeing)
+
+
+def search(problem: Problem, unknowns: Unknowns, start: Start, loss: str, *, near: bool = False) -> Searched:
+    """Rough fit of all segments.
+
+    near: first steps as from values that are nearly the best: where the model explains the log, that takes fewer.
+    """
+    if near:
+        states = first_states(problem, unknowns, start.values, loss)
+        fit = solve(problem, unknowns, start.values, states, loss, NEAR, CLOSE)
+    else:
+        fit = solve(problem, unknowns, start.values, problem.starts, loss, NEAR)
+    return Searched(unknowns, fit, start.starts, start.agreeing, {}, near=near)
+
+
+def first_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str) -> Array:
+    """Initial values of the segments (k, s) by one step of least squares on the first rows of each, at these values.
+
+    Local cubics alone leave errors of the speeds that grow over a whole segment.
+    """
+    longest = int(np.max(np.diff(problem.bounds)))
+    most = max(int(HEAD * longest), HEAD_KNOTS)
+    if most > longest // 2:
+        return problem.starts
+    low, high = unknowns.bounds
+    heads = problem.part(list(range(len(problem.starts))), most)
+    return stepped_states(heads, unknowns, np.clip(values, low, high), loss)
 
 
 @dataclass(frozen=True)
 class _Columns:
     """Gram matrix of every friction term beside inertia and other unknowns, and the residuals, about one motion.
 
-    values (n,): the unknowns at which the columns were computed.
+    values (n,): the unknowns at which the columns were computed. states: step of the initial values (k, s) that belongs
+    to a step (n,) of these.
     """
 
     names: tuple[str, ...]
     gram: Array
     values: Array
     peak: float
+    states: Callable[[Array], Array]
 
 
 @dataclass(frozen=True)
 class Choice:
-    """A friction law, values of the unknowns with it, the criteria of all laws above its own, and their spread."""
+    """A friction law, values of the unknowns and states (k, s) with it, all laws' criteria above its, their spread."""
 
     law: str
     values: dict[str, float]
+    states: Array
     candidates: dict[str, float]
     spread: float
 
@@ -156,16 +199,17 @@ class Choice:
 class _Trial:
     """Bayesian and Akaike information criterion of a law (up to the same constant), and its values to first order.
 
-    variance: of the inertia.
+    variance: of the inertia. states: step of the initial values.
     """
 
     bayes: float
     akaike: float
     values: dict[str, float]
     variance: float
+    states: Callable[[], Array]
 
 
-_NO_TRIAL = _Trial(np.inf, np.inf, {}, np.inf)
+_NO_TRIAL = _Trial(np.inf, np.inf, {}, np.inf, lambda: np.empty(0))
 
 
 def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float, law: str) -> Choice:
@@ -196,7 +240,7 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
     more = np.array([trial.variance for trial in tried.values()]) - best.variance
     spread = float(np.sqrt(max(weights @ (off**2 + more) / weights.sum(), 0.0)))
     scores = {name: tried[name].bayes - best.bayes for name in ranked} if law == "auto" else {}
-    return Choice(ranked[0], best.values, scores, spread)
+    return Choice(ranked[0], best.values, fit.states + best.states(), scores, spread)
 
 
 def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peaks: list[float]) -> Iterator[_Columns]:
@@ -207,11 +251,13 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peaks: list[float])
     names = (*own, *(name for name in FRICTION_TERMS if name != "stribeck"))
     places = [unknowns.items[k].places for k in body] + [FRICTION[name] for name in names[len(own) :]]
     bare, s = Unknowns((), unknowns.base), problem.states
-    prediction = problem.predict(p, bare.entries(s, places), fit.states, len(places), same=fit.prediction)
+    entries, same = bare.entries(s, places), fit.prediction
+    prediction = problem.with_peaks(p, entries, fit.states, len(places), same, np.array(peaks))
     prediction = as_read(prediction, problem, names, np.array([at.get(name, 0.0) for name in names]))
-    by_peaks = problem.peak_slopes(p, fit.states, fit.prediction, np.array(peaks))
-    extended = np.column_stack([prediction.slopes, by_peaks, problem.sigma * fit.residuals])
-    gram = reduce(problem, extended, fit.residuals, fit.weights).matrix
+    extended = prediction.slopes
+    extended[:, -1] = problem.sigma * fit.residuals
+    reduced = reduce(problem, extended, fit.residuals, fit.weights)
+    gram = reduced.matrix.copy()
     for column, k in enumerate(body):
         if (power := unknowns.power[k]) > 0:
             # the prior, as one more residual
@@ -225,7 +271,15 @@ def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peaks: list[float])
     values = np.array([at[name] for name in own] + [friction.get(name, 0.0) for name in names[len(own) :]] + [0.0])
     for k, peak in enumerate(peaks):
         chosen = [*range(len(names)), len(names) + k, len(gram) - 1]
-        yield _Columns((*names, "stribeck"), gram[np.ix_(chosen, chosen)], values, peak)
+        states = partial(_states_with, reduced, chosen[:-1])
+        yield _Columns((*names, "stribeck"), gram[np.ix_(chosen, chosen)], values, peak, states)
+
+
+def _states_with(reduced: Reduced, places: list[int], step: Array) -> Array:
+    """Step of the initial values where the columns at these places take a step, and the others none."""
+    whole = np.zeros(len(reduced.matrix))
+    whole[places] = step
+    return reduced.states(whole)
 
 
 def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Trial | None:
@@ -272,4 +326,7 @@ def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _T
         named[f"{name}_negative"] = named.get(name, 0.0)
         named[f"{name}_positive"] = named.get(name, 0.0) + named.get(f"{name}_positive", 0.0)
     variance = float(spread[own.index(columns.names.index("inertia"))] ** 2)
-    return _Trial(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named, variance)
+    step = -columns.values
+    step[own] = change
+    states = partial(columns.states, step)
+    return _Trial(likelihood + count * float(np.log(independent)), likelihood + 2.0 * count, named, variance, states)

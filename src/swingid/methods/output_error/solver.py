@@ -13,7 +13,7 @@ import numpy as np
 
 from swingid.methods.output_error.problem import Prediction, Problem
 from swingid.methods.output_error.unknowns import Unknowns
-from swingid.numerics.arrays import Array, Ints
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import SINGLE
 
 LOSSES = ("linear", "huber", "soft_l1")
@@ -32,6 +32,9 @@ STALLED = 1e-9
 
 LEAP = 0.4
 """Least ratio of the inertia after a step to that before; its inverse is the greatest."""
+
+FAR, CLOSE = 1e-4, 1e-8
+"""Damping of the first step of a search, and of one that begins at values of another fit."""
 
 MOST_STEPS, MOST_ROUGH_STEPS = 30, 15
 HARDEST = 1e10
@@ -103,9 +106,9 @@ def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduc
     return result
 
 
-def _grams(slopes: Array, residuals: Array, weights: Array, scale: Array, rows: Ints) -> Array:
+def grams_of(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Array:
     """Weighted products of all columns and the residuals (k, m + 1, m + 1), segment by segment."""
-    m = slopes.shape[1]
+    m, rows, scale, even = slopes.shape[1], problem.rows, 1 / problem.sigma, bool(np.all(weights == 1.0))
     size = max(SINGLE // (m + 1) ** 2, 1)
     grams, part = np.zeros((len(rows) - 1, m + 1, m + 1)), np.empty((size, m + 1))
     for k, (begin, end) in enumerate(pairwise(rows)):
@@ -114,14 +117,19 @@ def _grams(slopes: Array, residuals: Array, weights: Array, scale: Array, rows: 
             own = part[: last - first]
             np.multiply(slopes[first:last], scale[first:last, None], out=own[:, :m])
             own[:, m] = residuals[first:last]
-            grams[k] += (own * weights[first:last, None]).T @ own
+            weighted = own if even else own * weights[first:last, None]
+            grams[k] += weighted.T @ own
     return grams
 
 
 def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Reduced:
     """Normal equations of weighted residuals with every segment's initial values eliminated."""
-    s, m = problem.states, slopes.shape[1] - problem.states
-    grams = _grams(slopes, residuals, weights, 1 / problem.sigma, problem.rows)
+    return eliminated(problem.states, grams_of(problem, slopes, residuals, weights))
+
+
+def eliminated(s: int, grams: Array) -> Reduced:
+    """Normal equations without the s initial values of each segment, of products as of `grams_of`."""
+    m = grams.shape[1] - s - 1
     own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
     # where the wheel rests at once, a combination of its initial speeds has no effect, and the block is singular
     sizes = np.diagonal(own, axis1=1, axis2=2)
@@ -155,35 +163,72 @@ def loss_of(residuals: Array, loss: str) -> tuple[float, Array]:
 
 
 def solve(
-    problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str, enough: float = CLOSE_ENOUGH
+    problem: Problem,
+    unknowns: Unknowns,
+    values: Array,
+    states: Array,
+    loss: str,
+    enough: float = CLOSE_ENOUGH,
+    damping: float = FAR,
 ) -> Fit:
     """Least squares from `values` (m,) and `states` (k, s); the best point found, converged or not.
 
-    enough: least predicted relative decrease of the cost for the search to continue.
+    enough: least predicted relative decrease of the cost for the search to continue. damping: of the first step.
     """
     low, high = unknowns.bounds
     here = _at(problem, unknowns, np.clip(values, low, high), states, loss)
+    return solve_from(here, problem, unknowns, loss, enough, damping)
+
+
+def solve_from(
+    here: Fit, problem: Problem, unknowns: Unknowns, loss: str, enough: float = CLOSE_ENOUGH, damping: float = FAR
+) -> Fit:
+    """As `solve`, from a point where the problem is evaluated."""
     if not np.isfinite(here.cost):
         return here
-    damping = 1e-4
+    low, high = unknowns.bounds
+    refused, least = False, FAR if damping < FAR else 0.0
     inertia = unknowns.names.index("inertia")
     for _ in range(MOST_STEPS if enough <= CLOSE_ENOUGH else MOST_ROUGH_STEPS):
         step, promised = _step(here, low, high, damping)
-        if promised <= enough * max(here.cost, EXACT) and damping <= 1e-2:
-            return replace(here, converged=bool(np.isfinite(here.cost)))
         trial = np.clip(here.values + step, low, high)
         trial[inertia] = np.clip(trial[inertia], here.values[inertia] * LEAP, here.values[inertia] / LEAP)
+        if promised <= enough * max(here.cost, EXACT) and damping <= 1e-2:
+            here = _stepped(here, problem, trial) if enough <= CLOSE_ENOUGH else here
+            return replace(here, converged=bool(np.isfinite(here.cost)))
         moved = here.states + here.reduced.states(trial - here.values)
-        there = _at(problem, unknowns, trial, moved, loss)
-        if there.cost < here.cost:
-            gained, here, damping = here.cost - there.cost, there, max(damping / 10, 1e-12)
-            if gained <= STALLED * there.cost:
+        # refusals come in runs: after one the cost is looked at before the sensitivities are computed
+        cost = _cost(problem, unknowns, trial, moved, loss) if refused else 0.0
+        there = _at(problem, unknowns, trial, moved, loss) if cost < here.cost else here
+        cost = cost if there is here else there.cost
+        refused = not cost < here.cost
+        if not refused:
+            gained, here, damping = here.cost - cost, there, max(damping / 10, 1e-12)
+            if gained <= STALLED * cost:
                 return replace(here, converged=True)
-        elif damping > HARDEST or (promised <= 1e-4 * here.cost and there.cost - here.cost <= 1e-9 * here.cost):
+        elif damping > HARDEST or (promised <= 1e-4 * here.cost and cost - here.cost <= 1e-9 * here.cost):
             return replace(here, converged=promised <= 1e-4 * here.cost or here.cost <= EXACT)
         else:
-            damping *= 10
+            damping = max(10 * damping, least)
     return replace(here, converged=here.cost <= EXACT)
+
+
+def stepped_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str) -> Array:
+    """The initial values (k, s) after one step of least squares in these alone."""
+    found = _at(problem, unknowns, values, problem.starts, loss)
+    if not np.isfinite(found.cost):
+        return problem.starts
+    states = problem.starts + found.reduced.states(np.zeros(len(values)))
+    return states if np.isfinite(states).all() else problem.starts
+
+
+def _cost(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> float:
+    """The cost alone, infinite where the motion diverges."""
+    prediction = problem.moved(unknowns, values, states)
+    residuals = (problem.measured - prediction.outputs) / problem.sigma
+    if not (prediction.finite and np.isfinite(residuals).all()):
+        return np.inf
+    return loss_of(residuals, loss)[0] + float(unknowns.power @ values**2) / len(residuals)
 
 
 def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
@@ -200,6 +245,26 @@ def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss
     if not (np.isfinite(cost) and np.isfinite(reduced.matrix).all() and np.isfinite(reduced.right).all()):
         return diverged
     return Fit(values, states, prediction, residuals, weights, cost, reduced, converged=False)
+
+
+def _stepped(fit: Fit, problem: Problem, values: Array) -> Fit:
+    """The fit at `values` so near that the change is linear, with the sensitivities and the cost before."""
+    step, reduced = values - fit.values, fit.reduced
+    states = reduced.states(step)
+    both = np.column_stack([states, np.broadcast_to(step, (len(states), len(step)))])
+    change = np.empty(len(fit.residuals))
+    for own, (first, last) in zip(both, pairwise(problem.rows), strict=True):
+        np.matmul(fit.prediction.slopes[first:last], own, out=change[first:last])
+    prediction = replace(fit.prediction, outputs=fit.prediction.outputs + change)
+    right = reduced.right - reduced.matrix @ step
+    return replace(
+        fit,
+        values=values,
+        states=fit.states + states,
+        prediction=prediction,
+        residuals=fit.residuals - change / problem.sigma,
+        reduced=replace(reduced, right=right, right_own=np.zeros_like(reduced.right_own)),
+    )
 
 
 def _step(fit: Fit, low: Array, high: Array, damping: float) -> tuple[Array, float]:

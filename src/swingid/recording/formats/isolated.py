@@ -66,15 +66,16 @@ def read_apart(package: str, reader: str, content: bytes) -> tuple[Columns, str]
 def read_part_apart(package: str, reader: str, path: Path, size: int, **options: object) -> tuple[Columns, str]:
     """As `read_apart`, of a file with options of the function, that takes and gives some `size` bytes."""
     with tempfile.TemporaryDirectory() as folder, _lock:
-        target = Path(folder) / "columns.npz"
+        target = Path(folder) / "columns.npy"
         answer = _ask({"package": package}, STARTING)
         if "error" not in answer:
             request = {"reader": reader, "path": str(path), "target": str(target), "size": size, "options": options}
             answer = _ask(request, LONGEST + size / SPEED)
         if "error" in answer:
             raise UnreadableError(str(answer["error"]))
-        with np.load(target) as saved:
-            return {str(key): saved[f"column{k}"] for k, key in enumerate(saved["names"])}, str(answer["metadata"])
+        with target.open("rb") as saved:
+            names = np.load(saved)
+            return {str(name): np.load(saved) for name in names}, str(answer["metadata"])
 
 
 def _ask(request: dict[str, object], longest: float) -> dict[str, Any]:
@@ -151,8 +152,9 @@ def _answer(request: dict[str, Any]) -> dict[str, str]:
     module, _, name = str(request["reader"]).partition(":")
     try:
         columns, metadata = getattr(import_module(module), name)(request["path"], **request.get("options", {}))
-        arrays: dict[str, Any] = {f"column{k}": values for k, values in enumerate(columns.values())}
-        np.savez(request["target"], names=np.array(list(columns), dtype=str), **arrays)
+        with Path(request["target"]).open("wb") as target:  # one after the other: an archive has checksums of all bytes
+            for values in (np.array(list(columns), dtype=str), *columns.values()):
+                np.save(target, values, allow_pickle=False)
     except Exception as error:  # a damaged file may fail anywhere in the other package
         return {"error": type(error).__name__}
     return {"metadata": metadata}

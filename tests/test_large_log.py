@@ -236,6 +236,15 @@ def test_time_that_goes_back_is_refused(small_parts, parquet, tmp_path):
         sw.identify(LargeLog(rewritten(parquet, tmp_path, t=time), GIVEN), GIVEN)
 
 
+def test_a_fault_behind_the_first_rows_is_named_by_its_rows_of_the_file(small_parts, parquet, tmp_path):
+    angle = columns_of(parquet)["q1"].copy()
+    angle[130_000:165_000] = np.nan
+    with pytest.raises(InputError) as refused:
+        sw.identify(LargeLog(rewritten(parquet, tmp_path, q1=angle), GIVEN), GIVEN)
+    where = "(rows 120001 to 180000) has no number in column 'q1' in 35000 of 60000 rows (the first is row 130001)"
+    assert where in refused.value.message
+
+
 def test_a_short_part_is_read_as_any_log(small_parts, parquet):
     short = LargeLog(str(parquet), GIVEN, span=(5.0, 12.0)).small()
     assert short is not None

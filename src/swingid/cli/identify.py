@@ -190,7 +190,7 @@ def _identify(
         recording = log if isinstance(log, Recording) else None
         if recording is not None:
             provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
-        compile_first(method)
+            compile_first(method)  # methods that read in parts have no kernels
         result = run(log, plant, method, **options)
         if draws is not None:
             if recording is None:

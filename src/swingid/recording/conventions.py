@@ -235,7 +235,8 @@ class Conventions:
 class Reading:
     """A log as it is read: rig, conventions, the file's name for messages, repairs that are switched `off`; findings.
 
-    held: whether the drive was held. span: the part of the log (s) to use, None for all of it.
+    held: whether the drive was held. span: the part of the log (s) to use, None for all of it. before: rows of the file
+    before these, where it is read in pieces.
     """
 
     rig: Rig
@@ -245,6 +246,7 @@ class Reading:
     held: bool
     findings: list[Finding]
     span: tuple[float, float] | None = None
+    before: int = 0
 
     def column(self, channel: str) -> str:
         """The column of a channel, in words."""

@@ -214,9 +214,9 @@ def _drop_rows_without_numbers(channels: Channels, texts: Mapping[str, str], rea
     rows = len(good)
     faults = {channel: rows - int(np.isfinite(channels[channel]).sum()) for channel in needed}
     worst = max(faults, key=lambda channel: faults[channel])
-    first = int(np.argmin(np.isfinite(channels[worst])))
+    first = reading.before + int(np.argmin(np.isfinite(channels[worst]))) + 1
     sample = f", such as {texts[worst]!r}" if worst in texts else ""
-    where = f"{reading.column(worst)} in {faults[worst]} of {rows} rows (the first is row {first + 1}{sample})"
+    where = f"{reading.column(worst)} in {faults[worst]} of {rows} rows (the first is row {first}{sample})"
     if faults[worst] > rows / 2:
         message = f"{reading.name} has no number in {where}; give [log] {worst} a column of numbers."
         raise InputError(message, code="no-numbers")
@@ -242,7 +242,7 @@ def _sort(channels: Channels, reading: Reading) -> Channels:
         advice = "if the rows are stored newest first, turn their order around, else correct the clock"
         raise InputError(f"{message}; {advice}.", code="backwards")
     where = f"{name}: {column} runs backwards after {steps_back.size} of {rows} rows"
-    where += f" (the first is row {steps_back[0] + 1})"
+    where += f" (the first is row {reading.before + steps_back[0] + 1})"
     order = np.argsort(time, kind="stable")
     angle = channels["angle" if "angle" in channels else "angle_speed"]
     smoother = np.abs(np.diff(angle[order])).sum() <= np.abs(np.diff(angle)).sum()
@@ -250,7 +250,8 @@ def _sort(channels: Channels, reading: Reading) -> Channels:
     slips = few(steps_back.size, rows)
     if slips and not smoother and (np.diff(time[~wrong]) > 0).all():
         message = f"{int(wrong.sum())} of {rows} rows left out: their time in {column} fits neither"
-        message += f" neighbour (the first is row {int(np.argmax(wrong)) + 1}, {time[np.argmax(wrong)]:.6g} s)."
+        first = int(np.argmax(wrong))
+        message += f" neighbour (the first is row {reading.before + first + 1}, {time[first]:.6g} s)."
         reading.found("wrong-stamps", message, "warning", "sort")
         return take(channels, ~wrong)
     if not slips or not smoother:
@@ -288,7 +289,7 @@ def _drop_repeated(channels: Channels, reading: Reading) -> Channels:
         message = f"{int(copy.sum())} of {rows} rows left out: exact copies of the row before."
         reading.found("repeated-rows", message, "note", "repeats")
     if conflicts:
-        first = int(np.argmax(conflicting)) + 1
+        first = reading.before + int(np.argmax(conflicting)) + 1
         message = f"{conflicts} of {rows} rows left out: their time is that of the row before, their values differ"
         reading.found("repeated-times", f"{message} (the first is row {first}).", "warning", "repeats")
     return take(channels, ~repeated)

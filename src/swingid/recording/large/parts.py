@@ -10,6 +10,7 @@ falls by the root of the number of rows. A block has an odd number of rows, so t
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
@@ -98,25 +99,37 @@ def _pieces(pieces: Iterable[Table], reading: Reading) -> Iterator[tuple[Channel
     wrapped: set[str] = set()
     before = 0
     for table in pieces:
-        piece = replace(reading, findings=[])
+        row, before = before, before + max(map(len, table.columns.values()))
+        piece = replace(reading, findings=[], before=row)
         unreadable = unreadable_rows(table, piece)
-        channels, texts = gather(table, piece)
-        if reading.conventions.rate is not None:
-            channels["time"] = channels["time"] + before / reading.conventions.rate
-        row = before
-        before += channels["time"].size
-        if reading.span is not None:
-            channels = take(channels, within(table, reading, row))
-        if channels["time"].size < 2:
-            continue
-        if not _is_plain(channels, last, reading.conventions):
-            channels = _repaired(_after(rows_in_order(channels, texts, piece), last, piece, row), piece)
+        with _naming_rows(reading.name, row, before):
+            channels, texts = gather(table, piece)
+            if reading.conventions.rate is not None:
+                channels["time"] = channels["time"] + row / reading.conventions.rate
+            if reading.span is not None:
+                channels = take(channels, within(table, reading, row))
+            if channels["time"].size < 2:
+                continue
+            if not _is_plain(channels, last, reading.conventions):
+                channels = _repaired(_after(rows_in_order(channels, texts, piece), last, piece), piece)
         piece.findings += unreadable
         if any(finding.code == "unwrapped" for finding in piece.findings):
             wrapped |= {name for name in ANGLES if reading.conventions.scales.get(name) is not None}
         channels = limited(_continued(channels, last, reading.conventions, wrapped), piece)
         last = {name: values[-1:] for name, values in channels.items()}
         yield channels, piece.findings
+
+
+@contextmanager
+def _naming_rows(name: str, before: int, after: int) -> Iterator[None]:
+    """An error about a piece of the file `name` after the first, with the rows that the piece has of it."""
+    try:
+        yield
+    except InputError as error:
+        if before == 0:  # what is wrong from the begin on may be so in all rows
+            raise
+        message = error.message.replace(name, f"{name} (rows {before + 1} to {after})", 1)
+        raise InputError(message, code=error.code) from None
 
 
 def _is_plain(channels: Channels, last: Channels, conventions: Conventions) -> bool:
@@ -161,7 +174,7 @@ def within(table: Table, reading: Reading, before: int) -> Bools:
     return inside
 
 
-def _after(channels: Channels, last: Channels, reading: Reading, row: int) -> Channels:
+def _after(channels: Channels, last: Channels, reading: Reading) -> Channels:
     """The rows after the piece before; InputError where more than a few go back."""
     if not last:
         return channels
@@ -169,7 +182,7 @@ def _after(channels: Channels, last: Channels, reading: Reading, row: int) -> Ch
     count = int(late.sum())
     if count == 0:
         return channels
-    where = f"{reading.name}: {reading.column('time')} runs backwards after row {row}"
+    where = f"{reading.name}: {reading.column('time')} runs backwards after row {reading.before}"
     if not few(count, late.size):
         message = f"{where}; a log of this size is not sorted, so give one run per file, or choose a part of it."
         raise InputError(message, code="unsorted")

@@ -16,7 +16,7 @@ from swingid.methods.output_error.declared import declared_effects, shift_of_mom
 from swingid.methods.output_error.problem import Problem
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import Fit, influence_of, informed, inverse_of, reduce
+from swingid.methods.output_error.solver import Fit, eliminated, grams_among, influence_of, informed, inverse_of
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns
 from swingid.model.friction import static_curve
 from swingid.model.parameters import COULOMB_N, STATIC_N
@@ -156,17 +156,21 @@ def _kinds(
     """The inertia with weight `LESS` on one channel or one half of the log: one Gauss–Newton step from the estimate."""
     fit = searched.fit
     middle = problem.times[problem.rows[(len(problem.rows) - 1) // 2]]
-    groups = {"mostly its first half": problem.times < middle, "mostly its second half": problem.times >= middle}
+    pairs = [(("mostly its first half", "mostly its second half"), problem.times < middle)]
     if len(problem.rows) < 3:
-        groups = {}
+        pairs = []
     if problem.input == "voltage":
-        groups |= {"mostly the angle": ~problem.wheel, "mostly the wheel": problem.wheel}
+        pairs.append((("mostly the angle", "mostly the wheel"), ~problem.wheel))
+    groups = {}
+    for (one, another), here in pairs:
+        own, whole = grams_among(problem, fit, here), fit.reduced.grams
+        groups[one] = here, own + LESS**2 * (whole - own)
+        groups[another] = ~here, whole - own + LESS**2 * own
     ratio = covariance[0, 0] / max(float(influence[0] @ influence[0]), 1e-300)
     found, first = {}, np.eye(1, len(influence))
-    for name, mostly in groups.items():
+    for name, (mostly, grams) in groups.items():
         weights = fit.weights * np.where(mostly, 1.0, LESS**2)
-        data = reduce(problem, fit.prediction.slopes, fit.residuals, weights)
-        reduced = informed(data, searched.unknowns, fit.values)
+        reduced = informed(eliminated(problem.states, grams), searched.unknowns, fit.values)
         other = influence_of(problem, fit.prediction.slopes, weights, reduced, first)[0]
         shift = float(inverse_of(reduced)[0] @ reduced.right)
         # the priors too, whose errors have their own standard uncertainties, have another influence

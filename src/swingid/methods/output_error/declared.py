@@ -116,7 +116,10 @@ def _encoders(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Im
         return
     channels: tuple[tuple[Channel, Bools], ...] = ("angle", ~problem.wheel), ("wheel", problem.wheel)
     for channel, here in channels if problem.input in ("voltage", "wheel") else channels[:1]:
+        sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
         for kind, shape in (("cosine", np.cos), ("sine", np.sin)):
+            if not sensor.parts[kind].std:
+                continue
             effect = np.where(here, shape(problem.measured), 0.0)
             if channel == "wheel" and problem.input == "wheel" and (std := problem.encoders.wheel.parts[kind].std):
                 wheel = setup.part.log.wheel_angle

@@ -16,7 +16,7 @@ from swingid.balance.friction_laws import DIRECTIONS, LAWS
 from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import CLOSE, Fit, Reduced, reduce, solve, stepped_states
+from swingid.methods.output_error.solver import CLOSE, SAME, Fit, Reduced, reduce, solve, stepped_states
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
 from swingid.numerics.arrays import Array
 
@@ -31,9 +31,6 @@ ROUGH, NEAR = 1e-3, 1e-4
 
 HEAD, HEAD_KNOTS = 0.1, 40
 """Share of a segment, and fewest knots, from which its initial values are estimated first."""
-
-SAME = 0.01
-"""Relative difference of the inertia up to which two starts have found the same minimum."""
 
 RICHEST = "coulomb + viscous + quadratic, direction-dependent"
 """The law about whose motion all laws are compared, to first order."""
@@ -135,7 +132,7 @@ def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, s
             inertia**power if name == "inertia" else friction**power if name in FRICTION else 1.0
             for name in unknowns.names
         ]
-        tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH))
+        tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH, known=tried[0]))
     best = min(tried, key=lambda fit: fit.cost)
     spread = SAME * abs(best.values[0])
     agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)

@@ -13,7 +13,7 @@ import numpy as np
 
 from swingid.methods.output_error.problem import Prediction, Problem
 from swingid.methods.output_error.unknowns import Unknowns
-from swingid.numerics.arrays import Array
+from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.regression import SINGLE
 
 LOSSES = ("linear", "huber", "soft_l1")
@@ -29,6 +29,10 @@ EXACT = 1e-6
 
 STALLED = 1e-9
 """Least relative decrease of the cost by a step for the search to continue."""
+
+SAME, EXPLAINED = 0.01, 4.0
+"""Relative difference of the inertia up to which two searches have found the same minimum; a cost that is that of the
+sensors' noise."""
 
 LEAP = 0.4
 """Least ratio of the inertia after a step to that before; its inverse is the greatest."""
@@ -47,7 +51,7 @@ SINGULAR = 1e-12
 class Reduced:
     """Normal equations without the initial values: matrix (m, m), right side (m,), and the blocks that restore those.
 
-    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment.
+    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment, from its products `grams_of`.
     """
 
     matrix: Array
@@ -55,6 +59,7 @@ class Reduced:
     own: Array
     cross: Array
     right_own: Array
+    grams: Array
 
     def states(self, step: Array) -> Array:
         """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""
@@ -108,18 +113,33 @@ def influence_of(problem: Problem, slopes: Array, weights: Array, reduced: Reduc
 
 def grams_of(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Array:
     """Weighted products of all columns and the residuals (k, m + 1, m + 1), segment by segment."""
-    m, rows, scale, even = slopes.shape[1], problem.rows, 1 / problem.sigma, bool(np.all(weights == 1.0))
+    weighted, scale = bool(np.any(weights != 1.0)), 1 / problem.sigma
+    parts = (slice(first, last) for first, last in pairwise(problem.rows))
+    return np.array([_gram(slopes[k], residuals[k], scale[k], weights[k] if weighted else None) for k in parts])
+
+
+def grams_among(problem: Problem, fit: Fit, chosen: Bools) -> Array:
+    """The products of a fit over the readings where `chosen` (r,) alone."""
+    result, slopes = fit.reduced.grams.copy(), fit.prediction.slopes
+    for k, (first, last) in enumerate(pairwise(problem.rows)):
+        if not chosen[first:last].all():
+            own = first + np.flatnonzero(chosen[first:last])
+            result[k] = _gram(slopes[own], fit.residuals[own], 1 / problem.sigma[own], fit.weights[own])
+    return result
+
+
+def _gram(slopes: Array, residuals: Array, scale: Array, weights: Array | None) -> Array:
+    """Products (m + 1, m + 1) of the scaled columns and the residuals."""
+    m = slopes.shape[1]
     size = max(SINGLE // (m + 1) ** 2, 1)
-    grams, part = np.zeros((len(rows) - 1, m + 1, m + 1)), np.empty((size, m + 1))
-    for k, (begin, end) in enumerate(pairwise(rows)):
-        for first in range(begin, end, size):
-            last = min(first + size, end)
-            own = part[: last - first]
-            np.multiply(slopes[first:last], scale[first:last, None], out=own[:, :m])
-            own[:, m] = residuals[first:last]
-            weighted = own if even else own * weights[first:last, None]
-            grams[k] += weighted.T @ own
-    return grams
+    result, part = np.zeros((m + 1, m + 1)), np.empty((min(size, len(slopes)), m + 1))
+    for first in range(0, len(slopes), size):
+        rows = slice(first, first + size)
+        own = part[: len(residuals[rows])]
+        np.multiply(slopes[rows], scale[rows, None], out=own[:, :m])
+        own[:, m] = residuals[rows]
+        result += (own if weights is None else own * weights[rows, None]).T @ own
+    return result
 
 
 def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) -> Reduced:
@@ -136,7 +156,7 @@ def eliminated(s: int, grams: Array) -> Reduced:
     own = own + np.eye(s) * (SINGULAR * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
     held = np.linalg.solve(own, grams[:, :s, s:])
     left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
-    return Reduced(left[:, :m], left[:, m], own, cross, right_own)
+    return Reduced(left[:, :m], left[:, m], own, cross, right_own, grams)
 
 
 def informed(reduced: Reduced, unknowns: Unknowns, values: Array) -> Reduced:
@@ -170,18 +190,26 @@ def solve(
     loss: str,
     enough: float = CLOSE_ENOUGH,
     damping: float = FAR,
+    known: Fit | None = None,
 ) -> Fit:
     """Least squares from `values` (m,) and `states` (k, s); the best point found, converged or not.
 
-    enough: least predicted relative decrease of the cost for the search to continue. damping: of the first step.
+    enough: least predicted relative decrease of the cost for the search to continue. damping: of the first step. known:
+    a minimum at which the search may end, too.
     """
     low, high = unknowns.bounds
     here = _at(problem, unknowns, np.clip(values, low, high), states, loss)
-    return solve_from(here, problem, unknowns, loss, enough, damping)
+    return solve_from(here, problem, unknowns, loss, enough, damping, known)
 
 
 def solve_from(
-    here: Fit, problem: Problem, unknowns: Unknowns, loss: str, enough: float = CLOSE_ENOUGH, damping: float = FAR
+    here: Fit,
+    problem: Problem,
+    unknowns: Unknowns,
+    loss: str,
+    enough: float = CLOSE_ENOUGH,
+    damping: float = FAR,
+    known: Fit | None = None,
 ) -> Fit:
     """As `solve`, from a point where the problem is evaluated."""
     if not np.isfinite(here.cost):
@@ -194,9 +222,11 @@ def solve_from(
         trial = np.clip(here.values + step, low, high)
         trial[inertia] = np.clip(trial[inertia], here.values[inertia] * LEAP, here.values[inertia] / LEAP)
         if promised <= enough * max(here.cost, EXACT) and damping <= 1e-2:
-            here = _stepped(here, problem, trial) if enough <= CLOSE_ENOUGH else here
+            here = _stepped(here, problem, unknowns, trial) if enough <= CLOSE_ENOUGH else here
             return replace(here, converged=bool(np.isfinite(here.cost)))
         moved = here.states + here.reduced.states(trial - here.values)
+        if known is not None and _leads_to(known, here, trial[inertia], promised, inertia):
+            return replace(here, values=trial)
         # refusals come in runs: after one the cost is looked at before the sensitivities are computed
         cost = _cost(problem, unknowns, trial, moved, loss) if refused else 0.0
         there = _at(problem, unknowns, trial, moved, loss) if cost < here.cost else here
@@ -234,7 +264,7 @@ def _cost(problem: Problem, unknowns: Unknowns, values: Array, states: Array, lo
 def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
     prediction = problem.fitted(unknowns, values, states)
     residuals = (problem.measured - prediction.outputs) / problem.sigma
-    empty = Reduced(*(np.zeros((0, 0)) for _ in range(5)))
+    empty = Reduced(*(np.zeros((0, 0)) for _ in range(6)))
     diverged = Fit(values, states, prediction, residuals, residuals, np.inf, empty, converged=False)
     if not (prediction.finite and np.isfinite(residuals).all() and np.isfinite(prediction.slopes).all()):
         return diverged
@@ -247,23 +277,28 @@ def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss
     return Fit(values, states, prediction, residuals, weights, cost, reduced, converged=False)
 
 
-def _stepped(fit: Fit, problem: Problem, values: Array) -> Fit:
+def _leads_to(known: Fit, here: Fit, there: float, promised: float, inertia: int) -> bool:
+    """Whether the next step, to the inertia `there`, is to end at a known minimum that explains the log."""
+    wanted, explains = known.values[inertia], known.cost < EXPLAINED
+    near = max(abs(there - wanted), abs(here.values[inertia] - wanted)) < SAME * wanted
+    return bool(known.converged and explains and near and here.cost - promised < EXPLAINED)
+
+
+def _stepped(fit: Fit, problem: Problem, unknowns: Unknowns, values: Array) -> Fit:
     """The fit at `values` so near that the change is linear, with the sensitivities and the cost before."""
-    step, reduced = values - fit.values, fit.reduced
-    states = reduced.states(step)
+    step = values - fit.values
+    states = fit.reduced.states(step)
     both = np.column_stack([states, np.broadcast_to(step, (len(states), len(step)))])
-    change = np.empty(len(fit.residuals))
-    for own, (first, last) in zip(both, pairwise(problem.rows), strict=True):
+    change, grams = np.empty(len(fit.residuals)), fit.reduced.grams.copy()
+    for own, gram, (first, last) in zip(both, grams, pairwise(problem.rows), strict=True):
         np.matmul(fit.prediction.slopes[first:last], own, out=change[first:last])
+        gram[:-1, -1] -= gram[:-1, :-1] @ own
+        gram[-1] = gram[:, -1]
+    residuals = fit.residuals - change / problem.sigma
     prediction = replace(fit.prediction, outputs=fit.prediction.outputs + change)
-    right = reduced.right - reduced.matrix @ step
+    reduced = informed(eliminated(problem.states, grams), unknowns, values)
     return replace(
-        fit,
-        values=values,
-        states=fit.states + states,
-        prediction=prediction,
-        residuals=fit.residuals - change / problem.sigma,
-        reduced=replace(reduced, right=right, right_own=np.zeros_like(reduced.right_own)),
+        fit, values=values, states=fit.states + states, prediction=prediction, residuals=residuals, reduced=reduced
     )
 
 
@@ -271,8 +306,9 @@ def _step(fit: Fit, low: Array, high: Array, damping: float) -> tuple[Array, flo
     """Damped step of the unknowns, those fixed that would leave their bounds; the predicted decrease of the cost."""
     matrix, right = fit.reduced.matrix, fit.reduced.right
     free = np.ones(len(right), dtype=bool)
-    step = np.zeros(len(right))
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    step, powers = np.zeros(len(right)), np.diag(matrix)
+    # an unknown without effect, as the speed of a peak of no height, stays where it is
+    scale = np.where(powers > 0, 1 / np.sqrt(np.maximum(powers, 1e-300)), 0.0)
     for _ in range(len(right)):
         at = np.nonzero(free)[0]
         inner = matrix[np.ix_(at, at)] * np.outer(scale[at], scale[at]) + damping * np.eye(len(at))

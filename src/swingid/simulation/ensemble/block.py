@@ -5,7 +5,7 @@ from __future__ import annotations
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.vectors import njit_lane, njit_threads, widest
 from swingid.simulation.ensemble import lanes as at
-from swingid.simulation.ensemble.control import command_all
+from swingid.simulation.ensemble.control import command_all, first_seen
 from swingid.simulation.ensemble.events import redo
 from swingid.simulation.ensemble.lanes import LANES
 from swingid.simulation.ensemble.motion import afresh, move_all
@@ -40,6 +40,19 @@ def write(lane: Array, log: Array, kept: Array, k: int, channels: tuple[int, int
                 line[k - at_row + j] = kept[place + j * LANES]
 
 
+@njit_lane
+def refer(lane: Array, inputs: Array, which: Ints, k: int) -> None:
+    """Each run's reference or command at row k."""
+    widest()
+    if inputs.shape[1] == 1:
+        value = inputs[k, 0]
+        for i in range(LANES):
+            lane[at.REFERENCE * LANES + i] = value
+    else:
+        for i in range(LANES):
+            lane[at.REFERENCE * LANES + i] = inputs[k, which[i]]
+
+
 @njit_threads
 def run_block(
     lane: Array,
@@ -70,19 +83,21 @@ def run_block(
     widest()
     closed, bent = kinds
     total, rows, rate = len(inputs), log.shape[2], 1.0 / (h * steps)
+    fading = 1
     while place[ROW] < total:
         k = place[ROW]
         if place[STEP] == 0:
             if k % AFRESH == 0:
                 afresh(lane)
-            for i in range(LANES):
-                lane[at.REFERENCE * LANES + i] = inputs[k, which[i]]
+            refer(lane, inputs, which, k)
             if is_late is not None:
                 known(lane, late, k, steps)
                 read_all(lane, at.THERE, at.THERE + 1, bent, noise, k)
             else:
                 read_all(lane, at.Q1, at.Q2, bent, noise, k)
-            command_all(lane, closed, rate, order, steps_back)
+            if k == 0 and closed:
+                first_seen(lane)
+            fading = command_all(lane, closed, rate, fading, order, steps_back)
             if k < rows:
                 write(lane, log, kept, k, (0 if is_late is None else min(2, len(log)), len(log)))
             if k == rows - 1:

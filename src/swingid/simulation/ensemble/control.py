@@ -43,11 +43,18 @@ def grown_gain(lane: Array, i: int, e: float) -> float:
 def wheel_speed(lane: Array, i: int, rate: float) -> float:
     """Run i's wheel speed (rad/s) from its readings, `law.wheel_speed`; rate: samples per second."""
     wheel, memory = lane[at.WHEEL_READING * LANES + i], lane[at.WHEEL_MEMORY * LANES + i]
-    memory = memory if lane[at.WHEEL_SEEN * LANES + i] != 0.0 else wheel
     change = (wheel - memory) * (1.0 - lane[at.WHEEL_DECAY * LANES + i])
     lane[at.WHEEL_MEMORY * LANES + i] = memory + change
-    lane[at.WHEEL_SEEN * LANES + i] = 1.0
     return float(change * rate)
+
+
+@njit_lane
+def first_seen(lane: Array) -> None:
+    """At the first sample the filters of the wheel's speed begin with its reading."""
+    widest()
+    for i in range(LANES):
+        wheel, memory = lane[at.WHEEL_READING * LANES + i], lane[at.WHEEL_MEMORY * LANES + i]
+        lane[at.WHEEL_MEMORY * LANES + i] = memory if lane[at.WHEEL_SEEN * LANES + i] != 0.0 else wheel
 
 
 @njit_lane
@@ -61,21 +68,54 @@ def compensated(lane: Array, i: int, u: float, speed: float) -> float:
 
 
 @njit_lane
-def compensator(lane: Array, i: int, rate: float) -> None:
-    """Command of run i by its compensator of relative degree 2, `compensator_step`, moved on by a sample in place."""
+def grow(lane: Array, i: int) -> int:
+    """Run i's ERROR and NEXT_GAIN; 1 where the gain grows."""
     e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
-    k = lane[at.K_TILDE * LANES + i]
-    xi, sigma0, k1 = lane[at.XI * LANES + i], lane[at.SIGMA0 * LANES + i], lane[at.K1 * LANES + i]
+    k, k_next = lane[at.K_TILDE * LANES + i], grown_gain(lane, i, e)
+    lane[at.ERROR * LANES + i], lane[at.NEXT_GAIN * LANES + i] = e, k_next
+    return 1 if k_next != k else 0
 
-    k_next = grown_gain(lane, i, e)
-    slope = sigma0 * k * k * k1 * (e - xi)
+
+@njit_lane
+def compensator_command(lane: Array, i: int, rate: float) -> None:
+    """Command of run i by its compensator of relative degree 2, `compensator_step`."""
+    e, k, k_next = lane[at.ERROR * LANES + i], lane[at.K_TILDE * LANES + i], lane[at.NEXT_GAIN * LANES + i]
+    xi = lane[at.XI * LANES + i]
+    slope = lane[at.SIGMA0 * LANES + i] * k * k * lane[at.K1 * LANES + i] * (e - xi)
     gain_term = lane[at.DIFFERENTIATE * LANES + i] * ((k_next - k) * rate) * xi
     u = lane[at.ALPHA1 * LANES + i] * (gain_term + k * slope) + lane[at.ALPHA0 * LANES + i] * k * xi
     u = compensated(lane, i, lane[at.PLANT_SIGN * LANES + i] * u, wheel_speed(lane, i, rate))
     lane[at.COMMAND * LANES + i] = within(u, lane[at.LIMIT * LANES + i])
-    turn = sigma0 * (1.0 / (3.0 * rate)) * (k * k + k * k_next + k_next * k_next)
-    lane[at.XI * LANES + i] = e + (xi - e) * decay(k1 * turn)
-    lane[at.K_TILDE * LANES + i] = k_next
+
+
+@njit_lane
+def fade(lane: Array, i: int, rate: float) -> None:
+    """How far run i's xi nears the error in this sample, into FADING."""
+    k, k_next = lane[at.K_TILDE * LANES + i], lane[at.NEXT_GAIN * LANES + i]
+    turn = lane[at.SIGMA0 * LANES + i] * (1.0 / (3.0 * rate)) * (k * k + k * k_next + k_next * k_next)
+    lane[at.FADING * LANES + i] = decay(lane[at.K1 * LANES + i] * turn)
+
+
+@njit_lane
+def compensators(lane: Array, rate: float, fading: int) -> int:
+    """Commands of all runs by compensators of relative degree 2; whether FADING is to be computed at the next sample.
+
+    fading: whether it is to be at this one: it changes with the gains alone.
+    """
+    widest()
+    growing = 0
+    for i in range(LANES):
+        growing += grow(lane, i)
+    for i in range(LANES):
+        compensator_command(lane, i, rate)
+    if growing + fading > 0:
+        for i in range(LANES):
+            fade(lane, i, rate)
+    for i in range(LANES):
+        e, xi = lane[at.ERROR * LANES + i], lane[at.XI * LANES + i]
+        lane[at.XI * LANES + i] = e + (xi - e) * lane[at.FADING * LANES + i]
+        lane[at.K_TILDE * LANES + i] = lane[at.NEXT_GAIN * LANES + i]
+    return growing
 
 
 @njit_lane
@@ -135,7 +175,7 @@ def backstepping(lane: Array, i: int, rate: float) -> None:
     alpha2 += h * gamma2 * e2 * drive
     lane[at.FILTERED * LANES + i] = alpha3 if alpha3 > least else least
     lane[at.K_TILDE * LANES + i] = alpha2 if alpha2 > least else least
-    lane[at.COMMAND * LANES + i] = applied
+    lane[at.COMMAND * LANES + i] = within(applied, lane[at.RIG_LIMIT * LANES + i])
 
 
 @njit_lane
@@ -247,9 +287,7 @@ def chain(lane: Array, n: int, rate: float) -> None:
     """Commands of all runs by compensators whose chain (16) is of order n, `compensator_step`."""
     widest()
     for i in range(LANES):
-        e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
-        lane[at.ERROR * LANES + i] = e
-        lane[at.NEXT_GAIN * LANES + i] = grown_gain(lane, i, e)
+        grow(lane, i)
     chain_output(lane, n, rate)
     for i in range(LANES):
         u = lane[at.PLANT_SIGN * LANES + i] * lane[at.WANTED * LANES + i]
@@ -261,8 +299,8 @@ def chain(lane: Array, n: int, rate: float) -> None:
 
 
 @njit_lane
-def command_all(lane: Array, closed: int, rate: float, order: int | None, steps_back: int | None) -> None:
-    """Commands of all runs, of the controllers or as given, within each rig's own limit.
+def command_all(lane: Array, closed: int, rate: float, fading: int, order: int | None, steps_back: int | None) -> int:
+    """Commands of all runs, of the controllers or as given, each limited by its rig, too; as `compensators`.
 
     closed: whether there are controllers. order: of chains that have another than 1, steps_back: backstepping.
     """
@@ -273,10 +311,8 @@ def command_all(lane: Array, closed: int, rate: float, order: int | None, steps_
         for i in range(LANES):
             backstepping(lane, i, rate)
     elif closed:
-        for i in range(LANES):
-            compensator(lane, i, rate)
+        return compensators(lane, rate, fading)
     else:
         for i in range(LANES):
-            lane[at.COMMAND * LANES + i] = lane[at.REFERENCE * LANES + i]
-    for i in range(LANES):
-        lane[at.COMMAND * LANES + i] = within(lane[at.COMMAND * LANES + i], lane[at.RIG_LIMIT * LANES + i])
+            lane[at.COMMAND * LANES + i] = within(lane[at.REFERENCE * LANES + i], lane[at.RIG_LIMIT * LANES + i])
+    return 0

@@ -19,10 +19,11 @@ from swingid.simulation.ensemble.motion import (
     ERROR,
     LARGEST_TURN,
     PEAKED_ERROR,
-    friction,
+    climb,
     held,
     keep,
     motor,
+    start,
     turn,
 )
 from swingid.simulation.ensemble.readings import Late, fill
@@ -31,7 +32,7 @@ NOTHING, AXIS, WHEEL, EDGE = 0.0, 1.0, 2.0, 3.0
 """What changes at the end of a part: the axis or the wheel stops, the torque passes an edge of the dead zone."""
 
 MOST_PARTS = 100
-NEWTON = 6
+NEWTON = 8
 """Steps of Newton's method, which begins where a straight line would pass the level."""
 
 CLOSE = 1e-9
@@ -83,7 +84,7 @@ def begin(lane: Array) -> tuple[int, int]:
 
 
 @njit_lane
-def mobility(lane: Array, i: int, rest1: bool, rest2: bool) -> series.Mobility:
+def mobility(lane: Array, i: int, rest1: bool, rest2: bool) -> tuple[float, float, float]:
     """Run i's mobilities where axis or wheel may rest."""
     both = not (rest1 | rest2)
     m11, m12, m22 = lane[at.M11 * LANES + i], lane[at.M12 * LANES + i], lane[at.M22 * LANES + i]
@@ -93,14 +94,16 @@ def mobility(lane: Array, i: int, rest1: bool, rest2: bool) -> series.Mobility:
 
 
 @njit_lane
-def acting(lane: Array, i: int, side1: float, side2: float, rich: int | None) -> tuple[series.Axis, float, float]:
-    """What acts on run i's axis as of `series.derivatives`; what friction would have to hold of axis and wheel."""
-    rest1 = side1 == 0.0
-    viscous, dry, cubic, height, spike = friction(lane, i, side1 >= 0.0, rich)
-    gravity, outer = lane[at.GRAVITY * LANES + i], held(lane, i)
-    load, height = (outer if rest1 else outer - dry), (0.0 if rest1 else height)
-    axis = (gravity, viscous, side1 * lane[at.QUADRATIC * LANES + i], load, cubic, height, spike)
-    return axis, outer - gravity * lane[at.SINE * LANES + i], side2 * lane[at.MOTOR_COULOMB * LANES + i]
+def pulls(lane: Array, i: int, mobile: tuple[float, float, float]) -> series.Pair:
+    """Gravity's part of run i's U' and Y' with these mobilities, per sine."""
+    gravity = lane[at.GRAVITY * LANES + i]
+    return -mobile[0] * gravity, mobile[1] * gravity
+
+
+@njit_lane
+def unsupported(lane: Array, i: int) -> float:
+    """Torque (N m) that friction would have to hold for run i's axis to rest, without the wheel's."""
+    return float(held(lane, i) - lane[at.GRAVITY * LANES + i] * lane[at.SINE * LANES + i])
 
 
 @njit_lane
@@ -112,45 +115,59 @@ def beyond(lane: Array, i: int, hold1: float, hold2: float, rest1: bool, rest2: 
 
 
 @njit_lane
-def try_mode(lane: Array, i: int, side1: float, side2: float, rich: int | None) -> None:
-    """Decide for the sides (0: rest) if run i is undecided and they agree with themselves, `sticking.agrees`."""
-    u, y = lane[at.U * LANES + i], lane[at.Y * LANES + i]
-    still1, still2, rest1, rest2 = u == 0.0, y == 0.0, side1 == 0.0, side2 == 0.0
-    _, _, drive, drag, _, _ = motor(lane, i, y)
-    axis, hold, dry2 = acting(lane, i, side1, side2, rich)
-    wheel, mobile = (drive - dry2, drag), mobility(lane, i, rest1, rest2)
-    k1, k2, _ = series.first(lane[at.SINE * LANES + i], u, y, axis, wheel, mobile, rich)
-    a12, sticks = lane[at.A12 * LANES + i], lane[at.AXIS_STICKS * LANES + i] != 0.0
-    undecided, was1, was2 = lane[at.UNDECIDED * LANES + i], lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
-    agrees = (undecided != 0.0) & (still1 | (side1 * u > 0.0)) & (still2 | (side2 * y > 0.0))
-    agrees &= not beyond(lane, i, hold - a12 * k2, drive - a12 * k1, rest1 & still1, rest2 & still2)
-    agrees &= (sticks | (not rest1)) & ((lane[at.WHEEL_STATIC * LANES + i] > 0.0) | (not rest2))
-    agrees &= ((not still1) | (side1 * k1 >= -ROUNDING)) & ((not still2) | (side2 * k2 >= -ROUNDING))
-    lane[at.SIDE1 * LANES + i] = side1 if agrees else was1
-    lane[at.SIDE2 * LANES + i] = side2 if agrees else was2
-    lane[at.UNDECIDED * LANES + i] = 0.0 if agrees else undecided
-
-
-@njit_lane
-def decide(lane: Array, rich: int | None) -> None:
-    """Sides of the undecided runs, as of `sticking.mode_at_rest`; where none agrees, the step is left."""
-    widest()
-    for k in range(9):
-        one, two = k // 3, k % 3
-        side1, side2 = float(one if one < 2 else -1), float(two if two < 2 else -1)
-        for i in range(LANES):
-            try_mode(lane, i, side1, side2, rich)
-    for i in range(LANES):
-        leave(lane, i, lane[at.UNDECIDED * LANES + i] != 0.0)
-
-
-@njit_lane
 def leave(lane: Array, i: int, leaves: bool) -> None:
     """Leave what is still to be taken of run i's step to the single run, if so."""
     todo, left, undecided = lane[at.TODO * LANES + i], lane[at.LEFT * LANES + i], lane[at.UNDECIDED * LANES + i]
     lane[at.LEFT * LANES + i] = todo if leaves else left
     lane[at.TODO * LANES + i] = 0.0 if leaves else todo
     lane[at.UNDECIDED * LANES + i] = 0.0 if leaves else undecided
+
+
+@njit_lane
+def try_mode(lane: Array, i: int, one: tuple[float, float], both: bool, last: bool, rich: int | None) -> int:
+    """Decide for the sides `one` (0: rest) of what stands still of run i, if they agree, as of `sticking.agrees`.
+
+    both: for runs whose axis and wheel stand still, else for the others. Where none agrees, after the `last` what is
+    still to be taken of the step is left. 1 where the run is still undecided.
+    """
+    u, y, side1, side2 = (
+        lane[at.U * LANES + i],
+        lane[at.Y * LANES + i],
+        lane[at.SIDE1 * LANES + i],
+        lane[at.SIDE2 * LANES + i],
+    )
+    still1, still2, undecided = u == 0.0, y == 0.0, lane[at.UNDECIDED * LANES + i] != 0.0
+    side1, side2 = (one[0] if still1 else side1), (one[1] if still2 else side2)
+    rest1, rest2, hold = side1 == 0.0, side2 == 0.0, unsupported(lane, i)
+    _, _, drive, _, _, _ = motor(lane, i, y)
+    mobile = mobility(lane, i, rest1, rest2)
+    k1, k2 = start(lane, i, (side1, side2), mobile, pulls(lane, i, mobile), rich)
+    a12, sticks = lane[at.A12 * LANES + i], lane[at.AXIS_STICKS * LANES + i] != 0.0
+    mine = undecided & ((still1 & still2) == both)
+    agrees = mine & (not beyond(lane, i, hold - a12 * k2, drive - a12 * k1, rest1 & still1, rest2 & still2))
+    agrees &= (sticks | (not rest1)) & ((lane[at.WHEEL_STATIC * LANES + i] > 0.0) | (not rest2))
+    agrees &= ((not still1) | (side1 * k1 >= -ROUNDING)) & ((not still2) | (side2 * k2 >= -ROUNDING))
+    was1, was2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
+    lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i] = (side1 if agrees else was1), (side2 if agrees else was2)
+    undecided &= not agrees
+    lane[at.UNDECIDED * LANES + i] = 1.0 if undecided else 0.0
+    leave(lane, i, undecided & mine & last)
+    return 1 if undecided else 0
+
+
+@njit_lane
+def decide(lane: Array, rich: int | None) -> None:
+    """Sides of the undecided runs, as of `sticking.mode_at_rest`: rest first; axis and wheel together in nine ways."""
+    widest()
+    for k in range(12):
+        one = k if k < 3 else (k - 3) // 3
+        other = k % 3
+        sides = float(one if one < 2 else -1), float(other if other < 2 else -1)
+        undecided = 0
+        for i in range(LANES):
+            undecided += try_mode(lane, i, sides, k >= 3, (k == 2) | (k == 11), rich)
+        if undecided == 0:
+            break
 
 
 @njit_lane
@@ -166,21 +183,43 @@ def longest(cu: series.Derivatives, cy: series.Derivatives, spike: float, rich: 
 
 
 @njit_lane
-def part(lane: Array, i: int, rich: int | None) -> int:
-    """Series of run i's next part, its length and what may change in it; 1 where something does."""
+def of(lane: Array, i: int, first: int) -> series.Derivatives:
+    """Run i's series whose rows begin at `first`."""
+    own = first * LANES + i
+    return lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES], lane[own + 4 * LANES]
+
+
+@njit_lane
+def begin_part(lane: Array, i: int, rich: int | None) -> None:
+    """Run i's `start` for its next part, where axis or wheel may rest."""
+    sides = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
+    mobile = mobility(lane, i, sides[0] == 0.0, sides[1] == 0.0)
+    pull = pulls(lane, i, mobile)
+    lane[at.PULLS * LANES + i], lane[(at.PULLS + 1) * LANES + i] = pull
+    lane[at.MOBILE * LANES + i], lane[(at.MOBILE + 1) * LANES + i] = mobile[0], mobile[1]
+    start(lane, i, sides, mobile, pull, rich)
+
+
+@njit_lane
+def expand(lane: Array, i: int, rich: int | None) -> None:
+    """Run i's series, and how long the part may be by it."""
+    cu, cy = climb(lane, i, at.PULLS, at.MOBILE, rich)
+    keep(lane, i, cu, cy)
+    u, todo = lane[at.U * LANES + i], lane[at.TODO * LANES + i]
+    x = min(todo, longest(cu, cy, lane[at.PEAK * LANES + i], rich))
+    far = abs(u) + abs(cu[0])
+    lane[at.PART * LANES + i] = x if x * far < LARGEST_TURN else LARGEST_TURN / far
+
+
+@njit_lane
+def part(lane: Array, i: int) -> int:
+    """What may change in run i's part, where about; 1 where something does."""
     u, y, todo = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.TODO * LANES + i]
+    x = lane[at.PART * LANES + i]
     side1, side2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
     rest1, rest2 = side1 == 0.0, side2 == 0.0
-    volts, emf, drive, drag, above, below = motor(lane, i, y)
-    axis, hold, dry2 = acting(lane, i, side1, side2, rich)
-    sine, cosine = lane[at.SINE * LANES + i], lane[at.COSINE * LANES + i]
-    wheel, mobile = (drive - dry2, drag), mobility(lane, i, rest1, rest2)
-    cu, cy = series.derivatives(sine, cosine, u, y, axis, wheel, mobile, rich)
-    keep(lane, i, cu, cy)
-    x = min(todo, longest(cu, cy, axis[6], rich))
-    far = abs(u) + abs(cu[0])
-    x = x if x * far < LARGEST_TURN else LARGEST_TURN / far
-
+    volts, emf, drive, _, above, below = motor(lane, i, y)
+    cu, cy, hold = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2), unsupported(lane, i)
     u_end, y_end = series.speed(u, cu, x), series.speed(y, cy, x)
     slope1, slope2 = series.slope(cu, x), series.slope(cy, x)
     kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
@@ -216,36 +255,55 @@ def part(lane: Array, i: int, rich: int | None) -> int:
 @njit_lane
 def part_all(lane: Array, rich: int | None) -> int:
     """All runs' next part; in how many of them something changes."""
+    for i in range(LANES):
+        begin_part(lane, i, rich)
+    for i in range(LANES):
+        expand(lane, i, rich)
     changes = 0
     for i in range(LANES):
-        changes += part(lane, i, rich)
+        changes += part(lane, i)
     return changes
 
 
 @njit_lane
-def of(lane: Array, i: int, first: int) -> series.Derivatives:
-    """Run i's series whose rows begin at `first`."""
-    own = first * LANES + i
-    return lane[own], lane[own + LANES], lane[own + 2 * LANES], lane[own + 3 * LANES], lane[own + 4 * LANES]
+def choose(lane: Array, i: int) -> None:
+    """Run i's series whose root ends its part, less the level, into CHANGING."""
+    is_axis, own = lane[at.CHANGE * LANES + i] == AXIS, at.CHANGING * LANES + i
+    cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
+    u, y = lane[at.U * LANES + i], lane[at.Y * LANES + i]
+    lane[own] = (u if is_axis else y) - lane[at.LEVEL * LANES + i]
+    lane[own + LANES], lane[own + 2 * LANES] = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1])
+    lane[own + 3 * LANES], lane[own + 4 * LANES] = (cu[2] if is_axis else cy[2]), (cu[3] if is_axis else cy[3])
+    lane[own + 5 * LANES] = cu[4] if is_axis else cy[4]
 
 
 @njit_lane
-def locate(lane: Array, i: int) -> None:
-    """Where run i's speed passes the level, into PART: by Newton's method; left to the single run where that fails."""
-    change, level, x = lane[at.CHANGE * LANES + i], lane[at.LEVEL * LANES + i], lane[at.PART * LANES + i]
-    cu, cy, is_axis = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2), change == AXIS
-    k0, k1, k2 = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1]), (cu[2] if is_axis else cy[2])
-    k3, k4 = (cu[3] if is_axis else cy[3]), (cu[4] if is_axis else cy[4])
-    u, y, todo, part = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.TODO * LANES + i], x
-    start = (u if is_axis else y) - level
-    moved, k = 0.0, (k0, k1, k2, k3, k4)
+def near(lane: Array, i: int) -> int:
+    """A step of Newton's method from run i's PART to where the speed passes the level; 1 where it was not close."""
+    x, changes, k = lane[at.PART * LANES + i], lane[at.CHANGE * LANES + i] != NOTHING, of(lane, i, at.CHANGING + 1)
+    moved = series.speed(lane[at.CHANGING * LANES + i], k, x) / series.slope(k, x)
+    far = changes & (not (abs(moved) < CLOSE))
+    lane[at.PART * LANES + i] = x - moved if changes else x
+    lane[at.FAR * LANES + i] = 1.0 if far else 0.0
+    return 1 if far else 0
+
+
+@njit_lane
+def locate(lane: Array) -> None:
+    """Where something changes in a part, into PART; left to the single run where Newton's method fails."""
+    for i in range(LANES):
+        choose(lane, i)
     for _ in range(NEWTON):
-        moved = series.speed(start, k, x) / series.slope(k, x)
-        x -= moved
-    fine = (abs(moved) < CLOSE) & (x >= 0.0) & (x <= todo)
-    x = x + BEYOND if change == EDGE else x
-    lane[at.PART * LANES + i] = x if change != NOTHING else part
-    leave(lane, i, (change != NOTHING) & (not fine))
+        far = 0
+        for i in range(LANES):
+            far += near(lane, i)
+        if far == 0:
+            break
+    for i in range(LANES):
+        x, todo, change = lane[at.PART * LANES + i], lane[at.TODO * LANES + i], lane[at.CHANGE * LANES + i]
+        fine = (lane[at.FAR * LANES + i] == 0.0) & (x >= 0.0) & (x <= todo)
+        lane[at.PART * LANES + i] = x + BEYOND if change == EDGE else x
+        leave(lane, i, (change != NOTHING) & (not fine))
 
 
 @njit_lane
@@ -292,8 +350,7 @@ def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_la
         if undecided > 0:
             decide(lane, rich)
         if part_all(lane, rich) > 0:
-            for i in range(LANES):
-                locate(lane, i)
+            locate(lane)
         if is_late is not None:
             fill(lane, late, step, steps)
         count, undecided = 0, 0

@@ -48,7 +48,7 @@ M11, M12, M22, ALONE1, ALONE2, A12 = range(40, 46)
 # The compensator, as in `control.law`, what all controllers share, and the rig's own limit.
 DELTA0, LAMBDA_H, SIGMA0, K_MAX, ERROR_DECAY, WHEEL_DECAY, PLANT_SIGN, DIFFERENTIATE, ALPHA1, ALPHA0, K1 = range(46, 57)
 LIMIT, COULOMB, DEAD_NEGATIVE, DEAD_POSITIVE, EMF_RATIO, RIG_LIMIT = range(57, 63)
-# Encoders of axis and wheel: step and 1/step (0 without steps), parts of the nonlinearity, zero; noise of a row.
+# Encoders of axis and wheel: step and 1/step (0 without steps), parts of the nonlinearity, zero; it and a row's noise.
 ANGLE_STEP, ANGLE_INVERSE, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO = range(63, 68)
 WHEEL_STEP, WHEEL_INVERSE, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(68, 73)
 ANGLE_NOISE, WHEEL_NOISE = range(73, 75)
@@ -56,8 +56,15 @@ ANGLE_NOISE, WHEEL_NOISE = range(73, 75)
 # of the step at which a row is read, where axis and wheel are there; state at the last row; where the part begins.
 START, SERIES1, SERIES2, WHEN, THERE, END, BEGIN, _NEXT = rows(75, 4, 5, 5, 1, 2, 4, 1)
 # A step in parts: share that is still to be taken, sides (0: at rest) and whether they are to be decided, length of the
-# part, what changes at its end, and the speed at which it does.
-TODO, SIDE1, SIDE2, UNDECIDED, PART, CHANGE, LEVEL, _NEXT = rows(_NEXT, 1, 1, 1, 1, 1, 1, 1)
+# part, what changes at its end, the speed at which it does; gravity's part of U' and Y' and mobilities (11, 12).
+TODO, SIDE1, SIDE2, UNDECIDED, PART, CHANGE, LEVEL, PULLS, MOBILE, _NEXT = rows(_NEXT, 1, 1, 1, 1, 1, 1, 1, 2, 2)
+# The speed that is to be found, less that level, as a series; whether Newton's method is still far from it.
+CHANGING, FAR, _NEXT = rows(_NEXT, 6, 1)
+# A step between its loops: U1, Y1; viscous friction's and drag's parts of U' and Y'; g of Stribeck's peak, quadratic
+# friction with its sign; ends U, Y, angles passed; how much too long the step is. Gravity's part of U' and Y'.
+SLOPES, RATES, PRESENT, ENDS, TOO_LONG, PULL, _NEXT = rows(_NEXT, 2, 4, 2, 4, 1, 2)
+# By how much xi of a compensator of order 1 fades in a sample.
+FADING, _NEXT = rows(_NEXT, 1)
 # Backstepping; its estimates stand in K_TILDE and FILTERED.
 BEFORE, SEEN, AXIS_OBSERVER, WHEEL_OBSERVER, STEPPING, _NEXT = rows(_NEXT, 3, 1, 14, 14, 8)
 # The chain (16) of another order than 1: xi, its distance from rest and a term of that, the Taylor series
@@ -103,18 +110,20 @@ def pack_motion(block: Array, p: Array, h: float) -> None:
     block[WHEEL_KINK] = np.where((static > 0.0) & np.isfinite(static), 0.0, -np.inf)
     block[M11], block[M12], block[M22] = h**2 * a22 / determinant, h**2 * a12 / determinant, h**2 * a11 / determinant
     block[ALONE1], block[ALONE2], block[A12] = h**2 / a11, h**2 / a22, a12 / h**2
+    block[PULL], block[PULL + 1] = -block[M11] * block[GRAVITY], block[M12] * block[GRAVITY]
 
 
 def pack_compensator(block: Array, gains: Array, states: Array, h: float) -> None:
     """Compensators of one order into a block, from (LANES, ...) of `Compensator.parameters` and their states.
 
-    h: sample time (s).
+    The block has RIG_LIMIT. h: sample time (s).
     """
     _pack(block, gains, (DELTA0, LAMBDA_H, SIGMA0, K_MAX, ERROR_DECAY, WHEEL_DECAY, PLANT_SIGN, DIFFERENTIATE), (
         law.DELTA0, law.LAMBDA0, law.SIGMA0, law.K_TILDE_MAX, law.ERROR_DECAY, law.WHEEL_DECAY, law.PLANT_SIGN,
         law.DIFFERENTIATE_GAIN,
     ))  # fmt: skip
     _pack_motor(block, gains)
+    block[LIMIT] = np.minimum(block[LIMIT], block[RIG_LIMIT])
     block[LAMBDA_H] *= h
     block[K_TILDE], block[FILTERED] = states[:, law.K_TILDE], states[:, law.FILTERED_ERROR]
     block[WHEEL_MEMORY], block[WHEEL_SEEN] = states[:, law.WHEEL_MEMORY], states[:, law.WHEEL_SEEN]
@@ -161,3 +170,4 @@ def pack_encoders(block: Array, encoders: Array) -> None:
         block[first], block[first + 1] = step, np.divide(1.0, step, out=np.zeros_like(step), where=step > 0.0)
         for i, place in enumerate((ENCODER_ALPHA, ENCODER_BETA, ZERO)):
             block[first + 2 + i] = encoder[:, place]
+    block[ANGLE_NOISE], block[WHEEL_NOISE] = block[ANGLE_ZERO], block[WHEEL_ZERO]

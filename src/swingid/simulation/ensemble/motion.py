@@ -8,7 +8,7 @@ afresh now and then.
 from __future__ import annotations
 
 from swingid.numerics.arrays import Array
-from swingid.numerics.vectors import njit_lane, sine_cosine, widest
+from swingid.numerics.vectors import decay, njit_lane, sine_cosine, widest
 from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble import series
 from swingid.simulation.ensemble.lanes import LANES
@@ -16,23 +16,18 @@ from swingid.simulation.ensemble.lanes import LANES
 ERROR, PEAKED_ERROR = 1e-14, 1e-13
 """rad per step: what a series of a step may leave out, without and with Stribeck's peak; else parts are taken."""
 
-FIFTH, FOURTH = 1e-13, 1e-10
-"""rad per step: terms below which what follows is negligible."""
+NEGLIGIBLE = (120.0 * 1e-13) ** 2
+"""Square of the fifth derivative (rad per step) below which what follows is negligible."""
 
-LARGEST_TURN = 0.15
+FOURTH = 1.44e8
+"""By which a cube of fourth terms is beyond its limit where a square of fifth ones is: both by 1e-10 of them."""
+
+LARGEST_TURN = 0.05
 """rad per step: up to here `turn` is exact to 1e-15."""
 
 Motor = tuple[float, float, float, float, bool, bool]
 """η c1 u (N m) and the back-EMF's part of the torque (N m per Y), load and drag on the wheel, above, below the dead
 zone."""
-
-
-@njit_lane
-def too_long(k: series.Derivatives, rich: int | None) -> bool:
-    """Whether a step is too long for a series with these derivatives: the next term is the last squared, divided."""
-    error = ERROR if rich is None else PEAKED_ERROR
-    flagged = (abs(k[4]) > 120.0 * FIFTH) & (k[4] * k[4] > 600.0 * error * abs(k[3]))
-    return bool(flagged)
 
 
 @njit_lane
@@ -58,29 +53,67 @@ def held(lane: Array, i: int) -> float:
 
 
 @njit_lane
-def friction(lane: Array, i: int, positive: bool, rich: int | None) -> tuple[float, float, float, float, float]:
-    """Run i's friction in one direction: viscous, dry, cubic, and height and narrowness of Stribeck's peak."""
+def start(
+    lane: Array, i: int, sides: series.Pair, mobility: tuple[float, float, float], pull: series.Pair, rich: int | None
+) -> series.Pair:
+    """Run i's U1 and Y1 in a mode (sides: 0 at rest); they, and what `climb` takes beside them, into their rows.
+
+    mobility: h^2 M^-1 as (11, 12, 22), where 12 is taken off. pull: gravity's part of U' and Y', per sine.
+    """
+    u, y, sine = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.SINE * LANES + i]
+    (side1, side2), (m11, m12, m22), positive = sides, mobility, sides[0] >= 0.0
     viscous_p, viscous_n = lane[at.VISCOUS_P * LANES + i], lane[at.VISCOUS_N * LANES + i]
     coulomb_p, coulomb_n = lane[at.COULOMB_P * LANES + i], lane[at.COULOMB_N * LANES + i]
-    viscous, dry, cubic, height, spike = (viscous_p if positive else viscous_n), coulomb_p, 0.0, 0.0, 0.0
-    dry = coulomb_p if positive else -coulomb_n
+    viscous, dry = (viscous_p if positive else viscous_n), (coulomb_p if positive else -coulomb_n)
+    _, _, drive, drag, _, _ = motor(lane, i, y)
+    load1, load2 = held(lane, i), drive - side2 * lane[at.MOTOR_COULOMB * LANES + i]
+    load1 = load1 if side1 == 0.0 else load1 - dry
+    vu, vy, du, dy = -m11 * viscous, m12 * viscous, m12 * drag, -m22 * drag
+    u1 = (((m11 * load1 - m12 * load2) + pull[0] * sine) + vu * u) + du * y
+    y1 = (((m22 * load2 - m12 * load1) + pull[1] * sine) + vy * u) + dy * y
     if rich is not None:
-        cubic, spike = lane[at.CUBIC * LANES + i], lane[at.PEAK * LANES + i]
         static_p, static_n = lane[at.STATIC_P * LANES + i], lane[at.STATIC_N * LANES + i]
+        spike, quadratic = lane[at.PEAK * LANES + i], side1 * lane[at.QUADRATIC * LANES + i]
         height = (static_p if positive else -static_n) - dry
-        height = height if spike > 0.0 else 0.0
-    return viscous, dry, cubic, height, spike
+        height = height if (spike > 0.0) & (side1 != 0.0) else 0.0
+        square = u * u
+        g = height * decay(spike * square)
+        f = g + square * (quadratic + lane[at.CUBIC * LANES + i] * u)
+        u1, y1 = u1 - m11 * f, y1 + m12 * f
+        lane[at.PRESENT * LANES + i], lane[(at.PRESENT + 1) * LANES + i] = g, quadratic
+    lane[at.SLOPES * LANES + i], lane[(at.SLOPES + 1) * LANES + i] = u1, y1
+    lane[at.RATES * LANES + i], lane[(at.RATES + 1) * LANES + i] = vu, vy
+    lane[(at.RATES + 2) * LANES + i], lane[(at.RATES + 3) * LANES + i] = du, dy
+    return u1, y1
+
+
+@njit_lane
+def climb(
+    lane: Array, i: int, pull: int, mobility: int, rich: int | None
+) -> tuple[series.Derivatives, series.Derivatives]:
+    """Run i's series from what `start` left; pull, mobility: the first rows of what that took."""
+    sine, cosine, u = lane[at.SINE * LANES + i], lane[at.COSINE * LANES + i], lane[at.U * LANES + i]
+    slopes = lane[at.SLOPES * LANES + i], lane[(at.SLOPES + 1) * LANES + i]
+    gravity = lane[pull * LANES + i], lane[(pull + 1) * LANES + i]
+    viscous = lane[at.RATES * LANES + i], lane[(at.RATES + 1) * LANES + i]
+    drag = lane[(at.RATES + 2) * LANES + i], lane[(at.RATES + 3) * LANES + i]
+    bent = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    if rich is not None:
+        m11, m12, cubic = lane[mobility * LANES + i], lane[(mobility + 1) * LANES + i], lane[at.CUBIC * LANES + i]
+        g, quadratic = lane[at.PRESENT * LANES + i], lane[(at.PRESENT + 1) * LANES + i]
+        bent = (m11, m12, quadratic, cubic, lane[at.PEAK * LANES + i], g)
+    return series.derivatives(sine, cosine, u, slopes, gravity, viscous, drag, bent, rich)
 
 
 @njit_lane
 def turn(lane: Array, i: int, x: float, stays: bool) -> None:
     """Sine and cosine of run i's q1 turned on by x (rad, at most `LARGEST_TURN`), unless it stays where it is."""
     z = x * x
-    odd = x + x * z * ((-1 / 6 + z * (1 / 120)) + z * z * (-1 / 5040 + z * (1 / 362880)))
-    even = z * ((-1 / 2 + z * (1 / 24)) + z * z * (-1 / 720 + z * (1 / 40320)))
+    odd = x + x * z * (-1 / 6 + z * (1 / 120 - z * (1 / 5040)))
+    even = z * (-1 / 2 + z * (1 / 24 - z * (1 / 720)))
     sine, cosine = lane[at.SINE * LANES + i], lane[at.COSINE * LANES + i]
-    lane[at.SINE * LANES + i] = sine if stays else sine + (sine * even + cosine * odd)
-    lane[at.COSINE * LANES + i] = cosine if stays else cosine + (cosine * even - sine * odd)
+    lane[at.SINE * LANES + i] = sine if stays else (sine + sine * even) + cosine * odd
+    lane[at.COSINE * LANES + i] = cosine if stays else (cosine + cosine * even) - sine * odd
 
 
 @njit_lane
@@ -107,42 +140,49 @@ def keep(lane: Array, i: int, cu: series.Derivatives, cy: series.Derivatives) ->
 
 
 @njit_lane
-def move(lane: Array, i: int, rich: int | None, late: int | None) -> int:
-    """Run i of a block one step on; 1 and nothing moved where its mode may end in the step, else 0.
-
-    The mode is that of the start: sides and branch by sign and edges. `rich`: some run of the block has Stribeck's peak
-    or cubic friction; `late`: some encoder is not read on time. What is None is not compiled.
-    """
-    q1, u, q2, y = lane[at.Q1 * LANES + i], lane[at.U * LANES + i], lane[at.Q2 * LANES + i], lane[at.Y * LANES + i]
-    positive = u >= 0.0
-    side1, side2 = (1.0 if positive else -1.0), (1.0 if y >= 0.0 else -1.0)
-    sine, cosine = lane[at.SINE * LANES + i], lane[at.COSINE * LANES + i]
-    volts, emf, drive, drag, above, below = motor(lane, i, y)
-    viscous, dry, cubic, height, spike = friction(lane, i, positive, rich)
-    quadratic = side1 * lane[at.QUADRATIC * LANES + i]
+def set_out(lane: Array, i: int, rich: int | None) -> None:
+    """Run i's `start` in the mode of its speeds and torque: sides by sign, branch by edges."""
+    sides = (1.0 if lane[at.U * LANES + i] >= 0.0 else -1.0), (1.0 if lane[at.Y * LANES + i] >= 0.0 else -1.0)
     mobility = (lane[at.M11 * LANES + i], lane[at.M12 * LANES + i], lane[at.M22 * LANES + i])
-    axis = (lane[at.GRAVITY * LANES + i], viscous, quadratic, held(lane, i) - dry, cubic, height, spike)
-    wheel = (drive - side2 * lane[at.MOTOR_COULOMB * LANES + i], drag)
-    cu, cy = series.derivatives(sine, cosine, u, y, axis, wheel, mobility, rich)
-    u_end, y_end = series.at_end(u, cu), series.at_end(y, cy)
-    x1 = series.turned_at_end(u, cu)
+    start(lane, i, sides, mobility, (lane[at.PULL * LANES + i], lane[(at.PULL + 1) * LANES + i]), rich)
+
+
+@njit_lane
+def reach(lane: Array, i: int, rich: int | None, late: int | None) -> None:
+    """Where run i's series leads in a step, and whether it is too long: the next term is the last squared, divided."""
+    u, y = lane[at.U * LANES + i], lane[at.Y * LANES + i]
+    cu, cy = climb(lane, i, at.PULL, at.M11, rich)
+    x1, error = series.turned_at_end(u, cu), 600.0 * (ERROR if rich is None else PEAKED_ERROR)
+    lane[at.ENDS * LANES + i], lane[(at.ENDS + 1) * LANES + i] = series.at_end(u, cu), series.at_end(y, cy)
+    lane[(at.ENDS + 2) * LANES + i], lane[(at.ENDS + 3) * LANES + i] = x1, series.turned_at_end(y, cy)
+    beyond = max(cu[4] * cu[4] - error * abs(cu[3]), cy[4] * cy[4] - error * abs(cy[3]))
+    beyond = max(beyond, x1 * x1 - LARGEST_TURN * LARGEST_TURN)
+    if rich is not None:  # the fifth may be small by chance
+        fourth, third = abs(cu[3]) * (1 / 24), cu[2] * (1 / 6)
+        beyond = max(beyond, FOURTH * (fourth * fourth * fourth - PEAKED_ERROR * third * third))
+    lane[at.TOO_LONG * LANES + i] = beyond
     if late is not None:
         keep(lane, i, cu, cy)
 
-    # a speed that is or passes zero, or that its first slope would take there: it may have been beyond and back
-    flagged = min(u * u_end, u * (u + cu[0])) <= lane[at.AXIS_KINK * LANES + i]
-    flagged |= min(y * y_end, y * (y + cy[0])) <= lane[at.WHEEL_KINK * LANES + i]
+
+@njit_lane
+def arrive(lane: Array, i: int) -> int:
+    """Run i at the end of its step; 1 and nothing moved where its mode may have ended in it, or it is too long."""
+    q1, u, q2, y = lane[at.Q1 * LANES + i], lane[at.U * LANES + i], lane[at.Q2 * LANES + i], lane[at.Y * LANES + i]
+    u_end, y_end = lane[at.ENDS * LANES + i], lane[(at.ENDS + 1) * LANES + i]
+    x1, x2 = lane[(at.ENDS + 2) * LANES + i], lane[(at.ENDS + 3) * LANES + i]
+    volts, emf, _, _, above, below = motor(lane, i, y)
     torque = volts - emf * y_end
+    flagged = lane[at.TOO_LONG * LANES + i] > NEGLIGIBLE
     flagged |= above ^ (torque > lane[at.EDGE_P * LANES + i])
     flagged |= below ^ (torque < lane[at.EDGE_N * LANES + i])
-    flagged |= too_long(cu, rich) | too_long(cy, rich) | (abs(x1) > LARGEST_TURN)
-    if rich is not None:  # the fifth may be small by chance
-        fourth, third = abs(cu[3]) * (1 / 24), cu[2] * (1 / 6)
-        flagged |= (fourth > FOURTH) & (fourth * fourth * fourth > PEAKED_ERROR * third * third)
-
+    # a speed that is or passes zero, or that its first slope would take there: it may have been beyond and back
+    first1, first2 = u + lane[at.SLOPES * LANES + i], y + lane[(at.SLOPES + 1) * LANES + i]
+    flagged |= min(u * u_end, u * first1) <= lane[at.AXIS_KINK * LANES + i]
+    flagged |= min(y * y_end, y * first2) <= lane[at.WHEEL_KINK * LANES + i]
     lane[at.Q1 * LANES + i] = q1 if flagged else q1 + x1
     lane[at.U * LANES + i] = u if flagged else u_end
-    lane[at.Q2 * LANES + i] = q2 if flagged else q2 + series.turned_at_end(y, cy)
+    lane[at.Q2 * LANES + i] = q2 if flagged else q2 + x2
     lane[at.Y * LANES + i] = y if flagged else y_end
     turn(lane, i, x1, flagged)
     lane[at.FLAG * LANES + i] = 1.0 if flagged else 0.0
@@ -151,9 +191,18 @@ def move(lane: Array, i: int, rich: int | None, late: int | None) -> int:
 
 @njit_lane
 def move_all(lane: Array, rich: int | None, late: int | None) -> int:
-    """All runs of a block one step on; how many are left for `redo`."""
+    """All runs of a block one step on; how many are left for `redo`.
+
+    `rich`: some run of the block has Stribeck's peak, quadratic or cubic friction; `late`: some encoder is not read on
+    time. What is None is not compiled. Three loops, whose chains of operations are short enough that the processor
+    works on several vectors at once.
+    """
     widest()
+    for i in range(LANES):
+        set_out(lane, i, rich)
+    for i in range(LANES):
+        reach(lane, i, rich, late)
     count = 0
     for i in range(LANES):
-        count += move(lane, i, rich, late)
+        count += arrive(lane, i)
     return count

@@ -12,7 +12,7 @@ from swingid.model.integrator import NOW, STATES, STEP_KERNEL, V1, V2
 from swingid.model.integrator import Q1 as ANGLE
 from swingid.model.integrator import Q2 as WHEEL_ANGLE
 from swingid.model.motion import COUNTS, LONGEST, advance
-from swingid.model.parameters import CUBIC, STRIBECK_SPEED
+from swingid.model.parameters import CUBIC, QUADRATIC, STRIBECK_SPEED
 from swingid.model.sensors import ALPHA, BETA, RESOLUTION, ZERO
 from swingid.model.sticking import BEGIN_KERNEL
 from swingid.simulation.draws import CHANNELS, draw_nonlinearity
@@ -37,8 +37,8 @@ ROUNDING = 1e-6
 class Kind:
     """What all runs of a block have in common, since the kernel is compiled for it.
 
-    control: "open", "compensator", "chain" or "backstepping"; order: of a chain. rich: friction with Stribeck's peak or
-    a cubic term. late, bent, noisy: some encoder is not read on time, not linear, has noise.
+    control: "open", "compensator", "chain" or "backstepping"; order: of a chain. rich: friction with Stribeck's peak, a
+    quadratic or a cubic term. late, bent, noisy: some encoder is not read on time, not linear, has noise.
     """
 
     control: str
@@ -106,7 +106,7 @@ def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
     """Blocks of the runs that the lanes can take, and the places of those they can't. Errors as `simulate`."""
     constants = constants_of(runs)
     fit = ~np.any(constants[:, OTHERS], axis=1)
-    rich = (constants[:, STRIBECK_SPEED] > 0.0) | (constants[:, CUBIC] != 0.0)
+    rich = (constants[:, STRIBECK_SPEED] > 0.0) | np.any(constants[:, [QUADRATIC, CUBIC]], axis=1)
     sensors = {id(run.rig): Sensors.of(run.rig) for run in {id(run.rig): run for run in runs}.values()}
     kinds: dict[Kind, list[int]] = {}
     left: list[int] = []

@@ -34,7 +34,7 @@ def rounded(value: float, step: float, inverse: float) -> float:
 @njit_lane
 def read(lane: Array, i: int, angle: int, encoder: int, place: int, error: float) -> None:
     """Reading of run i's row `angle` by the encoder whose rows begin at `encoder`, into the row `place`."""
-    value = lane[angle * LANES + i] + lane[(encoder + 4) * LANES + i] + error
+    value = lane[angle * LANES + i] + error
     step, inverse = lane[encoder * LANES + i], lane[(encoder + 1) * LANES + i]
     lane[place * LANES + i] = rounded(value, step, inverse)
 
@@ -52,8 +52,8 @@ def read_all(lane: Array, angle: int, wheel: int, bent: int, noise: Array, row: 
     widest()
     if noise.shape[1] > row:
         for i in range(LANES):
-            lane[at.ANGLE_NOISE * LANES + i] = noise[0, row, i]
-            lane[at.WHEEL_NOISE * LANES + i] = noise[1, row, i]
+            lane[at.ANGLE_NOISE * LANES + i] = lane[at.ANGLE_ZERO * LANES + i] + noise[0, row, i]
+            lane[at.WHEEL_NOISE * LANES + i] = lane[at.WHEEL_ZERO * LANES + i] + noise[1, row, i]
     if bent:
         for i in range(LANES):
             error = lane[at.ANGLE_NOISE * LANES + i] + bend(lane, i, angle, at.ANGLE_STEP)

@@ -7,12 +7,15 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numba
 import pytest
 
+import swingid as sw
 from swingid.cli.app import run
+from swingid.cli.compile import kernels_of
 from swingid.errors import UsageError
 from swingid.methods.table import METHODS
 from swingid.model.integrator import STEP_KERNEL
@@ -126,11 +129,24 @@ def test_the_command_names_the_tasks_it_knows(capfd: pytest.CaptureFixture[str])
     assert "there are no kernels named nonsense; there are simulate" in capfd.readouterr().err
 
 
+def test_output_error_gets_the_kernels_of_its_input() -> None:
+    rig = sw.Rig.builtin("paper")
+    log = sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=1.0)
+    assert kernels_of("momentum", log, rig) == ("momentum",)
+    assert kernels_of("output-error", log, rig) == ("output-error",)
+    assert kernels_of("output-error", log, rig, "wheel") == ("output-error-axis",)
+    assert kernels_of("output-error", replace(log, voltage=None), rig) == ("output-error-axis",)
+    free = sw.Rig.from_text('[axis]\ngravity_torque = 0.08\n[drive]\nkind = "none"\n')
+    assert kernels_of("output-error", log, free) == ("output-error-axis",)
+    assert kernels_of("output-error", replace(log, voltage=None), rig, "voltage") == ()
+    assert {"output-error", "output-error-axis"} <= set(ahead.tasks())
+
+
 @pytest.mark.long
 def test_nothing_is_left_to_compile_after_the_command(tmp_path: Path) -> None:
     """An empty cache, `swingid compile`, then the loop and each method without one compilation more."""
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    tasks = ["simulate", *METHODS]
+    tasks = ["simulate", "output-error-axis", *METHODS]
     subprocess.run([sys.executable, "-m", "swingid", "compile", *tasks], env=environment, check=True)
     tools = Path(__file__).resolve().parents[1] / "tools"
     for task in tasks:

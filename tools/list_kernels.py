@@ -44,6 +44,13 @@ def identify(method: str) -> None:
     sw.identify(log, sw.Rig.load(RIG), method)
 
 
+def axis() -> None:
+    """Output error with what the log states of the axis as input: the measured wheel, a torque, or nothing."""
+    import swingid as sw
+
+    sw.identify(sw.Recording.load(LOG, sw.Rig.load(RIG)), sw.Rig.load(RIG), "output-error", input="wheel")
+
+
 def many() -> None:
     """Ensembles and the estimators of many logs."""
     import numpy as np
@@ -77,6 +84,7 @@ TASKS: dict[str, Callable[[], None]] = {
         method: lambda method=method: identify(method)
         for method in ("momentum", "energy", "equation-error", "output-error", "backstepping")
     },
+    "output-error-axis": axis,
     "ensemble": many,
     "calibrate": calibrate,
 }

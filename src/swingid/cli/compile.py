@@ -5,14 +5,18 @@ from __future__ import annotations
 import time
 from importlib import import_module
 from threading import Thread
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from swingid.cli import output
 from swingid.cli.failure import keeps
 from swingid.cli.progress import EVERY, bar
-from swingid.errors import InputError
+from swingid.errors import InputError, SwingidError
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+    from swingid.recording.recording import Recording
 
 
 def compile(
@@ -56,7 +60,7 @@ def compile_first(*tasks: str) -> None:
     """Compile the kernels of some tasks where this version has not done so on this machine yet."""
     from swingid.numerics.ahead import compile_ahead, is_ready
 
-    missing = [task for task in tasks if not is_ready(task)]
+    missing = [task for task in dict.fromkeys(tasks) if not is_ready(task)]
     if missing:
         output.say("compiling kernels, once per version (swingid compile does all at once)")
         # what calls the kernels imports numba afterwards, which takes most of a second: meanwhile
@@ -64,6 +68,21 @@ def compile_first(*tasks: str) -> None:
         failed = compile_ahead(missing, Bar()).failed
         if failed:
             output.say(f"not all could be compiled ahead ({failed[0]}), so the run compiles what it calls")
+
+
+def kernels_of(method: str, log: Recording, rig: Rig, wanted: object = None) -> tuple[str, ...]:
+    """Tasks of `compile_first` for a method on a log; none where the method refuses it.
+
+    wanted: what is to drive the simulation of output error (its option `input`), None for its own choice.
+    """
+    if method != "output-error":
+        return (method,)
+    from swingid.methods.output_error.setup import input_of
+
+    try:
+        return (method,) if input_of(wanted, log, rig) == "voltage" else ("output-error-axis",)
+    except SwingidError:
+        return ()
 
 
 class Bar:

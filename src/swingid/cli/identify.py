@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from swingid.cli.compile import compile_first
+from swingid.cli.compile import compile_first, kernels_of
 from swingid.cli.options import Certificate, JsonOrRefusal, Logs, Method, Report, RigFile
 from swingid.cli.output import (
     check_report,
@@ -182,15 +182,17 @@ def _identify(
         raise UsageError("--monte-carlo is for one log; identify the logs one by one", code="not-drawn")
     if len(logs) > 1:
         recording = None
-        compile_first(method)
+        loaded = _loaded(logs, plant, reading)
+        whole = [log for log in loaded.values() if isinstance(log, Recording)]
+        compile_first(*(task for log in whole for task in kernels_of(method, log, plant, options.get("input"))))
         with shown(Progress("logs")):
-            result = run(_loaded(logs, plant, reading), plant, method, **options)
+            result = run(loaded, plant, method, **options)
     else:
         log = reading.load(logs[0], plant)
         recording = log if isinstance(log, Recording) else None
         if recording is not None:
             provenance |= {"log_sha256": recording.source.sha256, "rows": len(recording)}
-            compile_first(method)  # methods that read in parts have no kernels
+            compile_first(*kernels_of(method, recording, plant, options.get("input")))
         result = run(log, plant, method, **options)
         if draws is not None:
             if recording is None:

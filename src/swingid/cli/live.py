@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli import output
-from swingid.cli.compile import compile_first
+from swingid.cli.compile import compile_first, kernels_of
 from swingid.cli.options import JsonOrRefusal, Method, Report, RigFile
 from swingid.cli.simulate import Gains, compensator_of
 from swingid.errors import UsageError
@@ -128,7 +128,7 @@ def identified(out: str, plant: Rig, method: str, provenance: dict[str, object],
 
     log = Recording.load(out, plant)
     provenance |= {"rig": plant.name, "log_sha256": log.source.sha256, "rows": len(log)}
-    compile_first(method)
+    compile_first(*kernels_of(method, log, plant))
     result = identify(log, plant, method)
     if report is not None:
         from swingid.report import write_report

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from swingid.cli import output
-from swingid.cli.compile import compile_first
+from swingid.cli.compile import compile_first, kernels_of
 from swingid.cli.options import Certificate, Json, JsonOrRefusal, Logs, Methods, Report, RigFile
 from swingid.cli.progress import Progress
 from swingid.methods.table import METHODS
@@ -31,7 +31,8 @@ def compare(
 
     plant = Rig.load(rig)
     recordings = [Recording.load(log, plant) for log in logs]
-    compile_first(*(method or METHODS))
+    names = method or list(METHODS)
+    compile_first(*(task for name in names for log in recordings for task in kernels_of(name, log, plant)))
     with shown(Progress("results")):
         comparison = run(recordings, plant, method)
     if report is not None:
@@ -70,7 +71,8 @@ def validate(
 
     plant, found = Rig.load(rig), load_result(result)
     recordings = [Recording.load(log, plant) for log in logs]
-    compile_first("output-error")
+    driven = "voltage" if input is Input.VOLTAGE else "wheel" if plant.drive.kind == "reaction-wheel" else None
+    compile_first(*(task for log in recordings for task in kernels_of("output-error", log, plant, driven)))
     with shown(Progress("logs")):
         validation = run(found, recordings, plant, input=None if input is None else input.value)
     if report is not None:

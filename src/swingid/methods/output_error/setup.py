@@ -70,7 +70,7 @@ class Setup:
             friction_unknowns(law)
         _check_options(loss, starts, segment, prepared.log)
         rig, scale = prepared.rig, prepared.scale
-        source = input_of(wanted, prepared.log, rig, scale)
+        source = input_of(wanted, prepared.log, rig)
         part = prepared.part()
         _require_resolved(part, scale)
         found = consistency_check(part.log, rig, part.motion, scale, part.noise, part.encoders)
@@ -179,12 +179,12 @@ def _rows_lost(log: Recording) -> bool:
     return lost > MOST_LOST * len(log)
 
 
-def input_of(wanted: str | None, log: Recording, rig: Rig, scale: Scale) -> Input:
+def input_of(wanted: object, log: Recording, rig: Rig) -> Input:
     """The input of the simulation. Raises where the log or the rig lacks it."""
-    if scale.drive != "reaction-wheel":
+    if rig.drive.kind != "reaction-wheel":
         if wanted is not None:
-            raise UsageError(f"input belongs to a reaction wheel, not to drive {scale.drive!r}.", code="no-input")
-        return "torque" if scale.drive == "direct" else "none"
+            raise UsageError(f"input belongs to a reaction wheel, not to drive {rig.drive.kind!r}.", code="no-input")
+        return "torque" if rig.drive.kind == "direct" else "none"
     if wanted not in (None, "voltage", "wheel"):
         raise UsageError(f'unknown input {wanted!r}; choose "voltage" or "wheel".', code="unknown-input")
     motor = rig.drive.motor

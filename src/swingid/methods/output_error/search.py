@@ -16,7 +16,7 @@ from swingid.balance.friction_laws import DIRECTIONS, LAWS
 from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import CLOSE, SAME, Fit, Reduced, reduce, solve, stepped_states
+from swingid.methods.output_error.solver import SAME, Fit, Reduced, reduce, solve, solve_near, stepped_states
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
 from swingid.numerics.arrays import Array
 
@@ -146,7 +146,7 @@ def search(problem: Problem, unknowns: Unknowns, start: Start, loss: str, *, nea
     """
     if near:
         states = first_states(problem, unknowns, start.values, loss)
-        fit = solve(problem, unknowns, start.values, states, loss, NEAR, CLOSE)
+        fit = solve_near(problem, unknowns, start.values, states, loss, NEAR)
     else:
         fit = solve(problem, unknowns, start.values, problem.starts, loss, NEAR)
     return Searched(unknowns, fit, start.starts, start.agreeing, {}, near=near)

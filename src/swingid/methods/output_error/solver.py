@@ -34,6 +34,10 @@ SAME, EXPLAINED = 0.01, 4.0
 """Relative difference of the inertia up to which two searches have found the same minimum; a cost that is that of the
 sensors' noise."""
 
+STRAIGHT = 0.02
+"""Square of a change of the angles over the motion, in standard deviations of the mean of all readings, up to which the
+change is linear in the unknowns."""
+
 LEAP = 0.4
 """Least ratio of the inertia after a step to that before; its inverse is the greatest."""
 
@@ -250,6 +254,28 @@ def stepped_states(problem: Problem, unknowns: Unknowns, values: Array, loss: st
         return problem.starts
     states = problem.starts + found.reduced.states(np.zeros(len(values)))
     return states if np.isfinite(states).all() else problem.starts
+
+
+def solve_near(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str, enough: float) -> Fit:
+    """As `solve`, rough, from values that are nearly the best.
+
+    Where the model explains the readings and they need to change by so little that the square of that is negligible,
+    one simulation will do.
+    """
+    low, high = unknowns.bounds
+    here = _at(problem, unknowns, np.clip(values, low, high), states, loss)
+    if not here.cost < EXPLAINED:
+        return solve_from(here, problem, unknowns, loss, enough, CLOSE)
+    motion = float(np.std(problem.measured[~problem.wheel] / problem.sigma[~problem.wheel]))
+    negligible = STRAIGHT * motion / np.sqrt(len(here.residuals))
+    for k in range(MOST_ROUGH_STEPS):
+        step, promised = _step(here, low, high, CLOSE)
+        if promised <= enough * max(here.cost, EXACT):
+            return replace(here, converged=True)
+        if k == 0 and promised > negligible:
+            break
+        here = _stepped(here, problem, unknowns, np.clip(here.values + step, low, high))
+    return solve_from(here, problem, unknowns, loss, enough, CLOSE)
 
 
 def _cost(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> float:

@@ -114,7 +114,7 @@ class ZeroPhase:
         kept[skipped : skipped + len(weights)] = weights
         last = min(len(impulse), len(filtered))
         filtered[-last:] += float(steady[at[near]] @ kept[near]) * impulse[:last][::-1]
-        result = filtered[front + pad : front + pad + length].copy()
+        result: Array = filtered[front + pad : front + pad + length].copy()
         left, right = filtered[front : front + pad], filtered[front + pad + length :]
         rest = float(weights.sum() - filtered[front:].sum())
         result[1 : pad + 1] -= left[::-1]

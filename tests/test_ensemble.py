@@ -10,7 +10,7 @@ import pytest
 from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.observer import VelocityObserver
-from swingid.errors import UsageError
+from swingid.errors import InputError, UsageError
 from swingid.model.rig import Rig
 from swingid.simulation import simulate
 from swingid.simulation.ensemble import ensemble_chunks, simulate_ensemble
@@ -197,6 +197,11 @@ def test_chunks_and_threads_give_the_same_runs():
 
 def test_lengths_and_keys_that_cannot_be_are_refused():
     rig = Rig.builtin("paper")
+    for empty in ([], np.empty(0)):
+        with pytest.raises(UsageError, match=r"axis\.inertia holds no entries"):
+            simulate_ensemble(rig, duration=1.0, values={"axis.inertia": empty})
+    with pytest.raises(InputError, match=r"axis\.inertia must be finite"):
+        simulate_ensemble(rig, duration=1.0, values={"axis.inertia": [3e-3, np.inf]})
     with pytest.raises(UsageError, match="inertia holds 2 entries for 3 runs"):
         simulate_ensemble(rig, fast, duration=1.0, seeds=[1, 2, 3], values={"axis.inertia": [3e-3, 2e-3]})
     with pytest.raises(UsageError, match=r"sensors\.noise cannot differ"):

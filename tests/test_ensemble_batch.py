@@ -127,5 +127,12 @@ def test_what_many_logs_at_once_cannot_answer_is_refused(many):
         momentum_batch(angle, wheel, 1000.0, given(rig).changed({"axis.gravity_torque": "unknown"}), plan)
     with pytest.raises(InputError, match="needs the wheel angle and the voltage"):
         energy_batch(angle, wheel, None, 1000.0, given(rig), plan)
+    with pytest.raises(InputError, match="many logs of a reaction wheel need wheel_angle"):
+        momentum_batch(angle, None, 1000.0, given(rig), plan)
+    for one, other in ((angle, wheel[:, :-1]), (angle[:-1], wheel), (angle[0], wheel[0])):
+        with pytest.raises(InputError, match="wheel_angle has the shape"):
+            momentum_batch(one, other, 1000.0, given(rig), plan)
+        with pytest.raises(InputError, match="wheel_angle has the shape"):
+            energy_batch(one, other, wheel, 1000.0, given(rig), plan)
     with pytest.raises(UnanswerableError, match="record longer"):
         momentum_batch(angle[:, :6500], wheel[:, :6500], 1000.0, given(rig), plan)

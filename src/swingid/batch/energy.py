@@ -13,7 +13,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 
 from swingid.batch.kernels import least_squares, slopes, smoothing
-from swingid.batch.plan import Batch, Plan, at_stamps, require_batch
+from swingid.batch.plan import Batch, Plan, at_stamps, channels_of, require_batch
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
 from swingid.model.rig import Rig
@@ -183,7 +183,8 @@ def energy_batch(
     """Inertias from angles, wheel angles (rad) and voltages (V), each (n, rows), logged at `rate` (1/s).
 
     The rig's motor constants are used, and the voltage is held from row to row. A log with fewer than three turning
-    points has NaN. Raises InputError for a direct drive, an unknown gravity torque or a missing channel.
+    points has NaN. Raises InputError for a direct drive, an unknown gravity torque, or a channel that is missing or of
+    another shape.
     """
     scale = Scale.of(rig)
     require_batch(rig, scale)
@@ -192,6 +193,7 @@ def energy_batch(
         raise InputError(
             "the energy method needs the wheel angle and the voltage; record them.", code="missing-voltage"
         )
+    angle, (wheel_angle, voltage) = channels_of(scale, angle, wheel_angle=wheel_angle, voltage=voltage)
     step = 1.0 / rate
     weights = (smoothing(plan.width, step), smoothing(plan.wheel_width, step))
     span = (round(plan.start * rate), min(angle.shape[1] - 1, round(plan.stop * rate)))

@@ -13,7 +13,7 @@ import numpy as np
 
 from swingid.balance.fits import LAG, with_excess
 from swingid.batch import kernels
-from swingid.batch.plan import Batch, Plan, at_stamps, require_batch
+from swingid.batch.plan import Batch, Plan, at_stamps, channels_of, require_batch
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -37,11 +37,12 @@ def momentum_batch(
 ) -> Batch:
     """Inertias from angles (n, rows) (rad) and wheel angles, logged at `rate` (1/s) by one rig.
 
-    Raises InputError for a direct drive or an unknown gravity torque, which this cannot do, and UnanswerableError where
-    the part used holds too few windows.
+    Raises InputError for a direct drive or an unknown gravity torque, which this cannot do, and for a channel that is
+    missing or of another shape; UnanswerableError where the part used holds too few windows.
     """
     scale = Scale.of(rig)
     require_batch(rig, scale)
+    angle, (wheel_angle,) = channels_of(scale, angle, wheel_angle=wheel_angle)
     encoders = plan.encoders(rig)
     late = encoders.wheel.latency.value - encoders.angle.latency.value
     rows, step = angle.shape[1], 1.0 / rate
@@ -52,7 +53,8 @@ def momentum_batch(
     first, last = max(ends, round(plan.start * rate)), min(rows - 1 - ends, round(plan.stop * rate))
     windows = (last - first - 2 * reach) // (reach // 2) + 1
     if windows < 2 * LAG or windows <= LAG / 2 * len(PLACES):
-        raise UnanswerableError(f"only {windows} windows fit into the logs; record longer ones.", code="too-short")
+        text = f"only {max(windows, 0)} windows fit into the logs; record longer ones."
+        raise UnanswerableError(text, code="too-short")
     columns = np.empty((len(angle), windows, kernels.COLUMNS))
     weights = kernels.window_weights(reach, step)
     wheel = np.empty((0, rows)) if wheel_angle is None else wheel_angle

@@ -112,6 +112,27 @@ def require_batch(rig: Rig, scale: Scale) -> None:
         )
 
 
+def channels_of(scale: Scale, angle: Array, **others: Array | None) -> tuple[Array, list[Array | None]]:
+    """The angle (n, rows) and other channels as the kernels read them; None for one that the rig does without.
+
+    Raises InputError for another shape than the angle's, and for a channel that is missing where there is a wheel.
+    """
+    angle = np.ascontiguousarray(angle, dtype=np.float64)
+    found: list[Array | None] = []
+    for name, values in others.items():
+        if values is None and scale.drive == "reaction-wheel":
+            text = f"many logs of a reaction wheel need {name}; record the wheel angle and the voltage."
+            raise InputError(text, code="missing-channel")
+        if values is None:
+            found.append(None)
+            continue
+        if angle.ndim != 2 or np.shape(values) != angle.shape:
+            text = f"{name} has the shape {np.shape(values)} and angle {angle.shape}; give (logs, rows), both alike."
+            raise InputError(text, code="unequal-length")
+        found.append(np.ascontiguousarray(values, dtype=np.float64))
+    return angle, found
+
+
 def at_stamps(values: Array, rate: float, late: float) -> Array:
     """A channel of many logs (n, rows) that was read `late` seconds after its stamps, at the stamps."""
     if late == 0.0 or values.size == 0:

@@ -99,7 +99,11 @@ def runs_of(
         if key not in CHANGEABLE:
             text = f"{key} cannot differ from run to run by `values`; give one rig per run instead"
             raise UsageError(text, code="unknown-key")
-        rig.changed({key: float(np.min(values[key]))})
+        entries = np.asarray(values[key], dtype=np.float64)
+        if not entries.size:
+            raise UsageError(f"{key} holds no entries; give one per run", code="bad-lengths")
+        for extreme in {float(entries.min()), float(entries.max())}:
+            rig.changed({key: extreme})
     commands = None if drive is None else np.asarray(drive, dtype=np.float64)
     numbers = {"initial_angle": initial_angle, "initial_speed": initial_speed, **values}
     several: dict[str, list[Any]] = {

@@ -10,20 +10,18 @@ from swingid.numerics.regression import LinearFit
 
 
 def variances(fit: WindowFit, influence: Array, residuals: Array | None = None, unknowns: int | None = None) -> Array:
-    """Variances (m,) of m values of this influence (m, windows), as those of the inertia of a fit.
+    """Variances (..., m) of values of this influence (..., m, windows), as those of the inertia of a fit.
 
     By sensor noise, and by the scatter of the residuals (of the fit, if not given) beyond it. unknowns: which these
-    residuals have used, if not those of the fit.
+    residuals (..., windows) have used, if not those of the fit.
     """
     left = fit.fit.residuals if residuals is None else residuals
     used = len(fit.unknowns) if unknowns is None else unknowns
     rows = len(fit.rows.windows)
     wide = LinearFit(np.zeros(used), left, influence, 1.0)
-    scattered = np.diag(wide.covariance(LAG))
-    found = np.zeros(len(influence))
-    for k, own in enumerate(influence):
-        sensor, seen = sensor_variance(fit.rows, own, fit.a11, fit.b, fit.scale, fit.noise, fit_pull(fit))
-        found[k] = with_excess(sensor, seen, float(scattered[k]), max(rows - used, 1))
+    scattered = wide.covariance(LAG).diagonal(0, -2, -1)
+    sensor, seen = sensor_variance(fit.rows, influence, fit.a11, fit.b, fit.scale, fit.noise, fit_pull(fit))
+    found: Array = with_excess(sensor, seen, scattered, max(rows - used, 1))
     return found
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -116,15 +117,26 @@ class WindowFit(NamedFit):
         """The unknowns that are terms of friction."""
         return tuple(name for name in self.unknowns if name in self.rows.friction)
 
-    @property
+    @cached_property
     def columns(self) -> Array:
         """Regressors (rows, unknowns)."""
         return columns_of(self.rows, self.scale, self.friction)[1]
 
-    @property
+    @cached_property
     def known(self) -> Array:
         """Known side of each row, see `known_side`."""
         return known_side(self.rows, self.scale)
+
+    @cached_property
+    def explained(self) -> Array:
+        """What the declared imperfections that were fitted add to the known side of each row."""
+        result: Array = self.columns @ self.fit.values + self.fit.residuals - self.known
+        return result
+
+    @cached_property
+    def kept(self) -> dict[str, WindowFit | None]:
+        """Other fits of these rows that are needed again, by name."""
+        return {}
 
     @property
     def inertia(self) -> float:
@@ -195,32 +207,50 @@ def fit_with_prior(
     the prior, and the standard deviation of a row by which these are weighted: rows share data, so each holds less
     information than its residual alone implies.
     """
-    columns, known, count = fit.columns, fit.known, len(extra)
-    rows, unknowns = columns.shape
-    matrix, expected = np.column_stack([columns, *extra]), np.asarray(means) if len(means) else np.zeros(count)
-    products, right = matrix.T @ matrix, matrix.T @ known
-    residuals = fit.fit.residuals[:rows]
-    least, before = ROUNDING * float(np.sqrt(known @ known / (rows + count))), 0.0
+    columns = np.array(extra).reshape(1, len(extra), len(fit.rows.windows)).swapaxes(1, 2)
+    solved, error = fits_with_prior(fit, columns, rounds, means)
+    return solved[0], float(error[0])
+
+
+def fits_with_prior(
+    fit: WindowFit, extra: Array, rounds: int = 2, means: Sequence[float] = ()
+) -> tuple[LinearFit, Array]:
+    """As `fit_with_prior`, several fits at once, each with its own `extra` (fits, rows, m); columns of 0 if fewer."""
+    known, (many, rows, count) = fit.known, extra.shape
+    unknowns, expected = len(fit.unknowns), np.asarray(means) if len(means) else np.zeros(count)
+    matrix = np.zeros((many, rows + count, unknowns + count))
+    matrix[:, :rows, :unknowns], matrix[:, :rows, unknowns:] = fit.columns, extra
+    own = matrix[:, :rows]
+    products, right = own.swapaxes(1, 2) @ own, known @ own
+    used = np.any(extra, axis=1).sum(axis=1)
+    residuals = np.broadcast_to(fit.fit.residuals[:rows], (many, rows))
+    least, before = ROUNDING * np.sqrt(known @ known / (rows + used)), np.zeros(many)
+    error, moving = np.zeros(many), np.ones(many, dtype=bool)
     for k in range(rounds):
-        error = max(float(np.sqrt(LAG / 2 * (residuals @ residuals) / rows)), least)
-        if k == rounds - 1 or abs(error - before) < EQUAL * error:
+        scatter = np.maximum(np.sqrt(LAG / 2 * np.einsum("ij,ij->i", residuals, residuals) / rows), least)
+        error = np.where(moving, scatter, error)
+        moving &= np.abs(error - before) >= EQUAL * error
+        if k == rounds - 1 or not moving.any():
             break
         before = error
-        residuals = known - matrix @ _under_prior(products, right, error, expected)
-    prior = np.hstack([np.zeros((count, unknowns)), error * np.eye(count)])
-    return fit_linear(np.vstack([matrix, prior]), np.concatenate([known, error * expected])), error
+        residuals = known - (own @ _under_prior(products, right, error, expected)[..., None])[..., 0]
+    prior = np.arange(count)
+    matrix[:, rows + prior, unknowns + prior] = error[:, None]
+    target = np.empty((many, rows + count))
+    target[:, :rows], target[:, rows:] = known, error[:, None] * expected
+    return fit_linear(matrix, target), error
 
 
-def _under_prior(products: Array, right: Array, error: float, means: Array) -> Array:
+def _under_prior(products: Array, right: Array, error: Array, means: Array) -> Array:
     """Values by the normal equations, the last ones under a normal prior with these means; quick, for residuals."""
-    products, right, first = products.copy(), right.copy(), len(right) - len(means)
-    own = np.arange(first, len(right))
-    products[own, own] += error**2
-    right[first:] += error**2 * means
-    scale = 1.0 / np.sqrt(np.maximum(products.diagonal(), TINY))
-    products *= scale * scale[:, None]
-    products[np.arange(len(right)), np.arange(len(right))] += SINGULAR
-    values: Array = np.linalg.solve(products, right * scale) * scale
+    products, right, size = products.copy(), right.copy(), right.shape[-1]
+    first, every = size - len(means), np.arange(size)
+    products[:, every[first:], every[first:]] += error[:, None] ** 2
+    right[:, first:] += error[:, None] ** 2 * means
+    scale = 1.0 / np.sqrt(np.maximum(products[:, every, every], TINY))
+    products *= scale[:, :, None] * scale[:, None, :]
+    products[:, every, every] += SINGULAR
+    values: Array = np.linalg.solve(products, (right * scale)[..., None])[..., 0] * scale
     return values
 
 
@@ -234,7 +264,7 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
     items = imperfections(rig, signals, fit.rows, fit.a11, fit.b)
     fit = _with_wandering(with_fitted(fit, [item for item in items if item.calibrates]))
     passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
-    return replace(fit, declared=(*fit.declared, *passed))
+    return replace(fit, declared=(*fit.declared, *passed)) if passed else fit
 
 
 def _with_wandering(fit: WindowFit) -> WindowFit:
@@ -253,56 +283,70 @@ def with_fitted(fit: WindowFit, items: Sequence[Imperfection], rounds: int = 2) 
 
     rounds: in which the weight of the priors follows from the residuals; more where these fall by much.
     """
-    if not items:
-        return replace(fit, declared=())
-    means = [item.mean for item in items] if any(item.mean for item in items) else []
-    solved, error = fit_with_prior(fit, [-item.rows * item.std for item in items], rounds, means)
+    return fitted_with(fit, [items], rounds)[0] if items else replace(fit, declared=()) if fit.declared else fit
+
+
+def fitted_with(fit: WindowFit, several: Sequence[Sequence[Imperfection]], rounds: int = 2) -> list[WindowFit]:
+    """As `with_fitted`, one fit for each list of imperfections, all at once; only a single list may have means."""
     rows, p = len(fit.rows.windows), len(fit.unknowns)
-    data = LinearFit(solved.values[:p], solved.residuals[:rows], solved.influence[:p, :rows], fit.fit.condition)
+    extra = np.zeros((len(several), max(len(items) for items in several), rows))
+    for own, items in zip(extra, several, strict=True):
+        for column, item in zip(own, items, strict=False):
+            np.multiply(item.rows, -item.std, out=column)
+    means = [item.mean for item in several[0]] if len(several) == 1 else ()
+    solved, errors = fits_with_prior(fit, extra.swapaxes(1, 2), rounds, means)
+    data = LinearFit(solved.values[:, :p], solved.residuals[:, :rows], solved.influence[:, :p, :rows], solved.condition)
     covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.scale, fit.noise)
-    effects = tuple(
-        Effect(
-            item,
-            solved.influence[:p, rows + k] * error,
-            float(solved.values[p + k]),
-            error * float(np.linalg.norm(solved.influence[p + k])),
+    spreads = np.linalg.norm(solved.influence[:, p:], axis=2) * errors[:, None]
+    shifts = solved.influence[:, :p, rows:] * errors[:, None, None]
+    found = []
+    for k, items in enumerate(several):
+        effects = tuple(
+            Effect(item, shifts[k, :, j], float(solved.values[k, p + j]), float(spreads[k, j]))
+            for j, item in enumerate(items)
         )
-        for k, item in enumerate(items)
-    )
-    return replace(fit, fit=data, covariance=covariance, computed=computed, declared=effects)
+        found.append(replace(fit, fit=data[k], covariance=covariance[k], computed=float(computed[k]), declared=effects))
+    return found
 
 
 def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit | None:
     """The same windows with the gravity torque an unknown without prior, and all else that is declared propagated.
 
-    None where there are too few rows, and where a further unknown has the regressor of gravity.
+    None where there are too few rows, and where a further unknown has the regressor of gravity. Computed once.
     """
-    free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
-    if free is None or not np.isfinite(free.fit.condition):
-        return None
-    items = imperfections(rig, signals, free.rows, free.a11, free.b)
-    others = (item for item in items if item.source != GRAVITY and not item.of_noise)
-    return replace(free, declared=tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others))
+    if "gravity free" not in fit.kept:
+        free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
+        if free is None or not np.isfinite(free.fit.condition):
+            return fit.kept.setdefault("gravity free", None)
+        items = imperfections(rig, signals, free.rows, free.a11, free.b)
+        others = (item for item in items if item.source != GRAVITY and not item.of_noise)
+        effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
+        fit.kept["gravity free"] = replace(free, declared=effects)
+    return fit.kept["gravity free"]
 
 
 def covariance_of(
     fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise
-) -> tuple[Array, float]:
+) -> tuple[Array, Any]:
     """Type A covariance of the unknowns: sensor noise, scatter of the rows beyond it, and the bias of attenuation.
 
-    Also the variance of a11 that is not estimated from the scatter.
+    Also the variance of a11 that is not estimated from the scatter. Of several fits of one kind at once, too.
     """
     covariance = fit.covariance(LAG)
-    a11 = float(fit.values[0])
-    b = float(fit.values[unknowns.index("gravity_torque")]) if scale.b is None else scale.b
-    pull = sum(float(fit.values[unknowns.index(name)]) * rows.slopes[name] for name in scale.unknown)
-    sensor, seen = sensor_variance(rows, fit.influence[0], a11, b, scale, noise, pull)
-    scatter = float(covariance[0, 0])
-    if scatter > 0:
-        covariance = covariance * (with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns)) / scatter)
-    bias = _attenuation(rows.windows, fit, noise)
-    result: Array = covariance + bias[:, None] * bias
-    return result, sensor + float(bias[0]) ** 2
+    a11 = fit.values[..., 0]
+    b = fit.values[..., unknowns.index("gravity_torque")] if scale.b is None else scale.b
+    pull = sum(fit.values[..., unknowns.index(name)] * rows.slopes[name] for name in scale.unknown)
+    sensor, seen = sensor_variance(rows, fit.influence[..., 0, :], a11, b, scale, noise, pull)
+    scatter = covariance[..., 0, 0]
+    excess = with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns))
+    covariance *= np.where(scatter > 0, excess / np.maximum(scatter, 1e-300), 1.0)[..., None, None]
+    # bias of all unknowns by noise in the regressor ∫φ'' q1 of a11 (errors in variables), to first order; also of what
+    # is nearly collinear with a11: at one frequency an unknown gravity torque
+    bias = (a11 * column_noise(rows.windows, noise))[..., None] * (fit.influence @ fit.influence[..., 0, :, None])[
+        ..., 0
+    ]
+    covariance += bias[..., :, None] * bias[..., None, :]
+    return covariance, sensor + bias[..., 0] ** 2
 
 
 def with_excess(sensor: Any, seen: Any, scatter: Any, spare: int) -> Any:
@@ -329,39 +373,28 @@ def residuals_beside(fit: WindowFit, more: Array) -> Array:
 
 
 def sensor_variance(
-    rows: Rows, influence: Array, a11: float, b: float, scale: Scale, noise: Noise, pull: float = 0.0
-) -> tuple[float, float]:
+    rows: Rows, influence: Array, a11: Any, b: Any, scale: Scale, noise: Noise, pull: Any = 0.0
+) -> tuple[Any, Any]:
     """Variance of an unknown by white noise of both angles, and Newey and West's sum for that noise.
 
-    influence (windows,): of the rows on the unknown. The noise enters through φ'' (that of a rate through φ', for
-    ∫φ'' q1 = −∫φ' q1'), and that of the axis through the gravity b as well, and through springs and cogging; pull: mean
-    stiffness of those that were identified.
+    influence (..., windows): of the rows on the unknown, or on several; a11, b and pull may be arrays (...) likewise.
+    The noise enters through φ'' (that of a rate through φ', for ∫φ'' q1 = −∫φ' q1'), and that of the axis through the
+    gravity b as well, and through springs and cogging; pull: mean stiffness of those that were identified.
     """
-    windows = rows.windows
-    pull += 0.0 if scale.linear else b * rows.stiffness
-    pull += sum(coefficient * rows.slopes[name] for name, coefficient in scale.known.items())
-    gravity = 0.0 if a11 == 0.0 else pull * windows.middle**2 / a11
+    windows, known = rows.windows, sum(value * rows.slopes[name] for name, value in scale.known.items())
+    pull = pull + known + (0.0 if scale.linear else b * rows.stiffness)
+    gravity = pull * windows.middle**2 / (a11 if np.all(a11) else np.where(a11 == 0.0, np.inf, a11))
     axis, wheel = (a11 * noise.of_angle) ** 2 * noise.step, (scale.a12 * noise.of_wheel) ** 2 * noise.step
-    sums = overlaps(influence * windows.loudness, windows.neighbours, LAG, gravity)
-    true, tapered = (max(of_axis, 0.0) * axis + max(of_wheel, 0.0) * wheel for of_axis, of_wheel in sums)
+    of_axis, of_wheel = overlaps(influence * windows.loudness, windows.neighbours, LAG, gravity)
+    found = np.maximum(of_axis, 0.0) * np.asarray(axis)[..., None] + np.maximum(of_wheel, 0.0) * wheel
     if noise.rate or noise.wheel_rate:
         rates = ((a11 * noise.rate) ** 2 + (scale.a12 * noise.wheel_rate) ** 2) * noise.step
-        weights = influence / np.sqrt(windows.half)
-        plain, summed = rate_overlaps(weights, windows.neighbours, LAG)
-        true, tapered = true + rates * max(plain, 0.0), tapered + rates * max(summed, 0.0)
-    return true, tapered
-
-
-def _attenuation(windows: Windows, fit: LinearFit, noise: Noise) -> Array:
-    """Bias of all unknowns by noise in the regressor ∫φ'' q1 of a11 (errors in variables), to first order.
-
-    Also of what is nearly collinear with a11: at one frequency an unknown gravity torque.
-    """
-    result: Array = fit.values[0] * column_noise(windows, noise) * (fit.influence @ fit.influence[0])
-    return result
+        of_rate = rate_overlaps(influence / np.sqrt(windows.half), windows.neighbours, LAG)
+        found += np.maximum(of_rate, 0.0) * np.asarray(rates)[..., None]
+    return found[..., 0], found[..., 1]
 
 
 def column_noise(windows: Windows, noise: Noise) -> float:
     """Variance of the regressor ∫φ'' q1 by noise of the angle, summed over the windows."""
-    white = noise.of_angle**2 * CURVATURE_POWER * float(windows.loudness @ windows.loudness)
-    return noise.step * (white + noise.rate**2 * SLOPE_POWER * float(np.sum(1 / windows.half)))
+    white = noise.of_angle**2 * CURVATURE_POWER * windows.loud
+    return noise.step * (white + noise.rate**2 * SLOPE_POWER * windows.short)

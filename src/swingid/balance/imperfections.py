@@ -6,7 +6,7 @@ coefficient of every parameter to every declared imperfection without a second f
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,7 +81,7 @@ def imperfections(rig: Rig, signals: Signals, rows: Rows, a11: float, b: float) 
     a11, b: inertia of the axis and gravity torque, as known or as identified.
     """
     found = [
-        *with_rig(rig, constants(rig, rows)),
+        *with_rig(rig, constants(rig, rows), exact=False),
         *_encoders(rig, signals, rows, a11, b),
         *_latencies(rig, signals, rows),
         *_stated_scales(rig, signals, rows, a11, b),
@@ -146,12 +146,17 @@ def relative(quantity: Quantity) -> float:
     return (quantity.std or 0.0) / quantity.value
 
 
-def with_rig(rig: Rig, found: Iterable[Imperfection]) -> Iterator[Imperfection]:
-    """The constants, and what follows from their effects: those of the tilt of the axis and of the log's clock."""
+def with_rig(rig: Rig, found: Iterable[Imperfection], *, exact: bool = True) -> Iterator[Imperfection]:
+    """The constants, and what follows from their effects: those of the tilt of the axis and of the log's clock.
+
+    exact: also where these have no uncertainty.
+    """
     constants = {item.source: item for item in found}
     yield from constants.values()
-    for key, std, weights in rig_deviations(rig) if constants else ():
-        own = [(weight, constants[source]) for source, weight in weights.items() if source in constants]
+    for key, std, weights in rig_deviations(rig, constants):
+        if not std and not exact:
+            continue
+        own = [(weight, constants[source]) for source, weight in weights.items()]
         none = np.zeros(len(next(iter(constants.values())).rows))
         rows = sum((weight * item.rows for weight, item in own), none)
         yield Imperfection(key, std, rows, sum(w * item.direct for w, item in own), key, of_time=key == CLOCK)
@@ -161,8 +166,8 @@ def declared_with_rig(rig: Rig, found: Iterable[Declared]) -> Iterator[Declared]
     """As `with_rig`, where the effects on the parameters are known and there are no rows."""
     constants = {one.source.name: one for one in found}
     yield from constants.values()
-    for key, std, weights in rig_deviations(rig) if constants else ():
-        own = [weight * constants[source].slopes for source, weight in weights.items() if source in constants]
+    for key, std, weights in rig_deviations(rig, constants):
+        own = [weight * constants[source].slopes for source, weight in weights.items()]
         none = np.zeros(len(next(iter(constants.values())).slopes))
         yield Declared(stated(key, key), std, sum(own, none), of_time=key == CLOCK)
 
@@ -177,22 +182,28 @@ _TIME_POWERS = {
 """Constants whose unit has a power of the time, with it."""
 
 
-def rig_deviations(rig: Rig) -> Iterator[tuple[str, float, dict[str, float]]]:
-    """The tilt's cosine and the clock: standard uncertainty, and the change of each constant that is equivalent.
+def rig_deviations(rig: Rig, constants: Collection[str]) -> Iterator[tuple[str, float, dict[str, float]]]:
+    """The tilt's cosine and the clock: standard uncertainty, and the equivalent change of each of these constants.
+
+    None for no constants.
 
     A tilt is a relative change of the gravity torque. A clock that is fast by c makes all times too long by that share,
     which is the same as constants with the power n of the time in their unit larger by n c: the gravity torque by
     −2 c. What they cannot change is the unit of the parameters (`Declared.of_time`). The scale of the voltage is a
     relative change of the motor's torque per volt.
     """
+    if not constants:
+        return
     gravity = rig.axis.gravity_torque
     if isinstance(gravity, Quantity) and gravity.value:
-        yield AXIS_TILT, relative(rig.axis.along), {"axis.gravity_torque": gravity.value}
-    values = {key: stated_at(rig, key) for key in _TIME_POWERS}
+        torque = {"axis.gravity_torque": gravity.value} if "axis.gravity_torque" in constants else {}
+        yield AXIS_TILT, relative(rig.axis.along), torque
+    values = {key: stated_at(rig, key) for key in _TIME_POWERS if key in constants}
     weights = {key: _TIME_POWERS[key] * value.value for key, value in values.items() if isinstance(value, Quantity)}
     yield CLOCK, rig.log.clock.std or 0.0, weights
     if rig.log.voltage_scale.std and rig.drive.motor is not None:
-        volts = {"drive.motor.torque_per_volt": rig.drive.motor.torque_per_volt.value}
+        key = "drive.motor.torque_per_volt"
+        volts = {key: rig.drive.motor.torque_per_volt.value} if key in constants else {}
         yield VOLTAGE_SCALE, relative(rig.log.voltage_scale), volts
 
 

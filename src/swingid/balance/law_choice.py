@@ -28,6 +28,10 @@ ROUNDING = 1e-10
 """Share of the power of the known side below which a residual is that of the arithmetic, not of a law."""
 
 
+MOST_SIDES = 8
+"""Torques of a law that must not be negative, at most, see `_sides`."""
+
+
 @dataclass(frozen=True)
 class Trial:
     """A law tried: its terms, Stribeck speed (nan without), coefficients, and criterion (lower is better)."""
@@ -104,16 +108,17 @@ class LawChoice:
 
     def _attempt_exact(self, names: list[str]) -> None:
         """Try the laws without Stribeck's peak, whose terms have columns of their own, all at once."""
-        laws = [law_terms(name) for name in names]
-        used = np.zeros((len(laws), self.body + len(EXACT)), dtype=bool)
-        used[:, : self.body] = True
-        for own, terms in zip(used, laws, strict=True):
-            own[self.body + places_of(terms)] = True
-        at = [*range(self.body + len(EXACT)), len(self.gram) - 1]
-        lost, values, inverse = _solved(np.broadcast_to(self.gram[np.ix_(at, at)], (len(laws), len(at), len(at))), used)
+        laws, size = tuple(law_terms(name) for name in names), self.body + len(EXACT)
+        at = [*range(size), len(self.gram) - 1]
+        used, sides = np.ones((len(laws), size), dtype=bool), np.zeros((len(laws), MOST_SIDES, size))
+        used[:, self.body :], sides[:, :, self.body :] = _in_exact(laws)
+        matrix = self.gram[at][:, at]
+        lost, values, inverse = _solved(np.broadcast_to(matrix, (len(laws), *matrix.shape)), used)
+        lost = np.maximum(lost, ROUNDING * float(self.gram[-1, -1]))
+        kept = _none_below(sides, values, inverse, lost / self.independent)
         for k, (name, terms) in enumerate(zip(names, laws, strict=True)):
-            own = self.body + places_of(terms)
-            self._keep(name, np.nan, float(lost[k]), values[k, own], inverse[k][np.ix_(own, own)])
+            if kept[k] or not self.trials:
+                self._keep(name, np.nan, float(lost[k]), values[k, self.body + places_of(terms)])
 
     def _attempt_peak(self, name: str) -> None:
         """Try a law with Stribeck's peak at its likeliest speed."""
@@ -121,18 +126,20 @@ class LawChoice:
         # another law with a peak has found about the same speed
         found = [trial.stribeck_speed for trial in self.trials.values() if "stribeck" in trial.terms]
         law = _PeakLaw(self.gram, self.body, terms, self.friction.knots)
-        speed = law.likeliest(np.array(found) if found else self.stribeck_speeds, self.stribeck_speeds)
-        (lost,), (values,), (inverse,) = law.fitted(law.peaks(np.array([speed])))
-        own = law.order
-        self._keep(name, speed, float(lost), values[own], inverse[np.ix_(own, own)])
+        starts = np.array(found) if found else self.stribeck_speeds
+        speed, lost, values, inverse = law.likeliest(starts, self.stribeck_speeds)
+        lost, own = max(lost, ROUNDING * float(self.gram[-1, -1])), law.order
+        sides = np.zeros((1, MOST_SIDES, len(values)))
+        sides[0, : len(_sides(terms)), own] = _sides(terms).T
+        if not self.trials or _none_below(sides, values[None], inverse[None], np.array([lost / self.independent]))[0]:
+            self._keep(name, speed, lost, values[own])
 
-    def _keep(self, name: str, speed: float, lost: float, values: Array, inverse: Array) -> None:
-        """Keep a law that dissipates: with no coefficient, in either direction, negative beyond its uncertainty."""
-        terms, lost = law_terms(name), max(lost, ROUNDING * float(self.gram[-1, -1]))
-        if not self.trials or _none_below(_sides(terms), values, inverse, lost / self.independent):
-            count = len(terms) + ("stribeck" in terms)
-            score = self.independent * math.log(lost) + count * math.log(self.independent)
-            self.trials[name] = Trial(terms, speed, values, score)
+    def _keep(self, name: str, speed: float, lost: float, values: Array) -> None:
+        """Keep a law with its criterion."""
+        terms = law_terms(name)
+        count = len(terms) + ("stribeck" in terms)
+        score = self.independent * math.log(lost) + count * math.log(self.independent)
+        self.trials[name] = Trial(terms, speed, values, score)
 
 
 def slowest_peak(motion: Motion, noise: float) -> float:
@@ -155,7 +162,7 @@ class _PeakLaw:
         self.at = [*others, *range(body), len(matrix) - 1]
         self.friction = slice(body, len(matrix) - 1)
         self.matrix, self.knots = matrix, knots
-        self.shared = matrix[np.ix_(self.at, self.at)]
+        self.shared = matrix[self.at][:, self.at]
         following = iter(range(1, len(terms)))
         self.order = [0 if term == "stribeck" else next(following) for term in terms]
 
@@ -175,23 +182,26 @@ class _PeakLaw:
         matrix[:, blends:, blends:] = self.shared
         return _solved(matrix, np.ones((laws, size - 1), dtype=bool))
 
-    def likeliest(self, starts: Array, speeds: Array) -> float:
-        """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while better and within `speeds`."""
-        lost, found, _ = self.fitted(self.peaks(starts))
+    def likeliest(self, starts: Array, speeds: Array) -> tuple[float, float, Array, Array]:
+        """The likeliest Stribeck speed: the best of `starts`, then Gauss–Newton while better and within `speeds`.
+
+        With it its squared residuals, coefficients and inverse.
+        """
+        lost, found, inverse = self.fitted(self.peaks(starts))
         best = int(np.argmin(lost))
-        speed, least, size = float(starts[best]), float(lost[best]), float(found[best, 0])
+        result = float(starts[best]), float(lost[best]), found[best], inverse[best]
         for _ in range(5):
-            both = np.stack([self.peaks(np.array([speed]))[0, 0], slope_weights(self.knots, speed) * size])
+            speed, least, values, _ = result
+            both = np.stack([self.peaks(np.array([speed]))[0, 0], slope_weights(self.knots, speed) * values[0]])
             step = float(self.fitted(both[None])[1][0, 1])
             step = min(max(step, -0.4 * speed), 0.6 * speed)
-            lost, found, _ = self.fitted(self.peaks(np.array([speed + step])))
+            lost, found, inverse = self.fitted(self.peaks(np.array([speed + step])))
             if not lost[0] < least or not speeds[0] <= speed + step <= speeds[-1]:
                 break
-            settled = abs(step) < 1e-3 * speed
-            speed, least, size = speed + step, float(lost[0]), float(found[0, 0])
-            if settled:
+            result = speed + step, float(lost[0]), found[0], inverse[0]
+            if abs(step) < 1e-3 * speed:
                 break
-        return speed
+        return result
 
 
 def _solved(matrix: Array, used: Bools) -> tuple[Array, Array, Array]:
@@ -213,10 +223,25 @@ def _solved(matrix: Array, used: Bools) -> tuple[Array, Array, Array]:
     return lost, values, inverse
 
 
-def _none_below(rows: Array, values: Array, inverse: Array, variance: float) -> bool:
-    """Whether no row of `rows` @ values lies below minus its standard uncertainty, of covariance inverse · variance."""
-    powers = ((rows @ inverse) * rows).sum(axis=1) * variance
-    return not bool(np.any(rows @ values <= -np.sqrt(np.maximum(powers, 0.0))))
+def _none_below(sides: Array, values: Array, inverse: Array, variance: Array) -> Bools:
+    """Which laws dissipate: no torque of `sides` (laws, n, columns) is negative beyond its standard uncertainty.
+
+    values (laws, columns), of covariance inverse · variance (laws,). Rows of zeros in `sides` do not count.
+    """
+    powers = ((sides @ inverse) * sides).sum(axis=2) * variance[:, None]
+    torques = (sides @ values[:, :, None])[:, :, 0]
+    result: Bools = ((torques > -np.sqrt(np.maximum(powers, 0.0))) | ~sides.any(axis=2)).all(axis=1)
+    return result
+
+
+@cache
+def _in_exact(laws: tuple[tuple[str, ...], ...]) -> tuple[Bools, Array]:
+    """Which columns of EXACT each law has (laws, columns), and `_sides` in these (laws, MOST_SIDES, columns)."""
+    used, sides = np.zeros((len(laws), len(EXACT)), dtype=bool), np.zeros((len(laws), MOST_SIDES, len(EXACT)))
+    for k, terms in enumerate(laws):
+        used[k, places_of(terms)] = True
+        sides[k, : len(_sides(terms)), places_of(terms)] = _sides(terms).T
+    return used, sides
 
 
 @cache

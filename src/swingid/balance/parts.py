@@ -91,9 +91,9 @@ def compared(law: WindowFit, signals: Signals) -> list[Comparison]:
     power = float(law.known @ law.known)
     if float(law.fit.residuals @ law.fit.residuals) < SLIGHT**2 * power:
         return []
-    effects = declared_effects(law)
-    found = (_comparison(name, law, (one, two), effects) for name, one, two in divisions(law, signals))
-    return [one for one in found if one is not None]
+    least = fewest(law)
+    divided = [found for found in divisions(law, signals) if min(np.count_nonzero(part) for part in found[1:]) >= least]
+    return _comparisons(law, [name for name, *_ in divided], np.array([parts for _, *parts in divided]))
 
 
 def divisions(law: WindowFit, signals: Signals) -> Iterator[tuple[str, Bools, Bools]]:
@@ -115,42 +115,48 @@ def divisions(law: WindowFit, signals: Signals) -> Iterator[tuple[str, Bools, Bo
         yield "rise", outward > 0, outward < 0
 
 
-def _comparison(name: str, law: WindowFit, both: tuple[Bools, Bools], effects: Array) -> Comparison | None:
-    """None where a part has too few rows for the unknowns.
+def _fits_of(law: WindowFit, parts: Bools) -> LinearFit:
+    """The residuals fitted with all unknowns on each of these parts of the rows (parts, windows) alone."""
+    return fit_linear(parts[..., None] * law.columns, parts * law.fit.residuals)
+
+
+def _comparisons(law: WindowFit, names: Sequence[str], parts: Bools) -> list[Comparison]:
+    """The comparisons of two parts each (comparisons, 2, windows).
 
     By how much the whole may be off: of parts that mirror one another by how much their mean differs from it. Of others
     half the difference, as it is where both determine the inertia alike: each then has √2 times the uncertainty of the
     whole. Parts that distinguish the unknowns worse amplify what the model lacks as they amplify noise, so the share of
     the difference is less by what its uncertainty is more.
     """
-    one, other = both
-    count, columns, left = len(law.unknowns), law.columns, law.fit.residuals
-    if min(int(one.sum()), int(other.sum())) < fewest(law):
-        return None
-    fits = [fit_linear(columns[part], left[part]) for part in (one, other)]
-    rests, influence = np.where(one | other, left, 0.0), np.zeros((4, len(left)))
-    for k, (part, fit) in enumerate(zip((one, other), fits, strict=True)):
-        rests[part] = fit.residuals
-        influence[k, part] = fit.influence[0]
-    influence[2] = influence[0] - influence[1]
-    influence[3] = (influence[0] + influence[1]) / 2 - law.fit.influence[0]
-    spare = int((one | other).sum()) / (LAG / 2) - 2 * count
-    found = variances(law, influence, rests, 2 * count) + np.sum((influence @ effects) ** 2, axis=1)
-    rows = np.vstack([influence[:2], law.fit.influence[:1]])
-    one_bent, other_bent, whole = law.a11 * column_noise(law.rows.windows, law.noise) * np.sum(rows**2, axis=1)
-    found[2] += (one_bent - other_bent) ** 2
-    found[3] += ((one_bent + other_bent) / 2 - whole) ** 2
-    found *= spare / (spare - 2) if spare > 4 else 2.0  # of Student's t
-    changes = [float(fit.values[0]) for fit in fits]
-    estimates = [(law.a11 + change, float(u) ** 0.5) for change, u in zip(changes, found, strict=False)]
+    if not names:
+        return []
+    count, windows = len(law.unknowns), parts.shape[-1]
+    fits, whole = _fits_of(law, parts.reshape(-1, windows)), law.fit.influence[0]
+    one, other = fits.influence[:, 0].reshape(parts.shape).swapaxes(0, 1)
+    rests = fits.residuals.reshape(parts.shape).sum(axis=1)
+    influence = np.stack([one, other, one - other, (one + other) / 2 - whole], axis=1)
+    spare = parts.any(axis=1).sum(axis=1) / (LAG / 2) - 2 * count
+    found = variances(law, influence, rests, 2 * count) + np.sum((influence @ declared_effects(law)) ** 2, axis=2)
+    bent = law.a11 * column_noise(law.rows.windows, law.noise)
+    one_bent, other_bent = bent * np.sum(one**2, axis=1), bent * np.sum(other**2, axis=1)
+    found[:, 2] += (one_bent - other_bent) ** 2
+    found[:, 3] += ((one_bent + other_bent) / 2 - bent * float(whole @ whole)) ** 2
+    found *= np.where(spare > 4, spare / np.maximum(spare - 2, 1), 2.0)[:, None]  # of Student's t
+    changes = fits.values[:, 0].reshape(-1, 2)
+    return [_comparison(law, *each) for each in zip(names, changes.tolist(), found.tolist(), strict=True)]
+
+
+def _comparison(law: WindowFit, name: str, changes: list[float], found: list[float]) -> Comparison:
+    """changes: of a11 by each part. found: variances of both, of their difference, and of their mean less the whole."""
+    first, second = ((law.a11 + change, u**0.5) for change, u in zip(changes, found, strict=False))
     if name in MIRRORED:
-        mean = max(2 * float(found[0] + found[1]) - float(found[2]), 1e-300) ** 0.5 / 2  # of both estimates
+        mean = max(2 * (found[0] + found[1]) - found[2], 1e-300) ** 0.5 / 2  # of both estimates
         share = min(1.0, law.u / mean)
-        off, u = share * (changes[0] + changes[1]) / 2, share * float(found[3]) ** 0.5
+        off, u = share * (changes[0] + changes[1]) / 2, share * found[3] ** 0.5
     else:
-        share = min(0.5, law.u / max(float(found[2]), 1e-300) ** 0.5)
-        off, u = share * (changes[0] - changes[1]), share * float(found[2]) ** 0.5
-    return Comparison(name, estimates[0], estimates[1], float(found[2]), off, u)
+        share = min(0.5, law.u / max(found[2], 1e-300) ** 0.5)
+        off, u = share * (changes[0] - changes[1]), share * found[2] ** 0.5
+    return Comparison(name, first, second, found[2], off, u)
 
 
 @dataclass(frozen=True)
@@ -176,16 +182,14 @@ def predicted(law: WindowFit) -> Prediction | None:
     early = law.rows.windows.centres < median(law.rows.windows.centres)
     if min(int(early.sum()), int((~early).sum())) < fewest(law):
         return None
-    fits = [fit_linear(columns[part], left[part]) for part in (early, ~early)]
-    influence, rests = np.zeros((count, len(left))), left.copy()
-    for sign, part, fit in zip((1.0, -1.0), (early, ~early), fits, strict=True):
-        influence[:, part], rests[part] = sign * fit.influence, fit.residuals
+    fits = _fits_of(law, np.array([early, ~early]))
+    influence, rests = fits.influence[0] - fits.influence[1], fits.residuals.sum(axis=0)
     own = LinearFit(np.zeros(2 * count), rests, influence, 1.0).covariance(LAG)
     scale = np.sqrt(variances(law, influence, rests, 2 * count) / np.maximum(np.diag(own), 1e-300))
     effects = influence @ declared_effects(law)
     spread = (own * np.outer(scale, scale) + effects @ effects.T) @ (columns[~early].T @ columns[~early])
-    difference = columns[~early] @ (fits[0].values - fits[1].values)
-    excess, rest = float(difference @ difference), float(fits[1].residuals @ fits[1].residuals)
+    difference, last = columns[~early] @ (fits.values[0] - fits.values[1]), fits.residuals[1]
+    excess, rest = float(difference @ difference), float(last @ last)
     mean, power = float(np.trace(spread)), float(np.trace(spread @ spread))
     freedom = len(left) / (LAG / 2) - 2 * count
     if not (mean > 0 and power > 0) or freedom < count:

@@ -75,6 +75,16 @@ class Windows:
         return result
 
     @cached_property
+    def loud(self) -> float:
+        """Sum of the squares of `loudness`."""
+        return float(self.loudness @ self.loudness)
+
+    @cached_property
+    def short(self) -> float:
+        """Sum of 1 / half."""
+        return float(np.sum(1 / self.half))
+
+    @cached_property
     def neighbours(self) -> Array:
         """What white noise gives each window in common with itself and the next ones, see `neighbour_overlaps`."""
         return neighbour_overlaps(self.centres, self.half, REACH)
@@ -248,15 +258,16 @@ class Signals:
         longest = BLOCK * motion.quickest if longest is None else longest
         nodes = BlockNodes.of(log.time, longest)
         late = encoders.angle.latency.value
-        slopes = spline_slopes(log.time, log.angle) if known is None else known.angle_slopes
-        angle = nodes.cubics(log.angle, slopes)
         wheel = wheel_values = wheel_slopes = None
-        if rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
-            if known is None or known.wheel_values is None or known.wheel_slopes is None:
-                wheel_values = moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late)
-                wheel_slopes = spline_slopes(log.time, wheel_values)
-            else:
-                wheel_values, wheel_slopes = known.wheel_values, known.wheel_slopes
+        if known is not None:
+            slopes, wheel_values, wheel_slopes = known.angle_slopes, known.wheel_values, known.wheel_slopes
+        elif rig.drive.kind == "reaction-wheel" and log.wheel_angle is not None:
+            wheel_values = moved(log.time, log.wheel_angle, encoders.wheel.latency.value - late)
+            slopes, wheel_slopes = spline_slopes(log.time, np.stack([log.angle, wheel_values]))
+        else:
+            slopes = spline_slopes(log.time, log.angle)
+        angle = nodes.cubics(log.angle, slopes)
+        if wheel_values is not None and wheel_slopes is not None:
             wheel = nodes.cubics(wheel_values, wheel_slopes)
         torque = None
         if rig.drive.kind == "direct" and log.torque is not None:

@@ -10,11 +10,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
-from swingid.balance.fits import GRAVITY, SLIGHT, WindowFit, fit_rows, residuals_beside, with_fitted, with_gravity_free
+from swingid.balance.fits import (
+    GRAVITY,
+    SLIGHT,
+    Effect,
+    WindowFit,
+    fit_rows,
+    fitted_with,
+    residuals_beside,
+    with_fitted,
+    with_gravity_free,
+)
 from swingid.balance.imperfections import Imperfection
 from swingid.balance.rows import Signals, Windows
 from swingid.model.rig import Rig
@@ -195,21 +204,47 @@ class PlaceFit:
 class _Plain:
     """A fit without a torque that depends on the angle; what the fits with one have in common, computed once."""
 
-    def __init__(self, fit: WindowFit, bare: WindowFit, signals: Signals) -> None:
-        self.bare, self.signals = bare, signals
+    def __init__(self, fit: WindowFit, signals: Signals) -> None:
+        self.signals = signals
         self.declared = [effect.item for effect in fit.declared if effect.item.calibrates]
         self.passed = [effect.item for effect in fit.declared if not effect.item.calibrates]
-        self.fit = with_fitted(bare, self.declared, ROUNDS)
+        bare = fit_rows(fit.rows, fit.scale, fit.noise, fit.friction) if self.declared or fit.wandering else fit
+        assert bare is not None  # there are rows enough for `fit`
+        self.bare, self.fit = bare, with_fitted(bare, self.declared, ROUNDS)
+        self.weights = angle_weights(signals, self.fit, "inertia")
+        self.grid = _grid_spread(signals, self.fit, self.weights[0])
 
-    @cached_property
-    def weights(self) -> tuple[Array, Array]:
-        """Its `angle_weights`."""
-        return angle_weights(self.signals, self.fit, "inertia")
+    def beside(self, kinds: Mapping[str, Array]) -> list[PlaceFit]:
+        """The fits with each kind of torque, by its columns (rows, n), that the residuals do not reject."""
+        fit = self.fit
+        std = PLACE_SHARE * (abs(fit.b) or float(np.max(np.abs(fit.a11 * fit.rows.inertia))) / float(fit.half))
+        if std == 0.0:
+            return []
+        several = [
+            [*self.declared, *(Imperfection("place", std, own, 0.0, None, calibrates=True) for own in columns.T)]
+            for columns in kinds.values()
+        ]
+        fits = zip(kinds, fitted_with(self.bare, several, ROUNDS), strict=True)
+        return [PlaceFit(kind, more, fit, self._variance(more)) for kind, more in fits if self._possible(more)]
 
-    @cached_property
-    def grid(self) -> float:
-        """Its `grid_spread`."""
-        return _grid_spread(self.signals, self.fit, self.weights[0])
+    def _own(self, more: WindowFit) -> Sequence[Effect]:
+        """The effects of the torque alone."""
+        return more.declared[len(self.declared) :]
+
+    def _possible(self, more: WindowFit) -> bool:
+        """Whether the torque is not so large that it is known: then the residuals have another cause, as a camera."""
+        return all(abs(effect.value) <= INDICATED for effect in self._own(more))
+
+    def _variance(self, more: WindowFit) -> float:
+        """Of the change of a11 by the torque."""
+        plain, weights = self.fit, angle_weights(self.signals, more, "inertia")
+        # windows that are not the best for both fits do not make the difference of the variances that of the difference
+        noise = max(abs(more.u**2 - plain.u**2), _variance_between(self.signals, more.noise, weights, self.weights))
+        variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in self._own(more))
+        variance += self.grid**2 + _grid_spread(self.signals, more, weights[0]) ** 2
+        variance += (attenuation(more) - attenuation(plain)) ** 2
+        change = more.fit.influence[0] - plain.fit.influence[0]
+        return float(variance + sum((float(change @ item.rows) * item.std) ** 2 for item in self.passed))
 
 
 def attenuation(fit: WindowFit) -> float:
@@ -242,30 +277,35 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     of `law` and on those that seem to distinguish it best: where such a torque acts and is not fitted short ones have
     the least uncertainty, and may determine it 60 times worse (a spring in a free decay).
     """
-    kinds = _place_columns(signals)
-    shapes = [(x, 0) for kind in kinds.values() for x in kind]
+    shapes = _place_columns(signals)
     best: dict[str, tuple[float, WindowFit, Array]] = {}
-    found: list[PlaceFit | None] = []
-    known: dict[float, _Plain] = {}
+    found: list[PlaceFit] = []
     for fit in (law, *(one for one in tried if one is not law)):
         power, left = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
         if fit.half < SHORTEST * law.half or left < SLIGHT**2 * power:
             continue
-        columns = project(signals.nodes, shapes, fit.rows.windows.centres, fit.rows.windows.half)
+        kinds = _projected(shapes, signals, fit.rows.windows)
+        columns = np.concatenate(list(kinds.values()), axis=1)
         alone = columns - fit.columns @ np.linalg.lstsq(fit.columns, columns, rcond=1e-10)[0]
         change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(np.linalg.norm(alone, axis=0), 1e-300)
         change *= float(np.sqrt(left / len(columns))) / max(abs(fit.a11), 1e-300)
-        first = 0
-        for kind, own in kinds.items():
-            at = slice(first, first + len(own))
-            first += len(own)
-            uncertain = float(np.sum(change[at]))
+        edges = np.cumsum([own.shape[1] for own in kinds.values()])[:-1]
+        for (kind, own), uncertain in zip(kinds.items(), map(np.sum, np.split(change, edges)), strict=True):
             if kind not in best or uncertain < best[kind][0]:
-                best[kind] = uncertain, fit, columns[:, at]
-            if fit is law:
-                found.append(_place_fit(kind, fit, columns[:, at], signals, known))
-    found += [_place_fit(kind, fit, own, signals, known) for kind, (_, fit, own) in best.items() if fit is not law]
-    return [one for one in found if one is not None]
+                best[kind] = float(uncertain), fit, own
+        if fit is law:
+            found += _Plain(fit, signals).beside(kinds)
+    for other in {id(fit): fit for _, fit, _ in best.values() if fit is not law}.values():
+        found += _Plain(other, signals).beside({kind: own for kind, (_, fit, own) in best.items() if fit is other})
+    return found
+
+
+def _projected(kinds: Mapping[str, list[Array]], signals: Signals, windows: Windows) -> dict[str, Array]:
+    """The modulated integrals (windows, n) of each kind of torque."""
+    shapes = [(x, 0) for kind in kinds.values() for x in kind]
+    columns = project(signals.nodes, shapes, windows.centres, windows.half)
+    edges = np.cumsum([len(kind) for kind in kinds.values()])[:-1]
+    return dict(zip(kinds, np.split(columns, edges, axis=1), strict=True))
 
 
 def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
@@ -273,44 +313,8 @@ def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
 
     beside: columns (rows, n) that are fitted as well.
     """
-    windows, found = law.rows.windows, []
-    for shapes in _place_columns(signals).values():
-        columns = project(signals.nodes, [(x, 0) for x in shapes], windows.centres, windows.half)
-        found.append(float(np.mean(residuals_beside(law, np.column_stack([beside, columns])) ** 2)))
-    return min(found)
-
-
-def _place_fit(
-    kind: str, fit: WindowFit, columns: Array, signals: Signals, known: dict[float, _Plain]
-) -> PlaceFit | None:
-    """None where the windows are too few, or the torque would be so large that it is known.
-
-    known: the fits without it by the half-length of their windows, computed once.
-    """
-    std = PLACE_SHARE * (abs(fit.b) or float(np.max(np.abs(fit.a11 * fit.rows.inertia))) / float(fit.half))
-    if fit.half not in known:
-        bare = fit_rows(fit.rows, fit.scale, fit.noise, fit.friction)
-        if bare is None:
-            return None
-        known[fit.half] = _Plain(fit, bare, signals)
-    if std == 0.0:
-        return None
-    without = known[fit.half]
-    plain = without.fit
-    items = [Imperfection("place", std, column, 0.0, None, calibrates=True) for column in columns.T]
-    more = with_fitted(without.bare, [*without.declared, *items], ROUNDS)
-    own_effects = more.declared[len(without.declared) :]
-    if any(abs(effect.value) > INDICATED for effect in own_effects):
-        return None  # the residuals have another cause, as the distortion of a camera
-    weights = angle_weights(signals, more, "inertia")
-    # windows that are not the best for both fits do not make the difference of the variances that of the difference
-    noise = max(abs(more.u**2 - plain.u**2), _variance_between(signals, more.noise, weights, without.weights))
-    variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in own_effects)
-    variance += without.grid**2 + _grid_spread(signals, more, weights[0]) ** 2
-    variance += (attenuation(more) - attenuation(plain)) ** 2
-    change = more.fit.influence[0] - plain.fit.influence[0]
-    variance += sum((float(change @ item.rows) * item.std) ** 2 for item in without.passed)
-    return PlaceFit(kind, more, plain, float(variance))
+    kinds = _projected(_place_columns(signals), signals, law.rows.windows).values()
+    return min(float(np.mean(residuals_beside(law, np.column_stack([beside, own])) ** 2)) for own in kinds)
 
 
 def place_torque(fits: Sequence[PlaceFit], u: float) -> float:

@@ -142,18 +142,17 @@ def scale_at(fit: WindowFit, signals: Signals, s: float, spread: float) -> Angle
 def _step(fit: WindowFit, signals: Signals, s: float) -> tuple[float, float]:
     """Gauss–Newton step of the scale from s, and its standard uncertainty."""
     sine, slope = _sine(fit, signals, s)
-    b, free = fit.b, fit.scale
-    if _is_driven(fit):
-        free = replace(free, b=None)
-        b = float(_solved(fit, free, sine, s).values[1])  # without the slope (Kaufman 1975), for far from s both mix
-    else:
-        slope = slope / s - sine / s**2
+    free = replace(fit.scale, b=None) if _is_driven(fit) else fit.scale
+    solved = _solved(fit, free, sine, s, slope if _is_driven(fit) else slope / s - sine / s**2)
+    own, b = solved.influence[-1], fit.b
+    if _is_driven(fit):  # of the fit without the slope (Kaufman 1975), for far from s both mix
+        b = float(solved.values[1] - (solved.influence[1] @ own) / max(own @ own, 1e-300) * solved.values[-1])
     if b <= 0:
         return np.nan, np.nan
-    solved = _solved(fit, free, sine, s, slope)
     # at least by noise of the sensors: residuals may be smaller, as of a log that is prescribed
-    sensor, _ = sensor_variance(fit.rows, solved.influence[-1], fit.a11, b, fit.scale, fit.noise)
-    spread = float(np.sqrt(max(float(solved.covariance(LAG)[-1, -1]), sensor)))
+    sensor, _ = sensor_variance(fit.rows, own, fit.a11, b, fit.scale, fit.noise)
+    data = LinearFit(solved.values, solved.residuals, own[None], solved.condition)
+    spread = float(np.sqrt(max(float(data.covariance(LAG)[0, 0]), sensor)))
     return float(solved.values[-1]) / b, spread / b
 
 
@@ -163,11 +162,15 @@ def _is_driven(fit: WindowFit) -> bool:
 
 def _sine(fit: WindowFit, signals: Signals, s: float, *, slope: bool = True) -> Array:
     """∫φ sin(s q) and, with `slope`, its derivative by s, (2, windows)."""
-    angle, windows = s * signals.angle, fit.rows.windows
-    columns = [(signals.sine if s == 1.0 else np.sin(angle), 0)]
+    windows, angle, cosine = fit.rows.windows, signals.angle, signals.cosine
+    columns = []
+    if s != 1.0:
+        cosine = np.cos(s * angle)
+        columns.append((np.sin(s * angle), 0))
     if slope:
-        columns.append((signals.angle * (signals.cosine if s == 1.0 else np.cos(angle)), 0))
-    return project(signals.nodes, columns, windows.centres, windows.half).T
+        columns.append((angle * cosine, 0))
+    found = [*project(signals.nodes, columns, windows.centres, windows.half).T] if columns else []
+    return np.array([fit.rows.gravity, *found] if s == 1.0 else found)
 
 
 def _solved(fit: WindowFit, scale: Scale, sine: Array, s: float, more: Array | None = None) -> LinearFit:
@@ -178,8 +181,8 @@ def _solved(fit: WindowFit, scale: Scale, sine: Array, s: float, more: Array | N
     rows = replace(fit.rows, gravity=sine if _is_driven(fit) else sine / s)
     _, columns = columns_of(rows, scale, fit.friction)
     # what the fit explains by declared imperfections remains theirs
-    declared = fit.columns @ fit.fit.values + fit.fit.residuals - fit.known
-    return fit_linear(columns if more is None else np.column_stack([columns, more]), known_side(rows, scale) + declared)
+    target = known_side(rows, scale) + fit.explained
+    return fit_linear(columns if more is None else np.column_stack([columns, more]), target)
 
 
 def _rms(fit: WindowFit) -> float:

@@ -233,8 +233,6 @@ def _offset(law: WindowFit, signals: Signals, friction: tuple[str, ...], cosine:
     scale, windows = law.scale, law.rows.windows
     assert scale.b is not None
     _, columns = columns_of(law.rows, scale, friction)
-    # the part of the rows that the fit explains by declared imperfections, such as α cos q, remains theirs
-    declared = law.columns @ law.fit.values + law.fit.residuals - law.known
     offset, spread, rows = 0.0, 0.0, law.rows
     for _ in range(ROUNDS):
         if offset:
@@ -242,7 +240,8 @@ def _offset(law: WindowFit, signals: Signals, friction: tuple[str, ...], cosine:
             terms = [(np.cos(angle), 0), (np.sin(angle), 0)]
             cosine, sine = project(signals.nodes, terms, windows.centres, windows.half).T
             rows = replace(law.rows, gravity=sine)
-        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, scale) + declared)
+        # what the fit explains by declared imperfections, such as α cos q, remains theirs
+        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, scale) + law.explained)
         offset -= float(fit.values[-1]) / scale.b
         spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / scale.b
         if abs(offset) < CERTAIN * spread:

@@ -42,8 +42,8 @@ def stretches(values: NDArray[Any], width: int) -> NDArray[Any]:
     As `np.lib.stride_tricks.sliding_window_view`, whose checks take longer than the work on a log of some swings.
     """
     values = np.ascontiguousarray(values)
-    shape = (*values.shape[:-1], values.shape[-1] - width + 1, width)
-    return np.ndarray(shape, values.dtype, values, 0, (*values.strides, values.strides[-1]))
+    *many, count = values.shape
+    return np.ndarray((*many, count - width + 1, width), values.dtype, values, 0, (*values.strides, values.strides[-1]))
 
 
 def sums_at(places: Ints, values: Array, count: int) -> Array:

@@ -9,16 +9,13 @@ error is the product of what parabolas leave of both, of sixth order in the leng
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
-from swingid.numerics.spline import spline_slopes
-
-PORTION = 4096
-"""Rows of which eight signals are in the processor's cache together."""
+from swingid.numerics.spline import is_even, spline_slopes
 
 POINTS = 3
 """Nodes of a block: a parabola has three coefficients."""
@@ -86,12 +83,12 @@ class Shares:
         return m0, m1 + self.sums(tilt), m2 + self.sums(3.0 * tilt * self.middle)
 
     def cubics(self, values: Array, slopes: Array, derivative: int) -> tuple[Array, Array, Array]:
-        """The same of the cubics with these values and slopes at the stamps, or of their first derivative."""
+        """The same of the cubics with these values and slopes (..., n) at the stamps, or of their first derivative."""
         # moments of each cubic with 1, z and z² − 1/3 over its interval, z from −1 to 1
-        rise = values[1:] - values[:-1]
-        bend, sag = slopes[1:] + slopes[:-1], slopes[1:] - slopes[:-1]
+        rise = values[..., 1:] - values[..., :-1]
+        bend, sag = slopes[..., 1:] + slopes[..., :-1], slopes[..., 1:] - slopes[..., :-1]
         if derivative == 0:
-            mean = 0.5 * (values[1:] + values[:-1]) - self.step * sag / 12.0
+            mean = 0.5 * (values[..., 1:] + values[..., :-1]) - self.step * sag / 12.0
             first = 0.2 * rise - self.step * bend / 60.0
             second = self.step * sag / 90.0
         else:
@@ -110,6 +107,22 @@ def _parabolas(m0: Array, m1: Array, m2: Array) -> Array:
     return values
 
 
+@lru_cache(maxsize=64)
+def _of_held(rows: int) -> Array:
+    """Values at the nodes of a block of even intervals for a signal of 1 in one of them, (intervals, points)."""
+    block = Shares.of(np.arange(rows + 1.0) / float(rows), np.array([0, rows]))
+    return _parabolas(*block.held(np.eye(rows)))[:, 0]
+
+
+@lru_cache(maxsize=64)
+def _of_cubics(rows: int, step: float, derivative: int) -> tuple[Array, Array]:
+    """The same for cubics with a value of 1, and with a slope of 1, at one stamp, (stamps, points)."""
+    block = Shares.of(np.arange(rows + 1.0) * step, np.array([0, rows]))
+    unit, none = np.eye(rows + 1), np.zeros(rows + 1)
+    both = block.cubics(unit, none, derivative), block.cubics(none, unit, derivative)
+    return _parabolas(*both[0])[:, 0], _parabolas(*both[1])[:, 0]
+
+
 @dataclass(frozen=True)
 class BlockNodes(GaussNodes):
     """Gauss nodes of blocks; `time` holds the edges of the blocks, `stamps` all rows, `rows` the rows of the edges."""
@@ -125,9 +138,17 @@ class BlockNodes(GaussNodes):
         return cls(time=stamps[rows], stamps=stamps, rows=rows)
 
     @cached_property
-    def shares(self) -> Shares:
-        """The intervals between stamps as parts of their blocks."""
-        return Shares.of(self.stamps, self.rows)
+    def equal(self) -> int:
+        """Number of blocks at the start that hold equally many rows, at even stamps: all or all but the last, or 0."""
+        rows = np.diff(self.rows)
+        count = len(rows) - int(rows[-1] != rows[0])
+        return count if np.all(rows[:count] == rows[0]) and is_even(self.stamps) else 0
+
+    @cached_property
+    def rest(self) -> Shares:
+        """The intervals between stamps of the blocks behind the `equal` ones, as parts of these."""
+        first = self.rows[self.equal]
+        return Shares.of(self.stamps[first:], self.rows[self.equal :] - first)
 
     def until(self, instant: float) -> BlockNodes:
         """The blocks that end up to `instant` (s), at least one."""
@@ -140,8 +161,26 @@ class BlockNodes(GaussNodes):
         return self.cubics(values, spline_slopes(self.stamps, values), derivative)
 
     def cubics(self, values: Array, slopes: Array, derivative: int = 0) -> Array:
-        """The cubics with these `values` and `slopes` at all stamps, or their first derivative, on the blocks."""
-        return _parabolas(*self.shares.cubics(values, slopes, derivative))
+        """The cubics with `values` and `slopes` (..., n) at all stamps, or their first derivative, on the blocks."""
+        result, first = self._nodes(values.shape[:-1]), self.rows[self.equal]
+        if self.equal:
+            rows, step = int(self.rows[1]), float(self.stamps[-1] - self.stamps[0]) / (len(self.stamps) - 1)
+            for signal, weights in zip((values, slopes), _of_cubics(rows, step, derivative), strict=True):
+                result[..., : self.equal, :] += self._apart(signal) @ weights[:-1]
+                result[..., : self.equal, :] += signal[..., rows : first + 1 : rows, None] * weights[-1]
+        if self.equal < len(self.rows) - 1:
+            rest = self.rest.cubics(values[..., first:], slopes[..., first:], derivative)
+            result[..., self.equal :, :] = _parabolas(*rest)
+        return result
+
+    def _apart(self, signals: Array) -> Array:
+        """Signals (..., rows) as (..., blocks, intervals) in the `equal` blocks."""
+        first = int(self.rows[self.equal])
+        return np.ascontiguousarray(signals[..., :first]).reshape(*signals.shape[:-1], self.equal, int(self.rows[1]))
+
+    def _nodes(self, signals: tuple[int, ...]) -> Array:
+        """Zeros for signals at the nodes."""
+        return np.zeros((*signals, len(self.rows) - 1, POINTS))
 
     def hold(self, values: Array, ahead: float = 0.0) -> Array:
         """As `GaussNodes.hold` on all stamps, projected on the blocks."""
@@ -149,22 +188,26 @@ class BlockNodes(GaussNodes):
             return self.held(values[:-1])
         ends = GaussNodes(self.stamps, 2).hold(values, ahead)  # a line in each interval
         rises = (ends[:, 1] - ends[:, 0]) / float(np.diff(gauss_rule(2)[0])[0])
-        return _parabolas(*self.shares.lines(ends.mean(axis=1), rises))
+        return _parabolas(*Shares.of(self.stamps, self.rows).lines(ends.mean(axis=1), rises))
 
     def held(self, signals: Array) -> Array:
         """Signals (..., n−1) that are constant between stamps; their projections (..., blocks, points)."""
-        return _parabolas(*self.shares.held(signals))
+        result, first = self._nodes(signals.shape[:-1]), self.rows[self.equal]
+        if self.equal:
+            result[..., : self.equal, :] = self._apart(signals) @ _of_held(int(self.rows[1]))
+        if self.equal < len(self.rows) - 1:
+            result[..., self.equal :, :] = _parabolas(*self.rest.held(signals[..., first:]))
+        return result
 
     def rounded(self, values: Array) -> Array:
         """Errors of rounding `values` (one for each interval between stamps) on grids of step 1 moved by eighths.
 
         Projected on the blocks; shape (8, nodes).
         """
-        result = np.empty((8, len(self.rows) - 1, POINTS))
-        count = max(PORTION * (len(self.rows) - 1) // len(values), 1)
-        for k in range(0, len(self.rows) - 1, count):
-            rows = self.rows[k : k + count + 1]
-            moved = values[rows[0] : rows[-1]] + np.arange(8)[:, None] / 8
-            shares = Shares.of(self.stamps[rows[0] : rows[-1] + 1], rows - rows[0])
-            result[:, k : k + count] = _parabolas(*shares.held(np.floor(moved + 0.5) - moved))
+        result = self._nodes((8,))
+        for k in range(8):
+            moved = values + k / 8
+            errors = np.floor(moved + 0.5)
+            errors -= moved
+            result[k] = self.held(errors)
         return result.reshape(8, -1)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -17,14 +17,15 @@ SINGLE = 1 << 18
 
 
 def _newey_west(scores: Array, lag: int) -> Array:
-    """Σ over lags of the Bartlett-weighted products of scores (p, n): those of their sums over lag + 1 neighbours."""
-    count = scores.shape[1]
-    padded = np.zeros((len(scores), count + 2 * lag))
-    padded[:, lag : lag + count] = scores
-    sums = padded[:, : count + lag].copy()
+    """Σ over lags of the Bartlett-weighted products of scores (..., p, n): of their sums over lag + 1 neighbours."""
+    *many, count = scores.shape
+    padded = np.zeros((*many, count + 2 * lag))
+    padded[..., lag : lag + count] = scores
+    sums = padded[..., : count + lag].copy()
     for k in range(1, lag + 1):
-        sums += padded[:, k : k + count + lag]
-    result: Array = sums @ sums.T / (lag + 1.0)
+        sums += padded[..., k : k + count + lag]
+    result: Array = sums @ sums.swapaxes(-1, -2)
+    result /= lag + 1.0
     return result
 
 
@@ -32,24 +33,29 @@ def _newey_west(scores: Array, lag: int) -> Array:
 class LinearFit:
     """Solution of X θ ≈ y: values (p,), residuals (n,), influence K (p, n) with θ = K y, and the condition number.
 
-    The condition is that of X with columns scaled to unit length, so units do not matter.
+    The condition is that of X with columns scaled to unit length, so units do not matter. Of several fits of as many
+    rows and unknowns at once all have one dimension more, the first.
     """
 
     values: Array
     residuals: Array
     influence: Array
-    condition: float
+    condition: Any
+
+    def __getitem__(self, k: int) -> LinearFit:
+        """The fit at this place of several."""
+        return LinearFit(self.values[k], self.residuals[k], self.influence[k], float(self.condition[k]))
 
     def covariance(self, lag: int) -> Array:
         """Newey–West covariance of the values: residuals may be correlated over up to `lag` neighbouring rows.
 
         (Newey and West 1987, Bartlett weights; small-sample factor from the number of rows that do not overlap.)
         """
-        covariance = _newey_west(self.influence * self.residuals, lag)
-        independent = self.influence.shape[1] / max(1.0, lag / 2)
-        spare = max(independent - len(self.values), 1.0)
-        result: Array = covariance * independent / spare
-        return result
+        covariance = _newey_west(self.influence * self.residuals[..., None, :], lag)
+        independent = self.influence.shape[-1] / max(1.0, lag / 2)
+        spare = max(independent - self.values.shape[-1], 1.0)
+        covariance *= independent / spare
+        return covariance
 
 
 def gram(rows: Array) -> Array:
@@ -62,29 +68,41 @@ def gram(rows: Array) -> Array:
 def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> LinearFit:
     """Least squares on scaled columns; directions below `smallest` of the largest singular value are dropped.
 
-    columns (n, p), target (n,), p of some tens at most. A column of zeros gets the value 0. By the normal equations
-    with one correction by the residuals where the condition allows it (Björck 1996, section 2.9), else by SVD.
+    columns (n, p), target (n,), p of some tens at most; several systems at once as (systems, n, p), (systems, n). A
+    column of zeros gets the value 0. By the normal equations with one correction by the residuals where the condition
+    allows it (Björck 1996, section 2.9), else by SVD.
     """
-    products = columns.T @ columns
-    scale = np.sqrt(products.diagonal())
+    turned = columns.swapaxes(-1, -2)
+    products = turned @ columns
+    scale = np.sqrt(products.diagonal(0, -2, -1))
     scale[scale == 0.0] = 1.0
-    inverse = 1.0 / scale
-    powers, directions = np.linalg.eigh(products * inverse * inverse[:, None])
-    if powers.size == 0 or powers[0] > NORMAL * powers[-1]:
-        directions = directions * inverse[:, None]
-        influence = (directions / powers) @ (directions.T @ columns.T)
-        condition = float(powers[-1] / powers[0]) ** 0.5 if powers.size else 0.0
+    inverse = (1.0 / scale)[..., None]
+    powers, directions = np.linalg.eigh(products * inverse * inverse.swapaxes(-1, -2))
+    unknowns = powers.shape[-1]
+    if unknowns and not (powers[..., 0] > NORMAL * powers[..., -1]).all():
+        if columns.ndim > 2:
+            fits = [fit_linear(*one, smallest=smallest) for one in zip(columns, target, strict=True)]
+            return LinearFit(*(np.array([getattr(one, each.name) for one in fits]) for each in fields(LinearFit)))
+        influence, condition = _by_singular_values(columns * inverse[:, 0], smallest)
+        influence *= inverse
     else:
-        scaled, condition = _by_singular_values(columns * inverse, smallest)
-        influence = scaled * inverse[:, None]
-    values = influence @ target
-    residuals = target - columns @ values
-    further = influence @ residuals
-    residuals -= columns @ further
-    return LinearFit(values + further, residuals, influence, condition)
+        directions *= inverse
+        influence = (directions / powers[..., None, :]) @ (directions.swapaxes(-1, -2) @ turned)
+        condition = np.sqrt(powers[..., -1] / powers[..., 0]) if unknowns else np.zeros(powers.shape[:-1])
+    values = _times(influence, target)
+    residuals = target - _times(columns, values)
+    further = _times(influence, residuals)
+    residuals -= _times(columns, further)
+    return LinearFit(values + further, residuals, influence, condition if columns.ndim > 2 else float(condition))
 
 
-def _by_singular_values(scaled: Array, smallest: float) -> tuple[Array, float]:
+def _times(matrix: Array, vector: Array) -> Array:
+    """Products of matrices (..., m, n) with vectors (..., n)."""
+    result: Array = (matrix @ vector[..., None])[..., 0]
+    return result
+
+
+def _by_singular_values(scaled: Array, smallest: float) -> tuple[Array, Any]:
     """Pseudo-inverse without the directions below `smallest`, and the condition: infinite with one not seen at all."""
     left, sizes, right = np.linalg.svd(scaled, full_matrices=False)
     seen = sizes > smallest * sizes[0]
@@ -108,18 +126,6 @@ def _weighted_products(scores: Array, weights: Array) -> Array:
     return covariance
 
 
-@lru_cache(16)
-def _parzen_spectrum(reach: int, size: int) -> Array:
-    """Roots of the weights of a real spectrum's powers in sums of products under Parzen's kernel; `size` samples."""
-    kernel = np.zeros(size)
-    kernel[: reach + 1] = parzen(reach)
-    kernel[size - reach :] = kernel[reach:0:-1]
-    weights = np.maximum(np.fft.rfft(kernel).real, 0.0) / size
-    weights[1:-1] *= 2.0  # frequencies that stand for their negative, too
-    roots: Array = np.sqrt(weights)
-    return roots
-
-
 def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array:
     """Covariance of Σ scores, scores (p, n), with the Parzen kernel over `reach` neighbours (Andrews 1991).
 
@@ -130,8 +136,12 @@ def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array
     reach = min(reach, scores.shape[1] - 1)
     # a quadratic form with a Toeplitz matrix, by its spectrum
     size = 1 << (scores.shape[1] + reach).bit_length()
-    spectra = np.fft.rfft(scores, size)
-    covariance = gram(np.hstack([spectra.real, spectra.imag]) * np.tile(_parzen_spectrum(reach, size), 2))
+    kernel, spectra = np.zeros(size), np.fft.rfft(scores, size)
+    kernel[: reach + 1] = parzen(reach)
+    kernel[size - reach :] = kernel[reach:0:-1]
+    weighted = np.fft.irfft(spectra * np.fft.rfft(kernel).real, size)[:, : scores.shape[1]]
+    covariance = weighted @ scores.T
+    covariance = (covariance + covariance.T) / 2
     independent = 1.85 * used / (reach + 1)
     result: Array = covariance * max(independent / max(independent - unknowns, 1.0), 1.0)
     return result

@@ -30,22 +30,72 @@ def intervals(time: Array, at: Array) -> Ints:
     return np.repeat(np.arange(len(time) - 1), np.diff(before, prepend=0, append=len(at)))
 
 
+def is_even(time: Array) -> bool:
+    """Whether stamps are even but for their rounding."""
+    step = (time[-1] - time[0]) / max(len(time) - 1, 1)
+    if abs(time[len(time) // 2] - time[0] - len(time) // 2 * step) > EVEN * step:
+        return False
+    off = np.arange(len(time)) * step
+    off -= time
+    return bool(off.max() - off.min() <= EVEN * step)
+
+
 def spline_slopes(time: Array, values: Array) -> Array:
-    """First derivatives at the knots of the natural cubic spline through `values` at strictly rising `time`.
+    """First derivatives at the knots of the natural cubic splines through `values` (..., n) at strictly rising `time`.
 
     From the continuity of the second derivative, by cyclic reduction, O(n). Needs at least two knots.
     """
+    if len(time) == 2:
+        return np.repeat(np.diff(values) / np.diff(time), 2, axis=-1)
+    if is_even(time):
+        step = (time[-1] - time[0]) / (len(time) - 1)
+        known = np.empty(values.shape)
+        known[..., 1:-1] = values[..., 2:] - values[..., :-2]
+        known[..., 0] = 2.0 * (values[..., 1] - values[..., 0])
+        known[..., -1] = 2.0 * (values[..., -1] - values[..., -2])
+        known *= 0.75 / step
+        return _dominant_even(known, 0.25, 0.5, 0.5, LEVELS)
+    if values.ndim > 1:
+        return np.stack([spline_slopes(time, own) for own in values])
     steps = np.diff(time)
     secants = np.diff(values) / steps
-    if len(time) == 2:
-        return np.repeat(secants, 2)
-    before, after, known = np.empty(len(time)), np.empty(len(time)), np.empty(len(time))
+    before, after, right = np.empty(len(time)), np.empty(len(time)), np.empty(len(time))
     before[1:-1] = 0.5 * steps[1:] / (steps[:-1] + steps[1:])
     after[1:-1] = 0.5 - before[1:-1]
     before[0], before[-1], after[0], after[-1] = 0.0, 0.5, 0.5, 0.0
-    known[1:-1] = 3.0 * (before[1:-1] * secants[:-1] + after[1:-1] * secants[1:])
-    known[0], known[-1] = 1.5 * secants[0], 1.5 * secants[-1]
-    return _dominant(before, after, known, LEVELS)
+    right[1:-1] = 3.0 * (before[1:-1] * secants[:-1] + after[1:-1] * secants[1:])
+    right[0], right[-1] = 1.5 * secants[0], 1.5 * secants[-1]
+    return _dominant(before, after, right, LEVELS)
+
+
+def _dominant_even(known: Array, beside: float, first: float, last: float, levels: int) -> Array:
+    """As `_dominant`, of known sides (..., n) with one number beside the diagonal, others in the first and last row."""
+    count = known.shape[-1]
+    if levels == 0 or count == 1:
+        return known
+    if count % 2 == 0:  # the last unknown has an odd place: it is eliminated before the others
+        rest = 1.0 - beside * last if count > 2 else 1.0 - first * last
+        near = beside if count > 2 else first
+        shorter = known[..., :-1].copy()
+        shorter[..., -1] = (shorter[..., -1] - near * known[..., -1]) / rest
+        found = _dominant_even(shorter, beside, first, beside / rest, levels)
+        return np.concatenate([found, known[..., -1:] - last * found[..., -1:]], axis=-1)
+    odd, reduced = known[..., 1::2], known[..., ::2].copy()
+    part = beside * odd
+    reduced[..., 1:] -= part
+    reduced[..., :-1] -= part
+    reduced[..., 0] += (beside - first) * odd[..., 0]
+    reduced[..., -1] += (beside - last) * odd[..., -1]
+    rest, square = 1.0 - 2.0 * beside**2, -(beside**2)
+    ends = 1.0 - first * beside, 1.0 - last * beside
+    reduced[..., 1:-1] *= 1.0 / rest
+    reduced[..., 0] /= ends[0]
+    reduced[..., -1] /= ends[1]
+    found = _dominant_even(reduced, square / rest, -first * beside / ends[0], -last * beside / ends[1], levels - 1)
+    result = np.empty(known.shape)
+    result[..., ::2] = found
+    result[..., 1::2] = odd - beside * (found[..., :-1] + found[..., 1:])
+    return result
 
 
 def _dominant(before: Array, after: Array, known: Array, levels: int) -> Array:
@@ -112,26 +162,37 @@ class Samples:
     @cached_property
     def even(self) -> bool:
         """Whether the stamps are even but for their rounding."""
-        time = self.time
-        step = (time[-1] - time[0]) / max(len(time) - 1, 1)
-        off = np.arange(len(time)) * step
-        off -= time
-        return bool(off.max() - off.min() <= EVEN * step)
+        return is_even(self.time)
 
     def cubics(self, at: Array, half_width: float) -> Array:
         """See `local_cubic`."""
         time, values = self.time, self.values
-        result = np.full((len(at), 2), np.nan)
         first = np.searchsorted(time, at - half_width)
         count = np.searchsorted(time, at + half_width, side="right") - first
         enough = np.flatnonzero(count >= 5)
+        if self.even and len(enough) == len(at):
+            return self._shared_cubics(at, first, count)
+        result = np.full((len(at), 2), np.nan)
         if self.even:
-            for length in np.flatnonzero(np.bincount(count[enough])).tolist():
-                for places in _portions(np.flatnonzero(count == length), length):
-                    result[places] = _shared_cubic(time, values, at[places], first[places], length)
+            result[enough] = self._shared_cubics(at[enough], first[enough], count[enough])
         elif len(enough):
             for places in _portions(enough, int(count.max())):
                 result[places] = _own_cubics(time, values, at[places], half_width, first[places], count[places])
+        return result
+
+    def _shared_cubics(self, at: Array, first: Ints, count: Ints) -> Array:
+        """As `cubics`, for even stamps and windows of `count` samples from `first` on: weights common to equal ones."""
+        found = np.empty((4, len(at)))
+        for length in np.flatnonzero(np.bincount(count)).tolist():
+            for places in _portions(np.flatnonzero(count == length), length):
+                found[:, places] = _cubic_weights(length) @ stretches(self.values, length)[first[places]].T
+        c0, c1, c2, c3 = found
+        begin = self.time[first]
+        unit = (self.time[first + (count - 1)] - begin) / 2
+        s = (at - begin) / unit - 1.0
+        result = np.empty((len(at), 2))
+        result[:, 0] = c0 + s * (c1 + s * (c2 + s * c3))
+        result[:, 1] = (c1 + s * (2.0 * c2 + s * (3.0 * c3))) / unit
         return result
 
 
@@ -146,18 +207,6 @@ def _cubic_weights(count: int) -> Array:
     """Weights (4, count) of even samples in the coefficients of the cubic through them, places from −1 to 1."""
     powers = np.linspace(-1.0, 1.0, count)[:, None] ** np.arange(4)
     return np.asarray(np.linalg.solve(powers.T @ powers, powers.T), dtype=np.float64)
-
-
-def _shared_cubic(time: Array, values: Array, at: Array, first: Ints, count: int) -> Array:
-    """As `local_cubic`, for even stamps and windows of `count` samples from `first` on: weights common to all."""
-    c0, c1, c2, c3 = _cubic_weights(count) @ stretches(values, count)[first].T
-    begin = time[first]
-    unit = (time[first + (count - 1)] - begin) / 2
-    s = (at - begin) / unit - 1.0
-    result = np.empty((len(at), 2))
-    result[:, 0] = c0 + s * (c1 + s * (c2 + s * c3))
-    result[:, 1] = (c1 + s * (2.0 * c2 + s * (3.0 * c3))) / unit
-    return result
 
 
 def _within(

@@ -25,7 +25,7 @@ CURVATURE_POWER = 1024 / 35
 AT_ONCE, CACHED = 1 << 15, 1 << 14
 """Nodes of windows whose test functions are in memory together, and in the processor's cache."""
 
-KEPT = 1 << 20
+KEPT = 5 << 19
 """Nodes of windows up to which test functions are kept for further signals, of all windows on the nodes of a log."""
 
 
@@ -48,30 +48,24 @@ def phi_integral(s: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Tests:
-    """Test functions of windows at the nodes of a log, with their `steps`; (windows, width), from node `first` on.
+class _Places:
+    """Places s in windows, and p = 1 − s², 0 outside, of the nodes of a log, (windows, width), from node `first` on.
 
-    s: place in the window; p = 1 − s², 0 outside. begin, end: the intervals in which the windows begin and end.
+    begin, end: the intervals in which the windows begin and end.
     """
 
-    time: Array
-    steps: Array
-    points: int
-    centres: Array
-    half: Array
     begin: Ints
     end: Ints
     first: Ints
     s: Array
     p: Array
-    found: dict[int, Array]
 
     @classmethod
-    def of(cls, nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
+    def of(cls, nodes: GaussNodes, centres: Array, half: Array) -> _Places:
         """Places of all nodes from the interval in which each window begins to that in which it ends."""
         time, points = nodes.time, nodes.points
-        begin = np.maximum(np.searchsorted(time, centres - half, side="right") - 1, 0)
-        end = np.maximum(np.minimum(np.searchsorted(time, centres + half) - 1, len(time) - 2), begin)
+        begin = np.maximum(time.searchsorted(centres - half, side="right") - 1, 0)
+        end = np.maximum(np.minimum(time.searchsorted(centres + half) - 1, len(time) - 2), begin)
         instants = nodes.flat[0]
         width = points * (int((end - begin).max(initial=0)) + 1)
         first = np.minimum(begin * points, len(instants) - width)
@@ -80,63 +74,73 @@ class _Tests:
         s *= (1.0 / half)[:, None]
         p = s * s
         np.subtract(1.0, p, out=p)
-        return cls(time, nodes.flat[1], points, centres, half, begin, end, first, s, np.maximum(p, 0.0, out=p), {})
+        return cls(begin, end, first, s, np.maximum(p, 0.0, out=p))
+
+
+@dataclass(frozen=True)
+class _Tests:
+    """Test functions of windows at the nodes of a log, (windows, width), from node `first` on.
+
+    plain: φ and d²φ/ds², 0 outside. weights: of the nodes' values in ∫dφ^(order)/ds x dt for the orders 0 to 2, in cut
+    intervals by the polynomial there.
+    """
+
+    first: Ints
+    plain: dict[int, Array]
+    weights: tuple[Array, Array, Array]
+
+    @classmethod
+    def of(cls, nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
+        """Of these windows."""
+        found = _Places.of(nodes, centres, half)
+        s, p = found.s, found.p
+        square = p * p
+        bent = s * s
+        bent *= 30.0
+        bent -= 6.0
+        bent *= p
+        slope = square * s
+        slope *= -6.0
+        plain = {0: np.multiply(square, p, out=square), 2: bent}
+        steps = stretches(nodes.flat[1], s.shape[1])[found.first]
+        slope *= steps
+        weights = plain[0] * steps, slope, bent * steps
+        place, shares = _ends(nodes, found, centres, half)
+        for own, share in zip(weights, shares, strict=True):
+            own[place] = share
+        return cls(found.first, plain, weights)
 
     @cached_property
     def at(self) -> Ints:
-        """Places of the nodes among all, flat."""
-        return (self.first[:, None] + np.arange(self.s.shape[1])).ravel()
+        """Places of the nodes behind the first of all, flat."""
+        at: Ints = (self.first - self.first.min())[:, None] + np.arange(self.plain[0].shape[1])
+        return at.ravel()
 
-    def plain(self, order: int) -> Array:
-        """φ or its derivative by s at the nodes, 0 outside; kept."""
-        if order not in self.found:
-            if order == 2:
-                result = self.s * self.s
-                result *= 30.0
-                result -= 6.0
-            else:
-                result = self.p * self.p
-                if order == 1:
-                    result *= self.s
-                    result *= -6.0
-            if order != 1:
-                result *= self.p
-            self.found[order] = result
-        return self.found[order]
 
-    def weights(self, order: int) -> Array:
-        """Weights of the nodes' values in ∫φ^(order) x dt, in cut intervals by the polynomial there; kept."""
-        key = order + 3
-        if key not in self.found:
-            result = self.plain(order) * stretches(self.steps, self.s.shape[1])[self.first]
-            if order:
-                result *= (1.0 / self.half**order)[:, None]
-            place, shares = self.ends
-            result[place] = shares[order]
-            self.found[key] = result
-        return self.found[key]
+def _ends(nodes: GaussNodes, found: _Places, centres: Array, half: Array) -> tuple[tuple[Ints, Ints], Array]:
+    """Where the nodes of the intervals are in which the windows begin and end, and `_cut` of these."""
+    several = (found.end > found.begin).nonzero()[0]
+    which = np.concatenate([np.arange(len(half)), several])
+    k = np.concatenate([found.begin, found.end[several]])
+    columns = (k * nodes.points - found.first[which])[:, None] + np.arange(nodes.points)
+    return (which[:, None], columns), _cut(nodes, k, centres[which], half[which])
 
-    @cached_property
-    def ends(self) -> tuple[tuple[Ints, Ints], Array]:
-        """Where the nodes of the intervals are in which the windows begin and end, and `_cut` of these."""
-        several = np.flatnonzero(self.end > self.begin)
-        which = np.concatenate([np.arange(len(self.half)), several])
-        k = np.concatenate([self.begin, self.end[several]])
-        columns = (k * self.points - self.first[which])[:, None] + np.arange(self.points)
-        return (which[:, None], columns), self._cut(k, self.centres[which], self.half[which])
 
-    def _cut(self, k: Ints, centres: Array, half: Array) -> Array:
-        """Weights (3, windows, points) for the part of each interval `k` that lies inside the window."""
-        fractions, weights = gauss_rule(self.points)
-        start, stop = self.time[k], self.time[k + 1]
-        t0, t1 = np.maximum(start, centres - half), np.minimum(stop, centres + half)
-        t = t0[:, None] + (t1 - t0)[:, None] * fractions
-        s, scale = (t - centres[:, None]) / half[:, None], (t1 - t0)[:, None] * weights
-        tests = np.stack([phi(s, order) * (scale / (half**order)[:, None]) for order in range(3)])
-        u = (t - start[:, None]) / (stop - start)[:, None]
-        basis = u[..., None] ** np.arange(self.points) @ lagrange(self.points)
-        shares: Array = (tests[:, :, None] @ basis)[:, :, 0]
-        return shares
+def _cut(nodes: GaussNodes, k: Ints, centres: Array, half: Array) -> Array:
+    """Weights (3, windows, points) for the part of each interval `k` that lies inside the window."""
+    fractions, weights = gauss_rule(nodes.points)
+    start, stop = nodes.time[k], nodes.time[k + 1]
+    t0, t1 = np.maximum(start, centres - half), np.minimum(stop, centres + half)
+    t = t0[:, None] + (t1 - t0)[:, None] * fractions
+    s, scale = (t - centres[:, None]) / half[:, None], (t1 - t0)[:, None] * weights
+    tests = np.stack([phi(s, order) * scale for order in range(3)])
+    u, one = (t - start[:, None]) / (stop - start)[:, None], np.ones(nodes.points)
+    moments = [tests @ one]
+    for _ in range(1, nodes.points):
+        tests *= u
+        moments.append(tests @ one)
+    shares: Array = np.stack(moments, axis=-1) @ lagrange(nodes.points)
+    return shares
 
 
 def _tests_of(nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
@@ -145,7 +149,7 @@ def _tests_of(nodes: GaussNodes, centres: Array, half: Array) -> _Tests:
     found = nodes.tests.get(key)
     if found is None:
         found = _Tests.of(nodes, centres, half)
-        if found.s.size + sum(one.s.size for one in nodes.tests.values()) <= KEPT:
+        if found.plain[0].size + sum(one.plain[0].size for one in nodes.tests.values()) <= KEPT:
             nodes.tests[key] = found
     result: _Tests = found
     return result
@@ -165,13 +169,16 @@ def project(nodes: GaussNodes, signals: list[tuple[Array, int]], centres: Array,
 def project_stacked(nodes: GaussNodes, stacked: Array, orders: Ints, centres: Array, half: Array) -> Array:
     """As `project`, for signals stacked once for many calls: (signals, nodes) with nodes in one row."""
     result = np.empty((len(centres), len(orders)))
-    groups = [(order, np.flatnonzero(orders == order)) for order in sorted(set(orders.tolist()))]
+    groups = [(order, (orders == order).nonzero()[0]) for order in sorted(set(orders.tolist()))]
     signals = [np.ascontiguousarray(stacked[own]) for _, own in groups]
     for k in _portions(nodes, half, AT_ONCE):
         tests = _tests_of(nodes, centres[k], half[k])
         for (order, own), values in zip(groups, signals, strict=True):
-            placed = stretches(values, tests.s.shape[1])[:, tests.first]
-            result[k, own] = np.einsum("gwn,wn->wg", placed, tests.weights(order))
+            placed = stretches(values, tests.weights[0].shape[1])[:, tests.first]
+            result[k, own] = np.einsum("gwn,wn->wg", placed, tests.weights[order])
+    for order, own in groups:
+        if order:
+            result[:, own] /= (half**order)[:, None]
     return result
 
 
@@ -183,10 +190,14 @@ def _portions(nodes: GaussNodes, half: Array, size: int) -> list[slice]:
 
 
 def superposed(nodes: GaussNodes, centres: Array, half: Array, factors: Array, order: int) -> Array:
-    """Σ_i factors_i φ_i^(order)(t) at the nodes, in one row: the adjoint of `project`, one value per instant."""
-    tests = _tests_of(nodes, centres, half)
-    values = tests.plain(order) * (factors / half**order)[:, None]
-    return sums_at(tests.at, values, nodes.instants.size)
+    """Σ_i factors_i φ_i^(order)(t) at the nodes, in one row: the adjoint of `project`, of the orders 0 and 2."""
+    result = np.zeros(nodes.instants.size)
+    for k in _portions(nodes, half, AT_ONCE):
+        tests = _tests_of(nodes, centres[k], half[k])
+        found = np.bincount(tests.at, (tests.plain[order] * (factors[k] / half[k] ** order)[:, None]).ravel())
+        first = int(tests.first.min())
+        result[first : first + len(found)] += found
+    return result
 
 
 def superpose(instants: Array, centres: Array, half: Array, factors: Array, order: int) -> Array:
@@ -245,54 +256,64 @@ def overlap_terms(distance: Array) -> tuple[Array, Array, Array]:
 
 def neighbour_overlaps(centres: Array, half: Array, lags: int) -> Array:
     """`overlap_terms` of each window with itself and the ones after it, (3, lags, windows), 0 behind the last."""
-    result, grid, tables = np.zeros((3, lags, len(centres))), *_overlap_table()
-    for lag in range(min(lags, len(centres))):
-        count = len(centres) - lag
-        place = np.abs(centres[lag:] - centres[:count]) / (half[lag:] * grid[1])
-        k = np.minimum(place.astype(np.int64), len(grid) - 2)
-        share = np.minimum(place - k, 1.0)
-        for own, table in zip(result, tables, strict=True):
-            own[lag, :count] = table[k] + share * (table[k + 1] - table[k])
+    grid, tables = _overlap_table()
+    beyond = np.full(lags - 1, np.inf)  # windows behind the last are far away
+    later = stretches(np.concatenate([centres, beyond]), len(centres))
+    halves = stretches(np.concatenate([half, np.ones(lags - 1)]), len(centres))
+    place = np.minimum(np.abs(later - centres) / (halves * grid[1]), len(grid) - 1.0)
+    k = np.minimum(place.astype(np.int64), len(grid) - 2)
+    place -= k
+    result: Array = tables[:, k]
+    result += place * (tables[:, 1:] - tables[:, :-1])[:, k]
     return result
 
 
 def _overlap_sums(weights: Array, neighbours: Array, reach: int) -> Array:
-    """Sums over all pairs of windows of w w times each of `neighbours`, (2, 3): true, and with Bartlett's weights."""
-    lags = neighbours.shape[1]
-    pairs = weights * stretches(np.concatenate([weights, np.zeros(lags - 1)]), len(weights))
-    sums = np.einsum("tln,ln->tl", neighbours, pairs)
-    sums[:, 1:] *= 2.0
-    return np.stack([sums.sum(axis=1), sums @ np.maximum(0.0, 1.0 - np.arange(lags) / (reach + 1.0))])
+    """Sums over all pairs of windows of w w times each of `neighbours`, (..., 3, 2): true, and with Bartlett's weights.
+
+    weights (..., windows).
+    """
+    lags, count = neighbours.shape[1:]
+    padded = np.zeros((*weights.shape[:-1], count + lags - 1))
+    padded[..., :count] = weights
+    pairs = stretches(padded, count) * weights[..., None, :]
+    result: Array = np.einsum("tln,...ln->...tl", neighbours, pairs) @ _lag_weights(lags, reach)
+    return result
 
 
-def overlaps(
-    weights: Array, neighbours: Array, reach: int, gravity: float
-) -> tuple[tuple[float, float], tuple[float, float]]:
-    """What white noise of power 1 gives Σ weights ∫g noise: Σ Σ w w ∫g g with this `gravity` and without.
+@cache
+def _lag_weights(lags: int, reach: int) -> Array:
+    """How often pairs of windows so many apart count, (lags, 2): truly, and with Bartlett's weights."""
+    twice = np.where(np.arange(lags) > 0, 2.0, 1.0)
+    return np.stack([twice, twice * np.maximum(0.0, 1.0 - np.arange(lags) / (reach + 1.0))], axis=1)
 
-    Then the same as Bartlett's weights, which end after `reach` neighbours, sum it. neighbours: `neighbour_overlaps`;
-    weights hold what scales g, as half^(−3/2).
+
+def overlaps(weights: Array, neighbours: Array, reach: int, gravity: Array | float) -> tuple[Array, Array]:
+    """What white noise of power 1 gives Σ weights ∫g noise, (..., 2): Σ Σ w w ∫g g, and as Bartlett's weights sum it.
+
+    Those end after `reach` neighbours. The first result is with this `gravity` (...), the second without. neighbours:
+    `neighbour_overlaps`; weights (..., windows) hold what scales g, as half^(−3/2).
     """
     sums = _overlap_sums(weights, neighbours, reach)
-    true, tapered = [(one + gravity * (2 * two + gravity * three), one) for one, two, three in sums.tolist()]
-    return true, tapered
+    curved, pull = sums[..., 0, :], np.asarray(gravity)[..., None]
+    return curved + pull * (2 * sums[..., 1, :] + pull * sums[..., 2, :]), curved
 
 
 SLOPE_POWER = 3072 / 1155
 """∫φ'² over the support of half-length 1."""
 
 
-def rate_overlaps(weights: Array, neighbours: Array, reach: int) -> tuple[float, float]:
+def rate_overlaps(weights: Array, neighbours: Array, reach: int) -> Array:
     """As `overlaps`, of Σ weights ∫φ' noise: for white noise of a rate, of which ∫φ'' of its integral is −∫φ'.
 
     weights hold half^(−1/2). ∫φ'φ' = −∫φ''φ.
     """
-    sums = _overlap_sums(weights, neighbours, reach)
-    return -float(sums[0, 1]), -float(sums[1, 1])
+    result: Array = -_overlap_sums(weights, neighbours, reach)[..., 1, :]
+    return result
 
 
 @cache
-def _overlap_table() -> tuple[Array, tuple[Array, Array, Array]]:
+def _overlap_table() -> tuple[Array, Array]:
     """∫φ''φ'', ∫φ''φ and ∫φφ on a grid of distances fine enough for linear interpolation to 1e-6 of the maximum."""
     grid = np.linspace(0, 2, 4001)
     d = grid[:, None]
@@ -300,11 +321,9 @@ def _overlap_table() -> tuple[Array, tuple[Array, Array, Array]]:
     s = d - 1 + (2 - d) * x
     shifted, weights = s - d, (2 - d) * w
     plain, curvature = phi(s, 0), phi(s, 2)
-    return grid, (
-        (weights * curvature * phi(shifted, 2)).sum(axis=1),
-        (weights * curvature * (1 - shifted * shifted) ** 3).sum(axis=1),
-        (weights * plain * (1 - shifted * shifted) ** 3).sum(axis=1),
-    )
+    others = phi(shifted, 2), (1 - shifted * shifted) ** 3
+    products = curvature * others[0], curvature * others[1], plain * others[1]
+    return grid, np.stack([(weights * product).sum(axis=1) for product in products])
 
 
 def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array, half: Array) -> Array:
@@ -317,16 +336,17 @@ def project_hats(nodes: GaussNodes, signal: Array, knots: Array, centres: Array,
     place = np.minimum(np.maximum(np.searchsorted(knots, values) - 1, 0), len(knots) - 2)
     share = (values - knots[place]) / np.diff(knots)[place]
     np.clip(share, 0.0, 1.0, out=share)
-    upper, result = share * steps, np.empty((len(centres), len(knots)))
+    result = np.empty((len(centres), len(knots)))
     for k in _portions(nodes, half, CACHED):
-        tests = _Tests.of(nodes, centres[k], half[k])
-        width, count = tests.s.shape[1], len(tests.half)
+        tests = _Places.of(nodes, centres[k], half[k])
+        count, width = tests.s.shape
         at = stretches(place, width)[tests.first]
         at += (len(knots) * np.arange(count))[:, None]
-        phi = tests.p * tests.p
-        phi *= tests.p
-        whole = sums_at(at, phi * stretches(steps, width)[tests.first], count * len(knots))
-        phi *= stretches(upper, width)[tests.first]
+        phi = stretches(steps, width)[tests.first]
+        for _ in range(POWER):
+            phi *= tests.p
+        whole = sums_at(at, phi, count * len(knots))
+        phi *= stretches(share, width)[tests.first]
         above = sums_at(at, phi, count * len(knots))
         whole -= above
         whole[1:] += above[:-1]

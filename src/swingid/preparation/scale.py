@@ -6,6 +6,7 @@ Equation (I) is homogeneous, so the angles alone give ratios only.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -34,12 +35,12 @@ class Scale:
     b: float | None
     further: tuple[RigTerm, ...] = ()
 
-    @property
+    @cached_property
     def known(self) -> dict[str, float]:
         """Coefficients of the further terms that the rig states."""
         return {term.name: term.value.value for term in self.further if term.value is not None}
 
-    @property
+    @cached_property
     def unknown(self) -> tuple[str, ...]:
         """Further terms to be identified."""
         return tuple(term.name for term in self.further if term.value is None)

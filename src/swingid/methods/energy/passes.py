@@ -48,6 +48,8 @@ def _crossings(time: Array, angles: Array, turning: Array, tops: Array, sides: A
     """
     blocks, levels = depths.shape
     result = np.full((blocks, 2 * levels + 1), np.nan)
+    if blocks == 0:
+        return result
     result[:, levels] = turning[1:-1]
     at = np.searchsorted(time, turning)
     for way, start, last in ((1, at[1:-1], at[2:] + 1), (-1, at[1:-1] - 1, at[:-2] - 2)):
@@ -56,15 +58,16 @@ def _crossings(time: Array, angles: Array, turning: Array, tops: Array, sides: A
         rows = np.clip(start[:, None] + way * behind, 0, len(time) - 1)
         drop = sides[1:-1, None] * (tops[1:-1, None] - angles[rows])
         reached = np.maximum.accumulate(drop, axis=1)
-        for j in range(levels):
-            k = np.count_nonzero(reached < depths[:, j, None], axis=1)
-            found = start + way * k
-            sound = np.flatnonzero((k < count) & (found - way >= 0) & (found - way < len(time)))
-            one, before = found[sound], found[sound] - way
-            side, top = sides[sound + 1], tops[sound + 1]
-            near, far = side * (top - angles[before]), side * (top - angles[one])
-            share = np.where(far == near, 1.0, (depths[sound, j] - near) / np.where(far == near, 1.0, far - near))
-            result[sound, levels + way * (j + 1)] = time[before] + share * (time[one] - time[before])
+        k = np.array([np.searchsorted(own, depth) for own, depth in zip(reached, depths, strict=True)])
+        found = start[:, None] + way * k
+        before = found - way
+        sound = (k < count[:, None]) & (before >= 0) & (before < len(time))
+        block, level = np.nonzero(sound)
+        one, before = found[sound], before[sound]
+        side, top = sides[block + 1], tops[block + 1]
+        near, far = side * (top - angles[before]), side * (top - angles[one])
+        share = np.where(far == near, 1.0, (depths[sound] - near) / np.where(far == near, 1.0, far - near))
+        result[block, levels + way * (level + 1)] = time[before] + share * (time[one] - time[before])
     outside = (result[:, 0] < turning[:-2]) | (result[:, -1] > turning[2:])
     result[outside, 0] = np.nan
     return result

@@ -16,7 +16,7 @@ Not for dynamic friction or stiction, which have no slope to bound.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -43,13 +43,16 @@ EVEN = ("offset", "viscous_even")
 class Profile:
     """Friction of the log: torques at rising speeds (knots,), the coefficients of `EVEN`, and their covariance.
 
-    The covariance (knots + 2, knots + 2) is that of the torques, then of the coefficients.
+    The covariance (knots + 2, knots + 2) is that of the torques, then of the coefficients. works: `_hat_works` at the
+    instants.
     """
 
     speeds: Array
     torques: Array
     even: Array
     covariance: Array
+    instants: Array = field(default_factory=lambda: np.empty(0))
+    works: Array = field(default_factory=lambda: np.empty(0))
 
 
 @dataclass(frozen=True)
@@ -84,17 +87,20 @@ def friction_profile(course: Course, states: States, rig: Rig, scale: Scale) -> 
     """Friction from the energies at mirrored nodes, linear from speed to speed; fitted together with the inertia."""
     speeds = SPEEDS * np.max(np.abs(states.speed))
     named = columns_at(states, scale, ())
-    hats = {f"hat {k}": work for k, work in enumerate(_hat_works(course, states.instants, speeds))}
+    works = _hat_works(course, states.instants, speeds)
+    hats = {f"hat {k}": work for k, work in enumerate(works)}
     fit = fit_columns(named | hats | {name: states.friction[name] for name in EVEN}, states.known(rig, scale))
     assert fit.covariance is not None
     values, covariance = fit.values[len(named) :], fit.covariance[len(named) :, len(named) :]
-    return Profile(speeds, values[: len(speeds)], values[len(speeds) :], covariance)
+    return Profile(speeds, values[: len(speeds)], values[len(speeds) :], covariance, states.instants, works)
 
 
 def asymmetry_bound(fit: NodeFit, states: States, course: Course, profile: Profile) -> Symmetry:
     """Bound of the error of a fit at `states` by friction and the asymmetry of the passes."""
     weights = fit.influence[0].reshape(states.instants.shape)
-    hats = (_hat_works(course, states.instants, profile.speeds) * weights).sum(axis=(1, 2))
+    same = states.instants is profile.instants
+    works = profile.works if same else _hat_works(course, states.instants, profile.speeds)
+    hats = (works * weights).sum(axis=(1, 2))
     # a rise from one speed to the next acts on all the hats above it
     ramps = np.cumsum(hats[::-1])[::-1]
     knots = len(profile.speeds)

@@ -6,6 +6,7 @@ Units in comments are those of a rotary axis; a linear axis takes kg, N, m in pl
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, PlainValidator, ValidationInfo, model_validator
@@ -22,6 +23,7 @@ NOT_LEVEL = Quantity(0.0, math.radians(0.5))
 """Tilt of an axis about which nothing is stated: what a look at it would not show."""
 
 
+@lru_cache(maxsize=64)
 def cosine(tilt: Quantity) -> Quantity:
     """Mean and standard uncertainty of the cosine of an angle (rad) that is normally distributed.
 

@@ -6,13 +6,13 @@ from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.vectors import njit_lane, njit_threads, widest
 from swingid.simulation.ensemble import lanes as at
 from swingid.simulation.ensemble.control import command_all, first_seen
-from swingid.simulation.ensemble.events import redo
+from swingid.simulation.ensemble.events import all_sleep, redo
 from swingid.simulation.ensemble.lanes import LANES
 from swingid.simulation.ensemble.motion import afresh, move_all
 from swingid.simulation.ensemble.readings import Late, fill, known, read_all
 
-ROW, STEP, REDONE, PLACES = range(4)
-"""Where a block is: its row, steps of the sample that have been taken, and how many steps were taken again."""
+ROW, STEP, PLACES = range(3)
+"""Where a block is: its row, and steps of the sample that have been taken."""
 
 AFRESH = 256
 """Samples after which sine and cosine are computed from the angle."""
@@ -83,7 +83,7 @@ def run_block(
     widest()
     closed, bent = kinds
     total, rows, rate = len(inputs), log.shape[2], 1.0 / (h * steps)
-    fading = 1
+    fading, count = 1, 0
     while place[ROW] < total:
         k = place[ROW]
         if place[STEP] == 0:
@@ -106,15 +106,16 @@ def run_block(
                 if is_late is None:
                     break
         while place[STEP] < steps:
+            if is_late is None and count == LANES and all_sleep(lane):
+                place[STEP] += 1
+                continue
             count = move_all(lane, rich, is_late)
             step = k * steps + place[STEP]
             place[STEP] += 1
             if is_late is not None:
                 fill(lane, late, step, steps)
-            if count > 0:
-                place[REDONE] += count
-                if redo(lane, late, step, steps, rich, is_late):
-                    return True
+            if count > 0 and redo(lane, late, step, steps, rich, is_late):
+                return True
         place[ROW], place[STEP] = k + 1, 0
     if is_late is not None and len(log) > 0:
         for k in range(rows):

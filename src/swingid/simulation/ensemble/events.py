@@ -62,13 +62,41 @@ def sixth_root(x: float) -> float:
 
 
 @njit_lane
-def begin(lane: Array) -> tuple[int, int]:
-    """What the runs begin the flagged steps with; how many, how many sides are undecided."""
+def unsupported(lane: Array, i: int) -> float:
+    """Torque (N m) that friction would have to hold for run i's axis to rest, without the wheel's."""
+    return float(held(lane, i) - lane[at.GRAVITY * LANES + i] * lane[at.SINE * LANES + i])
+
+
+@njit_lane
+def sleeps(lane: Array, i: int) -> bool:
+    """Whether all of run i rests, and nothing would move it within the step."""
+    u, y, hold = lane[at.U * LANES + i], lane[at.Y * LANES + i], unsupported(lane, i)
+    _, _, drive, _, _, _ = motor(lane, i, y)
+    moves = (hold > lane[at.STATIC_P * LANES + i]) | (hold < -lane[at.STATIC_N * LANES + i])
+    moves |= abs(drive) > lane[at.WHEEL_STATIC * LANES + i]
+    return bool((u == 0.0) & (y == 0.0) & (not moves))
+
+
+@njit_lane
+def all_sleep(lane: Array) -> bool:
+    """Whether all runs rest throughout the step."""
+    widest()
+    count = 0
+    for i in range(LANES):
+        count += 1 if sleeps(lane, i) else 0
+    return count == LANES
+
+
+@njit_lane
+def begin(lane: Array, is_late: int | None) -> tuple[int, int]:
+    """What the runs begin the flagged steps with; how many have something to do, how many sides are undecided."""
     widest()
     count, undecided = 0, 0
     for i in range(LANES):
         u, y, sticks = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.AXIS_STICKS * LANES + i] != 0.0
         flagged, even = lane[at.FLAG * LANES + i] != 0.0, lane[at.AXIS_KINK * LANES + i] != 0.0
+        if is_late is None:
+            flagged &= not sleeps(lane, i)
         still = 1.0 if even & (not sticks) else 0.0
         lane[at.SIDE1 * LANES + i] = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else still)
         still = 1.0 if lane[at.WHEEL_STATIC * LANES + i] == 0.0 else 0.0
@@ -98,12 +126,6 @@ def pulls(lane: Array, i: int, mobile: tuple[float, float, float]) -> series.Pai
     """Gravity's part of run i's U' and Y' with these mobilities, per sine."""
     gravity = lane[at.GRAVITY * LANES + i]
     return -mobile[0] * gravity, mobile[1] * gravity
-
-
-@njit_lane
-def unsupported(lane: Array, i: int) -> float:
-    """Torque (N m) that friction would have to hold for run i's axis to rest, without the wheel's."""
-    return float(held(lane, i) - lane[at.GRAVITY * LANES + i] * lane[at.SINE * LANES + i])
 
 
 @njit_lane
@@ -343,7 +365,7 @@ def finish(lane: Array, i: int) -> tuple[int, int]:
 def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_late: int | None) -> bool:
     """Take the flagged steps of a block in parts; whether something is left in LEFT. Others as of `readings.fill`."""
     widest()
-    count, undecided = begin(lane)
+    count, undecided = begin(lane, is_late)
     for _ in range(MOST_PARTS):
         if count == 0:
             break

@@ -108,14 +108,13 @@ def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
     fit = ~np.any(constants[:, OTHERS], axis=1)
     rich = (constants[:, STRIBECK_SPEED] > 0.0) | np.any(constants[:, [QUADRATIC, CUBIC]], axis=1)
     sensors = {id(run.rig): Sensors.of(run.rig) for run in {id(run.rig): run for run in runs}.values()}
-    kinds: dict[Kind, list[int]] = {}
+    kinds: dict[tuple[str, int, bool, bool, bool, bool], list[int]] = {}
     left: list[int] = []
     for k, run in enumerate(runs):
         control, order = control_of(run)
         if fit[k] and order <= CHAIN_MOST:
             own = sensors[id(run.rig)]
-            kind = Kind(control, order, bool(rich[k]), own.late, own.bent, own.noisy)
-            kinds.setdefault(kind, []).append(k)
+            kinds.setdefault((control, order, bool(rich[k]), own.late, own.bent, own.noisy), []).append(k)
         else:
             left.append(k)
     blocks = []
@@ -123,7 +122,7 @@ def blocks_of(runs: list[Run], rows: int) -> tuple[list[Block], list[int]]:
         for first in range(0, len(members), LANES):
             part = members[first : first + LANES]
             steps = np.array([sensors[id(runs[k].rig)].steps for k in part])
-            blocks.append(_block(part, [runs[k] for k in part], kind, constants[part], steps, rows))
+            blocks.append(_block(part, [runs[k] for k in part], Kind(*kind), constants[part], steps, rows))
     return _sharing_inputs(blocks), left
 
 

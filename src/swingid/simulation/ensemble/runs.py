@@ -121,8 +121,8 @@ def runs_of(
             raise UsageError(text, code="bad-lengths")
     runs: list[Run] = []
     standard: dict[int, Compensator] = {}
-    for k in range(count):
-        own = {name: each[k if len(each) == count else 0] for name, each in several.items()}
+    for row in zip(*(each if len(each) == count else each * count for each in several.values()), strict=True):
+        own = dict(zip(several, row, strict=True))
         changes = {key: own.pop(key) for key in values}
         rig, seed, zero = own.pop("rigs"), int(own.pop("seeds")), tuple(own.pop("encoder_zero"))
         if own["controller"] is None and own["reference"] is not None and own["drive"] is None:

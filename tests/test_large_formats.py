@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import io
 import json
+import struct
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from large_logs import GIVEN, make_parts_small, write_large_log
 from swingid.cli import main
 from swingid.errors import InputError
 from swingid.recording.formats import hdf5, mcap, read_table
+from swingid.recording.formats.mcap_messages import split
 from swingid.recording.large import LargeLog, is_large, log
 
 pytest.importorskip("h5py")
@@ -164,6 +167,65 @@ def test_the_log_is_one_topic_of_several(monkeypatch, tmp_path):
     np.testing.assert_array_equal(found["one.x"], once["one.x"])
     with pytest.raises(InputError, match="in several topics"):
         in_pieces(path, 300, ["one.x", "two.x"])
+
+
+def record(opcode: int, content: bytes) -> bytes:
+    """A record of MCAP."""
+    return bytes([opcode]) + len(content).to_bytes(8, "little") + content
+
+
+def message(channel: int, stamp: int, text: bytes) -> bytes:
+    """A message of a channel."""
+    return record(5, struct.pack("<HIQQ", channel, 0, stamp, 0) + text)
+
+
+def test_messages_are_found_by_an_index_and_without_one():
+    texts = [b"{}", b'{"x": 1}', b"", b'{"x": 12345}', b"[]"]
+    parts = [record(4, b"a channel")]
+    begins = []
+    for k, text in enumerate(texts):
+        begins.append(sum(map(len, parts)))
+        parts.append(message(k % 2, 100 + k, text))
+        parts += [record(3, b"a schema")] * (k == 2)
+    data = np.frombuffer(b"".join(parts), np.uint8)
+    every, none = np.array(begins), np.empty(0, np.int64)
+    odd = [every[1:], every[:-1], every + 1, np.append(every, 10**9), np.append(-1, every), every[[0, 0, 1, 2, 3, 4]]]
+    both = np.array([True, True])
+    expected = b"\n" + b"\n".join(texts)
+    for given in (every, none, *odd):
+        lines, stamps, ends = split(data, both, given)
+        assert lines == expected
+        assert stamps.tolist() == [100, 101, 102, 103, 104]
+        assert [lines[a:b].strip() for a, b in pairwise([0, *ends])] == texts
+        lines, stamps, _ = split(data, ~both | [False, True], given)
+        assert lines == b'\n{"x": 1}\n{"x": 12345}'
+        assert stamps.tolist() == [101, 103]
+    for cut in (1, 5, 20):
+        with pytest.raises(ValueError, match="longer than its chunk"):
+            split(data[:-cut] if cut < 20 else np.append(data, np.full(40, 255, np.uint8)), both, none)
+    with pytest.raises(ValueError, match="shorter than its head"):
+        split(np.frombuffer(record(5, b"short"), np.uint8), both, none)
+    assert split(np.empty(0, np.uint8), both, none)[0] == b""
+
+
+@pytest.mark.parametrize("damage", ["none", "zeros", "cut", "other"])
+def test_a_chunk_s_index_is_not_believed(monkeypatch, tmp_path, damage):
+    from mcap.reader import make_reader
+
+    monkeypatch.setattr(log, "LARGE", 1000)
+    content = bytearray(mcap_of([json.dumps({"x": k}) for k in range(1000)], topics=("/one", "/two")))
+    for index in make_reader(io.BytesIO(content)).get_summary().chunk_indexes:
+        for place in index.message_index_offsets.values():
+            entries = slice(place + 15, place + 15 + 32)
+            if damage == "zeros":
+                content[place] = 0
+            elif damage == "other":
+                content[entries] = bytes(32)
+            elif damage == "cut":
+                content[place + 11 : place + 15] = (17).to_bytes(4, "little")
+    path = tmp_path / "log.mcap"
+    path.write_bytes(content)
+    assert in_pieces(path, 300, ["one.x"])["one.x"].tolist() == list(range(0, 1000, 2))
 
 
 def test_matrices_and_matlab_files_in_pieces(monkeypatch, tmp_path):

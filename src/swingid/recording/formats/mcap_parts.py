@@ -15,6 +15,7 @@ import numpy as np
 from swingid.errors import InputError
 from swingid.recording.formats import mcap
 from swingid.recording.formats.isolated import is_installed
+from swingid.recording.formats.mcap_messages import indexed, split
 from swingid.recording.formats.table import Table, columns_of, flat, most_unpacked, resized
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ class File:
             waiting = _Messages(topic, self.path)
             for index in sorted(self.summary.chunk_indexes, key=lambda one: int(one.message_start_time)):
                 if not index.message_index_offsets or topic.channels & index.message_index_offsets.keys():
-                    waiting.take(_chunk(stream, index), self.summary)
+                    waiting.take(_chunk(stream, index), self.summary, indexed(stream, index.message_index_offsets))
                 if waiting.rows >= rows:
                     yield waiting.table(wanted, prefix)
                     waiting = _Messages(topic, self.path)
@@ -139,28 +140,22 @@ class _Messages:
     ends: list[Ints] = field(default_factory=list)
     records: list[tuple[Any, Any, Any]] = field(default_factory=list)
 
-    def take(self, chunk: Any, summary: Any) -> None:
-        """The messages of a chunk; ValueError where it is damaged."""
+    def take(self, chunk: Any, summary: Any, begins: Ints) -> None:
+        """The messages of a chunk, which begin there (see `indexed`); ValueError where it is damaged."""
         if not self.topic.paths:
             self._take_records(chunk, summary)
             return
         from mcap.stream_reader import get_chunk_data_stream
 
-        from swingid.recording.formats.mcap_messages import split
-
         stream, size = get_chunk_data_stream(chunk, validate_crc=True)
-        data = np.frombuffer(stream.read(size), np.uint8)
         wanted = np.zeros(CHANNELS, np.bool_)
         wanted[list(self.topic.channels)] = True
-        lines, (stamps, ends) = np.empty(data.size, np.uint8), np.empty((2, data.size // 31 + 1), np.int64)
-        count = split(data, wanted, lines, stamps, ends)
-        if count < 0:
-            raise ValueError("a record is longer than its chunk")
-        if count:
-            self.rows += count
-            self.lines.append(lines[: ends[count - 1]].tobytes())
-            self.stamps.append(stamps[:count].copy())
-            self.ends.append(ends[:count].copy())
+        lines, stamps, ends = split(np.frombuffer(stream.read(size), np.uint8), wanted, begins)
+        if stamps.size:
+            self.rows += stamps.size
+            self.lines.append(lines)
+            self.stamps.append(stamps)
+            self.ends.append(ends)
 
     def _take_records(self, chunk: Any, summary: Any) -> None:
         from mcap.records import Message

@@ -38,6 +38,12 @@ WIDEST, BLOCK = 64, 10
 """Most columns of sensitivities at a time. They lie in ten rows of this length: S (4, m) of (q1, q1', q2, q2'), then
 ∂r/∂θ of equations (I) and (II) at begin, middle and end of a step; a fixed length lets the compiler use vectors."""
 
+PASSED_PEAK = 40.0
+"""Square of the speed over that of a peak from which nothing of it is left."""
+
+NEAR = 0.1
+"""Turn (rad) up to which these series of sine and cosine are exact."""
+
 NONE = place(0)
 """A number of the type that the kernels compute, so that they are compiled for one type only."""
 
@@ -137,35 +143,43 @@ def motor_readings(
     outputs: Array,
     rates: Array,
     slopes: Array,
+    block: Array,
+    points: Array,
+    mode: Array,
+    rows: Array,
+    jacobian: Array,
+    more: Array,
 ) -> None:
     """What is read along the steps of `motor_steps`, and its derivatives.
 
     further: `partials.further_kernel`. p (SIZE,): the constants of these steps. places, columns, weights: each constant
     of p that moves with an unknown; place SIZE + k is the height of a Stribeck's peak of the speed peaks[k] (rad/s),
     which the motion has not. outputs (r,) in rad, their rates (r,) in rad/s and slopes (r, m), m ≤ WIDEST: derivatives
-    by the four initial values of the row's segment, then by the unknowns.
+    by the four initial values of the row's segment, then by the unknowns. block and what follows it: room, of zeros.
     """
-    m = slopes.shape[1]
+    m, r = slopes.shape[1], NONE
     wide = (m + 7) // 8 * 8
-    block, points, mode = np.zeros(BLOCK * WIDEST), np.zeros((3, 5)), np.zeros(4)
-    rows, jacobian, more, r = np.zeros((2, SIZE + len(peaks))), np.zeros((3, 9)), np.zeros(2), 0
     for segment in range(len(begins) - 1):
         for i in range(4 * WIDEST):
             block[i] = 1.0 if i % WIDEST == i // WIDEST else 0.0
         for n in range(begins[segment], begins[segment + 1]):
             if nodes[n, PASSED] != 0.0:
                 _leap(nodes, n, block)
-            flag = int(nodes[n, FLAG])
-            for bit, angle, speed, row in ((READ_ANGLE, ANGLE, SPEED, 0), (READ_WHEEL, TURN, WHEEL, 2 * WIDEST)):
-                if flag & bit:
-                    outputs[r], rates[r] = nodes[n, angle], nodes[n, speed]
-                    for c in range(m):
-                        slopes[r, c] = block[row + c]
-                    r += 1
+            flag = nodes[n, FLAG]
+            if flag >= READ_ANGLE and flag != READ_WHEEL:
+                outputs[r], rates[r] = nodes[n, ANGLE], nodes[n, SPEED]
+                for c in range(m):
+                    slopes[r, c] = block[c]
+                r += 1
+            if flag >= READ_WHEEL:
+                outputs[r], rates[r] = nodes[n, TURN], nodes[n, WHEEL]
+                for c in range(m):
+                    slopes[r, c] = block[2 * WIDEST + c]
+                r += 1
             if nodes[n, STEP] > 0.0:
-                _points(nodes, n, points, mode)
-                for c in range(wide):
-                    for i in range(4, BLOCK):
+                _points(nodes, n, p, points, mode)
+                for i in range(4, BLOCK):
+                    for c in range(wide):
                         block[i * WIDEST + c] = 0.0
                 for at in range(3):
                     _slopes_at(
@@ -189,9 +203,14 @@ def _leap(nodes: Array, n: int, block: Array) -> None:
 
 
 @njit_inlined
-def _points(nodes: Array, n: int, points: Array, mode: Array) -> None:
-    """(q1, q1', q2', q1'', q2'') at begin, middle and end of a step into `points` (3, 5); the middle by the quintic."""
+def _points(nodes: Array, n: int, p: Array, points: Array, mode: Array) -> None:
+    """(q1, q1', q2', q1'', q2'', sin q1, cos q1) at begin, middle and end of a step into `points` (3, 7).
+
+    The middle is that of the quintic.
+    """
     h, end = nodes[n, STEP], n + 1
+    if mode[0] != nodes[n, SIDE1] or mode[1] != nodes[n, SIDE2]:
+        _free(nodes[n, SIDE1] != 0.0, nodes[n, SIDE2] != 0.0, p, mode)
     mode[0], mode[1], mode[2], mode[3] = nodes[n, SIDE1], nodes[n, SIDE2], nodes[n, BRANCH], nodes[n, COMMAND]
     points[0, 0], points[0, 1], points[0, 2] = nodes[n, ANGLE], nodes[n, SPEED], nodes[n, WHEEL]
     points[2, 0], points[2, 1], points[2, 2] = nodes[end, ANGLE], nodes[end, SPEED], nodes[end, WHEEL]
@@ -205,6 +224,35 @@ def _points(nodes: Array, n: int, points: Array, mode: Array) -> None:
         points[1, 3 + i] = 1.5 * (points[2, rate] - points[0, rate]) / h - 0.25 * (begin + last)
     middle = 0.5 * (points[0, 0] + points[2, 0]) + 0.15625 * h * (points[0, 1] - points[2, 1])
     points[1, 0] = middle + h * h / 64.0 * (points[0, 3] + points[2, 3])
+    points[0, 5], points[0, 6] = math.sin(points[0, 0]), math.cos(points[0, 0])
+    for at in range(1, 3):
+        _turn(points, at)
+
+
+@njit_inlined
+def _free(first: bool, second: bool, p: Array, mode: Array) -> None:
+    """Places 4 … 6 of `mode`: the inverse of M, of those of both degrees of freedom that are free."""
+    mode[4] = mode[5] = mode[6] = 0.0
+    if first and second:
+        determinant = p[A11] * p[A22] - p[A12] * p[A12]
+        mode[4], mode[5], mode[6] = p[A22] / determinant, -p[A12] / determinant, p[A11] / determinant
+    elif first:
+        mode[4] = 1.0 / p[A11]
+    elif second:
+        mode[6] = 1.0 / p[A22]
+
+
+@njit_inlined
+def _turn(points: Array, at: int) -> None:
+    """Sine and cosine at a point from those at the begin of the step, by series where it is as near as it mostly is."""
+    turn = points[at, 0] - points[0, 0]
+    x, sine, cosine = turn * turn, points[0, 5], points[0, 6]
+    if x > NEAR * NEAR:
+        points[at, 5], points[at, 6] = math.sin(points[at, 0]), math.cos(points[at, 0])
+        return
+    up = turn * (1.0 - x / 6.0 * (1.0 - x / 20.0 * (1.0 - x / 42.0 * (1.0 - x / 72.0))))
+    along = 1.0 - x / 2.0 * (1.0 - x / 12.0 * (1.0 - x / 30.0 * (1.0 - x / 56.0)))
+    points[at, 5], points[at, 6] = sine * along + cosine * up, cosine * along - sine * up
 
 
 @njit_inlined
@@ -226,22 +274,16 @@ def _slopes_at(
     """At a point within `mode`: ∂q''/∂(q1, q1', q2') and M⁻¹ into jacobian[at] (9,), ∂r/∂θ into `block`."""
     q1, v1, v2 = points[at, 0], points[at, 1], points[at, 2]
     s1, s2, branch = int(mode[0]), int(mode[1]), int(mode[2])
-    sliding_row(q1, v1, s1, p, rows[0])
+    sliding_row(points[at, 5], v1, s1, p, rows[0])
     if p[FURTHER] != 0.0:
         further(q1, v1, s1, p, rows[0], more)
     motor_row(mode[3], v2, s2, branch, p, rows[1])
     mass_rows(points[at, 3], points[at, 4], rows[0], rows[1])
     for k in range(len(peaks)):
-        rows[0, SIZE + k] = -s1 * math.exp(-((v1 / peaks[k]) ** 2))
-    i11 = i12 = i22 = 0.0
-    if s1 != 0 and s2 != 0:
-        determinant = p[A11] * p[A22] - p[A12] * p[A12]
-        i11, i12, i22 = p[A22] / determinant, -p[A12] / determinant, p[A11] / determinant
-    elif s1 != 0:
-        i11 = 1.0 / p[A11]
-    elif s2 != 0:
-        i22 = 1.0 / p[A22]
-    by_angle, by_speed = sliding_slopes(q1, v1, s1, p)
+        x = v1 / peaks[k]
+        rows[0, SIZE + k] = -s1 * math.exp(-x * x) if x * x < PASSED_PEAK else 0.0
+    i11, i12, i22 = mode[4], mode[5], mode[6]
+    by_angle, by_speed = sliding_slopes(points[at, 6], v1, s1, p)
     by_angle, by_speed = by_angle + more[0], by_speed + more[1]
     loss = -p[GEAR] * (p[F2] * p[GEAR] + (p[ETA] * p[C2] if branch != 0 else 0.0))
     jacobian[at, 0], jacobian[at, 1], jacobian[at, 2] = -i11 * by_angle, -i11 * by_speed, i12 * loss
@@ -295,14 +337,19 @@ def read_with_slopes(
     rates: Array,
     slopes: Array,
 ) -> None:
-    """`motor_readings` with any number of columns, some at a time."""
+    """`motor_readings` with any number of columns, some at a time.
+
+    Its room is made here, for in a kernel that costs a third of a second of compiling.
+    """
     s, (places, columns, weights) = 4, entries
+    rows = np.zeros((2, SIZE + len(peaks)))
+    room = np.zeros(BLOCK * WIDEST), np.zeros((3, 7)), np.zeros(7), rows, np.zeros((3, 9)), np.zeros(2)
     if slopes.shape[1] <= WIDEST:
-        motor_readings(further, *steps, p, places, columns, weights, peaks, outputs, rates, slopes)
+        motor_readings(further, *steps, p, places, columns, weights, peaks, outputs, rates, slopes, *room)
         return
     for first in range(s, slopes.shape[1], WIDEST - s):
         own = (columns >= first) & (columns < first + WIDEST - s)
         part = np.zeros((len(slopes), min(slopes.shape[1] - first + s, WIDEST)))
         mine, to, by = places[own], columns[own] - first + s, weights[own]
-        motor_readings(further, *steps, p, mine, to, by, peaks, outputs, rates, part)
+        motor_readings(further, *steps, p, mine, to, by, peaks, outputs, rates, part, *room)
         slopes[:, :s], slopes[:, first : first + WIDEST - s] = part[:, :s], part[:, s:]

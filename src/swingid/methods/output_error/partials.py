@@ -11,7 +11,6 @@ from collections.abc import Callable
 
 from swingid.model import parameters as at
 from swingid.model.further import further_row, further_slopes
-from swingid.model.motor import branch_torque
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import FLOAT, INT, VECTOR, KernelPointer, njit, njit_inlined
 
@@ -30,15 +29,15 @@ def friction_slope(v: float, s: int, p: Array) -> float:
 
 
 @njit_inlined
-def sliding_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
-    """Derivatives of gravity and friction, by the angle (N m/rad) and by the speed (N m s)."""
-    return float(p[at.B] * math.cos(q1)), friction_slope(v, s, p)
+def sliding_slopes(cosine: float, v: float, s: int, p: Array) -> tuple[float, float]:
+    """Derivatives of gravity and friction, by the angle (N m/rad) and by the speed (N m s); cosine: of the angle."""
+    return float(p[at.B] * cosine), friction_slope(v, s, p)
 
 
 @njit_inlined
 def axis_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
     """Derivatives of the torques on the left of equation (I), by the angle (N m/rad) and by the speed (N m s)."""
-    by_angle, by_speed = sliding_slopes(q1, v, s, p)
+    by_angle, by_speed = sliding_slopes(math.cos(q1), v, s, p)
     if p[at.FURTHER] != 0.0:
         further = further_slopes(q1, v, s, p)
         by_angle, by_speed = by_angle + further[0], by_speed + further[1]
@@ -46,9 +45,9 @@ def axis_slopes(q1: float, v: float, s: int, p: Array) -> tuple[float, float]:
 
 
 @njit_inlined
-def sliding_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
+def sliding_row(sine: float, v: float, s: int, p: Array, row: Array) -> None:
     """∂r1/∂p into the places of `row` (SIZE,) of gravity and friction: −sin q1 for b, and those of −F."""
-    row[at.B] = -math.sin(q1)
+    row[at.B] = -sine
     peak = 0.0
     if p[at.STRIBECK_SPEED] > 0.0:
         x = v / p[at.STRIBECK_SPEED]
@@ -65,7 +64,7 @@ def sliding_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
 @njit_inlined
 def axis_row(q1: float, v: float, s: int, p: Array, row: Array) -> None:
     """∂r1/∂p into the places of `row` (SIZE,) that equation (I) contains."""
-    sliding_row(q1, v, s, p, row)
+    sliding_row(math.sin(q1), v, s, p, row)
     if p[at.FURTHER] != 0.0:
         further_row(q1, v, s, p, row)
 
@@ -98,9 +97,11 @@ def further_kernel(p: Array) -> KernelPointer:
 def motor_row(u: float, v2: float, s2: int, branch: int, p: Array, row: Array) -> None:
     """∂r2/∂p into the places of `row` (SIZE,) that equation (II) contains: gear, motor and its friction."""
     n, active = p[at.GEAR], (1.0 if branch != 0 else 0.0)
-    row[at.GEAR] = branch_torque(u, v2, branch, p) - p[at.F3] * s2 - 2.0 * p[at.F2] * n * v2
+    edge = p[at.D1] if branch > 0 else (p[at.D2] if branch < 0 else 0.0)
+    ideal = active * (p[at.C1] * u - p[at.C2] * v2)
+    row[at.GEAR] = p[at.ETA] * ideal - edge - p[at.F3] * s2 - 2.0 * p[at.F2] * n * v2
     row[at.C1], row[at.C2] = active * n * p[at.ETA] * u, -active * n * p[at.ETA] * v2
-    row[at.ETA] = active * n * (p[at.C1] * u - p[at.C2] * v2)
+    row[at.ETA] = n * ideal
     row[at.D1], row[at.D2] = (-n if branch > 0 else 0.0), (-n if branch < 0 else 0.0)
     row[at.F2], row[at.F3] = -n * n * v2, -n * s2
 

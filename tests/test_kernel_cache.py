@@ -87,6 +87,17 @@ def test_what_cannot_be_written_is_used_and_named(monkeypatch, tmp_path):
     assert kept.NOT_KEPT == ["Not a directory"] or (os.name == "nt" and kept.NOT_KEPT)
 
 
+@pytest.mark.skipif(bool(numba.config.DISABLE_JIT), reason="NUMBA_DISABLE_JIT is set")
+def test_a_file_system_without_locks_keeps_kernels_too(monkeypatch, tmp_path):
+    def refuse(path: Path, *, wait: bool) -> None:
+        raise OSError("no locks available")
+
+    monkeypatch.setattr(kept, "CACHE", tmp_path)
+    monkeypatch.setattr(kept, "locked", refuse)
+    assert hits(compiled_again()) == 0
+    assert hits(compiled_again()) == 1
+
+
 def test_numba_keeps_the_kernels_of_other_packages_where_it_did():
     assert str(CACHE) != numba.config.CACHE_DIR
 

@@ -1,14 +1,14 @@
 """Kernels kept in files as numba keeps them, such that a fault of the files costs time and nothing else.
 
 A file that is damaged or cut off is compiled anew. What cannot be written (a full disk, a folder for reading alone) is
-not kept. Two processes never write at the same time: numba's index of the types of a kernel would mix them up.
+not kept. Two processes do not write at the same time: numba's index of the types of a kernel would mix them up.
 """
 
 from __future__ import annotations
 
 import os
 import pickle
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from typing import Any
 
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, UserProvidedCacheLocator
@@ -57,7 +57,9 @@ class KeptKernel(FunctionCache):  # type: ignore[misc]
     def save_overload(self, sig: Any, data: Any) -> None:
         """Write what was compiled for these types; where that fails, `NOT_KEPT` has the reason."""
         try:
-            with locked(CACHE / "lock", wait=True):
+            with ExitStack() as held:
+                with suppress(OSError):  # a file system without locks
+                    held.enter_context(locked(CACHE / "lock", wait=True))
                 super().save_overload(sig, data)
         except (OSError, EOFError, pickle.PickleError) as error:
             NOT_KEPT.append(getattr(error, "strerror", None) or str(error))

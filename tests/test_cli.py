@@ -311,11 +311,14 @@ def test_an_interrupt_is_one_line_and_130(tmp_path: Path) -> None:
     assert err == "swingid: interrupted; nothing was written, so start again.\n"
 
 
+@pytest.mark.parametrize("kind", [ZeroDivisionError, EOFError])
 def test_our_own_bug_is_70_with_a_file_to_report(
-    run: Run, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    run: Run, log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: type[Exception]
 ) -> None:
+    """The end of a file too, which the package of the command line takes for Ctrl-C."""
+
     def broken(*_: object, **__: object) -> None:
-        raise ZeroDivisionError("on purpose")
+        raise kind("on purpose")
 
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", None)
@@ -324,7 +327,7 @@ def test_our_own_bug_is_70_with_a_file_to_report(
     assert done.code == 70
     (kept,) = tmp_path.glob("swingid-bug-*.txt")
     assert str(kept) in done.sentence()
-    assert "ZeroDivisionError: on purpose" in kept.read_text(encoding="utf-8")
+    assert f"{kind.__name__}: on purpose" in kept.read_text(encoding="utf-8")
     assert refused(tmp_path / "r.json")["code"] == "bug"
 
 

@@ -36,7 +36,9 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
         say(_usage(error))
         return 2
     if isinstance(error, typer.Abort):
-        return interrupted()
+        if not isinstance(error.__cause__, EOFError):
+            return interrupted()
+        error = error.__cause__  # typer takes the end of any file for that of the terminal
     if isinstance(error, BrokenPipeError):
         return CLOSED_PIPE
     if isinstance(error, OSError) and (broken := _broken_output()) is not None:

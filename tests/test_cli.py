@@ -326,6 +326,7 @@ def test_our_own_bug_is_70_with_a_file_to_report(
     done = run("identify", log, "--rig", "paper", "--json", tmp_path / "r.json")
     assert done.code == 70
     (kept,) = tmp_path.glob("swingid-bug-*.txt")
+    done.err = done.err.lstrip("\n")  # which that package writes where it sees the end of a file
     assert str(kept) in done.sentence()
     assert f"{kind.__name__}: on purpose" in kept.read_text(encoding="utf-8")
     assert refused(tmp_path / "r.json")["code"] == "bug"

@@ -250,6 +250,24 @@ def test_matrices_and_matlab_files_in_pieces(monkeypatch, tmp_path):
         in_pieces(path, 300, ["counts", "short"])
 
 
+def test_links_of_hdf5_lead_to_their_data_and_no_further(monkeypatch, tmp_path):
+    """A link to nowhere, to another file that is missing, and to the group that it is in."""
+    import h5py
+
+    monkeypatch.setattr(log, "LARGE", 1000)
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["run/angle"] = np.random.default_rng(0).normal(size=4000)
+        file["linked"] = h5py.SoftLink("/run/angle")
+        file["nowhere"] = h5py.SoftLink("/no/such")
+        file["missing"] = h5py.ExternalLink("missing.h5", "/x")
+        file["run/back"] = h5py.SoftLink("/")
+        file["run/same"] = file["run"]
+    once, found = whole(path), in_pieces(path, 900)
+    assert set(once) == set(found) == {"run.angle", "linked"}
+    np.testing.assert_array_equal(found["linked"], once["run.angle"])
+
+
 PEAK = """
 import resource, sys
 from swingid.recording.large import log

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import io
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,23 +46,33 @@ def extract(path: str) -> tuple[Columns, str]:
     columns: Columns = {}
     spare = most_unpacked(Path(path).stat().st_size)
 
-    def collect(group: Any, prefix: str) -> None:
-        for key, item in group.items():
-            if isinstance(item, h5py.Group) and not key.startswith("#"):
-                collect(item, f"{prefix}{key}.")
-            elif isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf":
-                nonlocal spare
+    with h5py.File(path, "r") as file:
+        for name, item in data_sets(file):
+            if item.dtype.kind in "biuf":
                 spare -= 8 * int(item.size or 0)
                 if spare < 0:
                     raise ValueError("more numbers than the file can hold")
                 array = item[()]
                 # MATLAB writes its arrays with the axes swapped
-                add_vectors(columns, prefix + key, array.T if "MATLAB_class" in item.attrs else array)
-
-    with h5py.File(path, "r") as file:
-        collect(file, "")
+                add_vectors(columns, name, array.T if "MATLAB_class" in item.attrs else array)
         raw = file.attrs.get(METADATA_KEY, "{}")
     return columns, raw if isinstance(raw, str) else "{}"
+
+
+def data_sets(group: Any, prefix: str = "", above: tuple[Any, ...] = ()) -> Iterator[tuple[str, Any]]:
+    """The data sets of a group (of h5py) and of the groups in it, each with its path.
+
+    Links that lead nowhere are passed over, and groups that contain the one that links to them.
+    """
+    h5py: Any = importlib.import_module("h5py")
+    above = (*above, group)
+    for key in group:
+        is_link = not isinstance(group.get(key, getlink=True), h5py.HardLink)
+        item = group.get(key) if is_link else group[key]
+        if isinstance(item, h5py.Dataset):
+            yield prefix + key, item
+        elif isinstance(item, h5py.Group) and not key.startswith("#") and item not in above:
+            yield from data_sets(item, f"{prefix}{key}.", above)
 
 
 def write(columns: Mapping[str, Array], metadata: Mapping[str, object]) -> bytes:

@@ -12,6 +12,7 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.recording.formats.arrow import parse_metadata
+from swingid.recording.formats.hdf5 import data_sets
 from swingid.recording.formats.isolated import UnreadableError, is_installed, read_part_apart
 from swingid.recording.formats.table import METADATA_KEY, WIDEST, Table, most_unpacked, resized
 
@@ -113,7 +114,7 @@ def layout(path: str) -> tuple[Columns, str]:
     with _opened(path) as file:
         found: Columns = {}
         spare = most_unpacked(Path(path).stat().st_size)
-        for numbers in _numbers_in(file, ""):
+        for numbers in _numbers_in(file):
             spare -= 8 * int(numbers.item.size)
             if spare < 0:
                 raise ValueError("more numbers than the file can hold")
@@ -127,7 +128,7 @@ def rows_of(path: str, columns: list[str], start: int, stop: int) -> tuple[Colum
     """Some rows of some columns; for the process of `isolated`."""
     with _opened(path) as file:
         found: Columns = {}
-        for numbers in _numbers_in(file, ""):
+        for numbers in _numbers_in(file):
             if set(numbers.names) & set(columns):
                 found |= dict(zip(numbers.names, numbers.read(start, stop), strict=True))
         return {name: found[name] for name in columns}, "{}"
@@ -137,20 +138,17 @@ def _opened(path: str) -> Any:
     return importlib.import_module("h5py").File(path, "r")
 
 
-def _numbers_in(group: Any, prefix: str) -> Iterator[_Numbers]:
+def _numbers_in(file: Any) -> Iterator[_Numbers]:
     """The data sets of numbers that are columns, named as `hdf5.extract` names them."""
-    h5py: Any = importlib.import_module("h5py")
-    for key, item in group.items():
-        if isinstance(item, h5py.Group) and not key.startswith("#"):
-            yield from _numbers_in(item, f"{prefix}{key}.")
-        elif isinstance(item, h5py.Dataset) and item.dtype.kind in "biuf" and (item.size or 0) >= 2:
+    for name, item in data_sets(file):
+        if item.dtype.kind in "biuf" and (item.size or 0) >= 2:
             long = [axis for axis, length in enumerate(item.shape) if length > 1]
             if len(long) == 1:
-                yield _Numbers(item, (prefix + key,), long[0])
+                yield _Numbers(item, (name,), long[0])
             elif len(long) == 2 and min(item.shape[axis] for axis in long) <= WIDEST:
                 # MATLAB writes its arrays with the axes swapped
                 rows, columns = reversed(long) if "MATLAB_class" in item.attrs else long
                 upright = item.shape[rows] >= item.shape[columns]
                 count, axis = (item.shape[columns], rows) if upright else (item.shape[rows], columns)
                 pattern = "{}(:,{})" if upright else "{}({},:)"
-                yield _Numbers(item, tuple(pattern.format(prefix + key, k) for k in range(1, count + 1)), axis)
+                yield _Numbers(item, tuple(pattern.format(name, k) for k in range(1, count + 1)), axis)

@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 SAMPLE = 200
 """Messages of a topic that are looked at to see its columns."""
 
+BLOCK = 50_000
+"""Messages whose text is held and parsed at once, about."""
+
 CHANNELS = 1 << 16
 """Numbers that a channel may have."""
 
@@ -93,7 +96,7 @@ class File:
 
     def pieces(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """Columns of one topic in pieces of `rows` rows; InputError where the file is damaged."""
-        return resized(self._blocks(rows, columns), rows)
+        return resized(self._blocks(min(rows, BLOCK), columns), rows)
 
     def _blocks(self, rows: int, columns: list[str]) -> Iterator[Table]:
         """The columns in blocks of whole chunks, of `rows` rows or more."""

@@ -137,6 +137,29 @@ def test_a_large_log(started, tmp_path, seconds, group):
     assert not (tmp_path / "r.json").exists()
 
 
+@pytest.mark.parametrize("command", ["simulate", "design", "calibrate", "encoders"])
+def test_commands_of_one_answer(started, log, tmp_path, command):
+    """Of these a kernel of many rows runs, or many small fits."""
+    (tmp_path / "out").mkdir()
+    motion = ["--rig", "paper", "--reference", "sine 0.8 rad 8.5 rad/s"]
+    long = tmp_path / "log.parquet"
+    if command in ("calibrate", "encoders"):
+        assert main(["simulate", *motion, "--duration", "1000", "--out", str(long)]) == 0
+    out = ["--json", tmp_path / "out" / "r.json"]
+    arguments = {
+        "simulate": ["simulate", *motion, "--duration", 95_000, "--rate", 200, "--out", tmp_path / "out" / "r.csv"],
+        "design": ["design", "--rig", "paper", "--uncertainty", "1e-5 %", "--duration", 3000, "--rate", 5000, *out],
+        "calibrate": ["calibrate", long, "--rig", "paper", "--out", tmp_path / "out" / "new.toml", *out],
+        "encoders": ["calibrate", "--encoders", long, "--rig", "paper", "--out", tmp_path / "out" / "new.toml", *out],
+    }[command]
+    one = started(*arguments)
+    time.sleep(2.0)
+    begin = time.monotonic()
+    check(one, tmp_path, group=True)
+    assert time.monotonic() - begin < 20.0
+    assert not list((tmp_path / "out").iterdir())
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("group", [True, False])
 def test_a_campaign_keeps_its_runs_and_goes_on(started, tmp_path, group):

@@ -4,14 +4,27 @@ from __future__ import annotations
 
 import json
 import sys
+import threading
+import time
 import types
+from collections.abc import Callable
 
+import numpy as np
 import pytest
 
+import swingid as sw
+from motor_logs import BLANK, clamped, given
+from swingid.calibration.encoders import calibrate_encoders
+from swingid.calibration.motor import calibrate
 from swingid.cli import main, output, progress
 from swingid.cli.output import say
 from swingid.cli.progress import Progress, Steps, bar
-from swingid.progress import advanced, shown, tracked
+from swingid.control.references import Sine
+from swingid.progress import advanced, shown, stepped, stepwise, tracked, watched
+from swingid.simulation import simulate
+from swingid.study.design import design
+
+BIT14 = {"counts_per_turn": 16384}
 
 
 @pytest.fixture
@@ -41,6 +54,95 @@ def test_loops_report_and_loops_inside_them_do_not():
         advanced(4, 9)
     list(tracked("ab"))
     assert seen == [(0, 3), (1, 3), (2, 3), (3, 3), (4, 9)]
+
+
+def test_steps_of_no_single_loop_are_counted_by_who_does_them():
+    seen: list[tuple[int, int]] = []
+    stepped()
+    with shown(lambda done, total: seen.append((done, total))):
+        with stepwise(5):
+            stepped()
+            with stepwise(100):
+                stepped(2)
+            list(tracked("ab"))
+            advanced(1, 9)
+        list(tracked("ab"))
+        with stepwise(2):
+            stepped(3)
+    with stepwise(4):
+        stepped()
+    first = [(0, 5), (1, 5), (3, 5), (5, 5)]
+    assert seen == [*first, (0, 2), (1, 2), (2, 2), (0, 2), (2, 2), (2, 2)]
+
+
+def test_a_kernel_is_watched_from_outside():
+    seen: list[tuple[int, int]] = []
+    looks = iter(range(100, 10_000))
+
+    def kernel() -> str:
+        time.sleep(1.0)
+        return "done"
+
+    assert watched(lambda: threading.current_thread(), lambda: 0, 9) is threading.main_thread()
+    with shown(lambda done, total: seen.append((done, total))):
+        assert watched(lambda: "quick", lambda: 0, 9) == "quick"
+        assert seen == []
+        assert watched(kernel, lambda: next(looks), 1000) == "done"
+        with pytest.raises(ZeroDivisionError):
+            watched(lambda: 1 // 0, lambda: 0, 9)
+    assert seen[0] == (100, 1000)
+    assert seen[-1] == (1000, 1000)
+    assert seen == sorted(seen)
+
+
+@pytest.mark.parametrize("command", ["design", "calibrate", "swing", "encoders"])
+def test_commands_of_several_stages_end_with_their_last_step(command):
+    """And say something of what they do in between."""
+    seen: list[tuple[int, int]] = []
+    work = {"design": _design, "calibrate": _motor, "swing": _swing, "encoders": _encoders}[command]()
+    with shown(lambda done, total: seen.append((done, total))):
+        work()
+    total = seen[0][1]
+    assert seen[0] == (0, total)
+    assert seen[-1] == (total, total)
+    assert seen == sorted(seen)
+    assert len({done for done, _ in seen}) > min(total, 5)
+
+
+def _design() -> Callable[[], object]:
+    return lambda: design(sw.Rig.load("paper"), "0.1 %", duration=30.0, check=False)
+
+
+def _motor() -> Callable[[], object]:
+    logs = [clamped(seed=k, sensors=BIT14) for k in range(2)]
+    return lambda: calibrate(logs, given(BIT14, **BLANK))
+
+
+def _swing() -> Callable[[], object]:
+    rig = sw.Rig.load("paper").changed({"sensors.noise": 1e-4})
+    logs = [simulate(rig, duration=15.0, initial_angle=0.5 + 0.1 * k, seed=k) for k in range(3)]
+    return lambda: calibrate(logs, rig)
+
+
+def _encoders() -> Callable[[], object]:
+    rig = sw.Rig.load("paper").changed({"sensors.noise": 1e-4})
+    logs = [simulate(rig, Sine(0.8, speed), duration=20.0, seed=k) for k, speed in enumerate((5.0, 8.5))]
+    return lambda: calibrate_encoders(logs, rig)
+
+
+def test_a_simulation_says_how_many_rows_it_has(monkeypatch):
+    seen: list[tuple[int, int]] = []
+    monkeypatch.setattr("swingid.progress.LOOK", 0.0)
+    rig = sw.Rig.load("paper")
+    alone = simulate(rig, Sine(0.8, 8.5), duration=400.0)
+    with shown(lambda done, total: seen.append((done, total))):
+        watched_one = simulate(rig, Sine(0.8, 8.5), duration=400.0)
+    assert np.array_equal(alone.voltage, watched_one.voltage)
+    assert np.array_equal(alone.angle, watched_one.angle)
+    assert {total for _, total in seen} == {400_001}
+    assert seen == sorted(seen)
+    assert any(0 < done < 400_001 for done, _ in seen)
+    assert seen[-1] == (400_001, 400_001)
 
 
 def left_halfway() -> None:

@@ -18,7 +18,7 @@ Timer = Callable[[], float]
 
 @dataclass(frozen=True)
 class Case:
-    """One ratio: `ours` and `reference` by turns, `pairs` times; `asked` is the largest ratio that the issue allows."""
+    """One ratio: `ours` and `reference` by turns, `pairs` times; `asked` is the goal."""
 
     name: str
     reference_is: str

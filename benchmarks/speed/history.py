@@ -6,8 +6,11 @@ in memory. Its standard deviation is estimated from the latest `LATEST` records 
 prediction limit of a normal variable (Student's t, one side, `ALARM` in a case of a run) in two measurements, one after
 the other. `python benchmarks/speed --alarms` counts the records that would have been called worse than those before.
 
-On a processor without `FEWEST` records the limit is `ELSEWHERE` times the median of all records: the ratios of the
-ensembles to scalar C differed by up to two between processors of 256 and 512 bits.
+Only the latest records count that differ from the last one by less than the factor `CHANGE`: what was recorded before
+a gain would hide that it is lost again.
+
+Where fewer than `FEWEST` are left the limit is `ELSEWHERE` times their median, and on a processor without any that of
+all records: the ratios of the ensembles to scalar C differed by up to two between processors of 256 and 512 bits.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ import statistics
 import subprocess
 from dataclasses import asdict
 from datetime import UTC, datetime
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +35,7 @@ LATEST, FEWEST = 8, 3
 TYPICAL, WEIGHT = 0.05, 4
 """Standard deviation of the logarithm of a median ratio from run to run (`--alarms` prints it), and its weight."""
 ALARM = 1e-3
-ELSEWHERE = 2.0
+CHANGE, ELSEWHERE = 1.5, 2.0
 
 
 def processor() -> str:
@@ -47,8 +51,14 @@ def processor() -> str:
 
 
 def records() -> list[dict[str, Any]]:
-    """All records, the oldest first."""
-    found = [json.loads(path.read_text(encoding="utf-8")) for path in FOLDER.glob("*.json")]
+    """All records, the oldest first; SystemExit names a file that is none."""
+    found = []
+    for path in FOLDER.glob("*.json"):
+        try:
+            one = json.loads(path.read_text(encoding="utf-8"))
+            found.append({key: one[key] for key in ("time", "processor", "ratios")})
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise SystemExit(f"{path} is no record of speed ({error!r}); restore it, or delete it") from None
     return sorted(found, key=lambda record: record["time"])
 
 
@@ -79,13 +89,20 @@ def limit(name: str, before: list[dict[str, Any]], machine: str) -> float | None
     having = [record for record in before if name in record["ratios"]]
     if not having:
         return None
-    same = [math.log(record["ratios"][name]["ratio"]) for record in having if record["processor"] == machine][-LATEST:]
+    here = [record for record in having if record["processor"] == machine]
+    same = _since_change([math.log(record["ratios"][name]["ratio"]) for record in here][-LATEST:])
     if len(same) < FEWEST:
-        return ELSEWHERE * statistics.median(record["ratios"][name]["ratio"] for record in having)
+        known = same or [math.log(record["ratios"][name]["ratio"]) for record in having]
+        return ELSEWHERE * math.exp(statistics.median(known))
     freedom = WEIGHT + len(same) - 1
     variance = (WEIGHT * TYPICAL**2 + (len(same) - 1) * statistics.variance(same)) / freedom
     beyond = float(stats.t.ppf(1.0 - ALARM, freedom)) * math.sqrt(variance * (1.0 + 1.0 / len(same)))
     return math.exp(statistics.fmean(same) + beyond)
+
+
+def _since_change(logs: list[float]) -> list[float]:
+    """The latest of some logarithms, back to one that differs from the last by the factor `CHANGE` or more."""
+    return list(takewhile(lambda value: abs(value - logs[-1]) < math.log(CHANGE), reversed(logs)))
 
 
 def alarms() -> tuple[int, int, float]:

@@ -17,7 +17,9 @@ from swingid.cli.output import (
     hand_over,
     refusals_to,
 )
+from swingid.cli.progress import Progress
 from swingid.errors import UsageError
+from swingid.progress import shown
 from swingid.system import write_whole
 
 if TYPE_CHECKING:
@@ -87,7 +89,8 @@ def _calibrate(
         compile_first("calibrate")
     run: Callable[[list[Recording], Rig], Calibration | EncoderCalibration]
     run = calibrate_encoders if encoders else of_motor
-    found = run(recordings, plant)
+    with shown(Progress("steps")):
+        found = run(recordings, plant)
     if out is not None:
         write_whole(Path(out), found.rig.text.encode())
     if report is not None:

@@ -13,6 +13,7 @@ from swingid.cli.options import Angle, Json, Methods, Motion, Rate, RigFile
 from swingid.cli.progress import Progress, Steps
 from swingid.cli.simulate import Gains, compensator_of, parse_angle
 from swingid.errors import SwingidError, UsageError
+from swingid.progress import shown
 from swingid.system import write_whole
 
 
@@ -61,7 +62,8 @@ def design(
     try:
         required(plant, uncertainty, **options)
         compile_first("simulate")
-        found = run(plant, uncertainty, **options)
+        with shown(Progress("steps")):
+            found = run(plant, uncertainty, **options)
     except SwingidError as error:
         if json is not None and not isinstance(error, UsageError):
             output.write_json(refused(plant, error), json)

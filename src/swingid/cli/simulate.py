@@ -11,7 +11,9 @@ import typer
 from swingid.cli import output
 from swingid.cli.compile import compile_first
 from swingid.cli.options import Angle, Motion, Rate, RigFile
+from swingid.cli.progress import Progress
 from swingid.errors import InputError, UsageError
+from swingid.progress import shown
 
 if TYPE_CHECKING:
     from swingid.control.backstepping import Backstepping
@@ -111,7 +113,9 @@ def simulate(
     _check_size(motion, drive, duration)
     compile_first("simulate")
     options = {"duration": duration, "rate": rate, "seed": seed, "initial_angle": angle, "drive": drive, "draw": draw}
-    output.tell(_line(_stable_run(plant, motion, chosen, options), Path(out), plant, chosen))
+    with shown(Progress("rows")):
+        log = _stable_run(plant, motion, chosen, options)
+    output.tell(_line(log, Path(out), plant, chosen))
 
 
 def _check_length(duration: float, rate: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -126,6 +127,18 @@ def _weighted_products(scores: Array, weights: Array) -> Array:
     return covariance
 
 
+@lru_cache(16)
+def _parzen_spectrum(reach: int, size: int) -> Array:
+    """Roots of the weights of a real spectrum's powers in sums of products under Parzen's kernel; `size` samples."""
+    kernel = np.zeros(size)
+    kernel[: reach + 1] = parzen(reach)
+    kernel[size - reach :] = kernel[reach:0:-1]
+    weights = np.maximum(np.fft.rfft(kernel).real, 0.0) / size
+    weights[1:-1] *= 2.0  # frequencies that stand for their negative, too
+    roots: Array = np.sqrt(weights)
+    return roots
+
+
 def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array:
     """Covariance of Σ scores, scores (p, n), with the Parzen kernel over `reach` neighbours (Andrews 1991).
 
@@ -136,12 +149,8 @@ def hac_covariance(scores: Array, reach: int, unknowns: int, used: int) -> Array
     reach = min(reach, scores.shape[1] - 1)
     # a quadratic form with a Toeplitz matrix, by its spectrum
     size = 1 << (scores.shape[1] + reach).bit_length()
-    kernel, spectra = np.zeros(size), np.fft.rfft(scores, size)
-    kernel[: reach + 1] = parzen(reach)
-    kernel[size - reach :] = kernel[reach:0:-1]
-    weighted = np.fft.irfft(spectra * np.fft.rfft(kernel).real, size)[:, : scores.shape[1]]
-    covariance = weighted @ scores.T
-    covariance = (covariance + covariance.T) / 2
+    spectra = np.fft.rfft(scores, size)
+    covariance = gram(np.hstack([spectra.real, spectra.imag]) * np.tile(_parzen_spectrum(reach, size), 2))
     independent = 1.85 * used / (reach + 1)
     result: Array = covariance * max(independent / max(independent - unknowns, 1.0), 1.0)
     return result

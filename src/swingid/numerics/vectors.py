@@ -36,11 +36,12 @@ def widest(typing: object) -> tuple[Any, Any]:
     return types.void(), codegen
 
 
-njit_lane = kernels(forceinline=True, fastmath={"contract", "nsz"})
-"""For the arithmetic of one run inside a loop over runs: inlined, products and sums fused."""
+njit_lane = kernels(forceinline=True, fastmath={"contract", "nsz"}, _nrt=False)
+"""For the arithmetic of one run inside a loop over runs: inlined, products and sums fused; makes no array, as
+`compiled.njit_inlined`."""
 
-njit_threads = kernels(nogil=True, fastmath={"contract", "nsz"})
-"""For what runs beside other threads."""
+njit_threads = kernels(nogil=True, fastmath={"contract", "nsz"}, _nrt=False)
+"""For what runs beside other threads and makes no array."""
 
 njit_sums_threads = kernels(nogil=True, fastmath={"reassoc", "contract", "nsz"})
 """The same for kernels whose sums may be reordered."""

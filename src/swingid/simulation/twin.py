@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +19,7 @@ from swingid.model.integrator import Q1, Q2, STATES, STEP_KERNEL, V1, V2, Z
 from swingid.model.motion import ADVANCE_KERNEL, EVENTS, GUARDED, STEPS
 from swingid.model.parameters import vector
 from swingid.model.sticking import BEGIN_KERNEL
+from swingid.progress import watched
 from swingid.recording.recording import Recording
 from swingid.simulation import draws
 from swingid.simulation.loop import BACKSTEPPING, COMPENSATOR, OPEN_LOOP, closed_loop
@@ -203,7 +206,9 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
     noise[:, :rows] = made.noise
     p = vector(made.values, rig.drive.kind)
     seen, log = np.zeros((len(instants), STATES)), np.zeros((rows, 4))
-    counts = closed_loop(
+    log[:, 2] = np.nan  # a command, which the loop writes row by row
+    loop = partial(
+        closed_loop,
         STEP_KERNEL,
         BEGIN_KERNEL,
         ADVANCE_KERNEL,
@@ -223,9 +228,15 @@ def run_of(setup: Setup, truth_times: ArrayLike | None = None) -> Run:
         seen,
         log,
     )
+    counts = watched(loop, partial(_rows_done, log), rows)
     recording = setup.recording(controller, times, inputs, log, made)
     recording = with_rates(recording, rig, setup.seed, seen, places, made.kept)
     return Run(recording, _truth(wanted, seen[places[2 * rows :]], log[:, 2], p, made, counts), log)
+
+
+def _rows_done(log: Array) -> int:
+    """The rows of a log whose command is written."""
+    return bisect_left(range(len(log)), True, key=lambda row: bool(np.isnan(log[row, 2])))
 
 
 def _instants(reads: Array, wanted: Array) -> tuple[Array, Ints]:

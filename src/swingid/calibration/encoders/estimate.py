@@ -20,6 +20,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.preparation.scale import Scale
+from swingid.progress import stepped
 from swingid.uncertainty.dark import dark_uncertainty, shrunk
 
 STEPS = 4
@@ -81,7 +82,7 @@ def solve(logs: Sequence[CalibrationLog], rig: Rig, parts: Sequence[Part]) -> So
     best = min((log.first for log in logs), key=lambda fit: fit.total)
     stated = Scale.of(rig).b
     a11, b = best.a11, best.value("gravity_torque") if stated is None else stated
-    for _ in range(STEPS):
+    for k in range(STEPS):
         corrected = with_parts(rig, values, parts)
         signals = [log.signals(corrected) for log in logs]
         rows = [log.rows(own, corrected, a11, b) for log, own in zip(logs, signals, strict=True)]
@@ -89,7 +90,9 @@ def solve(logs: Sequence[CalibrationLog], rig: Rig, parts: Sequence[Part]) -> So
         a11, b = float(fit.common[0]), float(fit.common[1]) if stated is None else stated
         # the readings are not corrected by a nuisance, so every step estimates the whole of it
         step = np.where([part.nuisance for part in parts], 0.0, fit.parts)
+        stepped(len(logs))
         if np.max(np.abs(step / fit.uncertainties)) < SETTLED:
+            stepped((STEPS - 1 - k) * len(logs))
             break
         values = {part.key: values[part.key] + float(d) for part, d in zip(parts, step, strict=True)}
     return Solved(fit, values, corrected, signals, a11, b)
@@ -100,6 +103,7 @@ def estimate(logs: Sequence[CalibrationLog], rig: Rig, parts: Sequence[Part]) ->
     found = solve(logs, rig, parts)
     fit, others = found.fit, []
     for stretch in STRETCHES:
+        stepped(len(logs))
         pairs = zip(logs, found.signals, strict=True)
         rows = [log.rows(signals, found.rig, found.a11, found.b, stretch) for log, signals in pairs]
         if all(len(one.target) > 2 * len(one.own) + 8 for one in rows):

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.calibration.encoders.estimate import Estimate, estimate, solve
+from swingid.calibration.encoders.estimate import STEPS, STRETCHES, Estimate, estimate, solve
 from swingid.calibration.encoders.logs import CalibrationLog
 from swingid.calibration.encoders.parts import ANGLE, WHEEL, Part, latency_key, parts_of, stated_latency, uncalibrated
 from swingid.calibration.outcome import quantity, result_of, rewritten
@@ -20,6 +20,7 @@ from swingid.format import plus_minus
 from swingid.model.rig import Rig
 from swingid.model.rig.sensors import ONE_ENCODER
 from swingid.preparation.push import without_pushes
+from swingid.progress import stepped, stepwise
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_in_row_one
 from swingid.result.result import Message, Parameter, Result
@@ -74,13 +75,24 @@ def calibrate_encoders(logs: Recording | Sequence[Recording], rig: Rig) -> Encod
         raise InputError("no log was given; calibrate needs at least one log of a motion.", code="no-log")
     plain = uncalibrated(rig)
     parts = parts_of(plain)
-    wanted = [part for part in parts if not part.nuisance]
-    if not wanted:
+    if all(part.nuisance for part in parts):
         raise InputError(
             f"rig {rig.name}: a linear axis without a drive has neither a nonlinearity per turn nor a latency to find.",
             code="nothing-to-calibrate",
         )
-    read = [CalibrationLog.of(log, plain) for log in several]
+    # preparation, steps to the parts, windows of other lengths; and the steps with each log alone
+    count = 1 + STEPS + len(STRETCHES) + (STEPS if len(several) > 1 else 0)
+    with stepwise(count * len(several)):
+        return _calibrated(several, rig, plain, parts)
+
+
+def _calibrated(several: Sequence[Recording], rig: Rig, plain: Rig, parts: Sequence[Part]) -> EncoderCalibration:
+    """The calibration by logs without pushes; plain: the rig without an earlier calibration."""
+    wanted = [part for part in parts if not part.nuisance]
+    read = []
+    for log in several:
+        read.append(CalibrationLog.of(log, plain))
+        stepped()
     found = estimate(read, plain, parts)
     told = tuple(part.key for part in wanted if found.uncertainties[part.key] < IDENTIFIABLE * part.prior)
     if not told:

@@ -16,6 +16,7 @@ import numpy as np
 
 from swingid.calibration.motor import products as at
 from swingid.calibration.motor.balance import BalanceFit, Separation, fit_balance, separate
+from swingid.calibration.motor.channels import Kind as LogKind
 from swingid.calibration.motor.channels import WheelLog, kind_of
 from swingid.calibration.motor.constants import (
     UNITS,
@@ -26,12 +27,13 @@ from swingid.calibration.motor.constants import (
     late_wheel,
 )
 from swingid.calibration.motor.free_swing import RATIO, free_swing
-from swingid.calibration.motor.output_error import OutputFit, fit_output
+from swingid.calibration.motor.output_error import USUAL_STEPS, OutputFit, fit_output
 from swingid.calibration.outcome import Found, result_of
 from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.model.rig.fields import stated
-from swingid.preparation.encoders import Encoders, corrected
+from swingid.preparation.encoders import Correction, Encoders, corrected
+from swingid.progress import stepped, stepwise
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, exact_constants
@@ -40,6 +42,11 @@ from swingid.result.result import Message, Parameter, Result
 SERIOUS = 0.005
 """Relative difference of modulating functions and output error above which (beside their uncertainties) it is a
 warning."""
+
+BALANCES = 2
+"""Fits of the balance, one with all constants and one with those that are identifiable."""
+
+Corrected = tuple[Recording, Encoders, tuple[Correction, ...]]
 
 CLEAR = 10.0
 """Constants smaller than so many of their uncertainties are excluded from that comparison."""
@@ -111,7 +118,19 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
         )
     free = rig.drive.wheel is None
     kinds = ["free swing" if free else kind_of(log, rig) for log in several]
-    swings = [free_swing(log, rig) for log, kind in zip(several, kinds, strict=True) if kind == "free swing"]
+    turn = len(kinds) - kinds.count("free swing")
+    with stepwise(len(several) + (BALANCES + USUAL_STEPS * (1 + (turn > 1)) if turn else 0)):
+        return _calibrated(read, kinds, rig)
+
+
+def _calibrated(read: Sequence[Corrected], kinds: Sequence[LogKind], rig: Rig) -> Calibration:
+    """The calibration by logs of which each is corrected and its kind is known."""
+    several = [log for log, _, _ in read]
+    swings = []
+    for log, kind in zip(several, kinds, strict=True):
+        stepped()
+        if kind == "free swing":
+            swings.append(free_swing(log, rig))
     turning = [
         WheelLog.of(log, rig, kind, encoders)
         for (log, encoders, _), kind in zip(read, kinds, strict=True)
@@ -134,9 +153,11 @@ def _motor(logs: list[WheelLog], rig: Rig) -> _Motor:
     free = np.ones(at.COUNT, bool)
     free[at.COUPLING] = coupled
     first = fit_balance(logs, at.products_of(rig), free)
+    stepped()
     split = separate(first, rig, logs[0].name)
     if not (split.free == free).all():
         first = fit_balance(logs, split.values, split.free)
+    stepped()
     refined = fit_output(logs, first.values, split.free)
     whole, differs = evaluated(refined, first, declared_changes(refined, logs, split, to), to)
     found = Found("the voltage tests", whole).only(_identifiable(split, coupled=coupled))

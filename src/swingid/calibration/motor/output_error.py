@@ -16,11 +16,15 @@ from swingid.calibration.motor.channels import GAP, WheelLog
 from swingid.calibration.motor.products import COUNT, COUPLING, allowed
 from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
 from swingid.numerics.arrays import Array, Bools, Ints
+from swingid.progress import stepped
 
 SHOT = 1.0
 """Length of a shot in s: some time constants of a damped wheel."""
 
 FEWEST_ROWS, MOST_STEPS = 20, 30
+
+USUAL_STEPS = 8
+"""Steps of Gauss–Newton that are counted as progress; most fits end sooner."""
 
 FEWEST_SPARE = 2
 """Shots beyond the number of products from which on the scores of shots are used instead of those of blocks."""
@@ -187,7 +191,8 @@ def _descend(
 ) -> tuple[Array, list[Array]]:
     """Gauss–Newton over products and starts, with halved steps while the sum of squares does not fall."""
     least = _loss(shots, values, starts, weights)
-    for _ in range(MOST_STEPS):
+    for k in range(MOST_STEPS):
+        stepped(int(k < USUAL_STEPS))
         parts = _reduced(shots, values, starts, free)
         step, _ = _solve(shots, parts, weights)
         for _ in range(10):
@@ -201,10 +206,11 @@ def _descend(
                 break
             step = step / 2
         else:
-            return values, starts
+            break
         gained, values, starts, least = least - now, tried, follow, now
         if gained <= 1e-9 * least:
             break
+    stepped(max(USUAL_STEPS - 1 - k, 0))
     return values, starts
 
 

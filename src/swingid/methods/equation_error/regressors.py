@@ -100,12 +100,19 @@ class Regressors:
             slopes={own.name: float(np.mean(own.stiffness(self.grid.angle))) for own in self.scale.further},
         )
 
+    def grid_columns(self, resolution: float) -> Array:
+        """Errors (8, n) of the acceleration by an encoder's grid of this step, shifted by its eighths, in steps."""
+        key = Key("grid columns", (resolution,)), 0.0
+        if key not in self._steady:
+            columns = [self._column(Key("grid error", (resolution, k / GRID_PHASES))) for k in range(GRID_PHASES)]
+            self._steady[key] = np.array(columns)
+        return self._steady[key]
+
     def grid_errors(self, row_filter: RowFilter, resolution: float) -> Array:
         """Filtered errors (8, rows) of the acceleration by an encoder's grid of this step, shifted by its eighths."""
         key = Key("grid errors", (resolution,)), row_filter.cutoff.frequency
         if key not in self._steady:
-            columns = [self._column(Key("grid error", (resolution, k / GRID_PHASES))) for k in range(GRID_PHASES)]
-            self._steady[key] = row_filter(*columns) * resolution
+            self._steady[key] = row_filter(*self.grid_columns(resolution)) * resolution
         return self._steady[key]
 
     def _filtered(self, row_filter: RowFilter, keys: list[Key]) -> dict[Key, Array]:

@@ -15,6 +15,9 @@ from swingid.numerics.arrays import Array, Bools
 ROWS_PER_PERIOD = 5.0
 """Rows kept per period of the cut-off."""
 
+DECAYED = 20.0
+"""Periods of the cut-off after which nothing of an impulse is left within the accuracy of the arithmetic."""
+
 SMEARED = 0.5
 """Periods of the cut-off around a rest or a gap in which rows are not used."""
 
@@ -70,15 +73,22 @@ class RowFilter:
         result: Array = self.lowpass.spread(weights[None], len(self.grid.time))[0]
         return result
 
+    def weights(self, of_rows: Array) -> Array:
+        """Weight of each row of the grid in Σ of_rows · row, exactly, ends of the log included."""
+        return self.lowpass.transposed(of_rows, len(self.grid.time))
+
     @cached_property
     def response(self) -> tuple[Array, Array]:
         """Weights of one row on the samples of an angle around it, and on those of its second derivative."""
-        weights = np.zeros(len(self.instants))
+        period = 1 / (self.cutoff.frequency * self.grid.step)
+        # the same in the middle of any log that is long enough
+        length = min(len(self.grid.time), int(2 * DECAYED * period))
+        weights = np.zeros(len(range(STENCIL, length - STENCIL, self.every)))
         weights[len(weights) // 2] = 1.0
-        spread = self.adjoint(weights)
+        spread = self.lowpass.spread(weights[None], length)[0]
         curved = curvature(spread, self.grid.step)
         middle = STENCIL + len(weights) // 2 * self.every
-        reach = int(2 * SETTLING / (self.cutoff.frequency * self.grid.step))
+        reach = int(2 * SETTLING * period)
         near = slice(max(middle - reach, 0), middle + reach)
         return spread[near].copy(), curved[near].copy()
 

@@ -47,6 +47,12 @@ class Fitted:
         the motion's. The expected power of the noise there is subtracted, and one standard deviation of it: the
         difference is never negative, so its fluctuation would widen it.
         """
+        key = own.tobytes()
+        if key not in self._variances:
+            self._variances[key] = self._variance(own)
+        return self._variances[key]
+
+    def _variance(self, own: Array) -> float:
         weights = own @ self.fit.fit.influence
         seen = float(own @ self.fit.covariance @ own)
         smeared = float(self._lagged @ autocorrelation(weights)[: self.reach + 1])
@@ -67,6 +73,16 @@ class Fitted:
         """Stiffness of gravity and of the terms that the rig states, at every row of the grid (N m/rad or N/m)."""
         stated = stated_stiffness(self.scale.further, self.row_filter.grid.angle)
         return np.asarray(self.stiffness * self.regressors.cosine + stated)
+
+    @cached_property
+    def _variances(self) -> dict[bytes, float]:
+        """`variance` of combinations of the unknowns, as far as needed."""
+        return {}
+
+    @cached_property
+    def _of_grid(self) -> dict[str, Array]:
+        """`grid_effects` by the names of the unknowns, as far as needed."""
+        return {}
 
     @cached_property
     def _of_unknown(self) -> dict[int, tuple[Array, Array]]:
@@ -125,14 +141,19 @@ class Fitted:
 
         They repeat at every swing, so those of the instruments are correlated with those of the row.
         """
-        k = self.fit.unknowns.index(unknown)
-        errors = self.regressors.grid_errors(self.row_filter, self.noise.resolution)
-        effects = errors @ self.fit.fit.influence[k]
-        if self.lag > 0:
-            pairs = self.fit.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
-            effects = effects + self.fit.inverse[k, 0] * pairs.sum(axis=1)
-        result: Array = abs(self.fit.a11) * effects
-        return result
+        if unknown not in self._of_grid:
+            self._of_grid[unknown] = abs(self.fit.a11) * self._grid_errors(self.fit.unknowns.index(unknown))
+        return self._of_grid[unknown]
+
+    def _grid_errors(self, k: int) -> Array:
+        """The same as shares of a11, of unknown k."""
+        influence, resolution = self.fit.fit.influence[k], self.noise.resolution
+        if self.lag == 0:
+            result: Array = self.regressors.grid_columns(resolution) @ self.row_filter.weights(influence) * resolution
+            return result
+        errors = self.regressors.grid_errors(self.row_filter, resolution)
+        pairs = self.fit.weights[self.lag :] * errors[:, self.lag :] * errors[:, : -self.lag]
+        return np.asarray(errors @ influence + self.fit.inverse[k, 0] * pairs.sum(axis=1))
 
     def spread(self, unknown: str) -> float:
         """Standard uncertainty of an unknown from the scatter, the sensors' noise and the grid phase."""

@@ -41,16 +41,14 @@ def write(lane: Array, log: Array, kept: Array, k: int, channels: tuple[int, int
 
 
 @njit_lane
-def refer(lane: Array, inputs: Array, which: Ints, k: int) -> None:
-    """Each run's reference or command at row k."""
+def refer(lane: Array, inputs: Array, which: Ints, k: int) -> tuple[bool, float]:
+    """Whether all runs have one reference or command, and its value at row k; else each run's into REFERENCE."""
     widest()
-    if inputs.shape[1] == 1:
-        value = inputs[k, 0]
-        for i in range(LANES):
-            lane[at.REFERENCE * LANES + i] = value
-    else:
+    one = inputs.shape[1] == 1
+    if not one:
         for i in range(LANES):
             lane[at.REFERENCE * LANES + i] = inputs[k, which[i]]
+    return one, inputs[k, 0]
 
 
 @njit_threads
@@ -89,7 +87,7 @@ def run_block(
         if place[STEP] == 0:
             if k % AFRESH == 0:
                 afresh(lane)
-            refer(lane, inputs, which, k)
+            wanted = refer(lane, inputs, which, k)
             if is_late is not None:
                 known(lane, late, k, steps)
                 read_all(lane, at.THERE, at.THERE + 1, bent, noise, k)
@@ -97,7 +95,7 @@ def run_block(
                 read_all(lane, at.Q1, at.Q2, bent, noise, k)
             if k == 0 and closed:
                 first_seen(lane)
-            fading = command_all(lane, closed, rate, fading, order, steps_back)
+            fading = command_all(lane, closed, rate, fading, wanted, order, steps_back)
             if k < rows:
                 write(lane, log, kept, k, (0 if is_late is None else min(2, len(log)), len(log)))
             if k == rows - 1:

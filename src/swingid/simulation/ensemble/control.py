@@ -68,9 +68,10 @@ def compensated(lane: Array, i: int, u: float, speed: float) -> float:
 
 
 @njit_lane
-def grow(lane: Array, i: int) -> int:
-    """Run i's ERROR and NEXT_GAIN; 1 where the gain grows."""
-    e = lane[at.REFERENCE * LANES + i] - lane[at.ANGLE_READING * LANES + i]
+def grow(lane: Array, i: int, wanted: tuple[bool, float]) -> int:
+    """Run i's ERROR and NEXT_GAIN; 1 where the gain grows. wanted: as of `command_all`."""
+    own = lane[at.REFERENCE * LANES + i]
+    e = (wanted[1] if wanted[0] else own) - lane[at.ANGLE_READING * LANES + i]
     k, k_next = lane[at.K_TILDE * LANES + i], grown_gain(lane, i, e)
     lane[at.ERROR * LANES + i], lane[at.NEXT_GAIN * LANES + i] = e, k_next
     return 1 if k_next != k else 0
@@ -81,10 +82,10 @@ def compensator_command(lane: Array, i: int, rate: float) -> None:
     """Command of run i by its compensator of relative degree 2, `compensator_step`."""
     e, k, k_next = lane[at.ERROR * LANES + i], lane[at.K_TILDE * LANES + i], lane[at.NEXT_GAIN * LANES + i]
     xi = lane[at.XI * LANES + i]
-    slope = lane[at.SIGMA0 * LANES + i] * k * k * lane[at.K1 * LANES + i] * (e - xi)
-    gain_term = lane[at.DIFFERENTIATE * LANES + i] * ((k_next - k) * rate) * xi
+    slope = k * k * lane[at.K1 * LANES + i] * (e - xi)
+    gain_term = lane[at.DIFFERENTIATE * LANES + i] * (k_next - k) * xi
     u = lane[at.ALPHA1 * LANES + i] * (gain_term + k * slope) + lane[at.ALPHA0 * LANES + i] * k * xi
-    u = compensated(lane, i, lane[at.PLANT_SIGN * LANES + i] * u, wheel_speed(lane, i, rate))
+    u = compensated(lane, i, u, wheel_speed(lane, i, rate))
     lane[at.COMMAND * LANES + i] = within(u, lane[at.LIMIT * LANES + i])
 
 
@@ -92,20 +93,20 @@ def compensator_command(lane: Array, i: int, rate: float) -> None:
 def fade(lane: Array, i: int, rate: float) -> None:
     """How far run i's xi nears the error in this sample, into FADING."""
     k, k_next = lane[at.K_TILDE * LANES + i], lane[at.NEXT_GAIN * LANES + i]
-    turn = lane[at.SIGMA0 * LANES + i] * (1.0 / (3.0 * rate)) * (k * k + k * k_next + k_next * k_next)
+    turn = (1.0 / (3.0 * rate)) * (k * k + k * k_next + k_next * k_next)
     lane[at.FADING * LANES + i] = decay(lane[at.K1 * LANES + i] * turn)
 
 
 @njit_lane
-def compensators(lane: Array, rate: float, fading: int) -> int:
+def compensators(lane: Array, rate: float, fading: int, wanted: tuple[bool, float]) -> int:
     """Commands of all runs by compensators of relative degree 2; whether FADING is to be computed at the next sample.
 
-    fading: whether it is to be at this one: it changes with the gains alone.
+    fading: whether it is to be at this one: it changes with the gains alone. wanted: as of `command_all`.
     """
     widest()
     growing = 0
     for i in range(LANES):
-        growing += grow(lane, i)
+        growing += grow(lane, i, wanted)
     for i in range(LANES):
         compensator_command(lane, i, rate)
     if growing + fading > 0:
@@ -283,11 +284,11 @@ def next_term(lane: Array, n: int, factor: float) -> None:
 
 
 @njit_lane
-def chain(lane: Array, n: int, rate: float) -> None:
-    """Commands of all runs by compensators whose chain (16) is of order n, `compensator_step`."""
+def chain(lane: Array, n: int, rate: float, wanted: tuple[bool, float]) -> None:
+    """Commands of all runs by compensators whose chain (16) is of order n; wanted: as of `command_all`."""
     widest()
     for i in range(LANES):
-        grow(lane, i)
+        grow(lane, i, wanted)
     chain_output(lane, n, rate)
     for i in range(LANES):
         u = lane[at.PLANT_SIGN * LANES + i] * lane[at.WANTED * LANES + i]
@@ -299,19 +300,31 @@ def chain(lane: Array, n: int, rate: float) -> None:
 
 
 @njit_lane
-def command_all(lane: Array, closed: int, rate: float, fading: int, order: int | None, steps_back: int | None) -> int:
+def command_all(
+    lane: Array,
+    closed: int,
+    rate: float,
+    fading: int,
+    wanted: tuple[bool, float],
+    order: int | None,
+    steps_back: int | None,
+) -> int:
     """Commands of all runs, of the controllers or as given, each limited by its rig, too; as `compensators`.
 
-    closed: whether there are controllers. order: of chains that have another than 1, steps_back: backstepping.
+    closed: whether there are controllers. wanted: whether all follow one reference, or have one command, and its value;
+    else it is each run's REFERENCE. order: of chains that have another than 1, steps_back: backstepping.
     """
     widest()
+    if wanted[0] and (steps_back is not None or not closed):
+        for i in range(LANES):
+            lane[at.REFERENCE * LANES + i] = wanted[1]
     if order is not None:
-        chain(lane, order, rate)
+        chain(lane, order, rate, wanted)
     elif steps_back is not None:
         for i in range(LANES):
             backstepping(lane, i, rate)
     elif closed:
-        return compensators(lane, rate, fading)
+        return compensators(lane, rate, fading, wanted)
     else:
         for i in range(LANES):
             lane[at.COMMAND * LANES + i] = within(lane[at.REFERENCE * LANES + i], lane[at.RIG_LIMIT * LANES + i])

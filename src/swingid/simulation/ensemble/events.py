@@ -234,44 +234,39 @@ def expand(lane: Array, i: int, rich: int | None) -> None:
 
 
 @njit_lane
-def part(lane: Array, i: int) -> int:
-    """What may change in run i's part, where about; 1 where something does."""
-    u, y, todo = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.TODO * LANES + i]
-    x = lane[at.PART * LANES + i]
-    side1, side2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
-    rest1, rest2 = side1 == 0.0, side2 == 0.0
-    volts, emf, drive, _, above, below = motor(lane, i, y)
-    cu, cy, hold = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2), unsupported(lane, i)
-    u_end, y_end = series.speed(u, cu, x), series.speed(y, cy, x)
-    slope1, slope2 = series.slope(cu, x), series.slope(cy, x)
-    kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
-    stops1, stops2 = side1 * u_end < kink1, side2 * y_end < kink2
-    torque, edge_p, edge_n = volts - emf * y_end, lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
+def passes(lane: Array, i: int, u_end: float, y_end: float) -> tuple[bool, bool, bool, float]:
+    """Whether run i's axis or wheel stops, or its torque passes an edge, before a part ends; which edge (N m)."""
+    y, edge_p, edge_n = lane[at.Y * LANES + i], lane[at.EDGE_P * LANES + i], lane[at.EDGE_N * LANES + i]
+    volts, emf, _, _, above, below = motor(lane, i, y)
+    torque = volts - emf * y_end
     over, under = torque > edge_p, torque < edge_n
-    edge = (volts - (edge_p if above | (over & (not below)) else edge_n)) / emf
-    # what changes first, as far as straight lines show it
-    first, change, level = x, NOTHING, 0.0
-    there = x * u / (u - u_end)
-    change, first = (AXIS if stops1 else change), (there if stops1 else first)
-    there = x * y / (y - y_end)
-    sooner = stops2 & ((not stops1) | (there < first))
-    change, first = (WHEEL if sooner else change), (there if sooner else first)
-    there = x * (y - edge) / (y - y_end)
-    sooner = ((above ^ over) | (below ^ under)) & ((change == NOTHING) | (there < first))
-    change, first, level = (EDGE if sooner else change), (there if sooner else first), (edge if sooner else level)
+    stops1 = lane[at.SIDE1 * LANES + i] * u_end < lane[at.AXIS_KINK * LANES + i]
+    stops2 = lane[at.SIDE2 * LANES + i] * y_end < lane[at.WHEEL_KINK * LANES + i]
+    return stops1, stops2, (above ^ over) | (below ^ under), (edge_p if above | (over & (not below)) else edge_n)
 
-    a12, active = lane[at.A12 * LANES + i], todo > 0.0
+
+@njit_lane
+def part(lane: Array, i: int) -> int:
+    """1 where something changes in run i's part; whether its sides are undecided; leaves what is rare."""
+    u, y, todo = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.TODO * LANES + i]
+    side1, side2, x = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i], lane[at.PART * LANES + i]
+    rest1, rest2, active = side1 == 0.0, side2 == 0.0, todo > 0.0
+    cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
+    _, _, drive, _, _, _ = motor(lane, i, y)
+    slope1, slope2 = series.slope(cu, x), series.slope(cy, x)
+    stops1, stops2, passed, _ = passes(lane, i, series.speed(u, cu, x), series.speed(y, cy, x))
+    hold, a12 = unsupported(lane, i), lane[at.A12 * LANES + i]
     undecided = active & beyond(lane, i, hold - a12 * cy[0], drive - a12 * cu[0], rest1, rest2)
     # a release, a stop at once, or a turn there and back
+    kink1, kink2 = lane[at.AXIS_KINK * LANES + i], lane[at.WHEEL_KINK * LANES + i]
     leaves = beyond(lane, i, hold - a12 * slope2, drive - a12 * slope1, rest1, rest2)
     leaves |= (stops1 & (u == 0.0)) | (stops2 & (y == 0.0))
     leaves |= (not stops1) & (side1 * (u + x * cu[0]) < kink1) & (side1 * slope1 > 0.0)
     leaves |= (not stops2) & (side2 * (y + x * cy[0]) < kink2) & (side2 * slope2 > 0.0)
     leave(lane, i, active & leaves & (not undecided))
     lane[at.UNDECIDED * LANES + i] = 1.0 if undecided else 0.0
-    lane[at.PART * LANES + i], lane[at.LEVEL * LANES + i] = first, level
-    lane[at.CHANGE * LANES + i] = change
-    return 1 if active & (change != NOTHING) else 0
+    lane[at.CHANGE * LANES + i] = NOTHING
+    return 1 if active & (stops1 | stops2 | passed) else 0
 
 
 @njit_lane
@@ -289,11 +284,22 @@ def part_all(lane: Array, rich: int | None) -> int:
 
 @njit_lane
 def choose(lane: Array, i: int) -> None:
-    """Run i's series whose root ends its part, less the level, into CHANGING."""
-    is_axis, own = lane[at.CHANGE * LANES + i] == AXIS, at.CHANGING * LANES + i
+    """What changes first in run i's part, as far as straight lines show it, and where; its series, less the level."""
+    u, y, x, own = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.PART * LANES + i], at.CHANGING * LANES + i
     cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
-    u, y = lane[at.U * LANES + i], lane[at.Y * LANES + i]
-    lane[own] = (u if is_axis else y) - lane[at.LEVEL * LANES + i]
+    u_end, y_end = series.speed(u, cu, x), series.speed(y, cy, x)
+    stops1, stops2, passed, edge = passes(lane, i, u_end, y_end)
+    volts = lane[at.GAIN * LANES + i] * lane[at.COMMAND * LANES + i]
+    edge = (volts - edge) / lane[at.BACK_EMF * LANES + i]
+    first1, first2, there = x * u / (u - u_end), x * y / (y - y_end), x * (y - edge) / (y - y_end)
+    first, change, level = (first1 if stops1 else x), (AXIS if stops1 else NOTHING), 0.0
+    sooner = stops2 & ((not stops1) | (first2 < first))
+    change, first = (WHEEL if sooner else change), (first2 if sooner else first)
+    sooner = passed & ((change == NOTHING) | (there < first))
+    change, first, level = (EDGE if sooner else change), (there if sooner else first), (edge if sooner else level)
+    active, is_axis = lane[at.TODO * LANES + i] > 0.0, change == AXIS
+    lane[at.CHANGE * LANES + i], lane[at.PART * LANES + i] = (change if active else NOTHING), first
+    lane[own] = (u if is_axis else y) - level
     lane[own + LANES], lane[own + 2 * LANES] = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1])
     lane[own + 3 * LANES], lane[own + 4 * LANES] = (cu[2] if is_axis else cy[2]), (cu[3] if is_axis else cy[3])
     lane[own + 5 * LANES] = cu[4] if is_axis else cy[4]

@@ -25,6 +25,10 @@ LANES = 32
 """Runs of a block. The rows that a step of most rigs touches are 18 kB, which leaves room in the first-level cache."""
 
 
+FINEST = 2.0**-200
+"""rad: steps of an encoder without steps. Multiples of it are all numbers above 1e-44, so nothing is rounded."""
+
+
 def rows(first: int, *counts: int) -> tuple[int, ...]:
     """Places of rows from `first` on, so many of each name, and the next free one."""
     places = [first]
@@ -48,7 +52,7 @@ M11, M12, M22, ALONE1, ALONE2, A12 = range(40, 46)
 # The compensator, as in `control.law`, what all controllers share, and the rig's own limit.
 DELTA0, LAMBDA_H, SIGMA0, K_MAX, ERROR_DECAY, WHEEL_DECAY, PLANT_SIGN, DIFFERENTIATE, ALPHA1, ALPHA0, K1 = range(46, 57)
 LIMIT, COULOMB, DEAD_NEGATIVE, DEAD_POSITIVE, EMF_RATIO, RIG_LIMIT = range(57, 63)
-# Encoders of axis and wheel: step and 1/step (0 without steps), parts of the nonlinearity, zero; it and a row's noise.
+# Encoders of axis and wheel: step and 1/step, parts of the nonlinearity, zero; it and a row's noise.
 ANGLE_STEP, ANGLE_INVERSE, ANGLE_COSINE, ANGLE_SINE, ANGLE_ZERO = range(63, 68)
 WHEEL_STEP, WHEEL_INVERSE, WHEEL_COSINE, WHEEL_SINE, WHEEL_ZERO = range(68, 73)
 ANGLE_NOISE, WHEEL_NOISE = range(73, 75)
@@ -56,8 +60,8 @@ ANGLE_NOISE, WHEEL_NOISE = range(73, 75)
 # of the step at which a row is read, where axis and wheel are there; state at the last row; where the part begins.
 START, SERIES1, SERIES2, WHEN, THERE, END, BEGIN, _NEXT = rows(75, 4, 5, 5, 1, 2, 4, 1)
 # A step in parts: share that is still to be taken, sides (0: at rest) and whether they are to be decided, length of the
-# part, what changes at its end, the speed at which it does; gravity's part of U' and Y' and mobilities (11, 12).
-TODO, SIDE1, SIDE2, UNDECIDED, PART, CHANGE, LEVEL, PULLS, MOBILE, _NEXT = rows(_NEXT, 1, 1, 1, 1, 1, 1, 1, 2, 2)
+# part, what changes at its end; gravity's part of U' and Y' and mobilities (11, 12).
+TODO, SIDE1, SIDE2, UNDECIDED, PART, CHANGE, PULLS, MOBILE, _NEXT = rows(_NEXT, 1, 1, 1, 1, 1, 1, 2, 2)
 # The speed that is to be found, less that level, as a series; whether Newton's method is still far from it.
 CHANGING, FAR, _NEXT = rows(_NEXT, 6, 1)
 # A step between its loops: U1, Y1; viscous friction's and drag's parts of U' and Y'; g of Stribeck's peak, quadratic
@@ -130,7 +134,9 @@ def pack_compensator(block: Array, gains: Array, states: Array, h: float) -> Non
     order = int(gains[0, law.ORDER])
     alpha, k = gains[:, law.ALPHA : law.ALPHA + order + 1].T, gains[:, law.ALPHA + order + 1 :].T
     if order == 1:
-        block[ALPHA1], block[ALPHA0], block[K1], block[XI] = alpha[0], alpha[1], k[0], states[:, law.XI]
+        block[ALPHA1], block[ALPHA0] = alpha * block[PLANT_SIGN]
+        block[K1], block[XI] = k[0] * block[SIGMA0], states[:, law.XI]
+        block[DIFFERENTIATE] /= h
     else:
         block[ALPHA : ALPHA + order + 1], block[K : K + order] = alpha, k
         block[CHAIN : CHAIN + order] = states[:, law.XI :].T
@@ -167,7 +173,8 @@ def pack_encoders(block: Array, encoders: Array) -> None:
     """Encoders (LANES, 2, 4) of `model.sensors`, those of axis and wheel, into a block."""
     for first, encoder in ((ANGLE_STEP, encoders[:, 0]), (WHEEL_STEP, encoders[:, 1])):
         step = encoder[:, RESOLUTION]
-        block[first], block[first + 1] = step, np.divide(1.0, step, out=np.zeros_like(step), where=step > 0.0)
+        block[first] = np.where(step > 0.0, step, FINEST)
+        block[first + 1] = 1.0 / block[first]
         for i, place in enumerate((ENCODER_ALPHA, ENCODER_BETA, ZERO)):
             block[first + 2 + i] = encoder[:, place]
     block[ANGLE_NOISE], block[WHEEL_NOISE] = block[ANGLE_ZERO], block[WHEEL_ZERO]

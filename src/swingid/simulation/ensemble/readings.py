@@ -22,13 +22,13 @@ known; by how many steps an instant is after its row's, at least and at most).""
 
 @njit_lane
 def rounded(value: float, step: float, inverse: float) -> float:
-    """A multiple of `step` nearest to `value`; value where both step and inverse = 1/step are 0.
+    """A multiple of `step` nearest to `value`; inverse = 1/step.
 
     The quotient is that of a division, corrected by what is left: where two multiples are as near, it is the same one.
     """
     ratio = value * inverse
     ratio += (value - ratio * step) * inverse
-    return float(step * np.rint(ratio)) if inverse > 0.0 else value
+    return float(step * np.rint(ratio))
 
 
 @njit_lane

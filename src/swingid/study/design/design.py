@@ -11,6 +11,7 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import percent
 from swingid.model.rig import Rig
 from swingid.preparation.scale import refuse_motor, refuse_terms
+from swingid.progress import stepped, stepwise
 from swingid.result.result import combined
 from swingid.result.summary import sorted_budget
 from swingid.study.design.information import predict
@@ -42,6 +43,9 @@ SHOWN = 8
 
 ENOUGH = 5
 """Candidates that reach what is wanted, after which no more are worked out."""
+
+TRIAL = 10
+"""Candidates that take about as long as a run of the twin with its identification."""
 
 ANGLE = 0.8
 """Largest angle of a rotary axis where none is given, rad; the paper's."""
@@ -77,7 +81,14 @@ def design(
     gravity = task.expected.axis.gravity_torque
     natural = math.sqrt((gravity.value if isinstance(gravity, Quantity) else 0.0) / task.expected.axis.inertia.value)
     slowest = 2 * math.pi * SWINGS / (duration - settling)
-    looked = _look(candidates(task.expected, task.limits, natural, slowest), task)
+    motions = candidates(task.expected, task.limits, natural, slowest)
+    with stepwise(len(motions) + SHOWN + TRIAL):
+        return _designed(rig, motions, task, check=check)
+
+
+def _designed(rig: Rig, motions: list[Sine | Multisine], task: Task, *, check: bool) -> Design:
+    """The shortest of the motions that reaches what is wanted, and does so on the twin."""
+    looked = _look(motions, task)
     if not looked:
         raise UnanswerableError(
             "no motion within the limits makes the inertia identifiable; allow a larger angle, speed, voltage or "
@@ -90,11 +101,12 @@ def design(
         trial = None
         if check and rig.drive.kind == "reaction-wheel":
             trial = try_on_twin(task.expected, proposal, task.limits, task.share)
+            stepped(TRIAL)
         if trial is None or trial.passed:
             others = tuple(p for k, p in enumerate([*reached, *missed]) if k != place)
             return Design(rig.name, str(rig.source), task.share, proposal, others, trial, tuple(_notes(rig, trial)))
         failed = failed or trial.why
-    raise UnanswerableError(_why_not(reached, missed, task.share, duration, failed), code="not-reachable")
+    raise UnanswerableError(_why_not(reached, missed, task.share, task.duration, failed), code="not-reachable")
 
 
 def _proposal(motion: Sine | Multisine, task: Task, used: float) -> Proposal:
@@ -117,6 +129,7 @@ def _look(motions: list[Sine | Multisine], task: Task) -> list[tuple[Sine | Mult
     """Every motion over one and the same used time; those near resonance and those without an answer are left out."""
     found = []
     for motion in motions:
+        stepped()
         used = min(max(LOOK, _fewest_swings(motion)), task.duration - task.settling)
         try:
             proposal = _proposal(motion, task, used)
@@ -146,6 +159,7 @@ def _work_out(looked: list[tuple[Sine | Multisine, Proposal]], task: Task) -> tu
     for motion, first in sorted(looked, key=lambda item: needed(item[1]))[:SHOWN]:
         if len(reached) == ENOUGH:
             break
+        stepped()
         least = max(_fewest_swings(motion), LOOK / 2)
         longest = task.duration - task.settling
         used = float(math.ceil(min(max(needed(first)[0], least), longest)))

@@ -17,6 +17,7 @@ from motor_logs import BLANK, clamped, given
 from swingid.calibration.encoders import calibrate_encoders
 from swingid.calibration.motor import calibrate
 from swingid.cli import main, output, progress
+from swingid.cli.compile import Bar
 from swingid.cli.output import say
 from swingid.cli.progress import Progress, Steps, bar
 from swingid.control.references import Sine
@@ -206,6 +207,18 @@ def test_a_sentence_begins_a_line_of_its_own(now, terminal, capsys):
     say("again")
     err = capsys.readouterr().err
     assert err.split("\n")[1:] == ["swingid: interrupted.", "swingid: again.", ""]
+
+
+def test_compiling_is_shown_like_other_work(now, monkeypatch, capsys):
+    show = Bar()
+    for second, part in ((0.0, 0.0), (5.0, 0.25), (11.0, 0.5), (15.0, 0.75), (22.0, 1.0)):
+        now[0] = second
+        show(part, second)
+    assert capsys.readouterr().err == "swingid: 50 % of the kernels, 11 s left.\n"
+    monkeypatch.setattr("swingid.cli.output.on_terminal", lambda: True)
+    monkeypatch.setenv("COLUMNS", "60")
+    show(0.75, 15.0)
+    assert capsys.readouterr().err.rstrip() == "\r[###############.....] 75 % of the kernels, 5 s left"
 
 
 def test_a_dumb_terminal_gets_plain_lines(monkeypatch):

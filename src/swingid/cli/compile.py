@@ -96,6 +96,7 @@ class Bar:
         left = f", {output.time_left(seconds / part * (1.0 - part))} left" if 0.1 < part < 1.0 else ""
         text = f"{100 * part:.0f} % of the kernels{left}"
         now, last = time.monotonic(), part >= 1.0 - 1e-9
-        if not output.overwrite(f"{bar(round(1000 * part), 1000)} {text}", last=last) and now - self.shown > EVERY:
+        due = now - self.shown > EVERY and not last
+        if not output.overwrite(f"{bar(round(1000 * part), 1000)} {text}", last=last) and due:
             self.shown = now
             output.say(text)

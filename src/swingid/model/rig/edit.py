@@ -32,7 +32,7 @@ def edited(text: str, values: Mapping[str, object]) -> tuple[str, bool]:
         _replace(lines, table, key, value)
     kept = "\n".join(lines) + "\n"
     try:
-        same = tomllib.loads(kept) == _plain(document)
+        same = tomllib.loads(kept) == plain(document)
     except tomllib.TOMLDecodeError:
         same = False
     return (kept, True) if same else (to_toml(document) + "\n", False)
@@ -94,13 +94,15 @@ def _comment(rest: str) -> str:
     return ""
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Tables as tomllib reads them back: a Quantity is a table of value and std."""
     if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
+        return {key: plain(item) for key, item in value.items()}
     if isinstance(value, Quantity):
         return {"value": value.value} | ({} if value.std is None else {"std": value.std})
-    return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return float(value) if isinstance(value, float) else value
 
 
 def with_values(document: Mapping[str, Any], values: Mapping[str, object]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Self
 
@@ -132,10 +133,11 @@ class Rig(Table):
         `rig.changed({"axis.friction.coulomb": "2 mN*m", "sensors.noise": 1e-3})`. A Quantity is a value too. The
         `text` of the new rig holds the changes. Raises InputError as `from_text`.
         """
-        from swingid.model.rig.edit import to_toml, with_values
+        from swingid.model.rig.edit import plain, to_toml, with_values
 
-        document = with_values(tomllib.loads(self.text.removeprefix("\ufeff")), values)
-        rig = self.from_text(to_toml(document), self.source, default_name=self.name)
+        document = with_values(_tables(self.text), values)
+        text = to_toml(document)
+        rig = self._validated({"name": self.name, **plain(document)}, self.source, text)
         rig._reference = self._reference
         return rig
 
@@ -291,6 +293,12 @@ class Rig(Table):
                 f"drive.motor: a12^2 = {a12 * a12:.6g} must be below a11 a22 = {a11 * a22:.6g}",
                 "axis.inertia",
             )
+
+
+@lru_cache(16)
+def _tables(text: str) -> Mapping[str, Any]:
+    """The tables of TOML text, not to be changed."""
+    return tomllib.loads(text.removeprefix("\ufeff"))
 
 
 def _read(path: Path) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 from swingid.balance.fits import NamedFit, columns_of, known_side
 from swingid.balance.rows import Rows
 from swingid.errors import UnanswerableError
-from swingid.numerics.arrays import Array, Bools
+from swingid.numerics.arrays import Array, Bools, median
 from swingid.numerics.regression import LinearFit, hac_covariance
 from swingid.preparation.scale import Scale
 
@@ -121,6 +121,6 @@ def _solve(columns: Array, target: Array, instruments: Array, weights: Array) ->
 
 def _huber(residuals: Array, usable: Bools) -> Array:
     """Huber's weights from the robust spread of the usable residuals."""
-    spread = 1.4826 * float(np.median(np.abs(residuals[usable])))
+    spread = 1.4826 * median(np.abs(residuals[usable]))
     size = np.abs(residuals) / max(ROBUST * spread, 1e-300)
     return np.asarray(1 / np.maximum(size, 1.0))

@@ -146,9 +146,8 @@ def _hats(speeds: Array, knots: Array) -> Iterator[Array]:
     """Hat functions on rising `knots` at `speeds` (n,), constant beyond them, `TOGETHER` at a time: (columns, n)."""
     left = np.clip(np.searchsorted(knots, speeds, side="right") - 1, 0, len(knots) - 2)
     share = np.clip((speeds - knots[left]) / np.diff(knots)[left], 0.0, 1.0)
+    columns = np.zeros((len(knots), len(speeds)))
+    at = left * len(speeds) + np.arange(len(speeds))
+    columns.ravel()[at], columns.ravel()[at + len(speeds)] = 1 - share, share
     for first in range(0, len(knots), TOGETHER):
-        columns = np.zeros((min(TOGETHER, len(knots) - first), len(speeds)))
-        for hat, values in ((left, 1 - share), (left + 1, share)):
-            here = np.flatnonzero((hat >= first) & (hat < first + len(columns)))
-            columns[hat[here] - first, here] = values[here]
-        yield columns
+        yield columns[first : first + TOGETHER]

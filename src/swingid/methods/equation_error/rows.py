@@ -15,7 +15,7 @@ from swingid.numerics.arrays import Array, Bools
 ROWS_PER_PERIOD = 5.0
 """Rows kept per period of the cut-off."""
 
-DECAYED = 20.0
+DECAYED = 12.0
 """Periods of the cut-off after which nothing of an impulse is left within the accuracy of the arithmetic."""
 
 SMEARED = 0.5
@@ -96,12 +96,14 @@ class RowFilter:
     def correlations(self) -> tuple[Array, Array, Array]:
         """Sums of products of `response` of rows 0, 1, … apart: of its second part, its first, and of both."""
         spread, curved = self.response
-        sums = (autocorrelation(one)[:: self.every] for one in (curved, spread, curved + spread))
-        of_curved, of_spread, of_sum = sums
+        of_curved, of_spread, of_sum = autocorrelation(np.array([curved, spread, curved + spread]))[:, :: self.every]
         return of_curved, of_spread, (of_sum - of_curved - of_spread) / 2
 
 
-def autocorrelation(values: Array) -> Array:
-    """Sums of products of values (n,) that are 0 to n − 1 apart."""
-    size = 1 << (2 * len(values) - 1).bit_length()
-    return np.asarray(np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: len(values)])
+def autocorrelation(values: Array, most: int | None = None) -> Array:
+    """Sums of products of values (..., n) that are 0 to `most` apart, by default to n − 1."""
+    length = values.shape[-1]
+    count = length if most is None else min(most + 1, length)
+    size = 1 << (length + count - 1).bit_length()
+    spectrum = np.fft.rfft(values, size)
+    return np.asarray(np.fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[..., :count])

@@ -55,7 +55,7 @@ class Fitted:
     def _variance(self, own: Array) -> float:
         weights = own @ self.fit.fit.influence
         seen = float(own @ self.fit.covariance @ own)
-        smeared = float(self._lagged @ autocorrelation(weights)[: self.reach + 1])
+        smeared = float(self._lagged @ autocorrelation(weights, self.reach))
         # number of independent stretches of a Parzen kernel, as in `hac_covariance`
         chance = smeared * np.sqrt(2 * (self.reach + 1) / (1.85 * np.count_nonzero(self.fit.weights)))
         return float(self._white(own) + max(seen - smeared - chance, 0.0))

@@ -1,6 +1,7 @@
 """What differs between operating systems, and paths that are no files."""
 
 import ast
+import hashlib
 import os
 import pickle
 import re
@@ -269,3 +270,35 @@ def test_errors_come_from_another_process_as_they_are(kind: type[SwingidError]) 
         error.args,
         error.exit_code,
     )
+
+
+def test_a_sha256_is_begun_for_a_large_file_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(system, "AHEAD", 1000)
+    path = tmp_path / "log"
+    for content, begun in ((bytes(1000), False), (bytes(3_000_000), True)):
+        path.write_bytes(content)
+        with system.sha256_begun(path) as digest:
+            assert (digest is not None) == begun
+            if digest is not None:
+                assert digest() == digest() == system.sha256_of(path) == hashlib.sha256(content).hexdigest()
+    with system.sha256_begun(tmp_path / "none") as digest, system.sha256_begun("\0") as other:
+        assert digest is None
+        assert other is None
+    with system.sha256_begun(path) as digest:
+        path.unlink()  # before it is opened, or after
+        path.write_bytes(bytes(2000))
+    with pytest.raises(ZeroDivisionError), system.sha256_begun(path):
+        raise ZeroDivisionError
+
+
+def test_a_sha256_whose_process_fails_is_computed_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(system, "AHEAD", 1000)
+    monkeypatch.setattr(system, "HASH", "raise SystemExit(1)")
+    path = tmp_path / "log"
+    path.write_bytes(bytes(3000))
+    with system.sha256_begun(path) as digest:
+        assert digest is not None
+        assert digest() == system.sha256_of(path)
+    monkeypatch.setattr(sys, "executable", None)
+    with system.sha256_begun(path) as digest:
+        assert digest is None

@@ -6,9 +6,12 @@ import getpass
 import os
 import signal
 import stat
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import cache
 from importlib import import_module
 from pathlib import Path
 from time import sleep
@@ -220,6 +223,49 @@ def sha256_of(path: str | Path, stopped: Callable[[], bool] = lambda: False) -> 
         return digest.hexdigest()
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}.", code="unreadable-file") from None
+
+
+HASH = """
+import hashlib, sys
+digest = hashlib.sha256()
+with open(sys.argv[1], "rb", buffering=0) as stream:
+    while chunk := stream.read(1 << 20):
+        digest.update(chunk)
+print(digest.hexdigest())
+"""
+
+AHEAD = 64 << 20
+"""Bytes from which on the SHA-256 of a file is begun before it is known what the file holds."""
+
+
+@contextmanager
+def sha256_begun(path: str | Path) -> Iterator[Callable[[], str] | None]:
+    """What waits for the SHA-256 of a large file, which a process computes from now on; it ends with the block.
+
+    None for a file that is small or cannot be seen. The process is a Python without packages, ready at once, and needs
+    nothing of this one, which may import and start other processes meanwhile.
+    """
+    try:
+        large = Path(path).stat().st_size > AHEAD
+        command = [sys.executable, "-I", "-S", "-c", HASH, str(path)]
+        with interruption_waits():
+            process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) if large else None
+    except (OSError, ValueError, TypeError):  # TypeError: no executable is known
+        process = None
+    if process is None:
+        yield None
+        return
+
+    @cache
+    def wait() -> str:
+        found = process.communicate()[0].decode().strip()
+        return found if process.returncode == 0 else sha256_of(path)
+
+    with process:
+        try:
+            yield wait
+        finally:
+            process.kill()
 
 
 def _read_pipe(path: Path, most: int) -> bytes:

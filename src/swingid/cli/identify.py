@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import nullcontext
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from json import loads as parse_json
 from pathlib import Path
@@ -23,9 +24,11 @@ from swingid.cli.progress import Progress
 from swingid.errors import SwingidError, UsageError
 from swingid.methods.table import DEFAULT
 from swingid.progress import shown
-from swingid.system import cores, keep_memory
+from swingid.system import cores, keep_memory, sha256_begun
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from swingid.model.rig import Rig
     from swingid.recording.large import LargeLog
     from swingid.recording.recording import Recording
@@ -37,10 +40,14 @@ Provenance = dict[str, object]
 
 @dataclass(frozen=True, slots=True)
 class _Reading:
-    """How logs are read: the part to use (s), None for all of it, and the switches of the repairs."""
+    """How logs are read: the part to use (s), None for all of it, and the switches of the repairs.
+
+    digest: gives the SHA-256 of the only log, where it is large.
+    """
 
     part: tuple[float, float] | None
     repairs: dict[str, bool]
+    digest: Callable[[], str] | None = None
 
     def load(self, log: str, rig: Rig) -> Recording | LargeLog:
         """The recording in a file, a `LargeLog` where it is large; raises as `Recording.load`, `Recording.segment`."""
@@ -49,7 +56,8 @@ class _Reading:
 
         if is_large(log):
             keep_memory()
-            large = LargeLog(log, rig, self.repairs, self.part, Progress("million rows", 1e6), cores())
+            show = Progress("million rows", 1e6)
+            large = LargeLog(log, rig, self.repairs, self.part, show, cores(), self.digest)
             return large if self.part is None else large.small() or large
         recording = Recording.load(log, rig, repairs=self.repairs)
         return recording if self.part is None else recording.segment(*self.part)
@@ -119,7 +127,9 @@ def identify(
     if part is not None:
         source["part"] = part
     provenance: Provenance = {**source, "rig_source": rig, "options": options}
-    with refusals_to(json, method, provenance, report, stated):
+    begun = sha256_begun(logs[0]) if len(logs) == 1 else nullcontext()  # while packages are imported
+    with refusals_to(json, method, provenance, report, stated), begun as digest:
+        reading = replace(reading, digest=digest)
         result = _identify(logs, rig, method, options, reading, provenance, json, report, stated, monte_carlo)
     hand_over(result, json, report)
 

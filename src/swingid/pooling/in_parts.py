@@ -54,13 +54,13 @@ def identify_large(log: LargeLog, identify_one: Identify) -> Result:
     stop = Event()
     workers = min(log.workers or (cores() if forks() else 1), MOST_WORKERS)
     with _identifying(identify_one, workers) as hand_over, ThreadPoolExecutor(2) as threads, ended_by(stop):
-        digest = threads.submit(sha256_of, log.path, stop.is_set)
+        digest = log.digest or threads.submit(sha256_of, log.path, stop.is_set).result
         ahead = workers + 1 if workers > 1 else 0
         for rows, part in _in_order(_read_ahead(log, threads, stop), hand_over, ahead):
             found.append(part)
             if log.progress is not None:
                 log.progress(rows, log.rows)
-        sha256 = digest.result()
+        sha256 = digest()
     if not found:
         raise InputError(f"{log.path} has no rows of numbers in the part that is to be used.", code="empty-file")
     result = combine_parts(found)

@@ -124,6 +124,7 @@ class LargeLog:
     with the rows read so far and the rows of the log (`rows`, of text about so many) after each part is identified.
     workers: processes that identify parts, up to 4; None for one per core where they need no main module (Linux, up to
     Python 3.13), else 1. More need `if __name__ == "__main__":` around a program's work there. The result is the same.
+    digest: gives the SHA-256 of the file where it is being computed already.
     """
 
     path: str
@@ -132,6 +133,7 @@ class LargeLog:
     span: tuple[float, float] | None = None
     progress: Callable[[int, int], None] | None = None
     workers: int | None = None
+    digest: Callable[[], str] | None = None
 
     @cached_property
     def _open(self) -> File:
@@ -199,7 +201,7 @@ class LargeLog:
 
     def sha256(self) -> str:
         """SHA-256 of the file; InputError where it cannot be read."""
-        return sha256_of(self.path)
+        return sha256_of(self.path) if self.digest is None else self.digest()
 
 
 def _columns(header: Table, conventions: Conventions) -> dict[str, str]:

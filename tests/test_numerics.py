@@ -298,7 +298,7 @@ def test_superpose_is_the_adjoint_of_project(seed, order):
     centres, half = (nodes.time[begin] + nodes.time[end]) / 2, (nodes.time[end] - nodes.time[begin]) / 2
     x, y = rng.standard_normal(nodes.instants.shape), rng.standard_normal(12)
     left = project(nodes, [(x, order)], centres, half)[:, 0] @ y
-    spread = superposed(nodes, centres, half, y, order)
+    spread = superposed(nodes, centres, half, y[None], (order,))[0, 0]
     right = (nodes.weights * x).ravel() @ spread
     size = np.abs(project(nodes, [(np.abs(x), order)], centres, half)[:, 0] @ y) + np.abs(y).sum() / half.min() ** 2
     assert left == pytest.approx(right, abs=1e-9 * size)

@@ -134,8 +134,8 @@ class WindowFit(NamedFit):
         return result
 
     @cached_property
-    def kept(self) -> dict[str, WindowFit | None]:
-        """Other fits of these rows that are needed again, by name."""
+    def kept(self) -> dict[str, Any]:
+        """What follows from this fit and is needed again, by name."""
         return {}
 
     @property
@@ -316,13 +316,13 @@ def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit |
     """
     if "gravity free" not in fit.kept:
         free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
-        if free is None or not np.isfinite(free.fit.condition):
-            return fit.kept.setdefault("gravity free", None)
-        items = imperfections(rig, signals, free.rows, free.a11, free.b)
-        others = (item for item in items if item.source != GRAVITY and not item.of_noise)
-        effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
-        fit.kept["gravity free"] = replace(free, declared=effects)
-    return fit.kept["gravity free"]
+        if free is not None and np.isfinite(free.fit.condition):
+            items = imperfections(rig, signals, free.rows, free.a11, free.b)
+            others = (item for item in items if item.source != GRAVITY and not item.of_noise)
+            effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
+            fit.kept["gravity free"] = replace(free, declared=effects)
+    found: WindowFit | None = fit.kept.setdefault("gravity free", None)
+    return found
 
 
 def covariance_of(

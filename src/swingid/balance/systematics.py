@@ -67,21 +67,34 @@ def timing_spread(fit: WindowFit, impulse: float) -> float:
     return abs(float(fit.fit.influence[0] @ fit.rows.friction["memory"])) * impulse
 
 
-def angle_weights(signals: Signals, fit: WindowFit, unknown: str) -> tuple[Array, Array]:
+def angle_weights(signals: Signals, fits: Sequence[WindowFit], unknown: str = "inertia") -> list[tuple[Array, Array]]:
     """Change of an unknown per radian and second of error of the angle, and of the wheel's angle, at the nodes.
 
-    Through φ'', and that of the axis through the gravity b sin q1 as well.
+    Through φ'', and that of the axis through the gravity b sin q1 as well. Of fits on the same windows; computed once.
     """
-    windows, row = fit.rows.windows, fit.fit.influence[fit.unknowns.index(unknown)]
-    curvature = superposed(signals.nodes, windows.centres, windows.half, row, 2)
-    axis = curvature * fit.a11
+    key = f"angle weights of {unknown}"
+    new = [fit for fit in fits if key not in fit.kept]
+    if new:
+        windows, factors = (
+            new[0].rows.windows,
+            np.array([fit.fit.influence[fit.unknowns.index(unknown)] for fit in new]),
+        )
+        pulled = signals.further or (any(fit.b for fit in new) and not signals.linear)
+        found = superposed(signals.nodes, windows.centres, windows.half, factors, (2, 0) if pulled else (2,))
+        for k, fit in enumerate(new):
+            axis = found[0, k] * fit.a11
+            if pulled:
+                axis += _stiffness(signals, fit) * found[1, k]
+            fit.kept[key] = axis, found[0, k] * fit.scale.a12
+    return [fit.kept[key] for fit in fits]
+
+
+def _stiffness(signals: Signals, fit: WindowFit) -> Array:
+    """Change of the torques of gravity and of the further terms per radian at the nodes, in one row."""
     pulls = [(fit.b, signals.cosine)] if fit.b and not signals.linear else []
     for term in signals.further:
         pulls.append((fit.scale.known.get(term.name, 0.0) + fit.value(term.name), term.stiffness(signals.angle)))
-    if pulls:
-        plain = superposed(signals.nodes, windows.centres, windows.half, row, 0)
-        axis += sum(pull * slope.ravel() for pull, slope in pulls) * plain
-    return axis, curvature * fit.scale.a12
+    return sum((pull * slope.ravel() for pull, slope in pulls), np.zeros(signals.angle.size))
 
 
 def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
@@ -93,7 +106,7 @@ def grid_spread(signals: Signals, fit: WindowFit, unknown: str) -> float:
     """
     if fit.noise.resolution == 0.0:
         return 0.0
-    return _grid_spread(signals, fit, angle_weights(signals, fit, unknown)[0])
+    return _grid_spread(signals, fit, angle_weights(signals, [fit], unknown)[0][0])
 
 
 def _grid_spread(signals: Signals, fit: WindowFit, weights: Array) -> float:
@@ -109,7 +122,7 @@ def _grid_spread(signals: Signals, fit: WindowFit, weights: Array) -> float:
 
 def variance_of_difference(signals: Signals, one: WindowFit, other: WindowFit) -> float:
     """Variance of the difference of two fits' a11 by white noise of the same samples."""
-    both = [angle_weights(signals, fit, "inertia") for fit in (one, other)]
+    both = [angle_weights(signals, [fit])[0] for fit in (one, other)]
     return _variance_between(signals, one.noise, *both)
 
 
@@ -211,7 +224,7 @@ class _Plain:
         bare = fit_rows(fit.rows, fit.scale, fit.noise, fit.friction) if self.declared or fit.wandering else fit
         assert bare is not None  # there are rows enough for `fit`
         self.bare, self.fit = bare, with_fitted(bare, self.declared, ROUNDS)
-        self.weights = angle_weights(signals, self.fit, "inertia")
+        (self.weights,) = angle_weights(signals, [self.fit])
         self.grid = _grid_spread(signals, self.fit, self.weights[0])
 
     def beside(self, kinds: Mapping[str, Array]) -> list[PlaceFit]:
@@ -225,7 +238,12 @@ class _Plain:
             for columns in kinds.values()
         ]
         fits = zip(kinds, fitted_with(self.bare, several, ROUNDS), strict=True)
-        return [PlaceFit(kind, more, fit, self._variance(more)) for kind, more in fits if self._possible(more)]
+        found = {kind: more for kind, more in fits if self._possible(more)}
+        weights = angle_weights(self.signals, list(found.values()))
+        return [
+            PlaceFit(kind, more, fit, self._variance(more, own))
+            for (kind, more), own in zip(found.items(), weights, strict=True)
+        ]
 
     def _own(self, more: WindowFit) -> Sequence[Effect]:
         """The effects of the torque alone."""
@@ -235,9 +253,9 @@ class _Plain:
         """Whether the torque is not so large that it is known: then the residuals have another cause, as a camera."""
         return all(abs(effect.value) <= INDICATED for effect in self._own(more))
 
-    def _variance(self, more: WindowFit) -> float:
-        """Of the change of a11 by the torque."""
-        plain, weights = self.fit, angle_weights(self.signals, more, "inertia")
+    def _variance(self, more: WindowFit, weights: tuple[Array, Array]) -> float:
+        """Of the change of a11 by the torque; weights: `angle_weights` of the fit with it."""
+        plain = self.fit
         # windows that are not the best for both fits do not make the difference of the variances that of the difference
         noise = max(abs(more.u**2 - plain.u**2), _variance_between(self.signals, more.noise, weights, self.weights))
         variance = noise + sum(float(effect.shifts[0]) ** 2 for effect in self._own(more))
@@ -257,8 +275,11 @@ def attenuation(fit: WindowFit) -> float:
     return float(fit.fit.residuals @ fit.fit.residuals) * float(influence @ influence) / max(abs(fit.a11), 1e-300)
 
 
-def _place_columns(signals: Signals) -> dict[str, list[Array]]:
-    """At the nodes, the torques of each kind that depends on the angle; of a linear axis the powers of its place."""
+def _shapes(signals: Signals) -> dict[str, list[Array]]:
+    """At the nodes, the torques of each kind that depends on the angle; of a linear axis the powers of its place.
+
+    Of a rotary axis also `COSINE` and `SLOPE`.
+    """
     angle = signals.angle
     reach = float(np.max(np.abs(angle - np.mean(angle)))) or 1.0
     lagging = [signals.stopped(share * reach) / (share * reach) for share in SLIPS]
@@ -266,7 +287,8 @@ def _place_columns(signals: Signals) -> dict[str, list[Array]]:
         place = (angle - np.mean(angle)) / reach
         return {"spring": [place], "square": [place**2], "cubic": [place**3], "hysteresis": lagging}
     waves = {f"order {n}": [np.sin(n * angle), np.cos(n * angle)] for n in (2, 3)}
-    return {"spring": [angle], "cubic": [angle**3], **waves, "hysteresis": lagging}
+    others = {COSINE: [signals.cosine], SLOPE: [angle * signals.cosine]}
+    return {"spring": [angle], "cubic": [angle**3], **waves, "hysteresis": lagging, **others}
 
 
 def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()) -> list[PlaceFit]:
@@ -277,14 +299,14 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     of `law` and on those that seem to distinguish it best: where such a torque acts and is not fitted short ones have
     the least uncertainty, and may determine it 60 times worse (a spring in a free decay).
     """
-    shapes = _place_columns(signals)
+    shapes = _shapes(signals)
     best: dict[str, tuple[float, WindowFit, Array]] = {}
     found: list[PlaceFit] = []
     for fit in (law, *(one for one in tried if one is not law)):
         power, left = float(fit.known @ fit.known), float(fit.fit.residuals @ fit.fit.residuals)
         if fit.half < SHORTEST * law.half or left < SLIGHT**2 * power:
             continue
-        kinds = _projected(shapes, signals, fit.rows.windows)
+        kinds = _kinds(shape_columns(fit, signals, shapes))
         columns = np.concatenate(list(kinds.values()), axis=1)
         alone = columns - fit.columns @ np.linalg.lstsq(fit.columns, columns, rcond=1e-10)[0]
         change = np.abs(fit.fit.influence[0] @ columns) / np.maximum(np.linalg.norm(alone, axis=0), 1e-300)
@@ -300,12 +322,30 @@ def place_fits(law: WindowFit, signals: Signals, tried: Iterable[WindowFit] = ()
     return found
 
 
-def _projected(kinds: Mapping[str, list[Array]], signals: Signals, windows: Windows) -> dict[str, Array]:
-    """The modulated integrals (windows, n) of each kind of torque."""
-    shapes = [(x, 0) for kind in kinds.values() for x in kind]
-    columns = project(signals.nodes, shapes, windows.centres, windows.half)
-    edges = np.cumsum([len(kind) for kind in kinds.values()])[:-1]
-    return dict(zip(kinds, np.split(columns, edges, axis=1), strict=True))
+COSINE, SLOPE = "cosine", "slope of the sine"
+"""Shapes beside the kinds of torques: cos q1, and q1 cos q1, of a scale of the angle."""
+
+
+def shape_columns(
+    fit: WindowFit, signals: Signals, shapes: Mapping[str, list[Array]] | None = None
+) -> dict[str, Array]:
+    """The modulated integrals (windows, n) of functions of the angle on the windows of a fit, computed once.
+
+    Of each kind of torque that depends on the angle, and on a rotary axis of `COSINE` and `SLOPE`.
+    """
+    if "shapes" not in fit.kept:
+        shapes, windows = shapes or _shapes(signals), fit.rows.windows
+        each = [(x, 0) for kind in shapes.values() for x in kind]
+        columns = project(signals.nodes, each, windows.centres, windows.half)
+        edges = np.cumsum([len(kind) for kind in shapes.values()])[:-1]
+        fit.kept["shapes"] = dict(zip(shapes, np.split(columns, edges, axis=1), strict=True))
+    found: dict[str, Array] = fit.kept["shapes"]
+    return found
+
+
+def _kinds(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """Those of the torques alone."""
+    return {kind: own for kind, own in columns.items() if kind not in (COSINE, SLOPE)}
 
 
 def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
@@ -313,7 +353,7 @@ def left_by_place(law: WindowFit, signals: Signals, beside: Array) -> float:
 
     beside: columns (rows, n) that are fitted as well.
     """
-    kinds = _projected(_place_columns(signals), signals, law.rows.windows).values()
+    kinds = _kinds(shape_columns(law, signals)).values()
     return min(float(np.mean(residuals_beside(law, np.column_stack([beside, own])) ** 2)) for own in kinds)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from swingid.balance.fits import LAG, WindowFit, columns_of, known_side, sensor_variance
 from swingid.balance.rows import Signals
-from swingid.balance.systematics import place_fits
+from swingid.balance.systematics import SLOPE, place_fits, shape_columns
 from swingid.checks.answer import CLEARLY, LEAST
 from swingid.checks.ran import ran
 from swingid.checks.stated import AS_GOOD, AS_SHARP
@@ -162,15 +162,11 @@ def _is_driven(fit: WindowFit) -> bool:
 
 def _sine(fit: WindowFit, signals: Signals, s: float, *, slope: bool = True) -> Array:
     """∫φ sin(s q) and, with `slope`, its derivative by s, (2, windows)."""
-    windows, angle, cosine = fit.rows.windows, signals.angle, signals.cosine
-    columns = []
-    if s != 1.0:
-        cosine = np.cos(s * angle)
-        columns.append((np.sin(s * angle), 0))
-    if slope:
-        columns.append((angle * cosine, 0))
-    found = [*project(signals.nodes, columns, windows.centres, windows.half).T] if columns else []
-    return np.array([fit.rows.gravity, *found] if s == 1.0 else found)
+    if s == 1.0:
+        return np.stack([fit.rows.gravity, *(shape_columns(fit, signals)[SLOPE].T if slope else ())])
+    windows, angle = fit.rows.windows, signals.angle
+    columns = [(np.sin(s * angle), 0), *([(angle * np.cos(s * angle), 0)] if slope else [])]
+    return project(signals.nodes, columns, windows.centres, windows.half).T
 
 
 def _solved(fit: WindowFit, scale: Scale, sine: Array, s: float, more: Array | None = None) -> LinearFit:

@@ -27,7 +27,7 @@ from swingid.balance.fits import (
 )
 from swingid.balance.imperfections import axis_bends, wheel_bends
 from swingid.balance.rows import Signals
-from swingid.balance.systematics import left_by_place
+from swingid.balance.systematics import COSINE, left_by_place, shape_columns
 from swingid.checks.answer import LEAST
 from swingid.checks.ran import ran
 from swingid.format import number, percent, plus_minus
@@ -203,11 +203,11 @@ def check_zero(law: WindowFit, signals: Signals, uncertainty: float) -> list[Mes
     if not law.scale.b or signals.linear:
         return []
     ran("angle-zero")
-    cosine = project(signals.nodes, [(signals.cosine, 0)], law.rows.windows.centres, law.rows.windows.half)
-    found, unless = _offset(law, signals, law.friction, cosine[:, 0]), ""
+    cosine = shape_columns(law, signals)[COSINE][:, 0]
+    found, unless = _offset(law, signals, law.friction, cosine), ""
     if not found.matters(law.a11, uncertainty):
         less = tuple(name for name in law.friction if name != "viscous_even")
-        found = _offset(law, signals, less, cosine[:, 0])
+        found = _offset(law, signals, less, cosine)
         if not found.matters(law.a11, uncertainty) or found.left > AS_GOOD * float(
             law.fit.residuals @ law.fit.residuals
         ):

@@ -7,6 +7,7 @@ with hat functions of these values as their basis.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -189,14 +190,19 @@ def _portions(nodes: GaussNodes, half: Array, size: int) -> list[slice]:
     return [slice(k, k + count) for k in range(0, len(half), count)]
 
 
-def superposed(nodes: GaussNodes, centres: Array, half: Array, factors: Array, order: int) -> Array:
-    """Σ_i factors_i φ_i^(order)(t) at the nodes, in one row: the adjoint of `project`, of the orders 0 and 2."""
-    result = np.zeros(nodes.instants.size)
+def superposed(nodes: GaussNodes, centres: Array, half: Array, factors: Array, orders: Sequence[int]) -> Array:
+    """Σ_i factors_i φ_i^(order)(t) at the nodes, for each row of factors (n, windows): (orders, n, nodes).
+
+    The adjoint of `project`, of the orders 0 and 2.
+    """
+    result = np.zeros((len(orders), len(factors), nodes.instants.size))
     for k in _portions(nodes, half, AT_ONCE):
         tests = _tests_of(nodes, centres[k], half[k])
-        found = np.bincount(tests.at, (tests.plain[order] * (factors[k] / half[k] ** order)[:, None]).ravel())
         first = int(tests.first.min())
-        result[first : first + len(found)] += found
+        for own, order in zip(result, orders, strict=True):
+            for total, row in zip(own, factors[:, k] / half[k] ** order, strict=True):
+                found = np.bincount(tests.at, (tests.plain[order] * row[:, None]).ravel())
+                total[first : first + len(found)] += found
     return result
 
 

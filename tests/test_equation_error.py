@@ -360,6 +360,15 @@ def test_the_lowpass_in_blocks_is_that_of_scipy(count, frequency, step, every, f
     assert own.spread(weights, count) == pytest.approx(back, abs=1e-11 * scale)
 
 
+@pytest.mark.parametrize(("count", "frequency", "first"), [(25_000, 15.0, 2), (700, 8.0, 2), (320, 9.0, 0)])
+def test_the_transposed_lowpass_weighs_samples_as_the_rows_do(count, frequency, first):
+    draws = np.random.default_rng(1)
+    own = ZeroPhase(frequency, 1e-3, 7, first)
+    column, weights = 3 + np.cumsum(draws.standard_normal(count)), draws.standard_normal((count - 1 - first) // 7 + 1)
+    of_rows = float(own.rows(column[None], len(weights))[0] @ weights)
+    assert own.transposed(weights, count) @ column == pytest.approx(of_rows, rel=1e-9)
+
+
 def test_autocorrelation_is_the_sum_of_products():
     values = np.random.default_rng(5).standard_normal(50)
     wanted = [values[k:] @ values[: len(values) - k] for k in range(50)]

@@ -25,7 +25,7 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
-from swingid.methods.output_error import method
+from swingid.methods.output_error import method, solver
 from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.solver import loss_of, reduce, solve
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
@@ -165,6 +165,49 @@ def test_eliminating_initial_values_solves_the_whole_system(viscous_log):
     assert step == pytest.approx(solution[2 * segments :], rel=1e-9)
     assert reduced.states(step).ravel() == pytest.approx(solution[: 2 * segments], rel=1e-8, abs=1e-12)
     assert len(unknowns) == m
+
+
+def test_a_step_that_is_left_is_taken_linearly(viscous_log):
+    problem, unknowns = problem_and_unknowns(viscous_log.segment(3.0, 9.0), GIVEN, "voltage", "viscous")
+    values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
+    fit = solve(problem, unknowns, values, problem.starts, "linear")
+    near = fit.values * (1 + 1e-5)
+    moved = solver._stepped(fit, problem, unknowns, near)
+    again = solver._at(problem, unknowns, near, moved.states, "linear")
+    change = np.abs(again.residuals - fit.residuals).max()
+    assert change > 0.01
+    assert np.abs(moved.residuals - again.residuals).max() < 1e-3 * change
+    assert moved.reduced.right == pytest.approx(again.reduced.right, rel=1e-2)
+
+
+def test_a_motion_is_read_as_with_its_sensitivities(viscous_log):
+    problem, unknowns = problem_and_unknowns(viscous_log, GIVEN, "voltage", "viscous")
+    values = np.array([INERTIA, 1.144e-3, 1e-3])[: len(unknowns)]
+    whole, bare = problem.fitted(unknowns, values, problem.starts), problem.moved(unknowns, values, problem.starts)
+    assert np.array_equal(whole.outputs, bare.outputs)
+    assert np.array_equal(whole.rates, bare.rates)
+
+
+def test_products_of_a_channel_are_those_with_the_other_left_out(viscous_log):
+    problem, unknowns = problem_and_unknowns(viscous_log, GIVEN, "voltage", "viscous")
+    values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
+    fit = solver._at(problem, unknowns, values, problem.starts, "linear")
+    first = problem.times < problem.times[problem.rows[2]]
+    for chosen in (problem.wheel, first):
+        slopes, weights = fit.prediction.slopes, chosen.astype(float)
+        expected = solver.grams_of(problem, slopes, fit.residuals, weights)
+        assert solver.grams_among(problem, fit, chosen) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_an_unknown_without_effect_stays_where_it_is():
+    matrix, right = np.diag([2.0, 0.0]), np.array([1.0, 0.0])
+    reduced = solver.Reduced(matrix, right, np.eye(2)[None], np.zeros((1, 2, 2)), np.zeros((1, 2)), np.zeros((1, 5, 5)))
+    none = np.zeros(1)
+    fit = solver.Fit(np.zeros(2), np.zeros((1, 2)), None, none, none, 1.0, reduced, converged=False)
+    step, promised = solver._step(fit, np.full(2, -9.0), np.full(2, 9.0), 1e-12)
+    assert step == pytest.approx([0.5, 0.0], abs=1e-6)
+    assert step[1] == 0.0
+    assert promised == pytest.approx(0.5)
 
 
 def test_a_motion_whose_slopes_overflow_in_products_counts_as_divergent(viscous_log, monkeypatch):

@@ -184,6 +184,32 @@ def test_open_loops_and_free_decays_are_those_of_simulate():
         assert difference(ensemble.recording(k), alone) <= EQUAL
 
 
+@pytest.mark.parametrize("friction", [{"coulomb": 1e-2, "static": 2e-2}, {"coulomb": 1e-2, "quadratic": 1e-4}])
+def test_runs_that_rest_and_are_released_again_are_those_of_simulate(friction):
+    """Pulses with pauses in which axis and wheel come to rest: one after the other, or together."""
+    rig = Rig.builtin("paper").changed({f"axis.friction.{key}": value for key, value in friction.items()})
+    times = np.arange(3001) / 1000.0
+    pulses = np.where(times % 1.0 < 0.05, 8.0, 0.0) * np.where(times % 2.0 < 1.0, 1.0, -1.0)
+    ensemble = simulate_ensemble(rig, duration=3.0, drive=np.array([pulses, -0.7 * pulses, 0.0 * pulses]))
+    assert not ensemble.alone.any()
+    for k, factor in enumerate((1.0, -0.7, 0.0)):
+        alone = simulate(rig, duration=3.0, drive=factor * pulses)
+        assert difference(ensemble.recording(k), alone) <= EQUAL
+        assert factor == 0.0 or np.ptp(alone.angle) > 0.01
+        assert (np.diff(alone.angle) == 0.0).mean() > 0.5
+
+
+def test_a_run_does_not_depend_on_those_beside_it():
+    """Neither where a neighbour rests or reverses, nor where a block is full."""
+    rig = Rig.builtin("paper").changed({f"axis.friction.{key}": value for key, value in LAWS["stribeck"].items()})
+    inertias = 302.2e-5 * np.linspace(0.7, 1.5, 32)
+    options = {"duration": 2.0, "record": "all"}
+    beside = simulate_ensemble(rig, [slow, fast] * 16, values={"axis.inertia": inertias}, **options)
+    for k in (0, 1, 31):
+        own = simulate_ensemble(rig, (slow, fast)[k % 2], values={"axis.inertia": inertias[k : k + 1]}, **options)
+        assert np.array_equal(own.log[:, 0], beside.log[:, k])
+
+
 def test_chunks_and_threads_give_the_same_runs():
     rig, inertias = Rig.builtin("paper"), 302.2e-5 * np.linspace(0.7, 1.5, 70)
     options = {"duration": 0.5, "values": {"axis.inertia": inertias}, "record": "measured"}

@@ -47,16 +47,13 @@ def main() -> None:
 def _print(given: argparse.Namespace, found: dict, reading: dict) -> None:
     rows, seconds, result = given.rows, found["seconds"], found["result"]
     inertia, parts = result["parameters"]["inertia"], result["provenance"]["parts"]
-    after, used = seconds - reading["seconds"], found["processor"] - reading["processor"]
     low, high = inertia["interval95"]
     lines = (
         f"{rows / 1e6:.1f} million rows, {given.method}, {given.format}; {os.cpu_count()} processors, load "
         f"{os.getloadavg()[0]:.1f}; read in {len(parts)} parts, {parts[0]['averaged']} rows averaged into one",
         f"  reading alone            {_rate(rows, reading['seconds'])}",
         f"  read and identified      {_rate(rows, seconds)}",
-        f"  the same less reading    {_rate(rows, after)}",
-        f"  processor time of that   {_rate(rows, used)}",
-        f"  processor time in all    {_rate(rows, found['processor'])}",
+        f"  its processor time       {_rate(rows, found['processor'])}",
         f"  peak memory              {found['memory']:7.2f} GB",
         f"  error of the inertia     {100 * (inertia['value'] / INERTIA - 1):+.5f} %",
         f"  95 % interval            ±{100 * (high - low) / 2 / INERTIA:.5f} %",
@@ -96,8 +93,11 @@ def tree(pid):
                 yield from tree(child)
 
 def held(pid):
-    with open(f"/proc/{pid}/smaps_rollup") as file:
-        return sum(int(line.split()[1]) for line in file if line.startswith("Pss:"))
+    try:
+        with open(f"/proc/{pid}/smaps_rollup") as file:
+            return sum(int(line.split()[1]) for line in file if line.startswith("Pss:"))
+    except OSError:
+        return 0  # it has ended, and its result is not yet taken
 
 found = 0, 0, None
 while not found[0]:

@@ -336,6 +336,21 @@ def test_measured_memory_is_that_of_the_command_alone(monkeypatch):
     assert 0.05 < found["memory"] < 0.15
 
 
+TWO = """
+import subprocess, sys, time
+ended = subprocess.Popen([sys.executable, "-c", ""])
+own = b"x" * 50_000_000
+subprocess.run([sys.executable, "-c", "import time; kept = b'x' * 50_000_000; time.sleep(1)"])
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/smaps_rollup").exists(), reason="no proportional set sizes here")
+def test_measured_memory_is_that_of_all_processes_together(monkeypatch):
+    """One of which has ended, and is not yet forgotten."""
+    found = benchmark(monkeypatch)._timed([sys.executable, "-c", TWO])
+    assert 0.1 < found["memory"] < 0.2
+
+
 @pytest.mark.long
 def test_memory_and_speed_of_three_million_rows(tmp_path, monkeypatch):
     """In a process of its own, as a user runs it; a loose bound on the speed, for a busy machine."""

@@ -118,3 +118,13 @@ def test_the_same_with_two_frequencies_is_answered(tmp_path):
 def test_the_inflation_by_other_unknowns_in_words(slope, words):
     """Columns at an angle with cosine c: the uncertainty of the inertia is 1 / sqrt(1 - c²) times larger."""
     assert words in of(np.array([[1.0, slope], [0.0, 1.0]])).price
+
+
+def test_an_unknown_without_information_leaves_the_others_identifiable():
+    draws = np.random.default_rng(3)
+    for _ in range(30):
+        columns = draws.standard_normal((200, 7)) * draws.uniform(1.0, 1e4, 7)
+        columns[:, 5] = 0.0
+        seen = examine_information(["inertia", *"abcdef"], [""] * 7, columns.T @ columns)
+        assert seen.answerable
+        assert seen.blind[5] == pytest.approx(1.0)

@@ -161,7 +161,8 @@ def examine_information(names: Sequence[str], units: Sequence[str], information:
     scale = np.where(diagonal > 0, diagonal, 1.0)
     powers, directions = np.linalg.eigh(information / np.outer(scale, scale))
     roots = np.sqrt(np.where(powers > 1e-16 * max(float(powers[-1]), 1e-300), powers, 0.0))
-    return examine(names, units, (directions * roots).T * scale)
+    # of an unknown without information nothing is seen, not even what rounding leaves
+    return examine(names, units, (directions * roots).T * np.where(diagonal > 0, scale, 0.0))
 
 
 def second_frequency(frequency: float, natural: float) -> float:

@@ -162,10 +162,10 @@ class Problem:
                 return (nodes, begins) if ended else None
             room *= 4
 
-    def fitted(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
-        """Readings and their derivatives for values (m,) of the unknowns."""
+    def fitted(self, unknowns: Unknowns, values: Array, states: Array, same: Prediction | None = None) -> Prediction:
+        """Readings and their derivatives for values (m,) of the unknowns; same: the motion, where it is known."""
         entries = unknowns.entries(self.states)
-        prediction = self.predict(unknowns.vector(values), entries, states, len(unknowns))
+        prediction = self.predict(unknowns.vector(values), entries, states, len(unknowns), same=same)
         return as_read(prediction, self, unknowns.names, values)
 
     def moved(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
@@ -174,7 +174,8 @@ class Problem:
         if self.input == "voltage":
             steps = self._steps(p, states)
             found = (self.measured, self.measured) if steps is None else read_along(*steps)
-            prediction = Prediction(*found, slopes=np.empty((len(self.measured), 0)), finite=steps is not None)
+            none = np.empty((len(self.measured), 0))
+            prediction = Prediction(*found, slopes=none, finite=steps is not None, steps=steps)
         else:
             prediction = self.predict(p, NO_ENTRIES, states, 0)
             prediction = replace(prediction, slopes=prediction.slopes[:, :0])
@@ -294,11 +295,17 @@ def _segment(
     readings = [time[rows] + late for _, late, _ in channels]
     begin, end = min(r[0] for r in readings), max(r[-1] for r in readings)
     inside = drives.times[(drives.times > begin) & (drives.times < end)]
+    values = np.concatenate([values[rows] for values, _, _ in channels])
+    first = readings[0]
+    if all(np.array_equal(first, one) for one in readings[1:]) and np.array_equal(first[1:-1], inside):
+        count = len(readings)
+        order = np.arange(count * len(first)).reshape(count, -1).T.ravel()
+        wheel = np.tile([False, True][:count], len(first))
+        return first, np.full(len(first), (1 << count) - 1), values[order], wheel, np.repeat(first, count)
     knots = np.unique(np.concatenate([*readings, inside]))
     flags = np.zeros(len(knots), dtype=np.int64)
     for bit, instants in zip((READ_ANGLE, READ_WHEEL), readings, strict=False):
         flags[np.searchsorted(knots, instants)] |= bit
-    values = np.concatenate([values[rows] for values, _, _ in channels])
     times = np.concatenate(readings)
     wheel = np.repeat([False, True][: len(readings)], [len(r) for r in readings])
     order = np.argsort(times, kind="stable")

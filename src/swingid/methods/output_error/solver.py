@@ -232,8 +232,10 @@ def solve_from(
         if known is not None and _leads_to(known, here, trial[inertia], promised, inertia):
             return replace(here, values=trial)
         # refusals come in runs: after one the cost is looked at before the sensitivities are computed
-        cost = _cost(problem, unknowns, trial, moved, loss) if refused else 0.0
-        there = _at(problem, unknowns, trial, moved, loss) if cost < here.cost else here
+        seen, cost = None, 0.0
+        if refused or problem.input == "voltage":  # where the motion is a step of its own
+            seen, cost = _seen(problem, unknowns, trial, moved, loss)
+        there = _at(problem, unknowns, trial, moved, loss, seen) if cost < here.cost else here
         cost = cost if there is here else there.cost
         refused = not cost < here.cost
         if not refused:
@@ -278,17 +280,23 @@ def solve_near(problem: Problem, unknowns: Unknowns, values: Array, states: Arra
     return solve_from(here, problem, unknowns, loss, enough, CLOSE)
 
 
-def _cost(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> float:
-    """The cost alone, infinite where the motion diverges."""
+def _seen(
+    problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str
+) -> tuple[Prediction | None, float]:
+    """The motion, where the sensitivities follow along it, and its cost, infinite where it diverges."""
     prediction = problem.moved(unknowns, values, states)
     residuals = (problem.measured - prediction.outputs) / problem.sigma
     if not (prediction.finite and np.isfinite(residuals).all()):
-        return np.inf
-    return loss_of(residuals, loss)[0] + float(unknowns.power @ values**2) / len(residuals)
+        return None, np.inf
+    cost = loss_of(residuals, loss)[0] + float(unknowns.power @ values**2) / len(residuals)
+    return prediction if prediction.steps is not None else None, cost
 
 
-def _at(problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str) -> Fit:
-    prediction = problem.fitted(unknowns, values, states)
+def _at(
+    problem: Problem, unknowns: Unknowns, values: Array, states: Array, loss: str, same: Prediction | None = None
+) -> Fit:
+    known = {} if same is None else {"same": same}
+    prediction = problem.fitted(unknowns, values, states, **known)
     residuals = (problem.measured - prediction.outputs) / problem.sigma
     empty = Reduced(*(np.zeros((0, 0)) for _ in range(6)))
     diverged = Fit(values, states, prediction, residuals, residuals, np.inf, empty, converged=False)

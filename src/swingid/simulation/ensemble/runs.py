@@ -146,20 +146,23 @@ def constants_of(runs: Sequence[Run]) -> Array:
     """The constants (n, SIZE) of all runs, as `Run.constants`; those that differ in a plain sum are computed once."""
     result = np.empty((len(runs), SIZE))
     stated: dict[int, dict[str, float]] = {}
+    parts: dict[tuple[object, ...], tuple[list[str], list[str]]] = {}
     known: dict[tuple[object, ...], Array] = {}
     sums: dict[str, list[tuple[int, float]]] = {key: [] for key in SUMS}
     for k, run in enumerate(runs):
         if run.draw:
             result[k] = run.constants()
             continue
-        if id(run.rig) not in stated:
-            stated[id(run.rig)] = {key: quantity.value for key, quantity in constants(run.rig).items()}
-        own = stated[id(run.rig)]
-        plain = [key for key in run.changes if key in SUMS and not any(one in own for one in SUMS[key])]
-        rest = {key: value for key, value in run.changes.items() if key not in plain}
-        name = (id(run.rig), *sorted(rest.items()))
+        kind = (id(run.rig), *run.changes)
+        if kind not in parts:
+            own = {key: quantity.value for key, quantity in constants(run.rig).items()}
+            stated[id(run.rig)] = own
+            plain = [key for key in run.changes if key in SUMS and not any(one in own for one in SUMS[key])]
+            parts[kind] = plain, [key for key in run.changes if key not in plain]
+        own, (plain, others) = stated[id(run.rig)], parts[kind]
+        name = (*kind, *(run.changes[key] for key in others)) if others else kind
         if name not in known:
-            known[name] = vector(own | rest, run.rig.drive.kind)
+            known[name] = vector(own | {key: run.changes[key] for key in others}, run.rig.drive.kind)
         result[k] = known[name]
         for key in plain:
             sums[key].append((k, run.changes[key] - own.get(key, 0.0)))

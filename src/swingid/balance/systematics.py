@@ -115,8 +115,10 @@ def _grid_spread(signals: Signals, fit: WindowFit, weights: Array) -> float:
     if resolution == 0.0:
         return 0.0
     steps = signals.nodes.flat[1]
-    effects = signals.grid_errors(resolution) @ weights + resolution * SHIFTS * float(steps @ weights)
-    white = resolution**2 / 12 * fit.noise.step * float(steps @ weights**2)
+    # without BLAS, which would wake other processors for products of this length
+    effects = np.einsum("ij,j->i", signals.grid_errors(resolution), weights)
+    effects += resolution * SHIFTS * float(np.einsum("i,i->", steps, weights))
+    white = resolution**2 / 12 * fit.noise.step * float(np.einsum("i,i,i->", steps, weights, weights))
     return float(np.sqrt(max(float(effects @ effects) / len(effects) - white, 0.0)))
 
 
@@ -130,7 +132,8 @@ def _variance_between(signals: Signals, noise: Noise, one: tuple[Array, Array], 
     """As `variance_of_difference`, of fits with these `angle_weights`."""
     weights = signals.nodes.flat[1]
     axis, wheel = [mine - theirs for mine, theirs in zip(one, other, strict=True)]
-    power = noise.of_angle**2 * float(weights @ axis**2) + noise.of_wheel**2 * float(weights @ wheel**2)
+    squares = (float(np.einsum("i,i,i->", weights, own, own)) for own in (axis, wheel))
+    power = sum(sigma**2 * square for sigma, square in zip((noise.of_angle, noise.of_wheel), squares, strict=True))
     for rate, own in ((noise.rate, axis), (noise.wheel_rate, wheel)):
         if rate:  # an error of the rate is one of all angles after it
             power += rate**2 * float(weights @ np.cumsum((own * weights)[::-1])[::-1] ** 2)

@@ -15,6 +15,7 @@ import numpy as np
 
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.quadrature import GaussNodes, gauss_rule
+from swingid.numerics.regression import product
 from swingid.numerics.spline import is_even, spline_slopes
 
 POINTS = 3
@@ -166,17 +167,18 @@ class BlockNodes(GaussNodes):
         if self.equal:
             rows, step = int(self.rows[1]), float(self.stamps[-1] - self.stamps[0]) / (len(self.stamps) - 1)
             for signal, weights in zip((values, slopes), _of_cubics(rows, step, derivative), strict=True):
-                result[..., : self.equal, :] += self._apart(signal) @ weights[:-1]
+                result[..., : self.equal, :] += self._projected(signal, weights[:-1])
                 result[..., : self.equal, :] += signal[..., rows : first + 1 : rows, None] * weights[-1]
         if self.equal < len(self.rows) - 1:
             rest = self.rest.cubics(values[..., first:], slopes[..., first:], derivative)
             result[..., self.equal :, :] = _parabolas(*rest)
         return result
 
-    def _apart(self, signals: Array) -> Array:
-        """Signals (..., rows) as (..., blocks, intervals) in the `equal` blocks."""
+    def _projected(self, signals: Array, weights: Array) -> Array:
+        """Signals (..., rows) by these weights (intervals, points) of the rows of each of the `equal` blocks."""
         first = int(self.rows[self.equal])
-        return np.ascontiguousarray(signals[..., :first]).reshape(*signals.shape[:-1], self.equal, int(self.rows[1]))
+        apart = np.ascontiguousarray(signals[..., :first]).reshape(*signals.shape[:-1], self.equal, len(weights))
+        return product(weights.T, apart.swapaxes(-1, -2)).swapaxes(-1, -2)
 
     def _nodes(self, signals: tuple[int, ...]) -> Array:
         """Zeros for signals at the nodes."""
@@ -194,7 +196,7 @@ class BlockNodes(GaussNodes):
         """Signals (..., n−1) that are constant between stamps; their projections (..., blocks, points)."""
         result, first = self._nodes(signals.shape[:-1]), self.rows[self.equal]
         if self.equal:
-            result[..., : self.equal, :] = self._apart(signals) @ _of_held(int(self.rows[1]))
+            result[..., : self.equal, :] = self._projected(signals, _of_held(int(self.rows[1])))
         if self.equal < len(self.rows) - 1:
             result[..., self.equal :, :] = _parabolas(*self.rest.held(signals[..., first:]))
         return result

@@ -13,8 +13,9 @@ from swingid.numerics.arrays import Array
 NORMAL = 1e-8
 """Ratio of the powers of directions from which on the normal equations are solved: they square the condition."""
 
-SINGLE = 1 << 18
-"""Products from which on BLAS would wake other processors, which costs more than it saves."""
+SINGLE, FEW = 1 << 18, 1 << 13
+"""Products of matrices, and with a vector, from which on BLAS would wake other processors, which costs more than it
+saves."""
 
 
 def _newey_west(scores: Array, lag: int) -> Array:
@@ -25,7 +26,7 @@ def _newey_west(scores: Array, lag: int) -> Array:
     sums = padded[..., : count + lag].copy()
     for k in range(1, lag + 1):
         sums += padded[..., k : k + count + lag]
-    result: Array = sums @ sums.swapaxes(-1, -2)
+    result = gram(sums)
     result /= lag + 1.0
     return result
 
@@ -60,10 +61,23 @@ class LinearFit:
 
 
 def gram(rows: Array) -> Array:
-    """X Xᵀ of rows X (p, n), for p of some dozens, by products too small for more than one processor."""
-    width = max(SINGLE // max(len(rows), 1) ** 2, 1)
-    parts = (rows[:, k : k + width] for k in range(0, rows.shape[1], width))
-    return sum((part @ part.T for part in parts), np.zeros((len(rows), len(rows))))
+    """X Xᵀ of rows X (..., p, n), for p of some dozens, by products too small for more than one processor."""
+    width = max(SINGLE // max(rows.shape[-2], 1) ** 2, 1)
+    if rows.shape[-1] <= width:
+        return rows @ rows.swapaxes(-1, -2)
+    parts = (rows[..., k : k + width] for k in range(0, rows.shape[-1], width))
+    return sum((part @ part.swapaxes(-1, -2) for part in parts), np.zeros((*rows.shape[:-1], rows.shape[-2])))
+
+
+def product(left: Array, right: Array) -> Array:
+    """Matrix (..., m, k) times matrix (..., k, n), n ≫ m, by products too small for more than one processor."""
+    count, width = right.shape[-1], max(SINGLE // (left.shape[-2] * left.shape[-1] or 1), 1)
+    if count <= width:
+        return left @ right
+    result = np.empty((*right.shape[:-2], left.shape[-2], count))
+    for k in range(0, count, width):
+        result[..., k : k + width] = left @ right[..., k : k + width]
+    return result
 
 
 def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> LinearFit:
@@ -74,7 +88,7 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
     allows it (Björck 1996, section 2.9), else by SVD.
     """
     turned = columns.swapaxes(-1, -2)
-    products = turned @ columns
+    products = gram(turned)
     scale = np.sqrt(products.diagonal(0, -2, -1))
     scale[scale == 0.0] = 1.0
     inverse = (1.0 / scale)[..., None]
@@ -88,7 +102,7 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
         influence *= inverse
     else:
         directions *= inverse
-        influence = (directions / powers[..., None, :]) @ (directions.swapaxes(-1, -2) @ turned)
+        influence = product(directions / powers[..., None, :], product(directions.swapaxes(-1, -2), turned))
         condition = np.sqrt(powers[..., -1] / powers[..., 0]) if unknowns else np.zeros(powers.shape[:-1])
     values = _times(influence, target)
     residuals = target - _times(columns, values)
@@ -98,7 +112,10 @@ def fit_linear(columns: Array, target: Array, *, smallest: float = 1e-9) -> Line
 
 
 def _times(matrix: Array, vector: Array) -> Array:
-    """Products of matrices (..., m, n) with vectors (..., n)."""
+    """Products of matrices (..., m, n) with vectors (..., n), by one processor."""
+    if matrix.shape[-2] * matrix.shape[-1] > FEW:
+        found: Array = np.einsum("...ij,...j->...i", matrix, vector)
+        return found
     result: Array = (matrix @ vector[..., None])[..., 0]
     return result
 

@@ -11,6 +11,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from swingid.numerics.arrays import Array, Ints, stretches
+from swingid.numerics.regression import product
 
 EVEN = 1e-9
 """Deviations of stamps from even ones, in steps, that change no smoothed value: some roundings of the stamps."""
@@ -185,7 +186,7 @@ class Samples:
         found = np.empty((4, len(at)))
         for length in np.flatnonzero(np.bincount(count)).tolist():
             for places in _portions(np.flatnonzero(count == length), length):
-                found[:, places] = _cubic_weights(length) @ stretches(self.values, length)[first[places]].T
+                found[:, places] = product(_cubic_weights(length), stretches(self.values, length)[first[places]].T)
         c0, c1, c2, c3 = found
         begin = self.time[first]
         unit = (self.time[first + (count - 1)] - begin) / 2

@@ -103,7 +103,7 @@ def begin(lane: Array, is_late: int | None) -> tuple[int, int]:
         lane[at.SIDE2 * LANES + i] = 1.0 if y > 0.0 else (-1.0 if y < 0.0 else still)
         deciding = flagged & (u == 0.0) & (not sticks) & (not even)
         lane[at.UNDECIDED * LANES + i] = 1.0 if deciding else 0.0
-        lane[at.TODO * LANES + i] = 1.0 if flagged else 0.0
+        lane[at.REMAINING * LANES + i] = 1.0 if flagged else 0.0
         lane[at.BEGIN * LANES + i] = 0.0 if flagged else 1.0
         lane[at.LEFT * LANES + i] = 0.0
         count += 1 if flagged else 0
@@ -139,9 +139,13 @@ def beyond(lane: Array, i: int, hold1: float, hold2: float, rest1: bool, rest2: 
 @njit_lane
 def leave(lane: Array, i: int, leaves: bool) -> None:
     """Leave what is still to be taken of run i's step to the single run, if so."""
-    todo, left, undecided = lane[at.TODO * LANES + i], lane[at.LEFT * LANES + i], lane[at.UNDECIDED * LANES + i]
-    lane[at.LEFT * LANES + i] = todo if leaves else left
-    lane[at.TODO * LANES + i] = 0.0 if leaves else todo
+    remaining, left, undecided = (
+        lane[at.REMAINING * LANES + i],
+        lane[at.LEFT * LANES + i],
+        lane[at.UNDECIDED * LANES + i],
+    )
+    lane[at.LEFT * LANES + i] = remaining if leaves else left
+    lane[at.REMAINING * LANES + i] = 0.0 if leaves else remaining
     lane[at.UNDECIDED * LANES + i] = 0.0 if leaves else undecided
 
 
@@ -227,8 +231,8 @@ def expand(lane: Array, i: int, rich: int | None) -> None:
     """Run i's series, and how long the part may be by it."""
     cu, cy = climb(lane, i, at.PULLS, at.MOBILE, rich)
     keep(lane, i, cu, cy)
-    u, todo = lane[at.U * LANES + i], lane[at.TODO * LANES + i]
-    x = min(todo, longest(cu, cy, lane[at.PEAK * LANES + i], rich))
+    u, remaining = lane[at.U * LANES + i], lane[at.REMAINING * LANES + i]
+    x = min(remaining, longest(cu, cy, lane[at.PEAK * LANES + i], rich))
     far = abs(u) + abs(cu[0])
     lane[at.PART * LANES + i] = x if x * far < LARGEST_TURN else LARGEST_TURN / far
 
@@ -248,9 +252,9 @@ def passes(lane: Array, i: int, u_end: float, y_end: float) -> tuple[bool, bool,
 @njit_lane
 def part(lane: Array, i: int) -> int:
     """1 where something changes in run i's part; whether its sides are undecided; leaves what is rare."""
-    u, y, todo = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.TODO * LANES + i]
+    u, y, remaining = lane[at.U * LANES + i], lane[at.Y * LANES + i], lane[at.REMAINING * LANES + i]
     side1, side2, x = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i], lane[at.PART * LANES + i]
-    rest1, rest2, active = side1 == 0.0, side2 == 0.0, todo > 0.0
+    rest1, rest2, active = side1 == 0.0, side2 == 0.0, remaining > 0.0
     cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
     _, _, drive, _, _, _ = motor(lane, i, y)
     slope1, slope2 = series.slope(cu, x), series.slope(cy, x)
@@ -297,7 +301,7 @@ def choose(lane: Array, i: int) -> None:
     change, first = (WHEEL if sooner else change), (first2 if sooner else first)
     sooner = passed & ((change == NOTHING) | (there < first))
     change, first, level = (EDGE if sooner else change), (there if sooner else first), (edge if sooner else level)
-    active, is_axis = lane[at.TODO * LANES + i] > 0.0, change == AXIS
+    active, is_axis = lane[at.REMAINING * LANES + i] > 0.0, change == AXIS
     lane[at.CHANGE * LANES + i], lane[at.PART * LANES + i] = (change if active else NOTHING), first
     lane[own] = (u if is_axis else y) - level
     lane[own + LANES], lane[own + 2 * LANES] = (cu[0] if is_axis else cy[0]), (cu[1] if is_axis else cy[1])
@@ -328,8 +332,8 @@ def locate(lane: Array) -> None:
         if far == 0:
             break
     for i in range(LANES):
-        x, todo, change = lane[at.PART * LANES + i], lane[at.TODO * LANES + i], lane[at.CHANGE * LANES + i]
-        fine = (lane[at.FAR * LANES + i] == 0.0) & (x >= 0.0) & (x <= todo)
+        x, remaining, change = lane[at.PART * LANES + i], lane[at.REMAINING * LANES + i], lane[at.CHANGE * LANES + i]
+        fine = (lane[at.FAR * LANES + i] == 0.0) & (x >= 0.0) & (x <= remaining)
         lane[at.PART * LANES + i] = x + BEYOND if change == EDGE else x
         leave(lane, i, (change != NOTHING) & (not fine))
 
@@ -337,7 +341,7 @@ def locate(lane: Array) -> None:
 @njit_lane
 def finish(lane: Array, i: int) -> tuple[int, int]:
     """Run i at the end of its part; whether some of the step is still to be taken, whether its side is undecided."""
-    x, change, todo = lane[at.PART * LANES + i], lane[at.CHANGE * LANES + i], lane[at.TODO * LANES + i]
+    x, change, remaining = lane[at.PART * LANES + i], lane[at.CHANGE * LANES + i], lane[at.REMAINING * LANES + i]
     q1, u, q2, y = lane[at.Q1 * LANES + i], lane[at.U * LANES + i], lane[at.Q2 * LANES + i], lane[at.Y * LANES + i]
     side1, side2 = lane[at.SIDE1 * LANES + i], lane[at.SIDE2 * LANES + i]
     cu, cy = of(lane, i, at.SERIES1), of(lane, i, at.SERIES2)
@@ -346,25 +350,25 @@ def finish(lane: Array, i: int) -> tuple[int, int]:
     # what a straight line showed later came first
     missed = (side1 * u_end < lane[at.AXIS_KINK * LANES + i]) | (side2 * y_end < lane[at.WHEEL_KINK * LANES + i])
     waits = lane[at.UNDECIDED * LANES + i] != 0.0
-    leave(lane, i, missed & (todo > 0.0) & (not waits))
-    stays = missed | waits | (todo == 0.0)
+    leave(lane, i, missed & (remaining > 0.0) & (not waits))
+    stays = missed | waits | (remaining == 0.0)
     lane[at.Q1 * LANES + i] = q1 if stays else q1 + x1
     lane[at.U * LANES + i] = u if stays else u_end
     lane[at.Q2 * LANES + i] = q2 if stays else q2 + series.turned(y, cy, x)
     lane[at.Y * LANES + i] = y if stays else y_end
     turn(lane, i, x1, stays)
-    todo, after = lane[at.TODO * LANES + i], todo - x
+    remaining, after = lane[at.REMAINING * LANES + i], remaining - x
     after = after if after > SHORTEST else 0.0
-    todo = todo if stays else after
-    lane[at.BEGIN * LANES + i] = 1.0 - todo if todo > 0.0 else 1.0
-    stops = (not stays) & ((change == AXIS) | (change == WHEEL)) & (todo > 0.0)
-    undecided = stops | (waits & (todo > 0.0))
-    lane[at.TODO * LANES + i], lane[at.UNDECIDED * LANES + i] = todo, (1.0 if undecided else 0.0)
+    remaining = remaining if stays else after
+    lane[at.BEGIN * LANES + i] = 1.0 - remaining if remaining > 0.0 else 1.0
+    stops = (not stays) & ((change == AXIS) | (change == WHEEL)) & (remaining > 0.0)
+    undecided = stops | (waits & (remaining > 0.0))
+    lane[at.REMAINING * LANES + i], lane[at.UNDECIDED * LANES + i] = remaining, (1.0 if undecided else 0.0)
     side = 1.0 if u_end > 0.0 else (-1.0 if u_end < 0.0 else side1)
     lane[at.SIDE1 * LANES + i] = side1 if stays else side
     side = 1.0 if y_end > 0.0 else (-1.0 if y_end < 0.0 else side2)
     lane[at.SIDE2 * LANES + i] = side2 if stays else side
-    return (1 if todo > 0.0 else 0), (1 if undecided else 0)
+    return (1 if remaining > 0.0 else 0), (1 if undecided else 0)
 
 
 @njit_threads
@@ -388,7 +392,7 @@ def redo(lane: Array, late: Late, step: int, steps: int, rich: int | None, is_la
             undecided += waits
     left = 0
     for i in range(LANES):
-        leave(lane, i, lane[at.TODO * LANES + i] > 0.0)
+        leave(lane, i, lane[at.REMAINING * LANES + i] > 0.0)
         left += 1 if lane[at.LEFT * LANES + i] > 0.0 else 0
     if is_late is not None:
         for i in range(LANES):

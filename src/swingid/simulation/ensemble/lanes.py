@@ -61,7 +61,7 @@ ANGLE_NOISE, WHEEL_NOISE = range(73, 75)
 START, SERIES1, SERIES2, WHEN, THERE, END, BEGIN, _NEXT = rows(75, 4, 5, 5, 1, 2, 4, 1)
 # A step in parts: share that is still to be taken, sides (0: at rest) and whether they are to be decided, length of the
 # part, what changes at its end; gravity's part of U' and Y' and mobilities (11, 12).
-TODO, SIDE1, SIDE2, UNDECIDED, PART, CHANGE, PULLS, MOBILE, _NEXT = rows(_NEXT, 1, 1, 1, 1, 1, 1, 2, 2)
+REMAINING, SIDE1, SIDE2, UNDECIDED, PART, CHANGE, PULLS, MOBILE, _NEXT = rows(_NEXT, 1, 1, 1, 1, 1, 1, 2, 2)
 # The speed that is to be found, less that level, as a series; whether Newton's method is still far from it.
 CHANGING, FAR, _NEXT = rows(_NEXT, 6, 1)
 # A step between its loops: U1, Y1; viscous friction's and drag's parts of U' and Y'; g of Stribeck's peak, quadratic

@@ -181,6 +181,14 @@ def test_random_motions_need_no_guard(seed):
     assert run.truth.mode_changes < 4 * len(volts)
 
 
+def test_a_decay_that_has_nearly_ended_takes_the_side_of_its_acceleration():
+    # below some 1e-9 rad/s² the wrong side passed for the right one, and ended at once, over and over
+    run = simulate_run(paper_rig("viscous"), duration=132.5, rate=10.0, initial_angle=1.0)
+    assert 0.0 < np.abs(run.truth.angle[-20:]).max() < 1e-10
+    assert run.truth.guarded_steps == 0
+    assert run.truth.mode_changes < 132.5 * 5.1 / np.pi + 20
+
+
 def test_the_guard_lets_a_chattering_motion_go_on():
     # A made-up vector whose release level is below its sliding level: neither rest nor motion agrees with itself.
     p = rig_vector(free_rig("coulomb"))

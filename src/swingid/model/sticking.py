@@ -63,19 +63,24 @@ def margin(
 
 
 @njit
-def agrees(q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: Array) -> bool:
-    """Whether the mode (s1, s2, branch) agrees with itself, for those of axis and wheel whose speed is exactly 0."""
+def agrees(
+    q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: Array, slack: float
+) -> bool:
+    """Whether the mode (s1, s2, branch) agrees with itself, for those of axis and wheel whose speed is exactly 0.
+
+    slack (rad/s²): an acceleration of the wrong side up to this counts as 0.
+    """
     a1, a2 = accelerations(q1, v1, v2, z, s1, s2, branch, u, p)
     hold1, hold2 = holding_torques(q1, v2, a1, a2, s2, branch, u, p)
     if v1 == 0.0:
         if s1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, q1, p) < 0.0):
             return False
-        if s1 != 0 and s1 * a1 < -ROUNDING:
+        if s1 != 0 and s1 * a1 < -slack:
             return False
     if v2 == 0.0:
         if s2 == 0 and (p[WHEEL_STATIC] == 0.0 or wheel_margin(hold2, p) < 0.0):
             return False
-        if s2 != 0 and s2 * a2 < -ROUNDING:
+        if s2 != 0 and s2 * a2 < -slack:
             return False
     return True
 
@@ -84,15 +89,18 @@ def agrees(q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: 
 def mode_at_rest(q1: float, v1: float, v2: float, z: float, moving: Mode, u: float, p: Array) -> Mode:
     """The mode in which what has no speed rests, or goes to a side; `moving` has a 0 for each such side.
 
-    Should no mode agree (rounding), what has no speed rests, or goes where its load points.
+    A mode that agrees exactly comes first: the accelerations of a decay that has nearly ended are as small as
+    `ROUNDING`, and the wrong side would end at once, over and over. Should no mode agree, what has no speed rests, or
+    goes where its load points.
     """
     side1, side2, branch = moving
-    for i in range(3 if side1 == 0 else 1):
-        s1 = side1 if side1 != 0 else (i if i < 2 else -1)
-        for j in range(3 if side2 == 0 and p[WHEEL_STATIC] < math.inf else 1):
-            s2 = side2 if side2 != 0 else (j if j < 2 else -1)
-            if agrees(q1, v1, v2, z, s1, s2, branch, u, p):
-                return s1, s2, branch
+    for slack in (0.0, ROUNDING):
+        for i in range(3 if side1 == 0 else 1):
+            s1 = side1 if side1 != 0 else (i if i < 2 else -1)
+            for j in range(3 if side2 == 0 and p[WHEEL_STATIC] < math.inf else 1):
+                s2 = side2 if side2 != 0 else (j if j < 2 else -1)
+                if agrees(q1, v1, v2, z, s1, s2, branch, u, p, slack):
+                    return s1, s2, branch
     hold1, hold2 = holding_torques(q1, v2, 0.0, 0.0, side2, branch, u, p)
     if side1 == 0 and (p[AXIS_STICKS] == 0.0 or release_margin(hold1, q1, p) < 0.0):
         side1 = 1 if hold1 > 0.0 else -1

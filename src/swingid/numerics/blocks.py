@@ -44,6 +44,10 @@ def block_edges(stamps: Array, longest: float) -> Ints:
     return np.array(found, np.int64)
 
 
+Ends = tuple[Array, Array]
+"""A quantity at the begin and at the end of each interval."""
+
+
 @dataclass(frozen=True)
 class Shares:
     """Intervals between stamps as parts of their blocks: first rows of the blocks, and what the moments need of each.
@@ -85,11 +89,17 @@ class Shares:
 
     def cubics(self, values: Array, slopes: Array, derivative: int) -> tuple[Array, Array, Array]:
         """The same of the cubics with these values and slopes (..., n) at the stamps, or of their first derivative."""
+        ends = (values[..., :-1], values[..., 1:]), (slopes[..., :-1], slopes[..., 1:])
+        m0, m1, m2 = self.each_cubic(*ends, derivative)
+        return self.sums(m0), self.sums(m1), self.sums(m2)
+
+    def each_cubic(self, values: Ends, slopes: Ends, derivative: int) -> tuple[Array, Array, Array]:
+        """What the cubic of each interval adds to these moments; values and slopes at its begin and its end."""
         # moments of each cubic with 1, z and z² − 1/3 over its interval, z from −1 to 1
-        rise = values[..., 1:] - values[..., :-1]
-        bend, sag = slopes[..., 1:] + slopes[..., :-1], slopes[..., 1:] - slopes[..., :-1]
+        rise = values[1] - values[0]
+        bend, sag = slopes[1] + slopes[0], slopes[1] - slopes[0]
         if derivative == 0:
-            mean = 0.5 * (values[..., 1:] + values[..., :-1]) - self.step * sag / 12.0
+            mean = 0.5 * (values[1] + values[0]) - self.step * sag / 12.0
             first = 0.2 * rise - self.step * bend / 60.0
             second = self.step * sag / 90.0
         else:
@@ -97,8 +107,7 @@ class Shares:
             first = sag / 6.0
             second = (bend - 2.0 * mean) / 15.0
         mean, first, second = self.size * mean, self.size * self.size * first, self.size**3 * second
-        m2 = self.bent * mean + 3.0 * self.middle * first + 1.5 * second
-        return self.sums(mean), self.sums(self.middle * mean + first), self.sums(m2)
+        return mean, self.middle * mean + first, self.bent * mean + 3.0 * self.middle * first + 1.5 * second
 
 
 def _parabolas(m0: Array, m1: Array, m2: Array) -> Array:
@@ -112,16 +121,18 @@ def _parabolas(m0: Array, m1: Array, m2: Array) -> Array:
 def _of_held(rows: int) -> Array:
     """Values at the nodes of a block of even intervals for a signal of 1 in one of them, (intervals, points)."""
     block = Shares.of(np.arange(rows + 1.0) / float(rows), np.array([0, rows]))
-    return _parabolas(*block.held(np.eye(rows)))[:, 0]
+    return _parabolas(block.size, block.size * block.middle, block.size * block.bent)
 
 
 @lru_cache(maxsize=64)
 def _of_cubics(rows: int, step: float, derivative: int) -> tuple[Array, Array]:
     """The same for cubics with a value of 1, and with a slope of 1, at one stamp, (stamps, points)."""
-    block = Shares.of(np.arange(rows + 1.0) * step, np.array([0, rows]))
-    unit, none = np.eye(rows + 1), np.zeros(rows + 1)
-    both = block.cubics(unit, none, derivative), block.cubics(none, unit, derivative)
-    return _parabolas(*both[0])[:, 0], _parabolas(*both[1])[:, 0]
+    block, one, none = Shares.of(np.arange(rows + 1.0) * step, np.array([0, rows])), np.ones(rows), np.zeros(rows)
+    found = np.zeros((2, rows + 1, POINTS))
+    for end, stamps in (((one, none), slice(None, -1)), ((none, one), slice(1, None))):
+        found[0, stamps] += _parabolas(*block.each_cubic(end, (none, none), derivative))
+        found[1, stamps] += _parabolas(*block.each_cubic((none, none), end, derivative))
+    return found[0], found[1]
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 
 from swingid.model import parameters as at
 from swingid.model.further import further_row, further_slopes
+from swingid.model.motor import branch_torque
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import FLOAT, INT, VECTOR, KernelPointer, njit, njit_inlined
 
@@ -97,11 +98,9 @@ def further_kernel(p: Array) -> KernelPointer:
 def motor_row(u: float, v2: float, s2: int, branch: int, p: Array, row: Array) -> None:
     """∂r2/∂p into the places of `row` (SIZE,) that equation (II) contains: gear, motor and its friction."""
     n, active = p[at.GEAR], (1.0 if branch != 0 else 0.0)
-    edge = p[at.D1] if branch > 0 else (p[at.D2] if branch < 0 else 0.0)
-    ideal = active * (p[at.C1] * u - p[at.C2] * v2)
-    row[at.GEAR] = p[at.ETA] * ideal - edge - p[at.F3] * s2 - 2.0 * p[at.F2] * n * v2
+    row[at.GEAR] = branch_torque(u, v2, branch, p) - p[at.F3] * s2 - 2.0 * p[at.F2] * n * v2
     row[at.C1], row[at.C2] = active * n * p[at.ETA] * u, -active * n * p[at.ETA] * v2
-    row[at.ETA] = n * ideal
+    row[at.ETA] = active * n * (p[at.C1] * u - p[at.C2] * v2)
     row[at.D1], row[at.D2] = (-n if branch > 0 else 0.0), (-n if branch < 0 else 0.0)
     row[at.F2], row[at.F3] = -n * n * v2, -n * s2
 

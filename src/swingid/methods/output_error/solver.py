@@ -151,13 +151,16 @@ def reduce(problem: Problem, slopes: Array, residuals: Array, weights: Array) ->
     return eliminated(problem.states, grams_of(problem, slopes, residuals, weights))
 
 
-def eliminated(s: int, grams: Array) -> Reduced:
-    """Normal equations without the s initial values of each segment, of products as of `grams_of`."""
+def eliminated(s: int, grams: Array, damping: float = SINGULAR) -> Reduced:
+    """Normal equations without the s initial values of each segment, of products as of `grams_of`.
+
+    damping: of the step of the initial values, relative.
+    """
     m = grams.shape[1] - s - 1
     own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
     # where the wheel rests at once, a combination of its initial speeds has no effect, and the block is singular
     sizes = np.diagonal(own, axis1=1, axis2=2)
-    own = own + np.eye(s) * (SINGULAR * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
+    own = own + np.eye(s) * (damping * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
     held = np.linalg.solve(own, grams[:, :s, s:])
     left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
     return Reduced(left[:, :m], left[:, m], own, cross, right_own, grams)
@@ -222,13 +225,16 @@ def solve_from(
     refused, least = False, FAR if damping < FAR else 0.0
     inertia = unknowns.names.index("inertia")
     for _ in range(MOST_STEPS if enough <= CLOSE_ENOUGH else MOST_ROUGH_STEPS):
-        step, promised = _step(here, low, high, damping)
+        # damped further than at first, the step of the initial values is, too: the motion may have a bend right at the
+        # begin of a segment, where the wheel reverses
+        reduced = _damped(here, problem, unknowns, damping) if damping > FAR else here.reduced
+        step, promised = _step(here, reduced, low, high, damping)
         trial = np.clip(here.values + step, low, high)
         trial[inertia] = np.clip(trial[inertia], here.values[inertia] * LEAP, here.values[inertia] / LEAP)
         if promised <= enough * max(here.cost, EXACT) and damping <= 1e-2:
             here = _stepped(here, problem, unknowns, trial) if enough <= CLOSE_ENOUGH else here
             return replace(here, converged=bool(np.isfinite(here.cost)))
-        moved = here.states + here.reduced.states(trial - here.values)
+        moved = here.states + reduced.states(trial - here.values)
         if known is not None and _leads_to(known, here, trial[inertia], promised, inertia):
             return replace(here, values=trial)
         # refusals come in runs: after one the cost is looked at before the sensitivities are computed
@@ -271,7 +277,7 @@ def solve_near(problem: Problem, unknowns: Unknowns, values: Array, states: Arra
     motion = float(np.std(problem.measured[~problem.wheel] / problem.sigma[~problem.wheel]))
     negligible = STRAIGHT * motion / np.sqrt(len(here.residuals))
     for k in range(MOST_ROUGH_STEPS):
-        step, promised = _step(here, low, high, CLOSE)
+        step, promised = _step(here, here.reduced, low, high, CLOSE)
         if promised <= enough * max(here.cost, EXACT):
             return replace(here, converged=True)
         if k == 0 and promised > negligible:
@@ -336,9 +342,14 @@ def _stepped(fit: Fit, problem: Problem, unknowns: Unknowns, values: Array) -> F
     )
 
 
-def _step(fit: Fit, low: Array, high: Array, damping: float) -> tuple[Array, float]:
+def _damped(fit: Fit, problem: Problem, unknowns: Unknowns, damping: float) -> Reduced:
+    """The normal equations of a fit with the step of its initial values damped."""
+    return informed(eliminated(problem.states, fit.reduced.grams, damping), unknowns, fit.values)
+
+
+def _step(fit: Fit, reduced: Reduced, low: Array, high: Array, damping: float) -> tuple[Array, float]:
     """Damped step of the unknowns, those fixed that would leave their bounds; the predicted decrease of the cost."""
-    matrix, right = fit.reduced.matrix, fit.reduced.right
+    matrix, right = reduced.matrix, reduced.right
     free = np.ones(len(right), dtype=bool)
     step, powers = np.zeros(len(right)), np.diag(matrix)
     # an unknown without effect, as the speed of a peak of no height, stays where it is
@@ -352,6 +363,6 @@ def _step(fit: Fit, low: Array, high: Array, damping: float) -> tuple[Array, flo
         if not pushed.any():
             break
         free &= ~pushed
-    own = np.linalg.solve(fit.reduced.own, fit.reduced.right_own[..., None])[..., 0]
-    fall = float(2 * step @ right - step @ matrix @ step + np.sum(own * fit.reduced.right_own))
+    own = np.linalg.solve(reduced.own, reduced.right_own[..., None])[..., 0]
+    fall = float(2 * step @ right - step @ matrix @ step + np.sum(own * reduced.right_own))
     return step, fall / max(len(fit.residuals), 1)

@@ -27,7 +27,7 @@ from swingid.control.controller import SampledController, motor_voltages, refuse
 from swingid.control.law import motor_compensation
 from swingid.control.observer import OBSERVER_PARAMETERS, OBSERVER_STATES, VelocityObserver, observer_step
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_inlined
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -43,7 +43,7 @@ WHEEL_OBSERVER = AXIS_OBSERVER + OBSERVER_PARAMETERS
 PARAMETERS = WHEEL_OBSERVER + OBSERVER_PARAMETERS
 
 
-@njit
+@njit_inlined
 def reference_rates(reference: float, state: Array, h: float) -> tuple[float, float]:
     """y_m' and y_m'' at this sample from it and the three before, which `state` keeps.
 

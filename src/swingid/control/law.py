@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_called, njit_helper, njit_inlined
 
 TAYLOR_TERMS = 14
 """Terms of the scaled exponential: 0.5^15/15! lies below rounding."""
@@ -27,7 +27,7 @@ LOG2E, LN2_HIGH, LN2_LOW = 1.4426950408889634, 6.93147180369123816490e-01, 1.908
 """1/ln 2, and ln 2 in two parts: n times the first is exact for n < 2^20 (fdlibm, e_exp.c)."""
 
 
-@njit
+@njit_called
 def decay(x: float) -> float:
     """exp(-x) for x >= 0 by sums, products and halvings alone, so that it has the same bits on every machine.
 
@@ -49,7 +49,7 @@ def decay(x: float) -> float:
     return p
 
 
-@njit
+@njit_helper
 def exponential(matrix: Array) -> Array:
     """Exponential of a small stable matrix (n, n), by scaling and squaring of a Taylor polynomial."""
     n = matrix.shape[0]
@@ -76,7 +76,7 @@ def exponential(matrix: Array) -> Array:
     return result
 
 
-@njit
+@njit_helper
 def multiply(a: Array, b: Array, factor: float) -> Array:
     """Product of two small square matrices and a factor, without BLAS."""
     n = a.shape[0]
@@ -88,7 +88,7 @@ def multiply(a: Array, b: Array, factor: float) -> Array:
     return c
 
 
-@njit
+@njit_helper
 def held_chain(e: float, xi: Array, turn: float, k: Array) -> None:
     """Move xi (n,) of (16) in place over one sample, the error e (rad or m) held.
 
@@ -115,7 +115,7 @@ def held_chain(e: float, xi: Array, turn: float, k: Array) -> None:
     xi[0] += e
 
 
-@njit
+@njit_helper
 def chain_output(
     e: float,
     xi: Array,
@@ -179,7 +179,7 @@ PLANT_SIGN, DIFFERENTIATE_GAIN, LIMIT, COULOMB = 8, 9, 10, 11
 DEAD_NEGATIVE, DEAD_POSITIVE, BACK_EMF, ALPHA = 12, 13, 14, 15
 
 
-@njit
+@njit_inlined
 def wheel_speed(wheel_angle: float, state: Array, parameters: Array) -> float:
     """Wheel speed (rad/s) from sampled wheel angles (rad), and the memory in `state` moved on.
 
@@ -196,7 +196,7 @@ def wheel_speed(wheel_angle: float, state: Array, parameters: Array) -> float:
     return float(change / parameters[SAMPLE_TIME])
 
 
-@njit
+@njit_inlined
 def motor_compensation(u2: float, speed: float, parameters: Array) -> float:
     """u0 = u1 + u2 + u3 (V), to which a motor with Coulomb friction and dead zone answers as a linear one.
 

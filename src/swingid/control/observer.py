@@ -18,7 +18,7 @@ import numpy as np
 from swingid.control.law import exponential
 from swingid.errors import UsageError
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_helper, njit_inlined
 
 # Places in the state of one observer: the angle before, x1~, p, and whether an angle was seen.
 LAST, GAP, P, SEEN, OBSERVER_STATES = 0, 1, 2, 3, 4
@@ -26,7 +26,7 @@ LAST, GAP, P, SEEN, OBSERVER_STATES = 0, 1, 2, 3, 4
 A, B, SIGMA, EPSILON, RHO, STEP, OBSERVER_PARAMETERS = 0, 4, 8, 9, 10, 11, 12
 
 
-@njit
+@njit_helper
 def set_step(h: float, parameters: Array) -> None:
     """Put the move over a sample of h (s) into `parameters` (12,), whose sigma, epsilon and rho are there."""
     system = np.zeros((4, 4))  # the inputs as states that rest, so that one exponential gives A and B
@@ -40,7 +40,7 @@ def set_step(h: float, parameters: Array) -> None:
     parameters[STEP] = h
 
 
-@njit
+@njit_inlined
 def observer_step(angle: float, state: Array, parameters: Array) -> float:
     """x2^ (rad/s or m/s) at this sample's `angle` (rad or m); moves `state` (4,) on in place. The first gives 0."""
     if state[SEEN] == 0.0:

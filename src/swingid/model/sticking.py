@@ -20,7 +20,17 @@ from swingid.model.integrator import FIRST, LAST, NEW, NOW, Q1, V1, V2, Mode, St
 from swingid.model.motor import branch_margin, motor_branch
 from swingid.model.parameters import AXIS_STICKS, WHEEL_STATIC
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import FLOAT, INT, MATRIX, VECTOR, KernelPointer, njit, njit_inlined, tuple_of
+from swingid.numerics.compiled import (
+    FLOAT,
+    INT,
+    MATRIX,
+    VECTOR,
+    KernelPointer,
+    njit,
+    njit_called,
+    njit_inlined,
+    tuple_of,
+)
 
 ROUNDING = 1e-9  # rad/s^2: an acceleration of the wrong side, but below this, is rounding
 RESOLUTION = 1e-14  # s: reversals and releases are located to this
@@ -62,7 +72,7 @@ def margin(
     return float(least)
 
 
-@njit
+@njit_called
 def agrees(
     q1: float, v1: float, v2: float, z: float, s1: int, s2: int, branch: int, u: float, p: Array, slack: float
 ) -> bool:
@@ -85,7 +95,7 @@ def agrees(
     return True
 
 
-@njit
+@njit_called
 def mode_at_rest(q1: float, v1: float, v2: float, z: float, moving: Mode, u: float, p: Array) -> Mode:
     """The mode in which what has no speed rests, or goes to a side; `moving` has a 0 for each such side.
 

@@ -10,6 +10,7 @@ import numba.experimental.function_type  # makes numba accept `KernelPointer` as
 import numpy as np
 from numba import types
 
+from swingid.numerics.helper import Helper
 from swingid.numerics.kept import KeptKernel
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -21,7 +22,7 @@ tuple_of = types.UniTuple
 
 
 def kernels(**options: Any) -> Callable[[Function], Function]:
-    """A decorator with some of numba's options; what it compiles is kept in files."""
+    """A decorator, with some of numba's options, of kernels that Python calls; they are kept in files."""
 
     def made(function: Function) -> Function:
         kernel = numba.njit(error_model="numpy", **options)(function)
@@ -32,20 +33,32 @@ def kernels(**options: Any) -> Callable[[Function], Function]:
     return made
 
 
+def helpers(**options: Any) -> Callable[[Function], Function]:
+    """The same for functions that only kernels call."""
+
+    def made(function: Function) -> Function:
+        if numba.config.DISABLE_JIT:
+            return function
+        return Helper(function, {}, {"nopython": True, "error_model": "numpy", **options})
+
+    return made
+
+
 njit = kernels()
 
 njit_nogil = kernels(nogil=True)
 """For kernels that take long enough to run in threads beside each other."""
 
+njit_helper = helpers()
 
-njit_inlined = kernels(forceinline=True, _nrt=False)
+njit_inlined = helpers(forceinline=True, _nrt=False)
 """For functions that neither make nor return an array, nor call one that does.
 
 Without numba's runtime (_nrt) an array that is passed on is not counted as one more reference. The compiler cannot take
 these counts out where a function branches, and in a hot loop they cost more than the rest of the function.
 """
 
-njit_called = kernels(_nrt=False)
+njit_called = helpers(_nrt=False)
 """The same for functions that a hot loop seldom calls: they make it no longer."""
 
 

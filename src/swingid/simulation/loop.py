@@ -12,7 +12,7 @@ from swingid.model.parameters import OFFSET
 from swingid.model.sensors import encoder_reading
 from swingid.model.sticking import Begin
 from swingid.numerics.arrays import Array, Ints
-from swingid.numerics.compiled import FLOAT, VECTOR, KernelPointer, njit, njit_nogil
+from swingid.numerics.compiled import FLOAT, VECTOR, KernelPointer, njit, njit_called, njit_nogil
 
 
 @njit
@@ -27,7 +27,7 @@ COMPENSATOR = KernelPointer(compensator_step, _CONTROLLER)
 BACKSTEPPING = KernelPointer(backstepping_step, _CONTROLLER)
 
 
-@njit
+@njit_called
 def before_start(
     start: float,
     work: Array,

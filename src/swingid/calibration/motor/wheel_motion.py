@@ -16,7 +16,7 @@ import numpy as np
 
 from swingid.calibration.motor.products import COULOMB, COUNT, COUPLING, DAMPING, EMF, GAIN, NEGATIVE, POSITIVE
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_called, njit_helper
 
 STATES = COUNT + 2
 """Places of a sensitivity: the products, then the angle and the speed at the start."""
@@ -25,7 +25,7 @@ MOST_EVENTS = 64
 NO_BRANCH = -2
 
 
-@njit
+@njit_called
 def _decay(x: float) -> tuple[float, float, float, float]:
     """(1 − e^−x)/x, (x − 1 + e^−x)/x², and their derivatives to x."""
     if abs(x) < 0.02:
@@ -41,13 +41,13 @@ def _decay(x: float) -> tuple[float, float, float, float]:
     return first, second, slope1, (-slope1 - second) / x
 
 
-@njit
+@njit_called
 def _dead(ideal: float, high: float, low: float) -> float:
     """The torque after the dead zone."""
     return max(ideal - high, 0.0) + min(ideal - low, 0.0)
 
 
-@njit
+@njit_helper
 def _flow(v: float, alpha: float, rate: float, t: float, d_alpha: Array, d_rate: Array, s: Array) -> float:
     """Speed after t (s) of q2'' = α − λ q2'; `s` (2, 9) is moved along, the angle's gain is left in ``s[2, 0]``."""
     first, second, slope1, slope2 = _decay(rate * t)
@@ -61,7 +61,7 @@ def _flow(v: float, alpha: float, rate: float, t: float, d_alpha: Array, d_rate:
     return v * e + alpha * t * first
 
 
-@njit
+@njit_called
 def _time_to(v: float, target: float, alpha: float, rate: float) -> float:
     """Time (s) until the speed reaches `target`; infinite if it never does."""
     a = alpha - rate * v
@@ -76,7 +76,7 @@ def _time_to(v: float, target: float, alpha: float, rate: float) -> float:
     return -math.log1p(-share) / rate
 
 
-@njit
+@njit_called
 def _branch(ideal: float, high: float, low: float) -> int:
     """Branch of (8): +1 above the dead zone, 0 inside, −1 below; without a dead zone the sign of the torque."""
     if ideal > high or (high == low == 0.0 and ideal >= 0.0):
@@ -86,7 +86,7 @@ def _branch(ideal: float, high: float, low: float) -> int:
     return 0
 
 
-@njit
+@njit_helper
 def _law(products: Array, branch: int, side: float, u: float, d_alpha: Array, d_rate: Array) -> tuple[float, float]:
     """(α, λ) of q2'' = α − λ q2' in a mode, and their derivatives to the products, which are its coefficients."""
     above, below = (1.0 if branch > 0 else 0.0), (1.0 if branch < 0 else 0.0)
@@ -103,7 +103,7 @@ def _law(products: Array, branch: int, side: float, u: float, d_alpha: Array, d_
     return alpha, rate
 
 
-@njit
+@njit_called
 def _next_event(
     v: float, alpha: float, rate: float, branch: int, edges: tuple[float, float], left: float
 ) -> tuple[float, int, float]:
@@ -125,7 +125,7 @@ def _next_event(
     return t, event, target
 
 
-@njit
+@njit_helper
 def _over_sample(
     products: Array, h: float, u: float, q: float, v: float, s: Array, d_alpha: Array, d_rate: Array
 ) -> tuple[float, float]:

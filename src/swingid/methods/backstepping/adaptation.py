@@ -18,7 +18,7 @@ import numpy as np
 from swingid.errors import UsageError
 from swingid.methods.backstepping.signals import Signals
 from swingid.numerics.arrays import Array
-from swingid.numerics.compiled import njit
+from swingid.numerics.compiled import njit, njit_called
 
 LAWS = ("printed", "consistent")
 
@@ -72,7 +72,7 @@ def adapted(signals: Signals, gains: Gains) -> tuple[Array, Array]:
     return estimates[0], estimates[1]
 
 
-@njit
+@njit_called
 def _slopes(
     model: float, alpha2: float, alpha3: float, x2: float, phi: float, pushed: float, gains: Array
 ) -> tuple[float, float, float]:

@@ -21,12 +21,17 @@ from swingid.uncertainty.budget import BudgetEntry, stated
 from swingid.uncertainty.budget import scatter as scattering
 from twin_logs import INERTIA, given, logged, twin
 
+RIG = twin("Coulomb", counts_per_turn=16384)
+
 
 @pytest.fixture(scope="module")
-def comparison(tmp_path_factory):
-    rig = twin("Coulomb", counts_per_turn=16384)
-    log = logged(rig, tmp_path_factory.mktemp("compare"), duration=15.0)
-    return compare(log, given(rig), ["momentum", "energy"])
+def log(tmp_path_factory):
+    return logged(RIG, tmp_path_factory.mktemp("compare"), duration=15.0)
+
+
+@pytest.fixture(scope="module")
+def comparison(log):
+    return compare(log, given(RIG), ["momentum", "energy"])
 
 
 def answer(value, scatter, *shared):
@@ -50,12 +55,12 @@ def test_both_methods_answer_and_agree(comparison):
     assert comparison.verdicts[0].apart == ()
 
 
-def test_a_crash_of_one_method_leaves_the_others_rows(monkeypatch):
+def test_a_crash_of_one_method_leaves_the_others_rows(log, monkeypatch):
     def crash(*_, **__):
         raise np.linalg.LinAlgError("SVD did not converge")
 
     monkeypatch.setitem(METHODS, "energy", replace(METHODS["energy"], load=lambda: crash))
-    found = compare(rotary_log(), rotary_rig(), ["momentum", "energy"])
+    found = compare(log, given(RIG), ["momentum", "energy"])
     assert found.trials[0].result.status != "refused"
     assert found.trials[1].result.error.code == "bug-LinAlgError"
     assert "a bug of swingid, LinAlgError" in found.summary()

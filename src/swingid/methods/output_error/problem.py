@@ -43,6 +43,10 @@ _Channel = tuple[Array, float, float]
 LONGEST_STEP = 2e-3
 """Longest step (s) of the axis' integration; with 20 rad/s its error is 1e-9 of the motion."""
 
+CHATTERS = 500
+"""Steps per knot, on the average, from about which on a motion counts as divergent: its friction changes sides all the
+time. Motions that resemble a log need up to some 25, where friction changes within 1 mrad/s."""
+
 NO_PEAKS = np.empty(0)
 
 NO_ENTRIES: Entries = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
@@ -153,7 +157,7 @@ class Problem:
         """The steps of the motion under the voltage, and the first of each segment; None where it diverges."""
         begins, room = np.zeros(len(self.bounds), dtype=np.int64), len(self.knots) + len(self.knots) // 4 + 100
         states = np.ascontiguousarray(states)
-        while True:
+        while room <= CHATTERS * len(self.knots):
             nodes = np.empty((room, FIELDS))
             ended = motor_steps(
                 STEP_KERNEL, BEGIN_KERNEL, self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins
@@ -161,6 +165,7 @@ class Problem:
             if ended >= 0:
                 return (nodes, begins) if ended else None
             room *= 4
+        return None
 
     def fitted(self, unknowns: Unknowns, values: Array, states: Array, same: Prediction | None = None) -> Prediction:
         """Readings and their derivatives for values (m,) of the unknowns; same: the motion, where it is known."""

@@ -26,12 +26,14 @@ from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.methods.output_error import method, solver
+from swingid.methods.output_error import problem as problems
 from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.solver import SINGULAR, eliminated, loss_of, reduce, solve
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
+from swingid.recording.recording import Recording
 from swingid.simulation import simulate
 from swingid.study.reproduce import runs
 from twin_logs import GIVEN, given, twin
@@ -174,12 +176,25 @@ def test_eliminating_initial_values_solves_the_whole_system(viscous_log, damping
 
 
 def test_the_search_converges_where_the_wheel_reverses_at_the_begin_of_a_segment():
-    # the third of its segments begins 6 ms after a reversal, at .01 rad/s of the wheel
+    # its third segment begins with the wheel at .01 rad/s
     rig = runs.rig_of("body")
     log = runs.experiment_log("body", rig, seed=0)
     result = runs.result_by("nls", log)
     assert "not-converged" not in codes(result.warnings)
     assert abs(result.inertia.value - log.truth) < 4 * result.inertia.standard_uncertainty
+
+
+@pytest.mark.parametrize("every", [1, 125])
+def test_a_slow_log_does_not_count_as_one_whose_friction_changes_all_the_time(viscous_log, every, monkeypatch):
+    """Its steps are many per row, for they are of 1 ms at most; a motion of more than the bound counts as divergent."""
+    channels = {name: getattr(viscous_log, name)[::every] for name in ("time", "angle", "wheel_angle", "voltage")}
+    log = Recording(**channels)
+    _, unknowns = problem_and_unknowns(viscous_log, GIVEN, "voltage", "viscous")
+    problem = problem_of(log, Encoders.of(GIVEN), channel_noise(viscous_log, GIVEN), "voltage", 9.0, 1.0)
+    values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
+    assert problem.moved(unknowns, values, problem.starts).finite
+    monkeypatch.setattr(problems, "CHATTERS", 1)
+    assert not problem.moved(unknowns, values, problem.starts).finite
 
 
 def test_a_step_that_is_left_is_taken_linearly(viscous_log):

@@ -50,6 +50,7 @@ njit_nogil = kernels(nogil=True)
 """For kernels that take long enough to run in threads beside each other."""
 
 njit_helper = helpers()
+"""For functions that make arrays, or parts of them."""
 
 njit_inlined = helpers(forceinline=True, _nrt=False)
 """For functions that neither make nor return an array, nor call one that does.

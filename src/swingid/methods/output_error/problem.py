@@ -26,6 +26,7 @@ from swingid.methods.output_error.motor_motion import (
 from swingid.methods.output_error.partials import further_kernel
 from swingid.methods.output_error.unknowns import ZERO, Entries, Unknowns
 from swingid.model.integrator import STEP_KERNEL
+from swingid.model.motion import LONGEST
 from swingid.model.parameters import SIZE, STATIC_N, STATIC_P, STRIBECK_SPEED
 from swingid.model.sticking import BEGIN_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
@@ -43,9 +44,9 @@ _Channel = tuple[Array, float, float]
 LONGEST_STEP = 2e-3
 """Longest step (s) of the axis' integration; with 20 rad/s its error is 1e-9 of the motion."""
 
-CHATTERS = 500
-"""Steps per knot, on the average, from about which on a motion counts as divergent: its friction changes sides all the
-time. Motions that resemble a log need up to some 25, where friction changes within 1 mrad/s."""
+CHATTERS = 50
+"""Times as many steps as one per knot and `LONGEST`, from about which on a motion counts as divergent: its friction
+changes sides all the time. Motions that resemble a log take hardly more than once as many."""
 
 NO_PEAKS = np.empty(0)
 
@@ -155,9 +156,11 @@ class Problem:
 
     def _steps(self, p: Array, states: Array) -> tuple[Array, Ints] | None:
         """The steps of the motion under the voltage, and the first of each segment; None where it diverges."""
-        begins, room = np.zeros(len(self.bounds), dtype=np.int64), len(self.knots) + len(self.knots) // 4 + 100
-        states = np.ascontiguousarray(states)
-        while room <= CHATTERS * len(self.knots):
+        begins, states = np.zeros(len(self.bounds), dtype=np.int64), np.ascontiguousarray(states)
+        time = float(np.sum(self.knots[self.bounds[1:] - 1] - self.knots[self.bounds[:-1]]))
+        least = max(len(self.knots), int(time / LONGEST))
+        room = least + least // 4 + 100
+        while room <= CHATTERS * least:
             nodes = np.empty((room, FIELDS))
             ended = motor_steps(
                 STEP_KERNEL, BEGIN_KERNEL, self.knots, self.commands, self.flags, self.bounds, states, p, nodes, begins

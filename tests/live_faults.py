@@ -16,7 +16,7 @@ from swingid.live.machine import Machine
 from swingid.live.plant import Plant, board_of
 from swingid.model.rig import Rig
 
-AT = 2500
+AT = 3600
 """The sample at which a fault begins: in the middle of the run."""
 
 Rule = Callable[[int, Any], Any]

@@ -51,14 +51,14 @@ def session_of(plant: Plant) -> Session:
     return Session(TwinDevice(plant, board_of(plant.rig)))
 
 
-def found_on(plant: Plant, rig: Rig | None = None) -> Commissioning:
+def found_on(plant: Plant, rig: Rig | None = None, wait: float = 30.0) -> Commissioning:
     with session_of(plant) as session:
-        return commission(session, rig or plant.rig)
+        return commission(session, rig or plant.rig, wait=wait)
 
 
 def refused(plant: Plant, rig: Rig | None = None) -> SwingidError:
     with pytest.raises(SwingidError) as error:
-        found_on(plant, rig)
+        found_on(plant, rig, wait=0.0)
     assert error.value.message.count("\n") == 0
     return error.value
 
@@ -70,6 +70,10 @@ def test_every_wiring_is_found(axis: int, wheel: int, voltage: int) -> None:
     """The axis' direction is a choice, +1 where the file states none: the others are found relative to it."""
     found = found_on(Wired(axis=axis, wheel=wheel, voltage=voltage))
     assert (found.axis_sign, found.wheel_sign, found.voltage_sign) == (1, axis * wheel, axis * voltage)
+
+
+def test_a_body_that_swings_is_waited_for() -> None:
+    assert found_on(Wired(initial_angle=0.05)).wheel_sign == 1
 
 
 def test_the_axis_direction_of_the_file_is_kept() -> None:
@@ -137,7 +141,7 @@ def test_delay_is_that_of_the_encoder() -> None:
 @pytest.mark.parametrize(
     ("options", "code", "words"),
     [
-        ({"initial_angle": 0.05}, "not-still", "the body is not hanging still"),
+        ({"initial_angle": 0.05}, "not-still", "must hang still"),
         ({"voltage": 0.0}, "no-motion", "neither wheel nor body moves"),
         ({"wheel": 0.0}, "no-motion", "the wheel's counts do not"),
         ({"axis": 0.0}, "no-motion", "the body's counts do not"),

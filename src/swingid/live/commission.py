@@ -24,7 +24,8 @@ from swingid.errors import DeviceError, InputError, UsageError
 from swingid.format import plus_minus
 from swingid.live.guard import Board, Limits
 from swingid.live.pace import alone
-from swingid.live.pulses import PULSE, STILL_TIME, Channel, Pulses, guard_trips, hanging, moving
+from swingid.live.pulses import PULSE, Pulses, guard_trips, moving
+from swingid.live.rest import STILLER, WAIT, Channel, at_rest, listening_time
 
 if TYPE_CHECKING:
     from swingid.live.session import Session
@@ -96,8 +97,12 @@ class Commissioning:
         return [*said, *(f"warning: {warning}" for warning in self.warnings)]
 
 
-def commission(session: Session, rig: Rig, *, progress: Callable[[str], None] = lambda _: None) -> Commissioning:
+def commission(
+    session: Session, rig: Rig, *, wait: float = WAIT, progress: Callable[[str], None] = lambda _: None
+) -> Commissioning:
     """Find zero, noise, signs, delay and what can be known of the counts of a device whose body hangs still.
+
+    wait (s): for that.
 
     Raises UsageError for a rig without a reaction wheel, InputError where rig file and device contradict each other
     (code "wrong-sign", "wrong-counts"), DeviceError where the rig is not still, does not move, or its guard trips.
@@ -109,8 +114,9 @@ def commission(session: Session, rig: Rig, *, progress: Callable[[str], None] = 
         board = session.connect()
         session.require_ready()
         _agrees(rig, board)
-        progress(f"listening for {STILL_TIME:g} s to the hanging body")
-        axis, wheel = hanging(session.listen(STILL_TIME), board)
+        progress(f"listening for {listening_time(rig):.2g} s to the hanging body")
+        axis, wheel = at_rest(session, rig, board, wait=wait, say=progress, swing=STILLER)
+        assert wheel is not None  # `_agrees` has refused a device without
         pulses = moving(session, rig, board, (axis, wheel), progress)
         found = _relation(pulses, axis.step, wheel.step)
         signs = _signs(rig, pulses, found)

@@ -7,7 +7,6 @@ real one; the rate that was held is in `Held`.
 from __future__ import annotations
 
 import time
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.live.devices.twin import TwinDevice
-from swingid.live.machine import VERSION
+from swingid.live.machine import EMULATED
 from swingid.live.native import NativeProcess
 from swingid.live.pace import alone
 from swingid.live.plant import Plant, board_of
@@ -106,7 +105,7 @@ def emulated(
     """
     _warm_up(rig)
     kind = "native" if native else "twin"
-    board = board_of(rig, rate=rate, firmware=zlib.crc32(f"swingid {kind} {VERSION}".encode()))
+    board = board_of(rig, rate=rate, firmware=EMULATED[kind])
     plant = Plant(rig, rate=rate, seed=seed, draw=draw)
     if native:
         return NativeRig(plant, NativeProcess(board, tcp=tcp))

@@ -20,8 +20,10 @@ from swingid.live.codes import StopMode
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.guard import Board, Limits, parameters_of
 from swingid.live.journal import Journal, Plan, Recorder, require_new
-from swingid.live.preflight import Rehearsed, energy_limit, expected, rehearsed, require_same_rig, zero_of
+from swingid.live.machine import EMULATED
+from swingid.live.preflight import Rehearsed, energy_limit, expected, rehearsed, require_same_rig
 from swingid.live.progress import Follower, Progress
+from swingid.live.rest import WAIT, Channel, at_rest, friction_band
 from swingid.live.session import End, Reason, Session
 from swingid.live.watch import HostGuard
 
@@ -32,9 +34,6 @@ if TYPE_CHECKING:
     from swingid.live.frames import Frame
     from swingid.live.pace import Pace
     from swingid.model.rig import Rig
-
-LISTEN = 0.5
-"""Seconds for which the rig is looked at before a run."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class Order:
     until: float = 0.0
     fade: float = 0.5
     clear: bool = False
-    wait: float = 30.0
+    wait: float = WAIT
     rehearse: bool = True
 
 
@@ -159,13 +158,14 @@ class Conductor:
             span = {"duration": order.duration, "rate": board.rate, "fade": order.fade}
             twin = rehearsed(self.rig, order.motion, order.controller, limits, **span)
             self._say(twin.words())
-        limits = self._at_rest(session, order, limits, board)
+        body, _ = at_rest(session, self.rig, board, wait=order.wait, say=self._say, wanted=self._require_wanted)
+        limits = replace(limits, axis_zero=round(body.zero))
         parameters = parameters_of(order.controller, board, limits)
         session.load(parameters)
         rows = max(int(order.duration * board.rate + 1e-9), 1)
         reference = order.motion(np.arange(rows) / board.rate).astype(np.float32).astype(float)
         words = order.motion.describe()
-        journal.plan(Plan(parameters, reference, words), firmware=f"{board.firmware:08x}", device=name, rate=board.rate)
+        journal.plan(Plan(parameters, reference, words), **self._facts(board, body, name))
         follower = Follower(self.rig, parameters.tolist(), reference.tolist(), order.until, board.rate)
         inertia, gravity = expected(self.rig)
         energy = math.inf if twin is None else energy_limit(twin, self.rig)
@@ -183,19 +183,16 @@ class Conductor:
         journal.event("end", f"{done.end.reason.value}: {done.end.sentence}")
         return Done(done.end, twin, follower.progress, journal.error, done.lost, list(follower.notes))
 
-    def _at_rest(self, session: Session, order: Order, limits: Limits, board: Board) -> Limits:
-        """The limits with the zero of a body that hangs still, waited for; raises as `zero_of`."""
-        until, waits = session.link.clock() + order.wait, False
-        while True:
-            self._require_wanted()
-            try:
-                return zero_of(session.listen(LISTEN), limits, board, session.link.name)
-            except DeviceError as error:
-                if error.code != "not-still" or session.link.clock() >= until:
-                    raise
-            if not waits:
-                self._say(f"waiting until the body hangs still, up to {order.wait:g} s")
-            waits = True
+    def _facts(self, board: Board, body: Channel, name: str) -> dict[str, object]:
+        """What a reader of the journal wants to know of the device, and how well the zero is known (rad)."""
+        spread = math.hypot(body.spread, friction_band(self.rig))
+        facts = {
+            "firmware": f"{board.firmware:08x}",
+            "device": name,
+            "rate": board.rate,
+            "zero_spread": f"{spread:.3g}",
+        }
+        return facts | ({"emulated": 1} if board.firmware in EMULATED.values() else {})
 
     def _look(self, follower: Follower, frames: list[Frame], session: Session) -> None:
         """Show the progress, and stop where the wanted uncertainty is reached."""

@@ -1,10 +1,11 @@
 """The journal of a run: an MCAP file that holds every byte of the link, and the run as a log that `identify` reads.
 
 Channels: ``/raw/device`` and ``/raw/host`` (the bytes as they came, in the schema of the DBC file inside), ``/sample``
-(one JSON object per sample of the run: t, q1, q2, u, k, ym in SI units) and ``/event`` (states, faults, the end).
+(one JSON object per sample of the run: t, q1, q2, u, k, ym in SI units, host: its arrival in s by the computer's
+clock, flags where its readings are not to be used) and ``/event`` (states, faults, the end).
 Attachments: rig.toml, swingid.dbc, reference.f32, parameters.f64. Everything so far is flushed every 0.25 s and
 synchronised with the disk every second, so a process that is killed loses less than half a second; a file that was
-cut off is read up to the cut.
+cut off is read up to the cut. Where no sample of a run came the file is removed: it would be no measurement.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ from swingid.live.codes import FaultCode, State
 from swingid.live.frames import Decoder, Frame
 from swingid.live.rows import Row, Rows
 from swingid.live.schema import database_text, missing_extra, schema
+from swingid.recording.formats.mcap import RUN
 from swingid.recording.formats.table import METADATA_KEY
+from swingid.recording.live import ARRIVAL
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -32,7 +35,7 @@ FLUSH, SYNC = 0.25, 1.0
 
 _NUMBER = {"type": "number"}
 _TEXT = {"type": "string"}
-SAMPLE = {"type": "object", "properties": dict.fromkeys(Row._fields, _NUMBER)}
+SAMPLE = {"type": "object", "properties": dict.fromkeys((*Row._fields, ARRIVAL), _NUMBER)}
 EVENT = {"type": "object", "properties": {"event": _TEXT, "text": _TEXT}}
 
 
@@ -136,7 +139,7 @@ class Journal:
             self._writer.add_attachment(0, 0, "parameters.f64", "application/octet-stream", parameters.tobytes())
             self._writer.add_attachment(0, 0, "reference.f32", "application/octet-stream", reference.tobytes())
             known = {"reference": plan.words, "schema": f"{schema().hash:08x}", **facts}
-            self._writer.add_metadata("swingid.run", {name: str(value) for name, value in known.items()})
+            self._writer.add_metadata(RUN, {name: str(value) for name, value in known.items()})
 
         self._guarded(write)
 
@@ -147,6 +150,7 @@ class Journal:
 
     def _take(self, came: bool, now: float, data: bytes) -> None:
         stamp = self._stamp(now)
+        arrival = round(1e-9 * (stamp - self._began), 6)
         self._writer.add_message(self._raw[came], log_time=stamp, publish_time=stamp, data=data)
         if not came:
             return
@@ -155,7 +159,7 @@ class Journal:
             self._note(frame, now)
         for row in self._rows.feed(frames) if self._rows is not None else ():
             cells = {name: value for name, value in row._asdict().items() if value is not None}
-            text = json.dumps(cells, separators=(",", ":")).encode()
+            text = json.dumps(cells | {ARRIVAL: arrival}, separators=(",", ":")).encode()
             if self._start is None:
                 self._start = stamp - round(row.t * 1e9)
             stamp = self._start + round(row.t * 1e9)  # a reader draws over it, so it has the device's even steps
@@ -205,3 +209,6 @@ class Journal:
         self._guarded(finish)
         with suppress(OSError, ValueError):
             self._file.close()
+        if self._start is None and self.path.is_file():
+            with suppress(OSError):
+                self.path.unlink()

@@ -9,6 +9,7 @@ returns, and sends what `output` gives.
 from __future__ import annotations
 
 import math
+import zlib
 from functools import cache
 
 import numpy as np
@@ -22,6 +23,9 @@ from swingid.live.guard import Board, Guard, Readings
 from swingid.live.schema import schema
 
 VERSION = 1
+EMULATED = {kind: zlib.crc32(f"swingid {kind} {VERSION}".encode()) for kind in ("twin", "native")}
+"""Hashes that the firmware of an emulated rig states, which moves by its own clock."""
+
 REFERENCE_ROOM, OUTPUT_ROOM = 1024, 1024
 """Samples of the reference and bytes of output that a device holds."""
 

@@ -98,7 +98,7 @@ class Follower:
         last = rows[-1]
         shown.time, shown.gain, shown.voltage = last.t, last.k, last.u
         shown.left = max(len(self.reference) / self.rate - last.t, 0.0)
-        self._errors += [row.q1 - row.ym for row in rows if row.ym is not None]
+        self._errors += [row.q1 - row.ym for row in rows if row.q1 is not None and row.ym is not None]
         del self._errors[: -int(self.rate)]
         if self._errors:
             shown.error = self._errors[-1]
@@ -110,7 +110,8 @@ class Follower:
     def _estimate(self, rows: list[Row]) -> None:
         if self._estimator is None:
             return
-        for estimate in self._estimator.push([(row.t, row.q1, row.q2, row.u) for row in rows]):
+        used = [(row.t, row.q1, row.q2, row.u) for row in rows if row.q1 is not None]
+        for estimate in self._estimator.push(used):
             self.progress.estimate, self.progress.fresh = estimate, True
         found = self.progress.estimate
         if not self.until or found is None or self.progress.time < LEAST_TIME or self.progress.reached:

@@ -12,16 +12,16 @@ import numpy as np
 from swingid.errors import DeviceError
 from swingid.live.codes import FaultCode, Mode
 from swingid.live.guard import Board, Limits, parameters_of
+from swingid.live.rest import Channel, counts_of
 from swingid.live.running import Reason
 
 if TYPE_CHECKING:
-    from swingid.live.frames import Frame
     from swingid.live.session import Session
     from swingid.model.rig import Rig
     from swingid.numerics.arrays import Array
 
-STILL_TIME, TAIL_TIME = 2.0, 2.5
-"""Seconds of listening to a body that hangs, and of swinging after a pulse: a good part of a period."""
+TAIL_TIME = 2.5
+"""Seconds of swinging after a pulse: a good part of a period."""
 
 LEAD, PULSE = 0.05, 0.08
 """Seconds of 0 V before a pulse and of each of its two halves, + and -, which leave the wheel nearly at rest."""
@@ -29,28 +29,11 @@ LEAD, PULSE = 0.05, 0.08
 SHARES = (0.05, 0.1, 0.2, 0.3, 0.5)
 """Shares of the voltage limit that are tried until wheel and axis move."""
 
-SWING, TURN = math.radians(0.3), math.radians(2.0)
-"""Motions (rad, peak to peak) of axis and wheel beyond which a rig is not still."""
-
 WHEEL_MOVES, AXIS_MOVES = 0.1, 0.006
 """Angles (rad) that a pulse must make, and 8 counts of each at least."""
 
 MOST_ANGLE, MOST_SPEED = 0.5, 6.0
 """Limits of the guard (rad, rad/s) while it is tested."""
-
-
-@dataclass(frozen=True)
-class Channel:
-    """An encoder while the body hangs: counts per turn, counts of the mean, noise (rad) without that of rounding."""
-
-    counts: int
-    zero: float
-    noise: float
-
-    @property
-    def step(self) -> float:
-        """Angle (rad) of a count."""
-        return 2 * math.pi / self.counts
 
 
 @dataclass(frozen=True)
@@ -62,33 +45,6 @@ class Pulses:
     wheel: Array
     voltage: Array
     amplitude: float
-
-
-def _counts(frames: list[Frame]) -> tuple[Array, Array, Array, Array]:
-    """Device time (s), counts of axis and wheel without their wraps, voltage (V) of Sample frames."""
-    whole = np.array([(f.time, f.axis, f.wheel) for f in frames], np.int64)
-    time, axis, wheel = (np.unwrap(column, period=2**32) for column in whole.T)
-    return (time - time[0]) * 1e-6, axis.astype(float), wheel.astype(float), np.array([f.voltage for f in frames])
-
-
-def hanging(frames: list[Frame], board: Board) -> tuple[Channel, Channel]:
-    """Zero and noise of both encoders; DeviceError where axis or wheel move."""
-    _, axis, wheel, _ = _counts(frames)
-    found = []
-    for name, counts, turn, most in (
-        ("body", axis, board.axis_counts, SWING),
-        ("wheel", wheel, board.wheel_counts, TURN),
-    ):
-        step = 2 * math.pi / turn
-        width = max(1, min(len(counts) // 8, round(0.04 * board.rate)))
-        mean = np.convolve(counts, np.full(width, 1.0 / width), "valid")
-        motion = float(np.ptp(mean)) * step
-        if motion > most:
-            text = f"the {name} is not hanging still: it moves by {math.degrees(motion):.2g} deg in {STILL_TIME:g} s; "
-            raise DeviceError(text + "let it come to rest and do not touch it, then commission again", code="not-still")
-        variance = float(np.var(np.diff(counts))) / 2 - 1 / 12
-        found.append(Channel(turn, float(np.mean(counts)), math.sqrt(max(variance, 0.0)) * step))
-    return found[0], found[1]
 
 
 def moving(
@@ -163,6 +119,6 @@ def _pulse(session: Session, amplitude: float, rate: float, channels: tuple[Chan
     if run.end.reason is not Reason.FINISHED or run.lost:
         why = run.end.sentence if run.end.reason is not Reason.FINISHED else f"{run.lost} samples were lost on the link"
         raise DeviceError(f"the pulse of {amplitude:.3g} V did not end as planned: {why}", code="pulse-ended")
-    time, axis, wheel, voltage = _counts(run.samples[: len(volts)])
+    time, axis, wheel, voltage = counts_of(run.samples[: len(volts)])
     zero = wheel[: round(LEAD * rate)].mean()
     return Pulses(time, axis - channels[0].zero, wheel - zero, voltage, amplitude)

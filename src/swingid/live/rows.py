@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from swingid.live import guard as at
-from swingid.live.codes import State, Status
+from swingid.live.codes import Flag, State, Status
 from swingid.live.frames import Frame
 from swingid.live.schema import schema
 
@@ -15,14 +15,21 @@ from swingid.live.schema import schema
 class Row(NamedTuple):
     """One sample of a run: time since reference 0 (s), angle and wheel angle (rad, model's signs; None without a
     wheel), voltage held from it on (V), gain of the controller, reference (rad, None where it is not known).
+
+    flags: why its readings are not to be used, then both angles are None; None where they are.
     """
 
     t: float
-    q1: float
+    q1: float | None
     q2: float | None
     u: float
     k: float
     ym: float | None
+    flags: int | None = None
+
+
+UNUSED = Flag.INVALID | Flag.LATE
+"""Flags of a sample whose readings are not those of its instant: an encoder gave none, or the sample came late."""
 
 
 class Unwrapped:
@@ -45,13 +52,14 @@ class Rows:
     """Rows of the running state, in the order of their sequence; others, and samples that come twice, are left out.
 
     parameters: those of the device (`guard.parameters_of`), for steps, signs and zero. reference: what was sent (rad).
-    lost: samples of the run that did not come.
+    lost: samples of the run that did not come; flagged: whose readings are not used.
     """
 
     parameters: list[float]
     reference: list[float] = field(default_factory=list)
     start: int | None = None
     lost: int = 0
+    flagged: int = 0
     _time: Unwrapped = field(default_factory=Unwrapped)
     _axis: Unwrapped = field(default_factory=Unwrapped)
     _wheel: Unwrapped = field(default_factory=Unwrapped)
@@ -90,14 +98,16 @@ class Rows:
             self.lost += number
         elif before is not None:
             self.lost += sequence - before - 1
-        p = self.parameters
+        p, unused = self.parameters, int(frame.flags & UNUSED)
+        self.flagged += unused != 0
         return Row(
             t=(time - self._first) * 1e-6,
-            q1=(axis - int(p[at.AXIS_ZERO])) * p[at.AXIS_STEP],
-            q2=wheel * p[at.WHEEL_STEP] if p[at.WHEEL_STEP] else None,
+            q1=None if unused else (axis - int(p[at.AXIS_ZERO])) * p[at.AXIS_STEP],
+            q2=wheel * p[at.WHEEL_STEP] if p[at.WHEEL_STEP] and not unused else None,
             u=frame.voltage * p[at.VOLTAGE_SIGN],
             k=frame.gain,
             ym=self.reference[number] if number < len(self.reference) else None,
+            flags=unused or None,
         )
 
     def _rate(self) -> float:

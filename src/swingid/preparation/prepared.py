@@ -26,6 +26,7 @@ from swingid.recording.recording import Recording
 from swingid.result.provenance import add_findings, defaults_taken, provenance
 from swingid.result.result import Details, Message, Result
 from swingid.uncertainty.budget import Evaluated
+from swingid.units import Quantity
 
 
 @dataclass(frozen=True)
@@ -185,7 +186,7 @@ def prepare(
     """
     if not together:
         refuse_motor(rig, "this method")
-    rig = with_restored_time(rig, log)
+    rig = as_recorded(rig, log)
     log, encoders, corrections = corrected(log, rig)
     log, level = levelled(log, rig)
     encoders = replace(encoders, level=level)
@@ -197,10 +198,12 @@ def prepare(
     return Prepared(log, rig, scale, encoders, (*corrections, *pushes, *zero), one_of_several)
 
 
-def with_restored_time(rig: Rig, log: Recording) -> Rig:
-    """The rig whose clock is as uncertain as the time of the log is, where rows were lost and restored."""
-    restored = max((found.of_time for found in log.findings), default=0.0)
-    if not restored:
-        return rig
-    clock = replace(rig.log.clock, std=math.hypot(rig.log.clock.std or 0.0, restored))
-    return rig.model_copy(update={"log": rig.log.model_copy(update={"clock": clock})})
+def as_recorded(rig: Rig, log: Recording) -> Rig:
+    """The rig whose clock and zero of the angle are as uncertain as the findings of the log say."""
+    keys: dict[str, Quantity] = {}
+    for key, own in (("clock", "of_time"), ("angle_offset", "of_zero")):
+        found = max((getattr(one, own) for one in log.findings), default=0.0)
+        if found:
+            stated: Quantity = getattr(rig.log, key)
+            keys[key] = replace(stated, std=math.hypot(stated.std or 0.0, found))
+    return rig.model_copy(update={"log": rig.log.model_copy(update=keys)}) if keys else rig

@@ -35,7 +35,8 @@ class Finding:
     A ``"warning"`` may affect the result; a ``"note"`` states what was done or assumed. `repair` names the repair
     (a key of `REPAIRS`) that it reports, done or (code "repair-off") switched off. spans: from when to when (s) what a
     warning reports happened; where that is outside of the rows that a method used, it is a note. Empty: everywhere.
-    of_time: relative standard uncertainty of the time that a repair restored.
+    of_time: relative standard uncertainty of the time that a repair restored; of_zero: standard uncertainty (rad) of
+    the zero of the angle, where the log states it.
     """
 
     code: str
@@ -45,6 +46,7 @@ class Finding:
     kind: Kind | None = None
     spans: tuple[tuple[float, float], ...] = ()
     of_time: float = 0.0
+    of_zero: float = 0.0
 
     def within(self, start: float, stop: float) -> Finding:
         """As it counts where only the rows from start to stop (s) are used."""
@@ -68,6 +70,7 @@ REPAIRS: dict[str, str] = {
     "blanks": "rows without a number, or that do not split into columns, are left out",
     "sort": "rows in the wrong place are sorted by time",
     "repeats": "of rows with one time only the first is kept",
+    "device-clock": "times of a live run are taken by the computer's clock where the device's contradicts it",
     "clock": "stamps that scatter about a constant rate are replaced by that rate",
     "unwrap": "angles logged within one turn are made continuous",
     "spikes": "single samples that fit neither neighbour are left out",

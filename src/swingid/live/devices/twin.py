@@ -7,13 +7,12 @@ same bytes read.
 
 from __future__ import annotations
 
-import zlib
 from typing import TYPE_CHECKING, Protocol
 
 from swingid.errors import UsageError
 from swingid.live.devices.stream import closed_error, split_address
 from swingid.live.guard import Board, Readings
-from swingid.live.machine import VERSION, Machine
+from swingid.live.machine import EMULATED, Machine
 from swingid.live.plant import Plant, board_of
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ class TwinDevice:
 
 def twin_of(rig: Rig, *, rate: float = 1000.0, seed: int = 0, draw: bool = False, clock: int = 0) -> TwinDevice:
     """A device on the twin of a rig; errors as `board_of` and, without inertia or gravity torque, as `simulate`."""
-    board = board_of(rig, rate=rate, firmware=zlib.crc32(f"swingid twin {VERSION}".encode()))
+    board = board_of(rig, rate=rate, firmware=EMULATED["twin"])
     return TwinDevice(Plant(rig, rate=rate, seed=seed, draw=draw), board, clock=clock)
 
 

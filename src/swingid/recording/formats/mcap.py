@@ -29,8 +29,8 @@ LONGEST = 9e9
 KINDS = ("position", "velocity", "effort")
 
 
-LIVE = "/sample"
-"""The topic of the log in the journal of a live run, whose metadata have the key "live"."""
+LIVE, RUN = "/sample", "swingid.run"
+"""The topic of the log in the journal of a live run, whose metadata have the key "live"; the record about the run."""
 
 
 def read(content: bytes, name: str) -> Table:
@@ -83,10 +83,12 @@ class _Found:
     cut: bool = False
 
     def note(self, record: Any) -> None:
-        """Keep a metadata record of swingid."""
+        """Keep a metadata record of swingid; of a journal also what it states of its run."""
         if record.name == METADATA_KEY:
             known = json.loads(record.metadata.get("json", "{}"))
-            self.metadata = known if isinstance(known, dict) else {}
+            self.metadata = self.metadata | (known if isinstance(known, dict) else {})
+        elif record.name == RUN:
+            self.metadata = self.metadata | {"run": dict(record.metadata)}
 
 
 def _whole(content: bytes) -> _Found:

@@ -17,6 +17,7 @@ from swingid.recording.findings import Source
 from swingid.recording.formats import csv, hdf5, hdf5_parts, mcap, mcap_parts, parquet
 from swingid.recording.formats.table import Table
 from swingid.recording.large.parts import parts, within
+from swingid.recording.live import ARRIVAL, is_live, with_own_time, zero_at_rest
 from swingid.recording.load import reading_of
 from swingid.recording.recording import Recording
 from swingid.system import sha256_of
@@ -196,8 +197,20 @@ class LargeLog:
         stamps = header.find(self.rig.log.time) if self.rig.log.rate is None else None
         first = None if stamps is None else next(self._open.pieces(FIRST, [stamps]), None)
         reading = replace(reading_of(header, first, self.rig, self.path, self.repairs), span=self.span)
+        if is_live(header):
+            reading = self._as_live(header, reading)
         gather(header, reading)  # raises for a column that is missing
         return header, reading
+
+    def _as_live(self, header: Table, reading: Reading) -> Reading:
+        """How the journal of a live run is to be read: its zero, and its times by the computer's clock."""
+        zero_at_rest(header, reading)
+        time = reading.conventions.columns["time"]
+        if not {time, ARRIVAL} <= header.columns.keys():
+            return reading
+        pieces = list(self._open.pieces(PIECE, [time, ARRIVAL]))
+        whole = {name: np.concatenate([piece.columns[name] for piece in pieces]) for name in (time, ARRIVAL)}
+        return with_own_time(Table(whole, header.metadata), time, reading)
 
     def sha256(self) -> str:
         """SHA-256 of the file; InputError where it cannot be read."""

@@ -1,0 +1,137 @@
+"""What the journal of a live run holds beside its channels: arrivals by the computer's clock, flags, the zero at rest.
+
+The device states its time, its readings and where the body hung before the run; none of the three is taken unseen.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from swingid.format import number
+from swingid.recording.device_clock import Comparison, compare
+from swingid.recording.findings import Finding
+from swingid.recording.rows import MANY
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from swingid.numerics.arrays import Array
+    from swingid.recording.conventions import Reading
+    from swingid.recording.formats.table import Table
+    from swingid.units import Quantity
+
+ARRIVAL, FLAGS = "host", "flags"
+"""Columns of a journal: when a sample arrived (s, by the computer's clock); bits of a sample that is not to be used."""
+
+RUN = "run"
+"""Key of what a journal's metadata state of its run."""
+
+REPAIR = "device-clock"
+
+HOST = 1e-4
+"""Relative standard uncertainty of a computer's clock: the tolerance of a quartz, as `log.clock` by default."""
+
+DIFFERS = 2.0
+"""Standard deviations from which the device's clock is corrected: 5e-2 for one test of a log. Both parts are bounds
+rather than spreads, so a quartz was corrected in none of the runs of `benchmarks/clock.py`."""
+
+SMALL = 2e-3
+"""Relative deviation up to which it is written in ppm."""
+
+
+def is_live(table: Table) -> bool:
+    """Whether a table is the journal of a live run."""
+    return bool(table.metadata.get("live"))
+
+
+def without_flagged(table: Table, reading: Reading) -> Table:
+    """The table without the samples that the device flagged as without a reading, or late; with a finding."""
+    if FLAGS not in table.columns:
+        return table
+    flags, _ = table.numbers(FLAGS)
+    good = ~(np.nan_to_num(flags) > 0)
+    rows, out = len(good), int(np.count_nonzero(~good))
+    if not out or not good.any():
+        return table
+    text = f"{out} of {rows} samples left out: the device flagged them as without a reading of an encoder, or as late"
+    if out > MANY * rows:
+        text += "; look after the encoder's cable and magnet, and lower the device's rate"
+    reading.found("flagged-samples", f"{text}.", "warning" if out > MANY * rows else "note")
+    return replace(table, columns={name: values[good] for name, values in table.columns.items()})
+
+
+def zero_at_rest(table: Table, reading: Reading) -> None:
+    """Add the note of how well the zero of the angle is known: by the body that hung still before the run."""
+    spread = _about(table).get("zero_spread", "")
+    try:
+        of_zero = float(spread)
+    except ValueError:
+        return
+    if of_zero > 0.0 and math.isfinite(of_zero):
+        text = f"0 of the angle is where the body hung before the run, to {number(of_zero, 'rad', 2)}"
+        reading.findings.append(Finding("zero-at-rest", f"{text}.", "note", of_zero=of_zero))
+
+
+def with_own_time(table: Table, time: str, reading: Reading) -> Reading:
+    """How the journal is to be read, its times (s, of this column) as the computer's clock has them.
+
+    They are corrected where the device's clock deviates from the computer's by more than `log.clock` states, with a
+    warning; else a note states the deviation. Not for an emulated rig, which moves by its own clock.
+    """
+    if _about(table).get("emulated"):
+        return reading
+    stated = reading.rig.log.clock
+    found = _compared(table, time)
+    taken = stated.value if found is None else _decided(found, stated, reading)
+    scale = replace(reading.conventions.scale("time"), factor=1.0 / (1.0 + taken))
+    conventions = replace(reading.conventions, scales=reading.conventions.scales | {"time": scale})
+    return replace(reading, conventions=conventions)
+
+
+def _about(table: Table) -> Mapping[str, str]:
+    about = table.metadata.get(RUN)
+    return about if isinstance(about, dict) else {}
+
+
+def _compared(table: Table, time: str) -> Comparison | None:
+    """The device's clock against the computer's; None where the journal has no arrivals, or is too short."""
+    if ARRIVAL not in table.columns or time not in table.columns:
+        return None
+    device, host = (table.numbers(column)[0] for column in (time, ARRIVAL))
+    known: Array = np.isfinite(device) & np.isfinite(host)
+    return compare(device[known], host[known])
+
+
+def _decided(found: Comparison, stated: Quantity, reading: Reading) -> float:
+    """The deviation of the device's clock that is taken off its times; `reading` gets the finding."""
+    u = math.hypot(found.spread, HOST)
+    side = "fast" if found.deviation > 0 else "slow"
+    words = f"the device's clock is {_share(abs(found.deviation), u)} {side} against the computer's"
+    if abs(found.deviation - stated.value) <= DIFFERS * math.hypot(u, stated.std or 0.0):
+        extra = found.spread if found.is_unsteady else 0.0
+        if extra:
+            words += f"; their difference jumps by {number(found.scatter, 's', 2)}, which the interval contains"
+        reading.found("device-clock", f"{words}.", "note", of_time=extra)
+        return stated.value
+    words += f", and log.clock states {_signed(stated.value)} ± {1e6 * (stated.std or 0.0):.0f} ppm"
+    if REPAIR in reading.off:
+        reading.found("device-clock", f"{words}; it was left so.", "warning")
+        return stated.value
+    words += f'; the times were corrected. Run the board from a crystal, or state clock = "{_signed(found.deviation)}'
+    reading.found("device-clock", f'{words} ± {1e6 * u:.0f} ppm" under [log].', "warning", REPAIR, of_time=u)
+    return found.deviation
+
+
+def _signed(share: float) -> str:
+    return f"{1e6 * share:.0f}"
+
+
+def _share(size: float, u: float) -> str:
+    """A relative deviation with its standard uncertainty, in ppm or %."""
+    if max(size, u) < SMALL:
+        return f"{1e6 * size:.0f} ± {1e6 * u:.0f} ppm"
+    return f"{100 * size:.3g} ± {100 * u:.1g} %"

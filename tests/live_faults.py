@@ -133,6 +133,18 @@ def other_schema(_number: int, frame: bytes) -> bytes:
     return encode("Hello", **{**found[0].values, "schema": 1})
 
 
+def time_back() -> Rule:
+    """From sample `AT` on the device states a time of ten samples ago, as after a fault of its timer."""
+
+    def rule(_number: int, frame: bytes) -> bytes:
+        found = Decoder().feed(frame)
+        if not found or found[0].name != "Sample" or found[0].sequence < AT:
+            return frame
+        return encode("Sample", **{**found[0].values, "time": found[0].time - 10_000})
+
+    return rule
+
+
 def in_pieces() -> Rule:
     rest: list[bytes] = [b""]
 
@@ -253,6 +265,11 @@ def at_rest_swinging() -> Plant:
     return Plant(RIG, initial_speed=0.4)
 
 
+def at_a_turning_point() -> Plant:
+    """A body that swings by 12 mrad from its largest angle, where it stands still for a moment."""
+    return Plant(RIG, initial_angle=0.012)
+
+
 def rig_with(**keys: Any) -> Callable[[], Rig]:
     return lambda: RIG.changed({name.replace("__", "."): value for name, value in keys.items()})
 
@@ -300,6 +317,18 @@ DEVICE = [
     Fault("device: counter of the axis wraps", lambda: Rules(read=lambda row, r: counts(axis=2**31 - 900)(r))),
     Fault("device: counter of the wheel wraps", lambda: Rules(read=lambda row, r: counts(wheel=2**31 - 900)(r))),
     Fault("device: sequence wraps", lambda: Rules(before=wrong_sequence)),
+    Fault("device: clock 0.4 % fast", lambda: Rules(time=lambda row, t: t * 1.004)),
+    Fault("device: clock 0.4 % slow", lambda: Rules(time=lambda row, t: t * 0.996)),
+    Fault("device: samples 1010 us apart by its clock", lambda: Rules(time=lambda row, t: t * 1.01), "other-rate", 5),
+    Fault("device: its clock stands still", lambda: Rules(time=lambda row, t: 0.0), "other-rate", 5),
+    Fault("device: its clock goes back", lambda: Rules(up=time_back()), "guard", 5, dead_by=60, log=1.0),
+    Fault("device: one sample of ten is flagged", lambda: Rules(read=lambda row, r: r._replace(valid=row % 10 != 0))),
+    Fault(
+        "device: most samples are flagged",
+        lambda: Rules(read=lambda row, r: r._replace(valid=row % 4 == 0)),
+        "no-readings",
+        5,
+    ),
     Fault(
         "device: a sample comes late",
         lambda: Rules(time=from_row(lambda t: t + 900.0)),
@@ -390,6 +419,13 @@ USER = [
     Fault(
         "user: body does not hang still",
         device={"plant": at_rest_swinging},
+        order={"wait": 0.0},
+        end="not-still",
+        exit=5,
+    ),
+    Fault(
+        "user: body at a turning point of a small swing",
+        device={"plant": at_a_turning_point},
         order={"wait": 0.0},
         end="not-still",
         exit=5,

@@ -40,8 +40,19 @@ LARGEST_SWING = 2.5
 """Amplitude in rad up to which the first correction of the free swing's frequency is used."""
 
 
-def check_sign(law: WindowFit, where: str) -> None:
+COMMISSION = "the journal has the signs that [device] stated at the run: find them by swingid commission, and run again"
+"""What to do about a wrong sign in the journal of a live run, which does not read [log]."""
+
+
+def voltage_remedy(live: bool) -> str:
+    """What to do about a voltage of the wrong sign; live: in the journal of a live run."""
+    return COMMISSION if live else "set voltage_sign = -1 under [log], or +1 if it is -1 already"
+
+
+def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
     """Raise InputError where a sign or the angle's zero is wrong, by equation (I) alone.
+
+    live: whether the log is the journal of a live run.
 
     With the sign of the drive or of gravity reversed, the residuals are clearly smaller, or the inertia is negative.
     """
@@ -64,6 +75,8 @@ def check_sign(law: WindowFit, where: str) -> None:
     culprit = _wrong_by_gravity_found(law) if scale.b is None else _wrong_by_residuals(law)
     if culprit is None:
         return
+    if live:
+        raise InputError(f"{where}: {key} has the wrong sign against the angle; {COMMISSION}", code="wrong-sign")
     sign = f"set {key}_sign = -1 under [log], or angle_sign = -1 where it is the angle's that is wrong"
     zero = 'angle_zero = "up" where 0 is the top'
     found = f"(the inertia would be {law.a11:.3g} {scale.unit})"
@@ -274,7 +287,8 @@ def check_motor(
         return MotorCheck(notes=[Message("wheel-angle-reading", text)])
     ran("motor")
     if reversed_sign := wrong_sign(balance):
-        text = f"voltage seems to have {reversed_sign}; {method} does not use it, but set voltage_sign under [log]."
+        remedy = voltage_remedy(signals.source[0].is_live)
+        text = f"voltage seems to have {reversed_sign}; {method} does not use it, but {remedy}."
         return MotorCheck(Fault.VOLTAGE_SIGN, [Message("voltage-sign", text)])
     held = balance.hold_warning(harm="this inertia depends on it" if uses_motor else f"{method} does not use it")
     stated, other = ("relative", "absolute") if balance.is_relative else ("absolute", "relative")

@@ -14,7 +14,7 @@ from swingid.balance.fits import BASIS, WindowFit, fit_rows
 from swingid.balance.motor import MotorBalance, motor_balance
 from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, wrong_sign
+from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, voltage_remedy, wrong_sign
 from swingid.checks.ran import ran
 from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import InputError, UnanswerableError
@@ -89,10 +89,10 @@ def consistency_check(
     where = log.source.path or "the log"
     if fit is None:
         return Consistency(signals, None, None)
-    check_sign(fit, where)
+    check_sign(fit, where, live=log.is_live)
     balance = motor_balance(log, rig, signals, fit.rows.windows, noise)
     if balance is not None and (reversed_sign := wrong_sign(balance)):
-        text = f"{where}: voltage has {reversed_sign}; set voltage_sign = -1 under [log], or +1 if it is -1 already."
+        text = f"{where}: voltage has {reversed_sign}; {voltage_remedy(log.is_live)}."
         raise InputError(text, code="wrong-sign")
     return Consistency(signals, fit, balance)
 

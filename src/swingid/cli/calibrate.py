@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli.compile import compile_first
-from swingid.cli.options import Certificate, JsonOrRefusal, Report, RigFile
+from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Report, rig_of
 from swingid.cli.output import (
     check_once,
     check_report,
@@ -38,7 +38,7 @@ def calibrate(
             help="Voltage tests with the rod clamped or free, and free swings; with --encoders, runs as for identify.",
         ),
     ],
-    rig: RigFile,
+    rig: LogRigFile = None,
     encoders: Annotated[
         bool,
         typer.Option("--encoders", help="Find nonlinearity and latency of the encoders, not the motor's constants."),
@@ -58,6 +58,7 @@ def calibrate(
     check_once(logs)
     if out is not None and not out.lower().endswith(".toml"):
         raise UsageError(f"--out {out} must end in .toml, as every rig file", code="bad-target")
+    rig = rig_of(rig, logs)
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
     check_targets({"--out": out, "--json": json, "--report": report}, inputs)
     laboratory = check_report(report, certificate)

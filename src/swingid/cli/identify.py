@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli.compile import compile_first, kernels_of
-from swingid.cli.options import Certificate, JsonOrRefusal, Logs, Method, Report, RigFile
+from swingid.cli.options import Certificate, JsonOrRefusal, LogRigFile, Logs, Method, Report, rig_of
 from swingid.cli.output import (
     check_report,
     check_targets,
@@ -72,7 +72,7 @@ class Variant(StrEnum):
 
 def identify(
     logs: Logs,
-    rig: RigFile,
+    rig: LogRigFile = None,
     method: Method = DEFAULT,
     variant: Annotated[
         Variant | None, typer.Option(help="Of --method energy: the paper's formulas, or the better form (default).")
@@ -108,6 +108,7 @@ def identify(
     """
     if variant is not None and method != "energy":
         raise UsageError("--variant belongs to --method energy; leave it out or give both", code="no-variant")
+    rig = rig_of(rig, logs)
     inputs = {rig: "the rig file"} | dict.fromkeys(logs, "a log")
     check_targets(
         {"--json": json, "--report": report}, inputs | ({certificate: "the laboratory's file"} if certificate else {})

@@ -82,8 +82,11 @@ def inspect(
     inputs = {log: "the log"} | ({rig: "the rig file"} if rig is not None else {})
     output.check_files(inputs, json=json, report=report)
     from swingid.model.rig import Rig
+    from swingid.model.rig.inside import has_rig
     from swingid.study.inspect import inspect_log
 
+    if rig is None and has_rig(log):
+        rig = log
     plant = None if rig is None else Rig.load(rig)
     found = inspect_log(log, plant)
     if report is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import typer
@@ -16,9 +17,28 @@ def method_name(text: str) -> str:
     return text
 
 
+def rig_of(rig: str | None, logs: Sequence[str]) -> str:
+    """The rig file: as it was given, else that inside the first of the logs that is the journal of a live run.
+
+    Raises typer's error where there is neither.
+    """
+    if rig is not None:
+        return rig
+    from swingid.model.rig.inside import has_rig
+
+    found = next((log for log in logs if has_rig(log)), None)
+    if found is None:
+        raise typer.BadParameter("give a rig file; only the journal of a live run has one inside", param_hint="'--rig'")
+    return found
+
+
 _NAMES = "|".join(METHODS)
 
 RigFile = Annotated[str, typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name such as paper.")]
+LogRigFile = Annotated[
+    str | None,
+    typer.Option(metavar="RIG", help="Path ending in .toml, or a built-in name; default: the file inside a journal."),
+]
 Logs = Annotated[
     list[str], typer.Argument(metavar="LOG...", help="Logs of one body on the rig, in any format that swingid reads.")
 ]

@@ -9,7 +9,7 @@ import typer
 
 from swingid.cli import output
 from swingid.cli.compile import compile_first, kernels_of
-from swingid.cli.options import Certificate, Json, JsonOrRefusal, Logs, Methods, Report, RigFile
+from swingid.cli.options import Certificate, Json, JsonOrRefusal, LogRigFile, Logs, Methods, Report, rig_of
 from swingid.cli.progress import Progress
 from swingid.methods.table import METHODS
 from swingid.progress import shown
@@ -17,12 +17,13 @@ from swingid.progress import shown
 
 def compare(
     logs: Logs,
-    rig: RigFile,
+    rig: LogRigFile = None,
     method: Methods = None,
     json: Json = None,
     report: Report = None,
 ) -> None:
     """Put every method on the same LOGs: inertia, friction, time, what each depends on, and their consistency."""
+    rig = rig_of(rig, logs)
     output.check_files({rig: "the rig file"} | dict.fromkeys(logs, "a log"), json=json, report=report)
     output.check_once(logs)
     from swingid.model.rig import Rig
@@ -52,7 +53,7 @@ class Input(StrEnum):
 def validate(
     result: Annotated[str, typer.Argument(metavar="RESULT.json", help="Result of identify --json.")],
     logs: Annotated[list[str], typer.Argument(metavar="LOG...", help="Logs to predict, best ones not fitted.")],
-    rig: RigFile,
+    rig: LogRigFile = None,
     input: Annotated[
         Input | None,
         typer.Option(help="The measured wheel (default, needs no motor) or the voltage drives the prediction."),
@@ -61,6 +62,7 @@ def validate(
     report: Report = None,
 ) -> None:
     """Predict LOGs by the model in RESULT: in a free run and one swing ahead, with the normalised fit in per cent."""
+    rig = rig_of(rig, logs)
     inputs = {rig: "the rig file", result: "the result"} | dict.fromkeys(logs, "a log")
     output.check_files(inputs, json=json, report=report)
     output.check_once(logs)

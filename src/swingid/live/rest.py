@@ -190,7 +190,7 @@ def require_rate(frames: list[Frame], board: Board, seconds: float, name: str) -
     rate = steps / device
     if abs(rate / board.rate - 1) > OWN_RATE:
         text = f"{name}: by its own clock {rate:.6g} samples come per second, and Hello states {board.rate:g}"
-        raise DeviceError(f"{text}; correct the rate in its firmware", code="other-rate")
+        raise DeviceError(f"{text}; correct its clock or its rate", code="other-rate")
     if seconds > 0.0 and abs((steps + 1) / seconds / board.rate - 1) > HOST_RATE:
         text = f"{name}: {(steps + 1) / seconds:.4g} samples come per second of this computer, and Hello states "
         raise DeviceError(f"{text}{board.rate:g}; correct the device's clock or its rate", code="other-rate")

@@ -16,6 +16,9 @@ TIGHTER = 0.9
 """Share of the firmware's limits at which the host stops."""
 
 
+STOPPED = "the host's guard has stopped the run"
+
+
 class HostGuard:
     """Called with the Sample frames of a batch; returns what is wrong in a sentence, or None.
 
@@ -38,11 +41,14 @@ class HostGuard:
     def __call__(self, frames: list[Frame]) -> str | None:
         """Look at a batch."""
         for frame in frames:
-            if self._past and (frame.sequence - self._past[-1].sequence) % 2**32 > 2**31:
+            before = self._past[-1] if self._past else None
+            if before is not None and (frame.sequence - before.sequence) % 2**32 > 2**31:
                 continue  # an older one that comes late
             self._past.append(frame)
+            if before is not None and frame.sequence != before.sequence and _change(frame.time, before.time) <= 0:
+                return f"{STOPPED}: the device's clock does not go on, from {before.time} to {frame.time} us"
             if frame.state in ENERGISED and (why := self._wrong(frame)) is not None:
-                return f"the host's guard has stopped the run: {why}"
+                return f"{STOPPED}: {why}"
         return None
 
     def _wrong(self, frame: Frame) -> str | None:

@@ -19,7 +19,6 @@ from swingid.recording.rows import MANY
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from swingid.numerics.arrays import Array
     from swingid.recording.conventions import Reading
     from swingid.recording.formats.table import Table
     from swingid.units import Quantity
@@ -48,6 +47,16 @@ def is_live(table: Table) -> bool:
     return bool(table.metadata.get("live"))
 
 
+def live(table: Table, reading: Reading) -> tuple[Table, Reading]:
+    """The samples of a journal that are to be used, and how they are to be read; `reading` gets the findings."""
+    time = reading.conventions.columns["time"]
+    table = without_flagged(table, reading)
+    if time in table.columns:
+        table = up_to_a_step_back(table, time, reading)
+    zero_at_rest(table, reading)
+    return table, with_own_time(table, time, reading)
+
+
 def without_flagged(table: Table, reading: Reading) -> Table:
     """The table without the samples that the device flagged as without a reading, or late; with a finding."""
     if FLAGS not in table.columns:
@@ -62,6 +71,20 @@ def without_flagged(table: Table, reading: Reading) -> Table:
         text += "; look after the encoder's cable and magnet, and lower the device's rate"
     reading.found("flagged-samples", f"{text}.", "warning" if out > MANY * rows else "note")
     return replace(table, columns={name: values[good] for name, values in table.columns.items()})
+
+
+def up_to_a_step_back(table: Table, time: str, reading: Reading) -> Table:
+    """The table up to where the device's clock (column `time`) does not go on, with a finding."""
+    stamps, _ = table.numbers(time)
+    back = np.flatnonzero(np.diff(stamps) <= 0)
+    if not len(back):
+        return table
+    rows, kept = len(stamps), int(back[0]) + 1
+    text = (
+        f"the device's clock did not go on after {stamps[back[0]]:.6g} s, so the last {rows - kept} of {rows} samples "
+    )
+    reading.found("device-clock-back", f"{text}were left out; correct its firmware.", "warning")
+    return replace(table, columns={name: values[:kept] for name, values in table.columns.items()})
 
 
 def zero_at_rest(table: Table, reading: Reading) -> None:
@@ -102,7 +125,7 @@ def _compared(table: Table, time: str) -> Comparison | None:
     if ARRIVAL not in table.columns or time not in table.columns:
         return None
     device, host = (table.numbers(column)[0] for column in (time, ARRIVAL))
-    known: Array = np.isfinite(device) & np.isfinite(host)
+    known = np.isfinite(device) & np.isfinite(host)
     return compare(device[known], host[known])
 
 
@@ -112,8 +135,10 @@ def _decided(found: Comparison, stated: Quantity, reading: Reading) -> float:
     side = "fast" if found.deviation > 0 else "slow"
     words = f"the device's clock is {_share(abs(found.deviation), u)} {side} against the computer's"
     if abs(found.deviation - stated.value) <= DIFFERS * math.hypot(u, stated.std or 0.0):
-        extra = found.spread if found.is_unsteady else 0.0
-        if extra:
+        # no clock is exact: where nothing is stated of its uncertainty the comparison is the evidence
+        extra = 0.0 if stated.std else u
+        if found.is_unsteady:
+            extra = math.hypot(extra, found.spread)
             words += f"; their difference jumps by {number(found.scatter, 's', 2)}, which the interval contains"
         reading.found("device-clock", f"{words}.", "note", of_time=extra)
         return stated.value

@@ -18,7 +18,7 @@ from swingid.recording.formats.csv import TABLE_NEEDS
 from swingid.recording.formats.table import canonical
 from swingid.recording.grid import check_grids
 from swingid.recording.header import FACTORS, from_first_row, with_header_units
-from swingid.recording.live import is_live, with_own_time, without_flagged, zero_at_rest
+from swingid.recording.live import is_live, live
 from swingid.recording.rate_checks import check_beside, unsaturated
 from swingid.recording.repair import repair
 from swingid.recording.rows import LARGEST, MANY
@@ -55,9 +55,7 @@ def contents_of(
     reading = reading_of(table, table, rig, source.path or "the table", repairs)
     reading.findings += unreadable_rows(table, reading)
     if is_live(table):
-        table = without_flagged(table, reading)
-        zero_at_rest(table, reading)
-        reading = with_own_time(table, reading.conventions.columns["time"], reading)
+        table, reading = live(table, reading)
     logged, texts = gather(table, reading)
     with np.errstate(over="ignore", invalid="ignore"):  # absurd numbers are spikes or refused, and no cause to print
         channels = reading.conventions.to_model(unsaturated(repair(logged, texts, reading), reading))

@@ -88,6 +88,11 @@ class Recording:
         return len(self.time)
 
     @property
+    def is_live(self) -> bool:
+        """Whether this is the journal of a live run, which does not read [log]."""
+        return bool(self.metadata.get("live"))
+
+    @property
     def duration(self) -> float:
         """Time from the first row to the last, s."""
         return float(self.time[-1] - self.time[0])

@@ -187,7 +187,7 @@ def _check_sign(part: Part, rig: Rig, scale: Scale, where: str) -> None:
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
     fit = fit_rows(rows_of(signals, law_windows(signals, part.motion.half_period / 4)), scale, part.noise, BASIS)
     if fit is not None:
-        check_sign(fit, where)
+        check_sign(fit, where, live=part.log.is_live)
 
 
 def _of_log(prepared: Prepared, p: Array, wanted: Literal["voltage", "wheel"] | None, name: str) -> Prediction:

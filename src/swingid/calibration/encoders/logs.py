@@ -81,7 +81,7 @@ class CalibrationLog:
         part = prepared.part(reread=True)
         # windows of least variance beside encoder nonlinearities, whatever is stated of a latency
         choice = choose(Signals.of(part.log, rig, part.motion, part.encoders), rig, prepared.scale, part.noise)
-        check_sign(choice.law, log.source.path or "the log")
+        check_sign(choice.law, log.source.path or "the log", live=log.is_live)
         late = part.motion.turning_times - choice.signals.motion.turning_times
         # the findings would keep `straightened` from correcting the readings again in each step
         return cls(replace(part.log, findings=()), part.noise, choice.law, late)

@@ -120,7 +120,7 @@ def _consistency(part: Part, signals: Signals, rig: Rig, scale: Scale, noise: No
     windows = law_windows(signals, part.motion.half_period / 4)
     fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
     if fit is not None:
-        check_sign(fit, part.log.source.path or "the log")
+        check_sign(fit, part.log.source.path or "the log", live=part.log.is_live)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
     without = None
     if balance is None and fit is not None:

@@ -103,7 +103,7 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     rig, scale = prepared.rig, prepared.scale
     signals = choice.signals
     estimate = _estimate(choice, rig)
-    check_sign(estimate.law, prepared.log.source.path or "the log")
+    check_sign(estimate.law, prepared.log.source.path or "the log", live=prepared.log.is_live)
     found = with_bias(_answer(estimate, rig, signals), estimate.law, part)
     parameters, u = found.parameters, found.parameters["inertia"].standard_uncertainty or 0.0
     # what contradicts the rig file is named, and neither makes an answer hopeless nor hides its causes

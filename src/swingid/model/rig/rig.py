@@ -15,6 +15,7 @@ from typing import Annotated, Any, Self
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationError, model_validator
 
 from swingid.errors import InputError, UsageError
+from swingid.model.rig import inside
 from swingid.model.rig.device import DeviceTable
 from swingid.model.rig.drive import Drive
 from swingid.model.rig.errors import describe
@@ -69,7 +70,8 @@ class Rig(Table):
 
     @classmethod
     def load(cls, path_or_builtin: str | Path) -> Rig:
-        """The rig of a file ending in .toml, or a built-in one by its name ("paper", "paper-body").
+        """The rig of a file ending in .toml, a built-in one by its name ("paper", "paper-body"), or that inside the
+        journal of a live run (.mcap).
 
         Raises InputError for a file that is missing, unreadable, no TOML or no rig, and UsageError for a name that is
         neither.
@@ -77,10 +79,14 @@ class Rig(Table):
         if str(path_or_builtin) in BUILTIN_RIGS:
             return cls.builtin(str(path_or_builtin))
         path = Path(path_or_builtin)
+        if path.suffix.lower() == inside.ENDING:
+            return cls.from_text(
+                inside.rig_inside(path), f"{path_or_builtin} (rig.toml inside)", default_name=path.stem
+            )
         if path.suffix.lower() != ".toml":
-            inside = path / "rig.toml"
+            within = path / "rig.toml"
             try:
-                hint = f"; did you mean {inside}?" if inside.is_file() else ""
+                hint = f"; did you mean {within}?" if within.is_file() else ""
             except (OSError, ValueError):
                 hint = ""
             message = (

@@ -78,7 +78,7 @@ def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balanc
     motion = swings.motion.within(float(used.time[0]), float(used.time[-1]))
     choice = choose(Signals.of(used, rig, motion, encoders), rig, scale, noise)
     law = choice.law
-    check_sign(law, log.source.path or "the log")
+    check_sign(law, log.source.path or "the log", live=log.is_live)
     return Balance(used, choice.signals, scale, noise, law, list(choice.tried.values()))
 
 

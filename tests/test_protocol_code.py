@@ -114,15 +114,20 @@ class Follower:
         return str(self.d.fault)
 
 
+DRIVEN = ("axis_frozen", "wheel_frozen", "no wheel")
+
+
 def troubled(p: np.ndarray, trouble: str, rng: np.random.Generator) -> None:
     """Limits of the guard that this fault passes before any other."""
     p[guard.START_GAIN], p[guard.REST] = rng.uniform(0, 5), rng.uniform(-0.1, 0.1)
     p[guard.SPEED_SPAN], p[guard.VOLTAGE_SIGN] = rng.integers(1, 32), rng.choice([-1.0, 1.0])
-    p[guard.CURRENT_LIMIT], p[guard.FROZEN_VOLTAGE] = 2.0, 5.0 if trouble in ("axis_frozen", "wheel_frozen") else 20.0
+    p[guard.CURRENT_LIMIT], p[guard.FROZEN_VOLTAGE] = 2.0, 5.0 if trouble in DRIVEN else 20.0
     p[guard.FROZEN_SAMPLES] = rng.integers(1, 5)
     p[guard.SATURATED_SAMPLES] = rng.integers(0, 5) if trouble == "voltage" else 1000
     if trouble == "angle":
         p[guard.ANGLE_LIMIT] = 0.05
+    if trouble == "no wheel":
+        p[guard.WHEEL_STEP] = 0.0
     if trouble == "not finite":
         p[guard.CONTROLLER + law.ALPHA], p[guard.CONTROLLER + law.SIGMA0] = 1e300, 1e300
         p[guard.CONTROLLER + law.LIMIT] = math.inf
@@ -131,8 +136,10 @@ def troubled(p: np.ndarray, trouble: str, rng: np.random.Generator) -> None:
 def reading(axis: int, wheel: int, trouble: str, rng: np.random.Generator) -> Readings:
     """The next sample's readings, in trouble or, where it is "", not."""
     axis += {"axis_frozen": 0, "angle": 30, "speed": 60, "axis_jump": 400}.get(trouble, int(rng.integers(-3, 4)))
-    wheel += {"wheel_frozen": 0, "wheel_speed": 1400, "wheel_jump": 9000}.get(trouble, int(rng.integers(1, 10)))
-    current = 3.0 if trouble == "current" else float(rng.choice([0.5, math.nan]))
+    wheel += {"wheel_frozen": 0, "no wheel": 0, "wheel_speed": 1400, "wheel_jump": 9000}.get(
+        trouble, int(rng.integers(1, 10))
+    )
+    current = float(rng.choice([3.0, -3.0])) if trouble == "current" else float(rng.choice([0.5, math.nan]))
     return Readings(guard._change(axis, 0), guard._change(wheel, 0), current, trouble != "encoder")
 
 
@@ -142,7 +149,7 @@ def session_of(trouble: str, rng: np.random.Generator) -> set[str]:
     troubled(p, trouble, rng)
     time, axis, wheel = int(rng.integers(2**32)), int(rng.integers(-(2**31), 2**31)), int(rng.integers(-(2**31), 2**31))
     p[guard.AXIS_ZERO] = axis
-    volts = 12.0 if trouble == "voltage" else 8.0 if "frozen" in trouble else 1.0
+    volts = 12.0 if trouble == "voltage" else 8.0 if trouble in DRIVEN else 1.0
     for step in range(390):
         turn = step % 130
         if turn == 1:
@@ -158,9 +165,11 @@ def session_of(trouble: str, rng: np.random.Generator) -> set[str]:
             both.tell("Reference", start=both.d.taken, count=14, last=last, session=7, value=value)
         elif turn == 7 and trouble != "heartbeat":
             both.tell("Run", session=7)
+            if rng.random() < 0.2:
+                both.tell("Stop", session=0, mode=StopMode.SOFT)  # before a reference was used
         elif rng.random() < 0.003:
             both.tell("Stop", session=0, mode=int(rng.integers(3)))
-        if turn < 2 or (trouble != "heartbeat" and rng.random() < 0.4):
+        if turn == 1 or (step and trouble != "heartbeat" and rng.random() < 0.4):
             both.tell("Heartbeat", session=int(rng.choice([7, 7, 7, 8])))
         now = trouble if turn > 15 and step < 300 else ""
         time = (time + (1501 if now == "overrun" else 1000)) % 2**32
@@ -170,15 +179,26 @@ def session_of(trouble: str, rng: np.random.Generator) -> set[str]:
     return came
 
 
-TROUBLES = ["none", "not finite", *(one.name.lower() for one in codes.FaultCode if one)]
+def test_the_page_falls_silent_when_the_machine_does() -> None:
+    both = Follower()
+    for step in range(1300):
+        if step == 200:
+            both.tell("Clear", session=0)
+        both.sample(1000 * step, Readings(step, 0))
+    assert both.d.sequence == 1300
+
+
+FAULTS = {one.name.lower(): one.name.lower() for one in codes.FaultCode}
+TROUBLES = {**FAULTS, "not finite": "voltage", "no wheel": "none"}
 
 
 @pytest.mark.parametrize("trouble", TROUBLES)
 def test_the_sample_of_the_page_gives_the_bytes_of_the_machine(trouble: str) -> None:
     came: set[str] = set()
-    for seed in range(4):
+    for seed in range(6):
         came |= session_of(trouble, np.random.default_rng(seed))
-    assert came >= {"none", "voltage" if trouble == "not finite" else trouble}
+    assert came >= {"none", TROUBLES[trouble]}
+    assert trouble != "no wheel" or "wheel_frozen" not in came
 
 
 def test_faults_stand_in_the_order_in_which_they_are_decided() -> None:

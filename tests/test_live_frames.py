@@ -294,20 +294,3 @@ def test_a_missing_package_is_named_with_its_extra(package: str, monkeypatch: py
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(UsageError, match=rf"{package}; run: pip install 'swingid\[live\]'"):
         read(database_text()) if package == "cantools" else frames._codec.__wrapped__()
-
-
-def test_the_table_of_frames_in_the_docs_is_that_of_the_schema() -> None:
-    text = (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| (0x\w+) \| (\w+) \| (host|device) \| (\d+) \| (.*) \|$", text, flags=re.M)
-    assert [int(row[0], 16) for row in rows] == list(schema().by_id)
-    for identifier, name, sender, length, fields in rows:
-        message = schema().by_id[int(identifier, 16)]
-        assert (message.name, message.length, message.from_host) == (name, int(length), sender == "host")
-        named = re.sub(r" \([^)]*\)", "", fields).split(", ")
-        assert named == [field for field, _, _ in message.fields if field != "reserved"]
-
-
-def test_the_docs_name_every_fault() -> None:
-    text = (ROOT / "docs" / "live.md").read_text(encoding="utf-8")
-    names = {name for row in re.findall(r"^\| ([a-z_, ]+) \|", text, flags=re.M) for name in row.split(", ")}
-    assert {one.name.lower() for one in codes.FaultCode} - {"none"} <= names

@@ -218,3 +218,11 @@ def test_a_motion_that_the_twin_does_not_follow_is_refused(words: str) -> None:
     with pytest.raises(UsageError, match="does not follow the reference") as error:
         rehearsed(RIG, parse_reference(words), Compensator.paper(RIG), replace(limits, saturated=60.0), **span)
     assert (error.value.code, error.value.exit_code) == ("does-not-follow", 2)
+
+
+def test_a_saved_journal_keeps_what_is_known_of_clock_and_zero(tmp_path: Path) -> None:
+    before = run(tmp_path / "run.mcap", Rules(time=lambda row, t: t * 1.004))
+    log = Recording.load(tmp_path / "run.mcap", RIG)
+    again = identify(Recording.load(log.save(tmp_path / "saved.parquet", RIG), RIG), RIG)
+    assert again.inertia.value == pytest.approx(before.inertia.value, rel=1e-9)
+    assert again.inertia.standard_uncertainty == pytest.approx(before.inertia.standard_uncertainty, rel=1e-6)

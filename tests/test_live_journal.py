@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from swingid.live.guard import parameters_of
 from swingid.live.journal import Journal, Plan
 from swingid.live.recover import recover, recovered
 from swingid.live.session import Run, Session
+from swingid.model.rig import Rig
 from swingid.recording.recording import Recording
 
 SINE = parse_reference("sine 0.8 rad 8.5 rad/s")
@@ -163,3 +165,87 @@ def test_a_full_disk_stops_the_journal_and_not_the_run(tmp_path: Path) -> None:
 def test_a_journal_in_no_folder_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot write"):
         Journal(tmp_path / "none" / "run.mcap", RIG)
+
+
+def test_a_journal_is_identified_by_the_rig_file_inside(
+    whole: tuple[Path, Run], capsys: pytest.CaptureFixture[str]
+) -> None:
+    from swingid.cli.app import run as swingid
+
+    path = str(whole[0])
+    assert swingid(["identify", path, "--json", "-"]) == 0
+    alone = json.loads(capsys.readouterr().out)
+    assert swingid(["identify", path, "--rig", "paper", "--json", "-"]) == 0
+    assert json.loads(capsys.readouterr().out)["parameters"] == alone["parameters"]
+    assert "rig.toml inside" in alone["provenance"]["rig_source"]
+    assert swingid(["inspect", path]) == 0
+    assert "momentum" in capsys.readouterr().out
+    assert Rig.load(path).text == RIG.text
+
+
+def test_a_cut_journal_still_has_its_rig_file(whole: tuple[Path, Run], tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(whole[0].read_bytes()[:100_000])
+    assert Rig.load(cut).text == RIG.text
+
+
+@pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n", b"\x89MCAP0\r\n", b"\x89MCAP0\r\n" + bytes(200)])
+def test_a_file_without_a_rig_file_inside_is_one_sentence(
+    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from swingid.cli.app import run as swingid
+
+    log = tmp_path / "log.mcap"
+    log.write_bytes(content)
+    assert swingid(["identify", str(log)]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert "--rig" in said
+    assert swingid(["identify", str(log), "--rig", str(log)]) == 3
+    assert "no rig file inside" in capsys.readouterr().err
+
+
+def test_a_wrong_sign_in_a_journal_does_not_point_to_log(tmp_path: Path) -> None:
+    """Its signs are those of [device] at the run; [log] is not read."""
+    path = tmp_path / "run.mcap"
+    journal = Journal(path, RIG, sync=False)
+    with Session(twin_of(RIG), tap=journal.take) as session:
+        board = session.connect()
+        right = parameters_of(Compensator.paper(RIG), board, LIMITS)
+        session.load(right)
+        reference = SINE(np.arange(6000) / 1000.0)
+        wrong = right.copy()
+        wrong[1] *= -1  # the step of the wheel
+        journal.plan(Plan(wrong, reference, "sine"))
+        session.run(reference)
+    journal.close()
+    for method in ("momentum", "equation-error"):
+        with pytest.raises(InputError, match="swingid commission") as error:
+            identify(Recording.load(path, RIG), RIG, method)
+        assert error.value.code == "wrong-sign"
+        assert "[log]" not in error.value.message
+
+
+def test_a_journal_ends_where_the_devices_clock_goes_back(whole: tuple[Path, Run]) -> None:
+    from swingid.recording.findings import Source
+    from swingid.recording.formats import read_table
+    from swingid.recording.load import contents_of
+
+    table = read_table(whole[0].read_bytes(), "run.mcap")
+    time = table.columns["t"].copy()
+    time[4000:] -= 0.5
+    fields = contents_of(replace(table, columns={**table.columns, "t": time}), RIG, Source("run.mcap"))
+    assert len(fields["time"]) == 4000
+    (found,) = [one for one in fields["findings"] if one.code == "device-clock-back"]
+    assert found.level == "warning"
+    assert "the last 2000 of 6000 samples" in found.message
+
+
+def test_nothing_is_left_where_nothing_was_measured(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    journal = Journal(path, RIG, sync=False)
+    with Session(twin_of(RIG), tap=journal.take) as session:
+        session.connect()
+    journal.event("refused", "the body swings")
+    journal.close()
+    assert not path.exists()

@@ -20,7 +20,7 @@ from swingid.recording.rows import even_clock
 RIG = rig_with(sensors="counts_per_turn = 16384").changed({"axis.gravity_torque": 1.9e-3})
 LOG = swing(rate=500.0, duration=12.0)
 COUNT = 2 * np.pi / 16384
-AS_A_METHOD_ASKS = ("encoders", "latency", "limit", "push", "calibrate", "zero")
+AS_A_METHOD_ASKS = ("encoders", "latency", "limit", "push", "calibrate", "zero", "device-clock")
 """Repairs that are not made on reading, or not in every log; they have tests of their own."""
 
 

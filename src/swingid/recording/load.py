@@ -214,8 +214,14 @@ def _saved_findings(table: Table) -> tuple[Finding, ...]:
             named = entry.get("repair")
             named = named if isinstance(named, str) else None
             code, message, spans = str(entry.get("code")), str(entry.get("message")), _spans(entry.get("spans"))
-            found.append(Finding(code, message, entry["level"], named, spans=spans))
+            of_time, of_zero = _size(entry.get("of_time")), _size(entry.get("of_zero"))
+            found.append(Finding(code, message, entry["level"], named, None, spans, of_time, of_zero))
     return tuple(found)
+
+
+def _size(saved: object) -> float:
+    """An uncertainty in a file; 0 where it is none."""
+    return float(saved) if isinstance(saved, int | float) and 0 < saved < 1 else 0.0
 
 
 def _spans(saved: object) -> tuple[tuple[float, float], ...]:

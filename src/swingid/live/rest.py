@@ -184,8 +184,9 @@ def at_rest(
 def require_rate(frames: list[Frame], board: Board, seconds: float, name: str) -> None:
     """Raise DeviceError (code "other-rate") where samples do not come at the rate that Hello states.
 
-    seconds: for which they came, by the host; 0 where that does not count. By the device's own clock they must be as far apart as Hello states, to half a per cent, which the gains bear; by
-    the host's to a tenth, beyond which adapters and a busy computer explain nothing.
+    seconds: for which they came, by the host; 0 where that does not count. By the device's own clock they must be as
+    far apart as Hello states, to half a per cent, which the gains bear; by the host's to a tenth, beyond which adapters
+    and a busy computer explain nothing.
     """
     first, last = frames[0], frames[-1]
     steps = (last.sequence - first.sequence) % 2**32

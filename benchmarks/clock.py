@@ -14,6 +14,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from pathlib import Path
 
 from swingid.control.compensator import Compensator
@@ -49,8 +50,9 @@ def device(deviation: float) -> None:
     process = NativeProcess(board_of(RIG, rate=RATE, firmware=FIRMWARE), tcp=0)
     rig = OwnClock(Plant(RIG, rate=RATE * (1 + deviation)), process)
     print(rig.address, flush=True)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
-    held = keep_pace(rig.step, RATE * (1 + deviation), processes=rig.processes)
+    over = threading.Event()
+    signal.signal(signal.SIGTERM, lambda *_: over.set())
+    held = keep_pace(rig.step, RATE * (1 + deviation), over=over.is_set, processes=rig.processes)
     print(f"{held.left_out:.4f}", flush=True)
     rig.close()
 

@@ -2,7 +2,7 @@
 
     python benchmarks/clock.py [RUNS] [SECONDS]
 
-The board is the firmware's process; its samples, its stamps and its Hello follow its own clock, the twin's body moves in
+The board is the firmware's process; its samples, stamps and Hello follow its own clock, the twin's body moves in
 real time. Printed per run: the true deviation, that found, how far apart they are in standard uncertainties, the error
 of the inertia in half-widths of its 95 % interval with the clock as it is stated by default (0 ± 100 ppm), and the
 same where the device's clock is believed. Figures of a shared machine are upper bounds.

@@ -5,10 +5,10 @@
  *
  * Port 0 is any free one. Two lines of standard output say where: "link ADDRESS", "plant PORT". The plant sets the
  * pace, as fast as it can or in real time. Per sample it sends 24 bytes: time (u32, us), axis, wheel (i32), current
- * (f32), valid (u32), and how many bytes the host has sent so far (u32), which are waited for as far as the sample takes
- * them, so that a run can be repeated byte by byte: the plant waits meanwhile, so no device time passes. With --live
- * nothing is waited for, also not for a host at the start. The answer has 8 bytes: the voltage (f32) and how many bytes
- * have gone to the host (u32). The process ends with the plant's connection.
+ * (f32), valid (u32), and how many bytes the host has sent so far (u32), which are waited for as far as the sample
+ * takes them, so that a run can be repeated byte by byte: the plant waits meanwhile, so no device time passes. With
+ * --live nothing is waited for, also not for a host at the start. The answer has 8 bytes: the voltage (f32) and how
+ * many bytes have gone to the host (u32). The process ends with the plant's connection.
  */
 #define _DEFAULT_SOURCE
 #define _XOPEN_SOURCE 600
@@ -30,7 +30,7 @@
 
 #define TOLD 24
 #define ANSWER 8
-#define WAITING 16384 /* bytes of a host that the link holds, as far as the system counts so; one that sends more waits */
+#define WAITING 16384 /* bytes of a host that the link holds, as the system counts them; one that sends more waits */
 
 static int listener = -1, link_fd = -1, plant_fd = -1;
 static uint32_t wanted, received, passed_on;
@@ -251,7 +251,7 @@ int main(int count, char **arguments) {
     fflush(stdout);
     plant_fd = accept_on(plant);
     if (plant_fd < 0) fail("accept");
-    if (live && listener >= 0) fcntl(listener, F_SETFL, O_NONBLOCK); /* a host may be gone again before it is accepted */
+    if (live && listener >= 0) fcntl(listener, F_SETFL, O_NONBLOCK); /* a host may go before it is accepted */
     if (!live || pty) connect_link();
     swingid_loop(&config);
     return 0;

@@ -6,9 +6,9 @@
  *     bridge: PA8 PWM, PB0 direction                              host:  PA2 out, PA3 in
  *
  * Its time is that of the crystal, which the inertia found is only as good as: the internal oscillator is off by 1 %
- * and more. Without a crystal it does not start, and one that fails in a run ends it: the bridge is off, the watchdog resets
- * the board. With another board's CRYSTAL the baud rate is wrong, too, so no host gets an answer. Until reset() begins
- * the pins of the bridge are inputs, so each needs a resistor to ground.
+ * and more. Without a crystal it does not start, and one that fails in a run ends it: the bridge is off, the watchdog
+ * resets the board. With another board's CRYSTAL the baud rate is wrong, too, so no host gets an answer. Until reset()
+ * begins the pins of the bridge are inputs, so each needs a resistor to ground.
  */
 #include "encoders.h"
 #include "hal.h"

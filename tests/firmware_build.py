@@ -69,6 +69,17 @@ class CoreDevice:
             ctypes.c_float(board.voltage_limit),
             ctypes.c_uint32(board.firmware),
         )
+        self.busy = False
+
+    @property
+    def busy(self) -> bool:
+        """Whether the host has sent as much as a sample takes."""
+        return self._busy
+
+    @busy.setter
+    def busy(self, value: bool) -> None:
+        self._busy = value
+        self._core.sim_busy(int(value))
 
     def receive(self, data: bytes) -> None:
         for start in range(0, len(data), 4096):

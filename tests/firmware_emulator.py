@@ -81,6 +81,20 @@ class Emulator:
             self._cpu.mem_write(self._bytes, piece)
             self._call(self._receive, len(piece))
 
+    def instructions(self, data: bytes) -> int:
+        """How many instructions it takes to receive these bytes."""
+        counted = [0]
+
+        def count(*_: object) -> None:
+            counted[0] += 1
+
+        import unicorn
+
+        hook = self._cpu.hook_add(unicorn.UC_HOOK_CODE, count)
+        self.receive(data)
+        self._cpu.hook_del(hook)
+        return counted[0]
+
     def tick(self, time: int, readings: Readings) -> float:
         current = struct.unpack("<I", struct.pack("<f", readings.current))[0]
         bits = self._call(self._tick, time, readings.axis, readings.wheel, current, int(readings.valid))

@@ -12,7 +12,7 @@ from swingid.live.codes import FaultCode, Mode, StopMode
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.frames import Decoder, encode
 from swingid.live.guard import Readings
-from swingid.live.machine import Machine
+from swingid.live.machine import Machine, most_taken
 from swingid.live.plant import Plant, board_of
 from swingid.model.rig import Rig
 
@@ -217,6 +217,18 @@ def other_host(*frames: bytes) -> Callable[[FaultyDevice], None]:
     return act
 
 
+def flooded(data: bytes) -> Callable[[FaultyDevice], None]:
+    """Somebody else who writes on the same line and never stops: as much of it as a sample takes, and more waits."""
+
+    def each(device: FaultyDevice) -> None:
+        if device.row >= AT:
+            most = most_taken(device.board)
+            device.machine.receive((data * most)[:most])
+            device.machine.busy = True
+
+    return each
+
+
 def latched(device: FaultyDevice) -> None:
     device.machine.trip(FaultCode.ANGLE, 1.0)  # type: ignore[attr-defined]
 
@@ -304,6 +316,18 @@ LINK = [
     Fault("link: firmware of another schema", lambda: Rules(up=other_schema), "other-firmware", 5),
     Fault("link: nothing answers", lambda: Rules(bytes_up=lambda row, d: b""), "no-answer", 5),
     Fault("link: stalls for 60 ms", lambda: stalled(60)),
+    Fault(
+        "link: flooded with garbage", lambda: Rules(each=flooded(b"U\0")), "fault", 5, FaultCode.HEARTBEAT, 100, log=1.0
+    ),
+    Fault(
+        "link: flooded with Who",
+        lambda: Rules(each=flooded(encode("Who"))),
+        "fault",
+        5,
+        FaultCode.HEARTBEAT,
+        100,
+        log=1.0,
+    ),
 ]
 
 DEVICE = [

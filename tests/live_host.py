@@ -12,6 +12,7 @@ from swingid.control.compensator import Compensator
 from swingid.live.codes import Mode, Status
 from swingid.live.frames import Decoder, Frame, checksum, encode
 from swingid.live.guard import Board, Limits, Readings, parameters_of
+from swingid.live.schema import schema
 from swingid.model.rig import Rig
 
 for package in ("cantools", "cobs", "fastcrc"):
@@ -23,10 +24,13 @@ LIMITS = Limits.of(RIG)
 PARAMETERS = parameters_of(Compensator.paper(RIG), BOARD, LIMITS)
 PERIOD = 1000  # us
 STILL = Readings(0, 0)
+RUN = schema().by_name["Run"].id
 
 
 class Device(Protocol):
     """What the firmware's core and its twin in Python have in common."""
+
+    busy: bool
 
     def receive(self, data: bytes) -> None: ...
 
@@ -94,7 +98,9 @@ class Driver:
         self.tick()
         self.tell(parameter_frames(parameters) + arm_frame(parameters, **arm) + reference_frames(samples))
         self.tell(encode("Run", session=7))
-        if self.answers_late:
+        if self.answers_late:  # it takes so many bytes per sample
+            while not any(frame.name == "Ack" and frame.message == RUN for frame in self.frames):
+                self.tick()
             return
         assert [frame.status for frame in self.frames if frame.name == "Ack"] == [Status.DONE] * (
             2 + -(-len(parameters) // 7) + -(-len(samples) // 14)

@@ -77,26 +77,68 @@ def test_the_core_needs_no_library(tmp_path: Path) -> None:
     }
 
 
-def test_the_arduino_sketch_compiles() -> None:
+BOARDS = ("ARDUINO_ARCH_SAM", "ARDUINO_ARCH_SAMD", "ARDUINO_ARCH_ESP32", "ARDUINO_ARCH_RP2040")
+BOARDS += ("__IMXRT1062__", "ARDUINO_ARCH_STM32")
+PWM, DIRECTION = 9, 8
+
+
+def arduino(target: Path, *defines: str) -> subprocess.CompletedProcess[str]:
+    """Compile the sketch with the stubs in the place of a board's core."""
     for name in ("c++", "g++", "clang++"):
         if found := shutil.which(name):
             break
     else:
         pytest.skip("no C++ compiler (c++, g++ or clang++) on PATH")
-    sketch = FIRMWARE / "hal" / "arduino" / "swingid" / "swingid.ino"
-    paths = [f"-I{path}" for path in (CORE, ENCODERS, FIRMWARE / "tests" / "stub")]
-    options = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-fsyntax-only", "-x", "c++"]
-    done = subprocess.run([found, *options, *paths, str(sketch)], capture_output=True, text=True)
+    sketch, stub = FIRMWARE / "hal" / "arduino" / "swingid" / "swingid.ino", FIRMWARE / "tests" / "stub"
+    paths = [f"-I{path}" for path in (CORE, ENCODERS, stub)]
+    options = ["-std=c++17", "-Wall", "-Wextra", "-Werror", *(f"-D{name}" for name in defines), "-x", "c++"]
+    command = [found, *options, *paths, str(sketch), str(stub / "board.cpp"), "-o", str(target)]
+    return subprocess.run(command, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize("board", BOARDS)
+def test_the_arduino_sketch_has_a_watchdog_that_samples_alone_feed(board: str, tmp_path: Path) -> None:
+    done = arduino(tmp_path / "sketch", board)
     assert done.returncode == 0, done.stderr
+    said = subprocess.run([str(tmp_path / "sketch")], capture_output=True, text=True, check=True).stdout.splitlines()
+    begun, hung, interrupted = said.index("loop 500"), said.index("hung"), said.index("interrupt")
+    assert "watchdog 50" in said[:begun]
+    outputs = [line for line in said[:begun] if line.split()[0] in ("level", "mode", "duty", "bits")]
+    assert outputs[:2] == [f"level {PWM} 0", f"level {DIRECTION} 0"], "the bridge is not off before all else"
+    assert f"duty {PWM} 0" in outputs
+    assert not [line for line in outputs if line.startswith(f"duty {PWM}") and line != f"duty {PWM} 0"]
+    samples = [int(line.split()[1]) for line in said if line.startswith("sample")]
+    assert np.diff(samples).mean() == pytest.approx(2000, rel=0.02)
+    fed = [int(line.split()[1]) for line in said[begun:hung] if line.startswith("fed")]
+    assert max(np.diff(fed)) < 20_000  # us, of 31 ms that SAMD makes of 50
+    assert min(np.diff(fed)) > 10_000
+    assert f"duty {PWM} 512" in said
+    assert not [line for line in said[hung:interrupted] if line.startswith("fed")], "fed without a sample"
+    assert {"received", "sent"}.isdisjoint(said)
+    if board == "ARDUINO_ARCH_ESP32":
+        assert said[interrupted + 1 :] == [f"level {PWM} 0", f"level {DIRECTION} 0", f"plain {PWM}"]
 
 
-def test_the_stm32_image_links_with_its_vectors_first() -> None:
-    if importlib.util.find_spec("ziglang") is None:
-        pytest.skip("ziglang is not installed: pip install 'swingid[cortex]'")
-    here, target = FIRMWARE / "hal" / "stm32", folder() / "stm32.elf"
-    options = ["-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4", "-ffreestanding", *FLAGS]
+def test_the_arduino_sketch_refuses_a_board_whose_watchdog_it_does_not_know(tmp_path: Path) -> None:
+    done = arduino(tmp_path / "sketch", "ARDUINO_ARCH_NRF52")
+    assert done.returncode != 0
+    assert "No watchdog is known of this board" in done.stderr
+
+
+STM32 = {
+    "ziglang": [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabihf", "-mcpu=cortex_m4"],
+    "arm-none-eabi-gcc": ["arm-none-eabi-gcc", "-mthumb", "-mcpu=cortex-m4", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16"],
+}
+STM32["arm-none-eabi-gcc"] += ["-nostartfiles", "--specs=nano.specs", "--specs=nosys.specs"]
+
+
+@pytest.mark.parametrize("name", STM32)
+def test_the_stm32_image_links_with_its_vectors_first(name: str) -> None:
+    if importlib.util.find_spec(name) is None and shutil.which(name) is None:
+        pytest.skip(f"{name} is not installed: pip install 'swingid[cortex]', or apt-get install gcc-arm-none-eabi")
+    here, target = FIRMWARE / "hal" / "stm32", folder() / f"stm32-{name}.elf"
     sources = [*map(str, sorted(CORE.glob("*.c"))), str(here / "main.c")]
-    command = [sys.executable, "-m", "ziglang", "cc", *options, f"-I{CORE}", f"-I{ENCODERS}", *sources]
+    command = [*STM32[name], "-ffreestanding", *FLAGS, f"-I{CORE}", f"-I{ENCODERS}", *sources]
     done = subprocess.run([*command, "-T", str(here / "memory.ld"), "-o", str(target)], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     elf = target.read_bytes()

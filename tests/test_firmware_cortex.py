@@ -6,13 +6,23 @@ import numpy as np
 import pytest
 
 from firmware_emulator import Emulator, image
-from live_host import experiment
+from live_host import (
+    BOARD,
+    STILL,
+    Driver,
+    arm_frame,
+    encode,
+    experiment,
+    parameter_frames,
+    reference_frames,
+)
 from swingid.control import law
 from swingid.control.compensator import Compensator
 from swingid.control.references.parse import parse_reference
-from swingid.live.codes import State
+from swingid.live.codes import Mode, State
 from swingid.live.devices.twin import TwinDevice
 from swingid.live.guard import MOST_ORDER, Limits, parameters_of
+from swingid.live.machine import most_taken
 from swingid.live.plant import Plant, board_of
 from swingid.model.rig import Rig
 from test_firmware_controller import bits, in_python, random_controller
@@ -57,3 +67,36 @@ def test_a_run_gives_the_bytes_of_the_machine_in_python() -> None:
 @pytest.mark.long
 def test_the_papers_experiment_gives_the_bytes_of_the_machine_in_python() -> None:
     assert bytes_of_a_run(25.0, emulated=True) == bytes_of_a_run(25.0, emulated=False)
+
+
+FLOODS = {
+    "no end of a frame": b"\xff",
+    "no frames": b"\x01\0",
+    "Who": encode("Who"),
+    "Clear": encode("Clear"),
+    "Heartbeat": encode("Heartbeat", session=7),
+    "Run": encode("Run", session=7),
+    "Stop": encode("Stop", mode=2),
+    "Parameters": parameter_frames(),
+    "Arm": arm_frame(),
+    "Reference": reference_frames([0.1] * 14, start=14),
+}
+
+
+@pytest.mark.parametrize("state", [State.IDLE, State.ARMED, State.RUNNING])
+@pytest.mark.parametrize("name", FLOODS)
+def test_the_bytes_of_a_sample_cost_at_most_140_instructions_each(name: str, state: State) -> None:
+    """The figure with which core/device.h gives reasons for how much is taken per sample."""
+    cortex = Emulator(BOARD)
+    driver = Driver(cortex)
+    driver.tick()
+    driver.tell(parameter_frames())
+    if state is not State.IDLE:
+        driver.tell(arm_frame(mode=Mode.OPEN_LOOP))
+    if state is State.RUNNING:
+        driver.tell(reference_frames([0.1] * 14, last=False) + encode("Run", session=7))
+    cortex.tick(2000, STILL)
+    cortex.output()
+    most = most_taken(BOARD)
+    flood = (FLOODS[name] * most)[:most]
+    assert cortex.instructions(flood) <= 140 * most

@@ -110,6 +110,27 @@ def test_a_heartbeat_of_another_session_keeps_nothing_alive(driver: Driver) -> N
     assert driver.last("Sample").fault == FaultCode.HEARTBEAT
 
 
+def test_a_heartbeat_that_waited_counts_from_when_the_link_was_last_empty(driver: Driver) -> None:
+    driver.start([1.0] * 1000, mode=Mode.OPEN_LOOP)
+    driver.tick()
+    driver.device.busy = True
+    voltages = [driver.tick() for _ in range(150)]
+    assert voltages.index(0.0) + 1 == 99
+    assert driver.last("Fault").code == FaultCode.HEARTBEAT
+
+
+def test_answers_leave_room_for_a_sample_and_a_fault(driver: Driver) -> None:
+    driver.start([1.0] * 1000, mode=Mode.OPEN_LOOP)
+    driver.device.receive(encode("Who") * 100)
+    driver.tick(heartbeat=False)
+    assert [frame.name for frame in driver.frames[-2:]] == ["Hello", "Sample"]
+    driver.device.receive(encode("Who") * 100)
+    driver.tick(step=5000, heartbeat=False)
+    assert [frame.name for frame in driver.frames[-3:]] == ["Hello", "Fault", "Sample"]
+    assert driver.last("Sample").flags & Flag.DROPPED
+    assert driver.decoder.bad == 0
+
+
 STEP = 2 * math.pi / 16384
 FAULTS: dict[str, tuple[FaultCode, list[Readings]]] = {
     "angle": (FaultCode.ANGLE, [Readings(round(i * 0.015 / STEP), 0) for i in range(120)]),
@@ -295,6 +316,7 @@ def same_bytes(actions: list[Any]) -> None:
         else:
             _, count, axis_step, wheel_step, step, valid, current = action
             beating = count % 2 == 0
+            python.busy = core.busy = count % 5 == 0
             for _ in range(count):
                 time = (time + step) % 2**32
                 axis = (axis + axis_step + 2**31) % 2**32 - 2**31

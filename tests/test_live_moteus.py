@@ -171,6 +171,21 @@ def test_a_drive_that_stops_answering_ends_the_run_at_no_torque(drive: tuple[Fak
     assert device.machine.fault is FaultCode.ENCODER
 
 
+def test_a_bus_that_others_flood_ends_the_run_at_no_torque(drive: tuple[FakeDrive, Bound]) -> None:
+    fake, device = drive
+    strange = can.Message(arbitration_id=0x123, data=b"", is_extended_id=False, is_fd=True)
+    with Session(device) as session:
+        driven(session)
+
+        def flood(_: object) -> None:
+            if device.machine.state is State.RUNNING:
+                device._bus.recv = lambda timeout: strange
+
+        run = session.run(0.3 * np.sin(np.arange(2000) * 0.017), on_batch=flood)
+        assert run.end.fault is FaultCode.ENCODER
+    assert (fake.mode, fake.volts) == (moteus.Mode.STOPPED, 0.0)
+
+
 def test_a_drive_with_a_fault_or_gone_is_one_sentence(drive: tuple[FakeDrive, Bound]) -> None:
     fake, device = drive
     fake.mode = 1

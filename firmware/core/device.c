@@ -14,14 +14,12 @@ static int energised(const swingid_device *device) {
 
 /* A frame for the host; one that has no room left is dropped whole and reported by a flag. */
 static void send(swingid_device *device, uint16_t id, const uint8_t *payload, int length) {
-    uint8_t encoded[SWINGID_MOST_ENCODED + 1];
-    const int size = swingid_encode(encoded, id, payload, length);
-    if (device->output_size + size > SWINGID_OUTPUT_ROOM) {
+    const int kept = id == SWINGID_SAMPLE || id == SWINGID_FAULT ? 0 : SWINGID_OUTPUT_KEPT;
+    if (device->output_size + SWINGID_ENCODED(length) > SWINGID_OUTPUT_ROOM - kept) {
         device->flags |= SWINGID_FLAG_DROPPED;
         return;
     }
-    for (int i = 0; i < size; i++) device->output[device->output_size + i] = encoded[i];
-    device->output_size += size;
+    device->output_size += swingid_encode(device->output + device->output_size, id, payload, length);
 }
 
 static void answer(swingid_device *device, uint16_t message, uint8_t status, uint32_t next, uint32_t value) {
@@ -36,11 +34,18 @@ static void answer(swingid_device *device, uint16_t message, uint8_t status, uin
     send(device, SWINGID_ACK, payload, SWINGID_ACK_LENGTH);
 }
 
+int swingid_most_taken(const swingid_config *config) {
+    const int most = (int)(SWINGID_MOST_TAKEN / (double)config->rate);
+    return most > SWINGID_LEAST_TAKEN ? most : SWINGID_LEAST_TAKEN;
+}
+
 void swingid_init(swingid_device *device, const swingid_config *config) {
     device->config = *config;
     swingid_guard_init(&device->guard, config);
-    device->incoming_size = device->skipping = device->output_size = 0;
+    device->incoming_size = device->skipping = device->output_size = device->busy = 0;
     device->flags = device->known = device->total = device->session = 0;
+    device->check = 0xFFFF;
+    device->valid = 0;
     device->fade = device->fade_left = device->ended = 0;
     device->quiet = (uint32_t)config->rate + 1;
     device->next_in = device->next_out = device->sequence = device->start = 0;
@@ -125,16 +130,6 @@ static void on_clear(swingid_device *device) {
     answer(device, SWINGID_CLEAR, latched ? SWINGID_STATUS_DONE : SWINGID_STATUS_WRONG_STATE, 0, 0);
 }
 
-static uint16_t parameter_check(const swingid_device *device) {
-    uint8_t bytes[8];
-    uint16_t crc = 0xFFFF;
-    for (int i = 0; i < device->known; i++) {
-        swingid_put_f64(bytes, device->parameters[i]);
-        crc = swingid_crc(crc, bytes, 8);
-    }
-    return crc;
-}
-
 static uint8_t take_parameters(swingid_device *device, const swingid_parameters *frame) {
     if (device->state != IDLE) return SWINGID_STATUS_WRONG_STATE;
     if (frame->count < 1 || frame->count > COUNT_OF(frame->value) || frame->total > SWINGID_MOST_PARAMETERS ||
@@ -143,10 +138,19 @@ static uint8_t take_parameters(swingid_device *device, const swingid_parameters 
     }
     if (frame->index == 0) {
         device->known = 0;
+        device->check = 0xFFFF;
         device->total = frame->total;
     }
     if (frame->index != device->known || frame->total != device->total) return SWINGID_STATUS_GAP;
-    for (int i = 0; i < frame->count; i++) device->parameters[device->known++] = frame->value[i];
+    for (int i = 0; i < frame->count; i++) {
+        uint8_t bytes[8];
+        device->parameters[device->known++] = frame->value[i];
+        swingid_put_f64(bytes, frame->value[i]);
+        device->check = swingid_crc(device->check, bytes, 8);
+    }
+    if (device->known == device->total) {
+        device->valid = (uint8_t)swingid_parameters_valid(device->parameters, device->known, &device->config);
+    }
     return SWINGID_STATUS_DONE;
 }
 
@@ -155,17 +159,14 @@ static void on_parameters(swingid_device *device, const uint8_t *payload) {
     uint8_t status;
     swingid_unpack_parameters(&frame, payload);
     status = take_parameters(device, &frame);
-    answer(device, SWINGID_PARAMETERS, status, device->known, parameter_check(device));
+    answer(device, SWINGID_PARAMETERS, status, device->known, device->check);
 }
 
 static uint8_t arm(swingid_device *device, const swingid_arm *frame) {
     if ((device->state != IDLE && device->state != ARMED) || !device->guard.seen) return SWINGID_STATUS_WRONG_STATE;
     if (frame->mode > SWINGID_MODE_OPEN_LOOP) return SWINGID_STATUS_BAD_VALUE;
     if (device->total == 0 || device->known != device->total) return SWINGID_STATUS_NO_PARAMETERS;
-    if (frame->parameters != parameter_check(device) ||
-        !swingid_parameters_valid(device->parameters, device->known, &device->config)) {
-        return SWINGID_STATUS_BAD_PARAMETERS;
-    }
+    if (frame->parameters != device->check || !device->valid) return SWINGID_STATUS_BAD_PARAMETERS;
     if (device->parameters[SWINGID_VOLTAGE_LIMIT] > (double)device->config.voltage_limit) {
         return SWINGID_STATUS_OVER_LIMIT;
     }
@@ -366,7 +367,7 @@ static void send_sample(swingid_device *device, const swingid_inputs *inputs) {
 
 float swingid_tick(swingid_device *device, const swingid_inputs *inputs) {
     double voltage = 0.0, value;
-    swingid_guard_track(&device->guard, inputs);
+    swingid_guard_track(&device->guard, inputs, device->busy);
     if (!inputs->valid) device->flags |= SWINGID_FLAG_INVALID;
     if (device->guard.late) device->flags |= SWINGID_FLAG_LATE;
     if (energised(device)) {

@@ -9,7 +9,7 @@ static int finite(double x) { return x - x == 0.0; }
 void swingid_guard_init(swingid_guard *guard, const swingid_config *config) {
     const double period = 1e6 / (double)config->rate;
     guard->seen = guard->late = guard->fresh = 0;
-    guard->place = guard->time = guard->heartbeat = 0;
+    guard->place = guard->time = guard->heartbeat = guard->idle_time = 0;
     guard->axis_raw = guard->wheel_raw = 0;
     guard->axis = guard->wheel = guard->axis_change = guard->wheel_change = 0;
     guard->late_time = (uint32_t)(1.5 * period);
@@ -24,10 +24,10 @@ void swingid_guard_arm(swingid_guard *guard) {
     guard->invalid = guard->axis_frozen = guard->wheel_frozen = guard->saturated = 0;
 }
 
-void swingid_guard_track(swingid_guard *guard, const swingid_inputs *inputs) {
+void swingid_guard_track(swingid_guard *guard, const swingid_inputs *inputs, int busy) {
     if (!guard->seen) {
         guard->seen = 1;
-        guard->time = inputs->time;
+        guard->idle_time = inputs->time;
         guard->axis = inputs->axis;
         guard->wheel = inputs->wheel;
         for (int i = 0; i < SWINGID_MOST_SPAN; i++) {
@@ -49,9 +49,10 @@ void swingid_guard_track(swingid_guard *guard, const swingid_inputs *inputs) {
     guard->axis_past[guard->place] = guard->axis;
     guard->wheel_past[guard->place] = guard->wheel;
     guard->place = (guard->place + 1) % SWINGID_MOST_SPAN;
-    if (guard->fresh) {
+    if (!busy) guard->idle_time = inputs->time;
+    if (guard->fresh) { /* it may have waited behind other bytes, but was sent after the link was last empty */
         guard->fresh = 0;
-        guard->heartbeat = inputs->time;
+        guard->heartbeat = guard->idle_time;
     }
     guard->invalid = inputs->valid ? 0 : guard->invalid < 60000 ? guard->invalid + 1 : guard->invalid;
 }

@@ -53,6 +53,7 @@ typedef struct {
     int64_t axis_past[SWINGID_MOST_SPAN], wheel_past[SWINGID_MOST_SPAN];
     uint32_t place; /* of the next entry of the past */
     uint32_t time, heartbeat, late_time, death_time;
+    uint32_t idle_time; /* of the last sample at which nothing more of the host waited */
     int32_t axis_raw, wheel_raw;
     int seen, late, fresh;
     uint32_t invalid, axis_frozen, wheel_frozen, saturated;
@@ -63,8 +64,8 @@ void swingid_guard_init(swingid_guard *guard, const swingid_config *config);
 /* Begin to watch: forget what was counted before. */
 void swingid_guard_arm(swingid_guard *guard);
 
-/* Take one sample's readings, in every state. */
-void swingid_guard_track(swingid_guard *guard, const swingid_inputs *inputs);
+/* Take one sample's readings, in every state; busy: more of the host may wait than this sample has taken. */
+void swingid_guard_track(swingid_guard *guard, const swingid_inputs *inputs, int busy);
 
 /* The first fault of this sample, and what passed its limit; `voltage` was held up to it. */
 int swingid_guard_check(swingid_guard *guard, const swingid_inputs *inputs, const double *parameters, double voltage,

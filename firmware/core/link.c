@@ -1,12 +1,12 @@
 #include "link.h"
 
+/* Four bits at a time: a fourth of the time of single bits, which a flood of frames would take from the samples. */
 uint16_t swingid_crc(uint16_t crc, const uint8_t *bytes, int size) {
+    static const uint16_t table[16] = {0x0000, 0x1021, 0x2042, 0x3063, 0x4084, 0x50A5, 0x60C6, 0x70E7,
+                                       0x8108, 0x9129, 0xA14A, 0xB16B, 0xC18C, 0xD1AD, 0xE1CE, 0xF1EF};
     for (int i = 0; i < size; i++) {
-        crc = (uint16_t)(crc ^ (uint16_t)(bytes[i] << 8));
-        for (int bit = 0; bit < 8; bit++) {
-            const uint16_t carry = crc & 0x8000u ? 0x1021u : 0u;
-            crc = (uint16_t)((uint16_t)(crc << 1) ^ carry);
-        }
+        crc = (uint16_t)((uint16_t)(crc << 4) ^ table[crc >> 12 ^ bytes[i] >> 4]);
+        crc = (uint16_t)((uint16_t)(crc << 4) ^ table[crc >> 12 ^ (bytes[i] & 15)]);
     }
     return crc;
 }

@@ -9,6 +9,9 @@
 /* Identifier, payload, check, and COBS's own byte; without the zero at the end. */
 #define SWINGID_MOST_ENCODED (2 + SWINGID_MOST_PAYLOAD + 2 + 1)
 
+/* Bytes of an encoded message, the zero at its end with them: COBS adds one byte to fewer than 254. */
+#define SWINGID_ENCODED(length) ((length) + 6)
+
 /* The check of `size` more bytes; start with 0xFFFF. */
 uint16_t swingid_crc(uint16_t crc, const uint8_t *bytes, int size);
 

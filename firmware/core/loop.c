@@ -4,11 +4,18 @@ static swingid_device device;
 
 void swingid_loop(const swingid_config *config) {
     static uint8_t incoming[128], pending[SWINGID_OUTPUT_ROOM];
-    int size = 0, sent = 0, count;
+    const int most = swingid_most_taken(config);
+    int size = 0, sent = 0, count, taken;
     swingid_inputs inputs;
     swingid_init(&device, config);
     for (;;) {
-        while ((count = hal_receive(incoming, (int)sizeof incoming)) > 0) swingid_receive(&device, incoming, count);
+        for (taken = 0; taken < most; taken += count) { /* bounded, so that no host keeps it from its samples */
+            const int left = most - taken;
+            count = hal_receive(incoming, left < (int)sizeof incoming ? left : (int)sizeof incoming);
+            if (count <= 0) break;
+            swingid_receive(&device, incoming, count);
+        }
+        device.busy = taken == most;
         if (!hal_wait()) break;
         hal_read(&inputs);
         hal_apply(swingid_tick(&device, &inputs)); /* nothing of changing length comes between these two */

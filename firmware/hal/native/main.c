@@ -5,9 +5,10 @@
  *
  * Port 0 is any free one. Two lines of standard output say where: "link ADDRESS", "plant PORT". The plant sets the
  * pace, as fast as it can or in real time. Per sample it sends 24 bytes: time (u32, us), axis, wheel (i32), current
- * (f32), valid (u32), and how many bytes the host has sent so far (u32), which are waited for, so that a run can be
- * repeated byte by byte; with --live nothing is waited for, also not for a host at the start. The answer has 8 bytes: the voltage (f32) and how many bytes have gone to the host (u32). The
- * process ends with the plant's connection.
+ * (f32), valid (u32), and how many bytes the host has sent so far (u32), which are waited for as far as the sample
+ * takes them, so that a run can be repeated byte by byte: the plant waits meanwhile, so no device time passes. With
+ * --live nothing is waited for, also not for a host at the start. The answer has 8 bytes: the voltage (f32) and how
+ * many bytes have gone to the host (u32). The process ends with the plant's connection.
  */
 #define _DEFAULT_SOURCE
 #define _XOPEN_SOURCE 600
@@ -29,6 +30,7 @@
 
 #define TOLD 24
 #define ANSWER 8
+#define WAITING 16384 /* bytes of a host that the link holds, as the system counts them; one that sends more waits */
 
 static int listener = -1, link_fd = -1, plant_fd = -1;
 static uint32_t wanted, received, passed_on;
@@ -60,23 +62,24 @@ static void put_u32(uint8_t *p, uint32_t x) {
 static int listen_on(int port, int *actual) {
     struct sockaddr_in address;
     socklen_t size = sizeof address;
-    const int fd = socket(AF_INET, SOCK_STREAM, 0), yes = 1;
+    const int fd = socket(AF_INET, SOCK_STREAM, 0), yes = 1, waiting = WAITING;
     if (fd < 0) fail("socket");
     memset(&address, 0, sizeof address);
     address.sin_family = AF_INET;
     address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     address.sin_port = htons((uint16_t)port);
     setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+    setsockopt(fd, SOL_SOCKET, SO_RCVBUF, &waiting, sizeof waiting); /* each connection has it from here */
     if (bind(fd, (struct sockaddr *)&address, sizeof address) < 0 || listen(fd, 1) < 0) fail("listen");
     if (getsockname(fd, (struct sockaddr *)&address, &size) < 0) fail("getsockname");
     *actual = ntohs(address.sin_port);
     return fd;
 }
 
+/* The next connection; -1 where there is none. */
 static int accept_on(int fd) {
     const int yes = 1, found = accept(fd, NULL, NULL);
-    if (found < 0) fail("accept");
-    setsockopt(found, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
+    if (found >= 0) setsockopt(found, IPPROTO_TCP, TCP_NODELAY, &yes, sizeof yes);
     return found;
 }
 
@@ -95,7 +98,7 @@ static void open_pty(void) {
 
 static void connect_link(void) {
     if (link_fd < 0) link_fd = accept_on(listener);
-    fcntl(link_fd, F_SETFL, fcntl(link_fd, F_GETFL) | O_NONBLOCK);
+    if (link_fd >= 0) fcntl(link_fd, F_SETFL, fcntl(link_fd, F_GETFL) | O_NONBLOCK);
 }
 
 /* A host that has gone makes room for the next; while one is there, another waits. */
@@ -141,6 +144,7 @@ int hal_receive(uint8_t *bytes, int room) {
     }
     if (over || received == wanted) return 0;
     connect_link();
+    if (link_fd < 0) fail("accept");
     if ((uint32_t)room > wanted - received) room = (int)(wanted - received);
     do {
         struct pollfd wait = {link_fd, POLLIN, 0};
@@ -246,6 +250,8 @@ int main(int count, char **arguments) {
     printf("plant %d\n", port);
     fflush(stdout);
     plant_fd = accept_on(plant);
+    if (plant_fd < 0) fail("accept");
+    if (live && listener >= 0) fcntl(listener, F_SETFL, O_NONBLOCK); /* a host may go before it is accepted */
     if (!live || pty) connect_link();
     swingid_loop(&config);
     return 0;

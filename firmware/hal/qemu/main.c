@@ -5,8 +5,9 @@
  *     qemu-system-arm -M mps2-an385 -nographic -monitor none -serial tcp:HOST:LINK -serial tcp:HOST:PLANT -kernel FILE
  *
  * The plant speaks as with hal/native/main.c: per sample 24 bytes in (time, axis, wheel, current, valid, how many bytes
- * the host has sent, which are waited for), 8 bytes out (voltage, how many bytes have gone to the host), so that a run
- * can be repeated byte by byte. A sample begins with a tick, and its time is the plant's.
+ * the host has sent, which are waited for as far as the sample takes them), 8 bytes out (voltage, how many bytes have
+ * gone to the host), so that a run can be repeated byte by byte. A sample begins with a tick, and its time is the
+ * plant's, which waits while the board does.
  */
 #include "hal.h"
 
@@ -25,6 +26,7 @@
 
 #define TOLD 24
 #define ANSWER 8
+#define PATIENCE 1000000u /* looks at a transmitter that stays full before its host counts as gone: some 10 ms */
 
 /* ---- the board; a test states its own ---- */
 #ifndef RATE
@@ -49,11 +51,12 @@
 extern uint32_t data_start, data_end, data_load, bss_start, bss_end, stack_top;
 
 typedef struct {
+    uint32_t uart;
     volatile uint32_t in, out;
     volatile uint8_t bytes[2048];
 } queue;
 
-static queue from_link, from_plant;
+static queue from_link = {.uart = LINK}, from_plant = {.uart = PLANT};
 static volatile uint32_t ticks;
 static uint32_t ticks_seen, wanted, received, passed_on;
 static uint8_t told[TOLD];
@@ -67,32 +70,41 @@ static uint32_t u32_at(const uint8_t *p) {
     return (uint32_t)p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
-static void put(uint32_t uart, uint8_t byte) {
-    while (REGISTER(uart + STATE) & 1u) {
+/* 1 where the byte has gone out. */
+static int put(uint32_t uart, uint8_t byte) {
+    for (uint32_t looks = 0; REGISTER(uart + STATE) & 1u; looks++) {
+        if (looks == PATIENCE) return 0;
     }
     REGISTER(uart + DATA) = byte;
+    return 1;
 }
 
 static void put_u32(uint32_t uart, uint32_t x) {
     for (int i = 0; i < 4; i++) put(uart, (uint8_t)(x >> 8 * i));
 }
 
-static void on_byte(uint32_t uart, queue *into) {
-    REGISTER(uart + PENDING) = 2; /* before the byte is taken: the next one raises it again */
-    while (REGISTER(uart + STATE) & 2u) {
-        into->bytes[into->in % sizeof into->bytes] = (uint8_t)REGISTER(uart + DATA);
+/* Take what has come; where the queue is full it stays in the UART, which holds its sender up until there is room. */
+static void on_byte(queue *into) {
+    REGISTER(into->uart + PENDING) = 2; /* before the byte is taken: the next one raises it again */
+    while (into->in - into->out < sizeof into->bytes && REGISTER(into->uart + STATE) & 2u) {
+        into->bytes[into->in % sizeof into->bytes] = (uint8_t)REGISTER(into->uart + DATA);
         into->in = into->in + 1;
     }
 }
 
-static void on_link(void) { on_byte(LINK, &from_link); }
-static void on_plant(void) { on_byte(PLANT, &from_plant); }
+static void on_link(void) { on_byte(&from_link); }
+static void on_plant(void) { on_byte(&from_plant); }
 
 static uint8_t get(queue *from) {
     uint8_t byte;
     while (from->in == from->out) __asm__ volatile("wfi");
     byte = from->bytes[from->out % sizeof from->bytes];
     from->out = from->out + 1;
+    if (REGISTER(from->uart + STATE) & 2u) {
+        __asm__ volatile("cpsid i");
+        on_byte(from);
+        __asm__ volatile("cpsie i");
+    }
     return byte;
 }
 
@@ -144,9 +156,10 @@ void hal_apply(float voltage) {
 }
 
 int hal_send(const uint8_t *bytes, int size) {
-    for (int i = 0; i < size; i++) put(LINK, bytes[i]);
-    passed_on += (uint32_t)size;
-    return size;
+    int count = 0;
+    while (count < size && put(LINK, bytes[count])) count++;
+    passed_on += (uint32_t)count;
+    return count;
 }
 
 static void on_tick(void) { ticks = ticks + 1; }

@@ -20,6 +20,9 @@ void sim_open(float rate, uint32_t axis_counts, uint32_t wheel_counts, float vol
 /* Take the first `size` bytes of sim_bytes from the host. */
 void sim_receive(int size) { swingid_receive(&device, sim_bytes, size); }
 
+/* Whether the host has sent as much as a sample takes. */
+void sim_busy(int busy) { device.busy = busy; }
+
 /* The voltage's bits. */
 uint32_t sim_tick(uint32_t time, int32_t axis, int32_t wheel, uint32_t current, int valid) {
     union {

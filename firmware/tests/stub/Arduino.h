@@ -1,4 +1,4 @@
-/* The declarations that the sketch uses, to compile it without an Arduino core. */
+/* The declarations that the sketch uses, to compile it without an Arduino core; board.cpp has what they do. */
 #pragma once
 #include <math.h>
 #include <stddef.h>
@@ -22,3 +22,14 @@ struct SerialPort {
     size_t write(const uint8_t *, size_t);
 };
 extern SerialPort Serial;
+void setup();
+void loop();
+#if defined(ARDUINO_ARCH_SAM)
+void watchdogEnable(uint32_t);
+void watchdogReset();
+void watchdogSetup();
+#elif defined(ARDUINO_ARCH_ESP32)
+#define IRAM_ATTR
+bool ledcAttach(uint8_t, uint32_t, uint8_t);
+bool ledcWrite(uint8_t, uint32_t);
+#endif

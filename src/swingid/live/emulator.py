@@ -66,7 +66,7 @@ class PythonRig:
 
     def step(self) -> None:
         """One sample."""
-        data = self._port.receive()
+        data = self._port.receive(self._device.room)
         if data:
             self._device.write(data)
         self._device.step()

@@ -37,7 +37,7 @@ class Frame:
 
 
 @cache
-def _codec() -> tuple[Callable[[bytes], bytes], Callable[[bytes], bytes], Callable[[bytes], int], type[Exception]]:
+def _codec() -> tuple[Callable[[bytes], bytes], Callable[[bytes], bytes], Callable[..., int], type[Exception]]:
     """COBS there and back, the CRC, and COBS's error; UsageError without their packages."""
     try:
         from cobs import cobs
@@ -50,9 +50,9 @@ def _codec() -> tuple[Callable[[bytes], bytes], Callable[[bytes], bytes], Callab
     return cobs.encode, cobs.decode, crc16.ibm_3740, cobs.DecodeError
 
 
-def checksum(data: bytes) -> int:
-    """CRC-16/IBM-3740, of frames and of the bytes of all parameters."""
-    return _codec()[2](data)
+def checksum(data: bytes, before: int = 0xFFFF) -> int:
+    """CRC-16/IBM-3740, of frames and of the bytes of all parameters. before: the check of what comes before them."""
+    return _codec()[2](data, before)
 
 
 def wrap(identifier: int, payload: bytes) -> bytes:

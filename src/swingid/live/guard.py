@@ -184,7 +184,7 @@ class Guard:
         period = 1e6 / float(np.float32(board.rate))
         self.axis = self.wheel = 0
         self.seen = self.late = False
-        self.time = self.heartbeat = 0
+        self.time = self.heartbeat = self._idle_time = 0
         self._late_time = int(1.5 * period)
         # a heartbeat counts from the sample after it on, so that 0 V is there in time
         self._death_time = HEARTBEAT_TIME - (int(period) if period < 50000.0 else 50000)
@@ -200,8 +200,11 @@ class Guard:
         self.fresh = True
         self._invalid = self._axis_frozen = self._wheel_frozen = self._saturated = 0
 
-    def track(self, time: int, readings: Readings) -> None:
-        """Take one sample's readings at a device time (us, wrapping at 32 bits), in every state."""
+    def track(self, time: int, readings: Readings, *, busy: bool = False) -> None:
+        """Take one sample's readings at a device time (us, wrapping at 32 bits), in every state.
+
+        busy: more of the host may wait than this sample has taken.
+        """
         if self.seen:
             self.late = (time - self.time) % 2**32 > self._late_time
             self._changes = _change(readings.axis, self._raw[0]), _change(readings.wheel, self._raw[1])
@@ -209,13 +212,16 @@ class Guard:
             self.wheel += self._changes[1]
         else:
             self.seen = True
+            self._idle_time = time
             self.axis, self.wheel = readings.axis, readings.wheel
             self._past = [(self.axis, self.wheel)] * MOST_SPAN
         self.time, self._raw = time, (readings.axis, readings.wheel)
         self._past[self._place] = self.axis, self.wheel
         self._place = (self._place + 1) % MOST_SPAN
-        if self.fresh:
-            self.fresh, self.heartbeat = False, time
+        if not busy:
+            self._idle_time = time
+        if self.fresh:  # it may have waited behind other bytes, but was sent after the link was last empty
+            self.fresh, self.heartbeat = False, self._idle_time
         self._invalid = 0 if readings.valid else min(self._invalid + 1, 60000)
 
     def check(self, readings: Readings, p: list[float], voltage: float) -> tuple[FaultCode, float]:

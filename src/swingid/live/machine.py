@@ -18,7 +18,7 @@ from swingid.control import law
 from swingid.control.law import compensator_step
 from swingid.live import guard as at
 from swingid.live.codes import FaultCode, Flag, Mode, State, Status, StopMode
-from swingid.live.frames import Decoder, Frame, checksum, encode
+from swingid.live.frames import MOST_ENCODED, Decoder, Frame, checksum, encode
 from swingid.live.guard import Board, Guard, Readings
 from swingid.live.schema import schema
 
@@ -29,6 +29,9 @@ EMULATED = {kind: zlib.crc32(f"swingid {kind} {VERSION}".encode()) for kind in (
 REFERENCE_ROOM, OUTPUT_ROOM = 1024, 1024
 """Samples of the reference and bytes of output that a device holds."""
 
+MOST_TAKEN, LEAST_TAKEN = 200_000, MOST_ENCODED + 1
+"""Bytes that a device takes from its host per second at most, in a sample at least; why: `firmware/core/device.h`."""
+
 ENERGISED = (State.ARMED, State.RUNNING, State.STOPPING)
 
 
@@ -38,13 +41,34 @@ def single(x: float) -> float:
         return float(np.float32(x))
 
 
+def most_taken(board: Board) -> int:
+    """Bytes that a device takes from its host between two samples at most; what comes faster waits."""
+    return max(int(MOST_TAKEN / float(np.float32(board.rate))), LEAST_TAKEN)
+
+
 @cache
 def _ids() -> dict[str, int]:
     return {name: message.id for name, message in schema().by_name.items()}
 
 
+@cache
+def _sizes() -> dict[str, int]:
+    """Bytes of each message on a line: identifier, check, COBS's byte and the zero are six."""
+    return {name: message.length + 6 for name, message in schema().by_name.items()}
+
+
+@cache
+def _room_for(name: str) -> int:
+    """Bytes of output that a message may fill; answers leave room for one Sample and one Fault."""
+    return OUTPUT_ROOM - (0 if name in ("Sample", "Fault") else _sizes()["Sample"] + _sizes()["Fault"])
+
+
 class Machine:
-    """A device without its hardware. board: what it is; its numbers count as rounded to 32 bits."""
+    """A device without its hardware. board: what it is; its numbers count as rounded to 32 bits.
+
+    What calls it passes on `most_taken` bytes of the host per sample at most, and sets `busy` where they are as many:
+    more may wait, so a heartbeat counts from the last sample at which none did.
+    """
 
     def __init__(self, board: Board) -> None:
         self.board = board
@@ -58,9 +82,11 @@ class Machine:
         self._output = bytearray()
         self._flags = self._ended = Flag(0)
         self._rate = float(np.float32(board.rate))
+        self.busy = False
         self._quiet = int(self._rate) + 1
         self._known: list[float] = []
         self._total = 0
+        self._check = checksum(b"")
         self._gains = np.zeros(0)
         self._reference: list[float] = []
         self._next_out = 0
@@ -85,7 +111,7 @@ class Machine:
 
     def tick(self, time: int, readings: Readings) -> float:
         """One sample at a device time (us, 32 bits, wrapping): the voltage (V) to apply up to the next one."""
-        self.guard.track(time, readings)
+        self.guard.track(time, readings, busy=self.busy)
         if not readings.valid:
             self._flags |= Flag.INVALID
         if self.guard.late:
@@ -110,11 +136,10 @@ class Machine:
 
     def _send(self, name: str, **values: float) -> None:
         """A frame for the host; one that has no room left is dropped whole and reported by a flag."""
-        encoded = encode(name, **values)
-        if len(self._output) + len(encoded) > OUTPUT_ROOM:
+        if len(self._output) + _sizes()[name] > _room_for(name):
             self._flags |= Flag.DROPPED
         else:
-            self._output += encoded
+            self._output += encode(name, **values)
 
     def _answer(self, message: str, status: Status, following: int = 0, value: int = 0) -> None:
         self._send("Ack", message=_ids()[message], status=status, state=self.state, next=following, value=value)
@@ -177,12 +202,9 @@ class Machine:
             self.state, self.fault = State.IDLE, FaultCode.NONE
         self._answer("Clear", Status.DONE if latched else Status.WRONG_STATE)
 
-    def _parameter_check(self) -> int:
-        return checksum(np.array(self._known, dtype="<f8").tobytes())
-
     def _on_parameters(self, frame: Frame) -> None:
         status = self._take_parameters(frame)
-        self._answer("Parameters", status, len(self._known), self._parameter_check())
+        self._answer("Parameters", status, len(self._known), self._check)
 
     def _take_parameters(self, frame: Frame) -> Status:
         if self.state is not State.IDLE:
@@ -191,10 +213,11 @@ class Machine:
         if not 1 <= count <= len(frame.value) or total > at.MOST_PARAMETERS or index + count > total:
             return Status.BAD_VALUE
         if index == 0:
-            self._known, self._total = [], total
+            self._known, self._total, self._check = [], total, checksum(b"")
         if index != len(self._known) or total != self._total:
             return Status.GAP
         self._known += frame.value[:count]
+        self._check = checksum(np.array(frame.value[:count], dtype="<f8").tobytes(), self._check)
         return Status.DONE
 
     def _on_arm(self, frame: Frame) -> None:
@@ -209,7 +232,7 @@ class Machine:
         if self._total == 0 or len(self._known) != self._total:
             return Status.NO_PARAMETERS
         parameters = np.array(self._known)
-        if frame.parameters != self._parameter_check() or not at.valid(parameters, self.board):
+        if frame.parameters != self._check or not at.valid(parameters, self.board):
             return Status.BAD_PARAMETERS
         if parameters[at.VOLTAGE_LIMIT] > single(self.board.voltage_limit):
             return Status.OVER_LIMIT

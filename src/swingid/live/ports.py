@@ -9,7 +9,8 @@ from typing import Protocol
 
 from swingid.errors import DeviceError, UsageError
 
-PIECE = 65536
+WAITING = 16384
+"""Bytes of a host that a TCP port holds, as far as the system counts so; one that sends more has to wait."""
 
 
 class Port(Protocol):
@@ -17,8 +18,8 @@ class Port(Protocol):
 
     address: str
 
-    def receive(self) -> bytes:
-        """What the host has sent, without waiting."""
+    def receive(self, most: int) -> bytes:
+        """What the host has sent, `most` (1 or more) bytes of it, without waiting."""
 
     def send(self, data: bytes) -> None:
         """Bytes for the host; lost where they are not taken, as on a serial line."""
@@ -38,17 +39,18 @@ class TcpPort:
             text = f"TCP port {number} can't be used ({why}); give another one by --tcp, 0 for any free one"
             raise DeviceError(text, code="busy") from None
         self._listener.setblocking(False)
+        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, WAITING)  # each connection has it from here
         self._host: socket.socket | None = None
         self.number = int(self._listener.getsockname()[1])
         self.address = f"tcp://localhost:{self.number}"
 
-    def receive(self) -> bytes:
-        """What the host has sent, without waiting; connects and disconnects hosts."""
+    def receive(self, most: int) -> bytes:
+        """What the host has sent, `most` bytes of it, without waiting; connects and disconnects hosts."""
         self._connect()
         if self._host is None:
             return b""
         try:
-            data = self._host.recv(PIECE)
+            data = self._host.recv(most)
         except BlockingIOError:
             return b""
         except OSError:
@@ -104,10 +106,10 @@ class PtyPort:
         os.set_blocking(self._master, False)
         self.address = f"serial://{os.ttyname(self._slave)}"
 
-    def receive(self) -> bytes:
-        """What the host has sent, without waiting."""
+    def receive(self, most: int) -> bytes:
+        """What the host has sent, `most` bytes of it, without waiting."""
         try:
-            return os.read(self._master, PIECE)
+            return os.read(self._master, most)
         except OSError:
             return b""
 

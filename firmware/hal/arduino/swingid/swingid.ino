@@ -3,7 +3,8 @@
 //
 // Copy firmware/core/*.c, firmware/core/*.h and firmware/hal/encoders/encoders.h beside this file. The board needs
 // doubles of 64 bits (no AVR), and the compiler -ffp-contract=off (platform.local.txt: compiler.c.extra_flags=...).
-// Switch on the board's own watchdog in setup() and feed it in hal_wait: a board that hangs must let go of the motor.
+// board_watchdog.h has the watchdogs of Due, SAMD, ESP32, RP2040, Teensy 4 and STM32duino: a board that takes no
+// samples lets go of the motor.
 #include <Arduino.h>
 #include <SPI.h>
 
@@ -23,10 +24,27 @@ static const uint32_t RATE = 500;           // samples per second
 static const uint32_t WHEEL_COUNTS = 8192;  // AMT103 at 2048 pulses per turn
 // --------------------
 
+#include "board_watchdog.h"
+
+// us between two feedings at least: a SAMD needs some ms to take one in, and waits for that at the next
+static const uint32_t FEED_TIME = WATCHDOG_MS * 1000 / 4;
+static_assert(1000000 / RATE <= FEED_TIME, "below 80 samples per second the watchdog needs more than 50 ms");
+
+#if defined(ARDUINO_ARCH_ESP32)
+static bool pwm_start() { return ledcAttach(BRIDGE_PWM, 20000, PWM_BITS); }
+static void pwm_write(int duty) { ledcWrite(BRIDGE_PWM, (uint32_t)duty); }
+#else
+static bool pwm_start() {
+    analogWriteResolution(PWM_BITS);
+    return true;
+}
+static void pwm_write(int duty) { analogWrite(BRIDGE_PWM, duty); }
+#endif
+
 static volatile int32_t wheel;
 static volatile unsigned wheel_pins;
 static int32_t axis;
-static uint32_t due;
+static uint32_t due, fed;
 
 static unsigned read_wheel_pins() { return (unsigned)digitalRead(WHEEL_A) << 1 | (unsigned)digitalRead(WHEEL_B); }
 
@@ -41,6 +59,10 @@ extern "C" int hal_wait(void) {
     }
     if (micros() - due > 1000000 / RATE) due = micros();  // late: the guard sees it by the time of the readings
     due += 1000000 / RATE;
+    if (micros() - fed >= FEED_TIME) {  // here alone: only who takes samples goes on
+        fed = micros();
+        watchdog_feed();
+    }
     return 1;
 }
 
@@ -67,7 +89,7 @@ extern "C" void hal_apply(float voltage) {
     const int full = (1 << PWM_BITS) - 1;
     const float size = voltage < 0.0f ? -voltage : voltage;
     digitalWrite(BRIDGE_DIRECTION, voltage < 0.0f ? LOW : HIGH);
-    analogWrite(BRIDGE_PWM, (int)(size / SUPPLY * full + 0.5f));
+    pwm_write((int)(size / SUPPLY * full + 0.5f));
 }
 
 extern "C" int hal_receive(uint8_t *bytes, int room) {
@@ -82,9 +104,14 @@ extern "C" int hal_send(const uint8_t *bytes, int size) {
 }
 
 void setup() {
+    digitalWrite(BRIDGE_PWM, LOW);
+    digitalWrite(BRIDGE_DIRECTION, LOW);
     pinMode(BRIDGE_PWM, OUTPUT);
     pinMode(BRIDGE_DIRECTION, OUTPUT);
-    analogWriteResolution(PWM_BITS);
+    if (!watchdog_start() || !pwm_start()) {
+        for (;;) {  // without a watchdog it does not run, and no host gets an answer
+        }
+    }
     hal_apply(0.0f);
     pinMode(AXIS_SELECT, OUTPUT);
     digitalWrite(AXIS_SELECT, HIGH);
@@ -95,7 +122,8 @@ void setup() {
     attachInterrupt(digitalPinToInterrupt(WHEEL_B), on_wheel_edge, CHANGE);
     SPI.begin();
     Serial.begin(1000000);
-    due = micros();
+    watchdog_feed();
+    due = fed = micros();
 }
 
 void loop() {

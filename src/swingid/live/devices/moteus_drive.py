@@ -140,15 +140,25 @@ class MoteusDevice:
             self._send(self._moteus.make_stop())
 
     def _read(self) -> Readings:
-        """The drive's answer as counts; without one the last ones, not valid. DeviceError where it has a fault."""
-        while self._receive(0.0) is not None:  # an answer that came too late is none of this sample
-            pass
-        self._send(self._moteus.make_query())
+        """The drive's answer as counts; without one in time, whatever else is on the bus, the last ones, not valid.
+
+        DeviceError where it has a fault.
+        """
+        none = self._last._replace(valid=False)
         until = time.monotonic() + ANSWER_TIME
-        while (message := self._receive(max(until - time.monotonic(), 0.0))) is not None:
+        while self._receive(0.0) is not None:  # an answer that came too late is none of this sample
+            if time.monotonic() >= until:
+                return none
+        self._send(self._moteus.make_query())
+        until = left = time.monotonic() + ANSWER_TIME
+        while left > 0.0:
+            left = until - time.monotonic()
+            message = self._receive(max(left, 0.0))
+            if message is None:
+                break
             if message.arbitration_id >> 8 & 0x7F == self._drive and message.arbitration_id & 0x7F == 0:
                 return self._counts(self._parse(bytes(message.data)).response)
-        return self._last._replace(valid=False)
+        return none
 
     def _counts(self, values: dict[int, float]) -> Readings:
         """Readings of an answer; the axis' encoder may count within a turn or on."""

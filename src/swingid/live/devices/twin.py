@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 from swingid.errors import UsageError
 from swingid.live.devices.stream import closed_error, split_address
 from swingid.live.guard import Board, Readings
-from swingid.live.machine import EMULATED, Machine
+from swingid.live.machine import EMULATED, Machine, most_taken
 from swingid.live.plant import Plant, board_of
 
 if TYPE_CHECKING:
@@ -24,6 +24,9 @@ BLOCK = 16
 
 class Device(Protocol):
     """What is between the bytes of a host and the samples of a rig: `Machine`, or the firmware's core."""
+
+    busy: bool
+    """Whether the host has sent as much as a sample takes, so that more may wait."""
 
     def receive(self, data: bytes) -> None:
         """Bytes from the host."""
@@ -50,14 +53,29 @@ class TwinDevice:
         self.machine: Device = machine or Machine(board)
         self._clock = clock
         self._left = 0.0
-        self._pending = b""
+        self._waiting = self._pending = b""
+        self._taken, self._most_taken = 0, most_taken(board)
         self._closed = False
 
     def write(self, data: bytes) -> None:
-        """Bytes from the host; they arrive at once."""
+        """Bytes from the host; they arrive at once, what is more than a sample takes with the samples after it."""
         self._require_open()
-        self.machine.receive(data)
-        self._pending += self.machine.output()
+        self._waiting += data
+        self._take()
+
+    @property
+    def room(self) -> int:
+        """How many bytes the device takes before its next sample."""
+        return max(self._most_taken - self._taken - len(self._waiting), 0)
+
+    def _take(self) -> None:
+        """Pass on of what waits as much as a sample takes."""
+        room = self._most_taken - self._taken
+        part, self._waiting = self._waiting[:room], self._waiting[room:]
+        if part:
+            self._taken += len(part)
+            self.machine.receive(part)
+            self._pending += self.machine.output()
 
     def read(self, timeout: float = 0.0) -> bytes:
         """Bytes of the device after at most `timeout` (s) of its time; that time, `BLOCK` samples at most, passes.
@@ -74,6 +92,8 @@ class TwinDevice:
 
     def step(self) -> None:
         """One sample of device and rig."""
+        self._take()
+        self.machine.busy, self._taken = self._taken == self._most_taken, 0
         time = (self._clock + round(self.plant.row * 1e6 / self.board.rate)) % 2**32
         voltage = self.machine.tick(time, self.plant.read())
         self._pending += self.machine.output()

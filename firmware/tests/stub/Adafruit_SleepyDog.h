@@ -1,0 +1,6 @@
+#pragma once
+struct WatchdogType {
+    int enable(int);
+    void reset();
+};
+extern WatchdogType Watchdog;

@@ -1,0 +1,2 @@
+#pragma once
+#define SIG_GPIO_OUT_IDX 128

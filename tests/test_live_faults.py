@@ -28,8 +28,8 @@ def device_of(fault: Fault) -> FaultyDevice:
     return FaultyDevice(fault.rules(), **{"rig": fault.rig(), **known})
 
 
-def run(fault: Fault, device: FaultyDevice, out: Path) -> tuple[Done | None, str, int]:
-    """What the run left, the reason or the code of what was raised, and the exit code."""
+def run(fault: Fault, device: FaultyDevice, out: Path, said: list[str] | None = None) -> tuple[Done | None, str, int]:
+    """What the run left, the reason or the code of what was raised, and the exit code; said: takes its sentence."""
     rig = fault.rig()
     motion = parse_reference("sine 0.8 rad 8.5 rad/s")
     order = Order(motion, Compensator.paper(RIG), SECONDS, fade=0.1, **fault.order)
@@ -39,6 +39,8 @@ def run(fault: Fault, device: FaultyDevice, out: Path) -> tuple[Done | None, str
         require_usable(done, out)
         identify(Recording.load(out, rig), rig)
     except SwingidError as error:
+        if said is not None:
+            said.append(error.message)
         return done, error.code if done is None else done.end.reason.value, error.exit_code
     return done, done.end.reason.value, 0
 
@@ -46,9 +48,10 @@ def run(fault: Fault, device: FaultyDevice, out: Path) -> tuple[Done | None, str
 @pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
 def test_a_fault_ends_as_it_should(fault: Fault, tmp_path: Path) -> None:
     device, out = device_of(fault), tmp_path / "run.mcap"
-    done, end, code = run(fault, device, out)
-    told = "" if done is None else done.end.sentence
-    assert (end, code) == (fault.end, fault.exit), (end, told)
+    told: list[str] = []
+    done, end, code = run(fault, device, out, told)
+    assert (end, code) == (fault.end, fault.exit), (end, told, done)
+    assert fault.says in " ".join(told)
     for _ in range(150):  # what a device does when its host has gone
         device.step()
     assert device.applied[-1] == 0.0

@@ -218,7 +218,7 @@ def require_usable(done: Done, out: Path | str) -> None:
     """Raise where a run has no log to identify: DeviceError after its end, InputError after that of the journal."""
     end = done.end
     if not end.usable and end.reason is not Reason.HALTED:
-        zero = "" if end.seen else " (0 V was not seen, the firmware's guard gives it)"
+        zero = "" if end.seen else f" ({end.zero})"
         text = f"{end.sentence}{zero}; {out} holds the run up to there"
         raise DeviceError(text, code=f"run-{end.reason.value}")
     if done.journal_error:

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import os
-import platform
 import sys
-import tempfile
-import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
@@ -14,7 +11,7 @@ import typer
 
 from swingid.cli.output import flush, say, tell
 from swingid.errors import SwingidError
-from swingid.system import WRITTEN
+from swingid.system import WRITTEN, keep_traceback
 
 INTERRUPTED, CLOSED_PIPE, BUG = 130, 141, 70
 """128 + SIGINT, 128 + SIGPIPE, and EX_SOFTWARE of sysexits.h."""
@@ -44,7 +41,7 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     if isinstance(error, OSError) and (broken := _broken_output()) is not None:
         say(broken.message)
         return broken.exit_code
-    path = _keep_traceback(error, arguments)
+    path = keep_traceback(error, arguments)
     what = f"{type(error).__name__}" + (f" ({error})" if str(error) else "")
     where = f"please report it with the file {path}" if path else "please report it with the command you gave"
     say(f"this is a bug of swingid, {what}; {where}")
@@ -121,27 +118,3 @@ def _usage(error: Exception) -> str:
     sentence = " ".join(message.split()).rstrip(".").replace("Value error, ", "").replace("Input should be", "must be")
     sentence = sentence.partition(", unable to parse")[0]  # pydantic's words, which newer versions of typer pass on
     return f"{sentence[:1].lower()}{sentence[1:]}; see {command} --help"
-
-
-def _keep_traceback(error: Exception, arguments: Sequence[str]) -> str | None:
-    """Write what a bug report needs to the temporary folder; returns the path, None where that fails."""
-    import swingid
-
-    try:
-        version = swingid.__version__
-    except Exception:
-        version = "unknown"
-    lines = [
-        f"swingid {version}, Python {platform.python_version()}, {platform.platform()}",
-        f"swingid {' '.join(arguments)}",
-        "",
-        *traceback.format_exception(error),
-    ]
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="swingid-bug-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
-        ) as file:
-            file.write("\n".join(lines))
-    except OSError:
-        return None
-    return file.name

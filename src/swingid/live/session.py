@@ -120,6 +120,11 @@ class Session:
         """Sequence of the sample of reference 0 in the present run, once it is known."""
         return None if self._running is None else self._running.start
 
+    @property
+    def running(self) -> bool:
+        """Whether a run goes on, which `ask_stop` ends."""
+        return self._running is not None
+
     def require_ready(self) -> None:
         """Raise DeviceError unless the device is idle: a latched fault is for a person to clear, a run is another's."""
         frame = self._answer("Hello", encode("Who", schema=schema().hash), PATIENCE)

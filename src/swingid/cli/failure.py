@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
@@ -25,6 +28,7 @@ _WrongUsage: type[Exception] = typer.BadParameter.__mro__[2]
 
 def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     """Print in one sentence what went wrong; returns the exit code that stands for it."""
+    decided()
     if isinstance(error, SwingidError):
         say(error.message)
         _point(error.code)
@@ -54,6 +58,51 @@ def _point(code: str) -> None:
         tell(f"         {EXPLAINED}#{code}", to_error=True)
 
 
+QUIET = 0.2
+"""Seconds after a Ctrl-C in which another one does nothing: a key that is held sends thirty in a second."""
+
+
+class _Presses:
+    """What has come of Ctrl-C in this command."""
+
+    raised = -1e9
+    decided = False
+
+
+def _pressed(_number: int, _frame: object) -> None:
+    """KeyboardInterrupt at Ctrl-C, once: what it ends must not be interrupted while it says so."""
+    now = time.monotonic()
+    if _Presses.decided or now - _Presses.raised < QUIET:
+        return
+    _Presses.raised = now
+    raise KeyboardInterrupt
+
+
+@contextmanager
+def attending(*, last: bool) -> Iterator[None]:
+    """Within the block Ctrl-C is `_pressed`; after it as before, or ignored where the process ends then (last)."""
+    _Presses.raised, _Presses.decided = -1e9, False
+    before = signal.getsignal(signal.SIGINT)
+    ours = threading.current_thread() is threading.main_thread() and before is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, _pressed)
+    try:
+        yield
+    finally:
+        if ours and last:
+            decided()
+        elif ours:
+            signal.signal(signal.SIGINT, before)
+
+
+def decided() -> None:
+    """The command's end is known: Ctrl-C changes nothing any more."""
+    _Presses.decided = True
+    exec("")  # else CPython ends by the signal, without the exit code, where Ctrl-C came within an `exec`
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is _pressed:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
 _kept: list[Callable[[], str]] = []
 
 
@@ -74,7 +123,7 @@ def keeps(what: Callable[[], str]) -> Iterator[None]:
 
 def interrupted() -> int:
     """Print that the user stopped the run, and what is kept of it; returns the exit code."""
-    exec("")  # else CPython ends by the signal, without the exit code, where Ctrl-C came within an `exec`
+    decided()
     say(f"interrupted; {_what_is_kept()}")
     return INTERRUPTED
 

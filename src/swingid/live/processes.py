@@ -55,6 +55,7 @@ class ProcessConductor:
         self._say = say or (lambda _: None)
         self._show = show or (lambda _: None)
         self._ring: Ring | None = None
+        self._asked: tuple[StopMode, str] | None = None
         self._follower: Follower | None = None
         self._decoder = Decoder()
         self._notes: list[str] = []
@@ -64,6 +65,8 @@ class ProcessConductor:
         """Stop the run; from a signal handler or another thread."""
         if self._ring is not None:
             self._ring.ask(mode, why)
+        elif self._asked is None or mode is StopMode.HARD:
+            self._asked = mode, why
 
     def run(self, order: Order, out: Path) -> Done:
         """Do it all; raises as `experiment.Conductor.run`, and DeviceError where the process of the link dies."""
@@ -73,6 +76,8 @@ class ProcessConductor:
         self._check_out(out)
         ring = self._ring = Ring()
         ring.hold(Role.VIEW)
+        if self._asked is not None:  # before there was a ring
+            ring.ask(*self._asked)
         workers: dict[str, subprocess.Popen[bytes]] = {}
         try:
             for role in ("recorder", "link"):
@@ -87,7 +92,7 @@ class ProcessConductor:
                 _ended(worker)
             raise
         finally:
-            self._ring = None
+            self._ring = self._asked = None
             ring.close()
 
     @staticmethod
@@ -105,6 +110,7 @@ class ProcessConductor:
         worker = subprocess.Popen(
             [sys.executable, "-m", "swingid.live.worker"],
             stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,  # not that of the command, which a pipe's reader may wait for
             stderr=subprocess.PIPE,
             start_new_session=os.name != "nt",
             creationflags=windows,

@@ -31,7 +31,9 @@ ENTRY, LOCK, REQUEST, WORDS = ".json", ".lock", ".stop", ".end"
 
 @dataclass(frozen=True)
 class Entry:
-    """A run: its process, device and journal, when it began (s since 1970), planned duration and fade (s)."""
+    """A run: its process, device and journal ("" for a commissioning), when it began (s since 1970), planned duration
+    and fade (s).
+    """
 
     pid: int
     device: str
@@ -42,7 +44,8 @@ class Entry:
 
     def words(self) -> str:
         """Which run this is, for people."""
-        return f"the run on {self.device} ({self.journal}, process {self.pid})"
+        what = f"the run on {self.device} ({self.journal}" if self.journal else f"the commissioning of {self.device} ("
+        return f"{what}{', ' if self.journal else ''}process {self.pid})"
 
 
 def folder() -> Path:
@@ -79,7 +82,7 @@ class Announced:
 @contextmanager
 def announced(device: str, journal: str | Path, *, duration: float, fade: float) -> Iterator[Announced]:
     """A run that `swingid stop` finds while the block lasts."""
-    entry = Entry(os.getpid(), device, os.path.abspath(journal), time.time(), duration, fade)
+    entry = Entry(os.getpid(), device, os.path.abspath(journal) if journal else "", time.time(), duration, fade)
     with ExitStack() as stack:
         place: Path | None = None
         with suppress(OSError):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from live_contradictions import CONTRADICTIONS
 from live_faults import AT, FAULTS, Fault, FaultyDevice, Rules
 from live_host import RIG
 from swingid.control.compensator import Compensator
@@ -45,7 +46,10 @@ def run(fault: Fault, device: FaultyDevice, out: Path, said: list[str] | None = 
     return done, done.end.reason.value, 0
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
+ALL = [*FAULTS, *CONTRADICTIONS]
+
+
+@pytest.mark.parametrize("fault", ALL, ids=[fault.name for fault in ALL])
 def test_a_fault_ends_as_it_should(fault: Fault, tmp_path: Path) -> None:
     device, out = device_of(fault), tmp_path / "run.mcap"
     told: list[str] = []
@@ -70,7 +74,8 @@ def test_a_fault_ends_as_it_should(fault: Fault, tmp_path: Path) -> None:
 
 def test_there_are_many_of_every_kind() -> None:
     assert len(FAULTS) >= 45
-    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
+    assert len(CONTRADICTIONS) >= 60
+    assert len({fault.name for fault in ALL}) == len(ALL)
 
 
 def test_a_full_disk_is_reported_after_the_planned_end(tmp_path: Path) -> None:

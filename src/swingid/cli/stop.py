@@ -32,7 +32,7 @@ def stop(
     from swingid.live import registry
 
     try:
-        found = [run for run in registry.runs() if device is None or run.entry.device == device]
+        found = [run for run in registry.runs() if device is None or run.is_on(device)]
         for run in found:
             run.ask(hard=hard)
     except OSError as error:

@@ -114,6 +114,11 @@ class Found:
         """Ask for a stop; OSError where that cannot be written."""
         _write(self._place.with_suffix(REQUEST), "hard" if hard else "soft")
 
+    def is_on(self, device: str) -> bool:
+        """Whether it is on the device of an address; a bare port is a serial one."""
+        known = self.entry.device
+        return device in (known, known.partition("?")[0], known.partition("?")[0].removeprefix("serial://"))
+
     @property
     def alive(self) -> bool:
         """Whether its process still announces it."""

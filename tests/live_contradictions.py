@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from live_faults import AT, Fault, FaultyDevice, Rule, Rules, once
+from live_faults import AT, Fault, FaultyDevice, Rule, Rules, latched, once
 from swingid.live.codes import FaultCode, Flag, State, Status
 from swingid.live.frames import Decoder, encode
 from swingid.live.schema import schema
@@ -89,6 +89,16 @@ def without(name: str) -> Rule:
         return b"" if found and found[0].name == name else frame
 
     return rule
+
+
+def cleared() -> Rule:
+    """An answer to Clear in the place of one to the first message that is answered."""
+    return lambda number, frame: frame + encode("Ack", message=schema().by_name["Clear"].id)
+
+
+def other_hello() -> Rule:
+    rates = [1000.0, 500.0]
+    return told("Hello", lambda values: values | {"rate": rates.pop(0) if len(rates) > 1 else rates[0]})
 
 
 def finished_once() -> Rule:
@@ -389,6 +399,58 @@ PROTOCOL = [
         "refused-by-device",
         5,
         says="misses parts",
+    ),
+    Fault(
+        "protocol: Arm answered, and idle",
+        lambda: Rules(up=sampled(lambda values: True, state=State.IDLE, voltage=0.0, flags=0), down=without("Run")),
+        "protocol",
+        5,
+        says="answers Arm and stays idle",
+    ),
+    Fault(
+        "protocol: Run answered, and idle",
+        lambda: Rules(up=sampled(energised, state=State.IDLE, voltage=0.0, flags=0)),
+        "protocol",
+        5,
+        says="answers Run and stays idle",
+    ),
+    Fault(
+        "protocol: a soft stop by the host's guard that it does not obey",
+        lambda: Rules(
+            read=lambda row, r: r._replace(axis=-r.axis),
+            down=without("Stop"),
+            up=sampled(Runs().since, state=State.RUNNING),
+        ),
+        "lost",
+        5,
+        says="does not answer to Stop: switch the supply",
+    ),
+    Fault(
+        "protocol: a voltage after Stop",
+        lambda: Rules(read=lambda row, r: r._replace(axis=-r.axis), up=sampled(Runs().after, voltage=4.0)),
+        "lost",
+        5,
+        says="is idle with 4 V after Stop: switch the supply",
+    ),
+    Fault(
+        "protocol: a fault that Clear does not end",
+        lambda: Rules(before=latched, down=without("Clear"), up=cleared()),
+        "latched-fault",
+        5,
+        order={"clear": True},
+        says="after Clear, too",
+    ),
+    Fault(
+        "protocol: Hello not answered, samples come",
+        lambda: Rules(
+            up=told("Hello", lambda values: None), before=lambda device: device.machine.receive(encode("Who"))
+        ),
+        "no-answer",
+        5,
+        says="does not answer Who",
+    ),
+    Fault(
+        "protocol: two Hellos that differ", lambda: Rules(up=other_hello()), "bad-hello", 5, says="than a moment ago"
     ),
     Fault("protocol: Arm not answered", lambda: Rules(up=answered("Arm")), "link-lost", 5, says="no answer to Arm"),
 ]

@@ -15,7 +15,7 @@ from swingid.live.ends import RESET, End, Reason, Run, apart, fault_words, refus
 from swingid.live.frames import Frame, encode
 from swingid.live.link import MOST_LOST, TURN, Link
 from swingid.live.schema import schema
-from swingid.live.seen import SILENT, Seen
+from swingid.live.seen import ENERGISED, SILENT, Seen
 from swingid.live.sending import AGAIN, RETRY, Sending
 from swingid.numerics.arrays import Array
 
@@ -172,8 +172,8 @@ class Running:
     def _begin(self, start: int) -> None:
         """Take the answer of Run, which must lie near the samples seen since it was asked for."""
         last = self._seen.last
-        if start == self.start or last is None:
-            return  # Run is sent again until there are samples to compare with
+        if start == self.start or last is None or self._run_first is None:
+            return  # Run is sent again until there are samples to compare with; an answer to none is none
         low = apart(start, last.sequence if self._run_from is None else self._run_from)
         high = apart(start, last.sequence)
         if self.start is not None or low < -self._seen.near or high > SILENT * self._rate + self._seen.near:
@@ -208,6 +208,8 @@ class Running:
     def _idle(self, used: int) -> End:
         """The end of a device that is idle after so many samples, though nobody has asked for it."""
         name, planned = self._link.name, len(self._sending)
+        if not self._seen.states & set(ENERGISED):
+            return End(Reason.PROTOCOL, f"{name} answers Run and stays idle; its firmware is faulty: build it anew")
         if self._seen.flags & Flag.FINISHED:
             return End(Reason.FINISHED, "the reference has come to its end")
         if self._seen.flags & Flag.STARVED:
@@ -225,6 +227,9 @@ class Running:
         """Idle before Run was answered: old samples at first; later the device has been reset or stopped."""
         if self._link.clock() - self._began < SILENT or frame.flags & (Flag.FINISHED | Flag.STARVED):
             return None
+        if self._seen.states == {State.IDLE}:
+            text = f"{self._link.name} answers Arm and stays idle; its firmware is faulty: build it anew"
+            return End(Reason.PROTOCOL, text)
         return End(Reason.RESET, RESET.format(self._link.name))
 
     def _check_time(self) -> None:
@@ -280,8 +285,7 @@ class Running:
             return
         kept = reason in (Reason.ENDLESS, Reason.PROTOCOL)
         missing = f"is {self._seen.running_words()} after Stop" if self._obeys else "does not answer to Stop"
-        who = f"{why}; it" if kept else self._link.name
-        text = f"{who} {missing}; switch the supply of the motor off"
+        text = f"{why}; {self._link.name} {missing}: switch the supply of the motor off"
         self._end = End(reason if kept else Reason.LOST, text, seen=False)
 
 

@@ -19,7 +19,8 @@ class Seen:
     """The samples so far. name: of the device; rate: samples per second; planned: samples of the reference.
 
     when: the last new sample came, stale: whether samples came that were not new since then; lost: samples of the run,
-    missed: all that did not come; damaged: samples that report a bad frame from the host; flags: all of this run.
+    missed: all that did not come; damaged: samples that report a bad frame from the host; flags: all of this run;
+    states: all since Arm.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Seen:
     missed: int = 0
     damaged: int = 0
     flags: int = 0
+    states: set[int] = field(default_factory=set)
     restarted: bool = False
 
     @property
@@ -60,6 +62,7 @@ class Seen:
                 self.lost += (gap - 1) if start is not None else 0
         self.last, self.when, self.stale = frame, now, self.stale and self.restarted
         self.samples.append(frame)
+        self.states.add(frame.state)
         self.damaged += bool(frame.flags & Flag.BAD_FRAME)
         if start is not None and apart(frame.sequence, start) >= 0:
             self.flags |= frame.flags
@@ -98,4 +101,6 @@ class Seen:
 
     def running_words(self) -> str:
         """What the device does now, in words."""
-        return "silent" if self.last is None else state_words(self.last.state)
+        if self.last is None:
+            return "silent"
+        return state_words(self.last.state) + (f" with {self.last.voltage:.3g} V" if self.last.voltage else "")

@@ -60,7 +60,7 @@ class Session:
         self.hello: Frame | None = None
         self._check: int | None = None
         self._running: Running | None = None
-        self._closed = False
+        self._closed = self._cleared = False
 
     def __enter__(self) -> Self:
         return self
@@ -97,6 +97,10 @@ class Session:
             text = f"{self.link.name} has firmware {frame.firmware:08x} of another version of the link (schema "
             text += f"{frame.schema:08x}, this host {schema().hash:08x}); build firmware and host from one version"
             raise DeviceError(text, code="other-firmware")
+        facts = ("firmware", "rate", "axis_counts", "wheel_counts", "voltage_limit", "parameter_room", "reference_room")
+        if self.hello is not None and any(getattr(frame, x) != getattr(self.hello, x) for x in facts):
+            text = f"{self.link.name} states other values in its Hello than a moment ago; connect again, or build its "
+            raise DeviceError(f"{text}firmware anew", code="bad-hello")
         wrong = wrong_hello(frame, virtual=self.link.stream.virtual)
         if wrong:
             text = f"{self.link.name} says in its Hello that it has {wrong}; correct its firmware"
@@ -105,6 +109,10 @@ class Session:
 
     def _no_hello(self) -> DeviceError:
         name, link = self.link.name, self.link
+        if link.frames > link.bad:
+            return DeviceError(
+                f"{name} sends frames and does not answer Who; build its firmware anew", code="no-answer"
+            )
         if link.bad or link.bytes_in:
             text = f"{name} sends bytes that are no frames of swingid; check the baud rate, and that its firmware is "
             return DeviceError(
@@ -138,6 +146,8 @@ class Session:
             text = (
                 f"{self.link.name} holds a fault ({word}) of an earlier run; look at the rig, then clear it (--clear)"
             )
+            if self._cleared:
+                text = f"{self.link.name} holds the fault {word} after Clear, too; start it anew, or build its firmware anew"
             raise DeviceError(text, code="latched-fault")
         if frame.state != State.IDLE:
             text = f"{self.link.name} is {state_words(frame.state)} for another host; stop that one first"
@@ -232,6 +242,7 @@ class Session:
     def clear(self) -> None:
         """Leave the latched state of a fault, after a person has looked at the rig; without a fault nothing happens."""
         self._acknowledged("Clear", encode("Clear", session=self.number))
+        self._cleared = True
 
     def _answer(self, name: str, out: bytes, patience: float, message: int | None = None) -> Frame | None:
         """The first frame of this name (an Ack: to this message), the bytes sent again and again; None after a time."""

@@ -147,7 +147,7 @@ class Session:
                 f"{self.link.name} holds a fault ({word}) of an earlier run; look at the rig, then clear it (--clear)"
             )
             if self._cleared:
-                text = f"{self.link.name} holds the fault {word} after Clear, too; start it anew, or build its firmware anew"
+                text = f"{self.link.name} holds the fault {word} after Clear, too; start it again, or build it anew"
             raise DeviceError(text, code="latched-fault")
         if frame.state != State.IDLE:
             text = f"{self.link.name} is {state_words(frame.state)} for another host; stop that one first"

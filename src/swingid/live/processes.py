@@ -97,8 +97,11 @@ class ProcessConductor:
 
     @staticmethod
     def _check_out(out: Path) -> None:
+        new = not out.exists()
         try:
             out.open("wb").close()
+            if new:  # the recorder makes it again
+                out.unlink()
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError(f"cannot write {out}: {reason}; give another --out", code="cannot-write") from None

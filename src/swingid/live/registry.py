@@ -50,8 +50,8 @@ class Entry:
 
 def folder() -> Path:
     """The folder of this user's runs, made where it is missing; OSError where it cannot be used."""
-    runtime = os.environ.get("XDG_RUNTIME_DIR")
-    place = Path(runtime) / "swingid" if runtime else Path(tempfile.gettempdir()) / f"swingid-{user()}"
+    runtime = Path(os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{user()}")  # a service may lack the variable
+    place = runtime / "swingid" if runtime.is_dir() else Path(tempfile.gettempdir()) / f"swingid-{user()}"
     place.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = place.lstat()
     if hasattr(os, "getuid") and (found.st_uid != os.getuid() or found.st_mode & 0o077 or place.is_symlink()):

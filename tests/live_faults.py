@@ -87,7 +87,7 @@ class FaultyDevice(TwinDevice):
 @dataclass(frozen=True)
 class Fault:
     """One fault: its rules, and what is expected: reason of the end or code of the refusal, exit code, fault of the
-    guard, how many samples after `AT` the motor gets a voltage at most, seconds of log at least.
+    guard, how many samples after `AT` the motor gets a voltage at most, seconds of log at least, words of its sentence.
     """
 
     name: str
@@ -100,6 +100,7 @@ class Fault:
     device: dict[str, Any] = field(default_factory=dict)
     rig: Callable[[], Rig] = lambda: RIG
     order: dict[str, Any] = field(default_factory=dict)
+    says: str = ""
 
 
 def every(n: int, change: Callable[[bytes], bytes]) -> Rule:

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from live_contradictions import CONTRADICTIONS
 from live_faults import AT, FAULTS, Fault, FaultyDevice, Rules
 from live_host import RIG
 from swingid.control.compensator import Compensator
@@ -28,8 +29,8 @@ def device_of(fault: Fault) -> FaultyDevice:
     return FaultyDevice(fault.rules(), **{"rig": fault.rig(), **known})
 
 
-def run(fault: Fault, device: FaultyDevice, out: Path) -> tuple[Done | None, str, int]:
-    """What the run left, the reason or the code of what was raised, and the exit code."""
+def run(fault: Fault, device: FaultyDevice, out: Path, said: list[str] | None = None) -> tuple[Done | None, str, int]:
+    """What the run left, the reason or the code of what was raised, and the exit code; said: takes its sentence."""
     rig = fault.rig()
     motion = parse_reference("sine 0.8 rad 8.5 rad/s")
     order = Order(motion, Compensator.paper(RIG), SECONDS, fade=0.1, **fault.order)
@@ -39,16 +40,22 @@ def run(fault: Fault, device: FaultyDevice, out: Path) -> tuple[Done | None, str
         require_usable(done, out)
         identify(Recording.load(out, rig), rig)
     except SwingidError as error:
+        if said is not None:
+            said.append(error.message)
         return done, error.code if done is None else done.end.reason.value, error.exit_code
     return done, done.end.reason.value, 0
 
 
-@pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
+ALL = [*FAULTS, *CONTRADICTIONS]
+
+
+@pytest.mark.parametrize("fault", ALL, ids=[fault.name for fault in ALL])
 def test_a_fault_ends_as_it_should(fault: Fault, tmp_path: Path) -> None:
     device, out = device_of(fault), tmp_path / "run.mcap"
-    done, end, code = run(fault, device, out)
-    told = "" if done is None else done.end.sentence
-    assert (end, code) == (fault.end, fault.exit), (end, told)
+    told: list[str] = []
+    done, end, code = run(fault, device, out, told)
+    assert (end, code) == (fault.end, fault.exit), (end, told, done)
+    assert fault.says in " ".join(told)
     for _ in range(150):  # what a device does when its host has gone
         device.step()
     assert device.applied[-1] == 0.0
@@ -67,7 +74,8 @@ def test_a_fault_ends_as_it_should(fault: Fault, tmp_path: Path) -> None:
 
 def test_there_are_many_of_every_kind() -> None:
     assert len(FAULTS) >= 45
-    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
+    assert len(CONTRADICTIONS) >= 60
+    assert len({fault.name for fault in ALL}) == len(ALL)
 
 
 def test_a_full_disk_is_reported_after_the_planned_end(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ loaded machine keeps the link's process waiting, the rig waits, too.
 from __future__ import annotations
 
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -22,17 +23,18 @@ import pytest
 from live_host import RIG
 from swingid.control.compensator import Compensator
 from swingid.control.references.parse import parse_reference
-from swingid.errors import DeviceError, InputError
+from swingid.errors import DeviceError, InputError, NotIdentifiableError, SwingidError
 from swingid.identification import identify
 from swingid.live import native
 from swingid.live.codes import FaultCode, State, StopMode
 from swingid.live.devices.table import open_device
 from swingid.live.emulator import NativeRig, emulated
 from swingid.live.experiment import Done, Order, require_usable
-from swingid.live.processes import ProcessConductor
+from swingid.live.processes import Patience, ProcessConductor
 from swingid.live.progress import Progress
-from swingid.live.ring import ROOM, Kind, Reader, Ring
+from swingid.live.ring import ROOM, Kind, Reader, Ring, memory
 from swingid.live.session import Reason, Session
+from swingid.live.worker import Job, link, recorder
 from swingid.recording.recording import Recording
 
 needs_native = pytest.mark.skipif(native.obstacle() is not None, reason=f"the firmware's process: {native.obstacle()}")
@@ -42,7 +44,7 @@ MOTION = parse_reference("sine 0.8 rad 8.5 rad/s")
 def test_a_ring_gives_its_records_in_order_over_its_end() -> None:
     ring = Ring()
     try:
-        other = Ring(ring.path)
+        other = Ring(ring.handle)
         reader, sent = Reader(other), []
         for k in range(400):
             data = bytes([k % 256]) * (1 + 997 * k % 200_000)
@@ -57,7 +59,7 @@ def test_a_ring_gives_its_records_in_order_over_its_end() -> None:
         assert reader.lost == 0
     finally:
         ring.close()
-    assert not ring.path.exists()
+    assert not list(Path(memory()).glob("swingid-ring-*"))
 
 
 def test_a_reader_that_is_too_slow_loses_the_oldest_and_goes_on() -> None:
@@ -219,7 +221,7 @@ def test_the_recorder_killed_does_not_stop_the_loop_and_loses_half_a_second_at_m
 
     done, _ = run(bench, out, 4.0, 2.0, kill)
     assert done.end.reason is Reason.FINISHED
-    with pytest.raises(InputError, match="could not be written"):
+    with pytest.raises(InputError, match=r"was killed by signal 9\); swingid identify .* takes the log up to there"):
         require_usable(done, out)
     log = Recording.load(out, RIG)
     assert "cut-off" in [finding.code for finding in log.findings]
@@ -246,6 +248,154 @@ def test_a_view_that_sleeps_does_not_stop_the_loop(bench: Bench, tmp_path: Path)
     assert done.end.reason is Reason.FINISHED
 
 
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGSTOP is POSIX")
+def test_a_link_that_hangs_is_killed(bench: Bench, tmp_path: Path) -> None:
+    def pause(conductor: ProcessConductor) -> None:
+        os.kill(conductor.pids["link"], signal.SIGSTOP)
+        bench.free.set()
+
+    began = time.monotonic()
+    with pytest.raises(DeviceError, match="hangs, without a sign of life") as raised:
+        run(bench, tmp_path / "run.mcap", 30.0, 1.5, pause)
+    assert raised.value.code == "host-hung"
+    assert time.monotonic() - began < 15.0
+    time.sleep(0.3)
+    assert bench.applied[-1] == 0.0
+    assert Recording.load(tmp_path / "run.mcap", RIG).duration > 1.0
+
+
+def test_what_the_view_waits_for() -> None:
+    ring = Ring()
+    try:
+        patience = Patience(ring, order(5.0))
+        assert patience.hangs() == ""
+        patience.begin(-100.0)
+        assert "planned end" in patience.hangs()
+        patience.begin(5.0)
+        ring.ask(StopMode.SOFT, "enough")
+        assert patience.hangs() == ""
+        ring.ask(StopMode.HARD, "x" * 1000)
+        ring.ask(StopMode.SOFT, "late")
+        assert ring.asked is not None
+        assert ring.asked[0] is StopMode.HARD
+        assert set(ring.asked[1]) == {"x"}
+        assert patience.hangs() == ""
+        patience._stopped -= 60.0
+        assert "hard stop" in patience.hangs()
+    finally:
+        ring.close()
+
+
+def job(address: str = "tcp://127.0.0.1:1") -> Job:
+    return Job("link", "", RIG, address, "run.mcap", order(1.0), 0)
+
+
+@pytest.mark.parametrize(
+    ("error", "kind", "words"),
+    [
+        (ValueError("odd"), SwingidError, "this is a bug of swingid in the process of the link"),
+        (OSError(5, "Input/output error"), DeviceError, "the device has gone (Input/output error)"),
+        (NotIdentifiableError("no motion"), NotIdentifiableError, "no motion"),
+    ],
+)
+def test_any_error_in_the_link_reaches_the_view(
+    error: Exception, kind: type[SwingidError], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("swingid.live.worker.opened", broken)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    ring = Ring()
+    try:
+        reader = Reader(ring)
+        link(job(), ring)
+        (record,) = reader.read()
+        assert record.kind is Kind.FAILED
+        found = pickle.loads(record.data)
+        assert type(found) is kind
+        assert words in found.message
+        if kind is SwingidError:
+            assert found.exit_code == 70
+            assert "ValueError: odd" in Path(found.message.rpartition("file ")[2]).read_text()
+    finally:
+        ring.close()
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [(ValueError("odd"), "this is a bug of swingid"), (OSError(28, "No space left on device"), "No space left")],
+)
+def test_any_error_in_the_recorder_is_a_sentence(
+    error: Exception, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("swingid.live.worker.Journal", broken)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {signal.Signals[name]: signal.getsignal(signal.Signals[name]) for name in names}
+    ring = Ring()
+    try:
+        with pytest.raises(SystemExit, match=words):
+            recorder(job(), ring)
+    finally:
+        ring.close()
+        for number, was in before.items():
+            signal.signal(number, was)
+
+
+LIMITED = """
+import sys
+from test_live_processes import RIG, order
+from pathlib import Path
+import resource
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
+from swingid.live.processes import ProcessConductor
+from swingid.errors import SwingidError
+try:
+    ProcessConductor(RIG, "tcp://127.0.0.1:1").run(order(3.0), Path(sys.argv[2]))
+except SwingidError as error:
+    print(error.exit_code, error.code, error.message)
+"""
+
+
+def python(code: str, *arguments: object, **environment: str) -> subprocess.Popen[str]:
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env=os.environ | {"PYTHONPATH": paths} | environment,
+        text=True,
+    )
+
+
+@pytest.mark.skipif(os.name != "posix", reason="limits of a process are POSIX")
+def test_a_ring_without_room_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out, err = python(LIMITED, 1_000_000, tmp_path / "run.mcap").communicate(timeout=60)
+    assert out.startswith("3 no-room a run needs 17 MB in "), err
+    assert "ulimit -f" in out
+    monkeypatch.setenv("SWINGID_MEMORY", str(tmp_path / "missing"))
+    with pytest.raises(InputError, match="missing, which can't be had") as raised:
+        Ring()
+    assert raised.value.code == "no-room"
+
+
+def test_a_ring_has_its_room_from_the_beginning(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delattr(os, "posix_fallocate", raising=False)  # as on macOS
+    monkeypatch.setenv("SWINGID_MEMORY", str(tmp_path))
+    ring = Ring()
+    try:
+        assert os.fstat(ring._file).st_blocks * 512 >= ROOM
+        assert os.name != "posix" or not list(tmp_path.iterdir())
+    finally:
+        ring.close()
+    assert not list(tmp_path.iterdir())
+
+
 VIEW = """
 import sys
 from pathlib import Path
@@ -253,8 +403,24 @@ from test_live_processes import RIG, order
 from swingid.live.processes import ProcessConductor
 conductor = ProcessConductor(RIG, sys.argv[1])
 conductor._show = lambda p: p.time > 1.0 and print(conductor.pids["link"], conductor.pids["recorder"], flush=True)
-conductor.run(order(3.0), Path(sys.argv[2]))
+conductor.run(order(float(sys.argv[3])), Path(sys.argv[2]))
 """
+
+
+EARLY = """
+from swingid.live import processes
+def noted(self, record, *others):
+    if record.kind is processes.Kind.SAY:
+        print(self.pids["link"], self.pids["recorder"], flush=True)
+processes.ProcessConductor._see = noted
+"""
+
+
+def gone(pids: list[int], seconds: float) -> bool:
+    until = time.monotonic() + seconds
+    while any(alive(pid) for pid in pids) and time.monotonic() < until:
+        time.sleep(0.05)
+    return not any(alive(pid) for pid in pids)
 
 
 @pytest.mark.long
@@ -262,26 +428,72 @@ conductor.run(order(3.0), Path(sys.argv[2]))
 @pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
 def test_the_view_killed_leaves_a_whole_run_and_journal(bench: Bench, tmp_path: Path) -> None:
     out = tmp_path / "run.mcap"
-    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-    view = subprocess.Popen(
-        [sys.executable, "-c", VIEW, bench.rig.address, str(out)],
-        stdout=subprocess.PIPE,
-        env=os.environ | {"PYTHONPATH": paths},
-        text=True,
-    )
+    view = python(VIEW, bench.rig.address, out, 3.0)
     assert view.stdout is not None
     pids = [int(word) for word in view.stdout.readline().split()]
     view.kill()
-    view.wait()
-    for _ in range(400):
-        if not any(alive(pid) for pid in pids):
-            break
-        time.sleep(0.05)
-    assert not any(alive(pid) for pid in pids)
+    view.communicate()
+    assert gone(pids, 20.0)
     log = Recording.load(out, RIG)
     assert len(log) > 2900
     assert "cut-off" not in [finding.code for finding in log.findings]
     assert bench.applied[-1] == 0.0
+
+
+KILLED = [
+    ("view", "link", "recorder"),
+    ("link",),
+    ("recorder",),
+    ("view", "link"),
+    ("view", "recorder"),
+    ("link", "recorder"),
+]
+
+
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
+@pytest.mark.parametrize(
+    "names", [KILLED[0], *(pytest.param(names, marks=pytest.mark.long) for names in KILLED[1:])], ids="+".join
+)
+def test_no_file_and_no_process_stays_whoever_is_killed(names: list[str], bench: Bench, tmp_path: Path) -> None:
+    memory = tmp_path / "memory"
+    memory.mkdir()
+    view = python(VIEW, bench.rig.address, tmp_path / "run.mcap", 4.0, SWINGID_MEMORY=str(memory))
+    assert view.stdout is not None
+    link, recorder = (int(word) for word in view.stdout.readline().split())
+    pids = {"view": view.pid, "link": link, "recorder": recorder}
+    for name in names:
+        os.kill(pids[name], signal.SIGKILL)
+    view.communicate(timeout=30)
+    assert gone([link, recorder], 20.0)
+    assert not list(memory.iterdir())
+    time.sleep(0.3)
+    assert bench.applied[-1] == 0.0
+
+
+@pytest.mark.long
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGSTOP is POSIX")
+def test_a_link_that_hangs_does_not_outlive_its_view(bench: Bench, tmp_path: Path) -> None:
+    view = python(VIEW, bench.rig.address, tmp_path / "run.mcap", 30.0)
+    assert view.stdout is not None
+    pids = [int(word) for word in view.stdout.readline().split()]
+    os.kill(pids[0], signal.SIGSTOP)
+    view.kill()
+    view.communicate()
+    assert gone(pids, 15.0)
+
+
+@needs_native
+@pytest.mark.skipif(os.name == "nt", reason="SIGKILL is POSIX")
+def test_a_run_whose_view_dies_before_it_begins_does_not_begin(bench: Bench, tmp_path: Path) -> None:
+    view = python(EARLY + VIEW, bench.rig.address, tmp_path / "run.mcap", 30.0)
+    assert view.stdout is not None
+    pids = [int(word) for word in view.stdout.readline().split()]
+    view.kill()
+    view.communicate()
+    assert gone(pids, 20.0)
+    assert not any(bench.applied)
 
 
 def alive(pid: int) -> bool:

@@ -11,13 +11,14 @@ import pytest
 from live_host import LIMITS, RIG
 from swingid.control.compensator import Compensator
 from swingid.control.references.parse import parse_reference
-from swingid.errors import DeviceError, UsageError
+from swingid.errors import DeviceError, InputError, UsageError
 from swingid.live.codes import FaultCode, Mode, State, StopMode
 from swingid.live.devices.stream import Stream
 from swingid.live.devices.twin import twin_of
 from swingid.live.frames import Frame, encode
 from swingid.live.guard import parameters_of
-from swingid.live.session import Reason, Run, Session
+from swingid.live.link import TURN
+from swingid.live.session import End, Reason, Run, Session, wrong_hello
 
 SINE = parse_reference("sine 0.8 rad 8.5 rad/s")(np.arange(3000) / 1000.0)
 
@@ -184,3 +185,44 @@ def test_listening_gives_the_body_as_it_hangs() -> None:
     frames = session.listen(1.5)
     assert 1450 < len(frames) <= 1500
     assert {frame.axis for frame in frames} == {0}
+
+
+def test_the_hook_of_a_link_ends_what_goes_on_and_the_device_is_halted() -> None:
+    device = twin_of(RIG)
+    session = session_on(device)
+    turns: list[float] = []
+
+    def hook() -> None:
+        turns.append(device.plant.time)
+        if len(turns) > 60:
+            raise InputError("enough", code="enough")
+
+    session.link.each_turn = hook
+    with pytest.raises(InputError, match="enough"):
+        session.run(SINE)
+    assert device.machine.state is State.IDLE  # type: ignore[attr-defined]
+    assert device.plant.time - turns[-1] <= 3 * TURN + 1e-3
+    with pytest.raises(InputError, match="enough"):
+        session.listen(1.0)
+    session.close()
+
+
+def test_the_smallest_reference_room_is_that_of_a_lost_message() -> None:
+    hello = session_on(twin_of(RIG)).hello
+    assert hello is not None
+    values = hello.values | {"rate": 10_000.0}
+    assert wrong_hello(Frame("Hello", values | {"reference_room": 921})) == ""
+    assert "samples of the reference" in wrong_hello(Frame("Hello", values | {"reference_room": 900}))
+    assert wrong_hello(Frame("Hello", values | {"reference_room": 42}), virtual=True) == ""
+
+
+@pytest.mark.parametrize(
+    ("reason", "seen", "words"),
+    [
+        (Reason.FINISHED, True, "0 V"),
+        (Reason.LOST, False, "0 V was not seen, the firmware's guard gives it"),
+        (Reason.ENDLESS, False, "0 V was not seen"),
+    ],
+)
+def test_what_is_known_of_0_volts(reason: Reason, seen: bool, words: str) -> None:
+    assert End(reason, "it ended", seen=seen).zero == words

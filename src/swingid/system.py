@@ -332,3 +332,32 @@ def write_whole(target: Path, content: bytes) -> None:
         if partial is not None:  # also after Ctrl-C
             with suppress(OSError):
                 partial.unlink(missing_ok=True)
+
+
+def keep_traceback(error: Exception, arguments: Sequence[str]) -> str | None:
+    """Write what a bug report needs to the temporary folder; returns the path, None where that fails.
+
+    arguments: the command.
+    """
+    import platform
+    import tempfile
+    import traceback
+
+    try:
+        version = sys.modules["swingid"].__version__
+    except Exception:
+        version = "unknown"
+    lines = [
+        f"swingid {version}, Python {platform.python_version()}, {platform.platform()}",
+        f"swingid {' '.join(arguments)}",
+        "",
+        *traceback.format_exception(error),
+    ]
+    try:
+        with tempfile.NamedTemporaryFile(
+            "w", prefix="swingid-bug-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
+        ) as file:
+            file.write("\n".join(lines))
+    except OSError:
+        return None
+    return file.name

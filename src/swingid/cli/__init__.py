@@ -9,6 +9,9 @@ from _thread import interrupt_main
 from collections.abc import Sequence
 from threading import Timer
 
+AGAIN = 0.25
+"""Seconds after which Ctrl-C is sent again, later than `failure.QUIET`."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line `arguments` (default: the process's); returns the exit code, raises nothing.
@@ -30,13 +33,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         sys.unraisablehook = before
         if arguments is None:  # while Python ends nothing is left to be said
-            signal.signal(signal.SIGINT, signal.SIG_DFL)
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _let_through(lost: sys.UnraisableHookArgs) -> None:
     """Send Ctrl-C again that came where no error can be raised, as in a callback; other errors as Python does."""
     if lost.exc_type is not None and issubclass(lost.exc_type, KeyboardInterrupt):
-        again = Timer(0.01, interrupt_main)  # not here, where it would be lost again
+        again = Timer(AGAIN, interrupt_main)  # not here, where it would be lost again
         again.daemon = True
         again.start()
     else:

@@ -18,7 +18,7 @@ from swingid.cli.doctor import doctor
 from swingid.cli.emulate import emulate
 from swingid.cli.exchange import export, schema
 from swingid.cli.experiments import design, rehearse, reproduce
-from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, exit_code, interrupted, settle_output
+from swingid.cli.failure import CLOSED_PIPE, INTERRUPTED, attending, exit_code, interrupted, settle_output
 from swingid.cli.identify import identify
 from swingid.cli.live import recover
 from swingid.cli.live import run as run_live
@@ -27,6 +27,7 @@ from swingid.cli.output import flush
 from swingid.cli.record import record
 from swingid.cli.results import compare, difference, validate
 from swingid.cli.simulate import simulate
+from swingid.cli.stop import stop
 from swingid.cli.tensor import tensor
 from swingid.cli.weigh import weigh
 from swingid.system import WRITTEN
@@ -41,7 +42,7 @@ app = typer.Typer(
 for command in (
     *(init, simulate, inspect, identify, calibrate, campaign, commission, compare, compile, convert, dashboard),
     *(datasets, design, difference, doctor, emulate, export, record, recover, rehearse, reproduce, schema),
-    *(tensor, validate, weigh),
+    *(stop, tensor, validate, weigh),
 ):
     app.command()(command)
 app.command("run")(run_live)
@@ -76,13 +77,14 @@ def run(arguments: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")
     WRITTEN.clear()
     given = list(sys.argv[1:] if arguments is None else arguments)
-    try:
-        code = app(args=given, prog_name="swingid", standalone_mode=False)
-        flush(sys.stdout)
-        return interrupted() if code == INTERRUPTED else int(code or 0)
-    except Exception as error:
-        return exit_code(error, given)
-    except SystemExit:  # typer's way to end when a pipe is closed
-        return CLOSED_PIPE
-    finally:
-        settle_output()
+    with attending(last=arguments is None):
+        try:
+            code = app(args=given, prog_name="swingid", standalone_mode=False)
+            flush(sys.stdout)
+            return interrupted() if code == INTERRUPTED else int(code or 0)
+        except Exception as error:
+            return exit_code(error, given)
+        except SystemExit:  # typer's way to end when a pipe is closed
+            return CLOSED_PIPE
+        finally:
+            settle_output()

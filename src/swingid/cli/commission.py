@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json as jsons
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -10,11 +12,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from swingid.cli import output
+from swingid.cli.failure import decided
 from swingid.cli.options import Json, RigFile
-from swingid.errors import UsageError
+from swingid.errors import DeviceError, SwingidError, UsageError
 from swingid.system import write_whole
 
 if TYPE_CHECKING:
+    from swingid.live.session import Session
     from swingid.model.rig import Rig
 
 
@@ -48,7 +52,7 @@ def commission(
     if address is None:
         text = f"{rig} states no device.address; give --device, such as serial:///dev/ttyACM0 or twin://{rig}"
         raise UsageError(text, code="no-device")
-    with Session(open_device(address)) as session:
+    with Session(open_device(address)) as session, stopped_at_once(session, rig):
         if clear:
             session.connect()
             session.clear()
@@ -60,6 +64,34 @@ def commission(
     for line in found.lines() if json != "-" else ():
         output.tell(line)
     _write(stated, values, target, quiet=json == "-")
+
+
+@contextmanager
+def stopped_at_once(session: Session, rig: str) -> Iterator[None]:
+    """Ctrl-C and `swingid stop` are 0 V at the next turn of the link and a DeviceError: a pulse has nothing to fade."""
+    from swingid.live.interrupt import stopping
+    from swingid.live.registry import announced
+
+    asked: list[str] = []
+
+    def look() -> None:
+        request = run.asked()
+        why = asked[0] if asked else "" if request is None else request[1]
+        if why:
+            run.ended = f"{why}: 0 V at once; {rig} stays as it was"
+            raise DeviceError(run.ended, code="stopped")
+
+    device = session.link.stream.address
+    with announced(device, "", duration=0.0, fade=0.0) as run, stopping(lambda _, why: asked.append(why)):
+        session.link.each_turn = look
+        try:
+            yield
+            look()
+            run.ended = "the commissioning has ended"
+        except SwingidError as error:
+            decided()
+            run.ended = error.message
+            raise
 
 
 def _write(rig: Rig, values: dict[str, object], target: str | None, *, quiet: bool) -> None:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import os
-import platform
+import signal
 import sys
-import tempfile
-import traceback
+import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
@@ -14,7 +14,7 @@ import typer
 
 from swingid.cli.output import flush, say, tell
 from swingid.errors import SwingidError
-from swingid.system import WRITTEN
+from swingid.system import WRITTEN, keep_traceback
 
 INTERRUPTED, CLOSED_PIPE, BUG = 130, 141, 70
 """128 + SIGINT, 128 + SIGPIPE, and EX_SOFTWARE of sysexits.h."""
@@ -28,6 +28,7 @@ _WrongUsage: type[Exception] = typer.BadParameter.__mro__[2]
 
 def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     """Print in one sentence what went wrong; returns the exit code that stands for it."""
+    decided()
     if isinstance(error, SwingidError):
         say(error.message)
         _point(error.code)
@@ -44,7 +45,7 @@ def exit_code(error: Exception, arguments: Sequence[str]) -> int:
     if isinstance(error, OSError) and (broken := _broken_output()) is not None:
         say(broken.message)
         return broken.exit_code
-    path = _keep_traceback(error, arguments)
+    path = keep_traceback(error, arguments)
     what = f"{type(error).__name__}" + (f" ({error})" if str(error) else "")
     where = f"please report it with the file {path}" if path else "please report it with the command you gave"
     say(f"this is a bug of swingid, {what}; {where}")
@@ -55,6 +56,51 @@ def _point(code: str) -> None:
     """In a terminal, a second line: where the code is explained. Scripts get the one sentence alone."""
     if sys.stderr is not None and sys.stderr.isatty():
         tell(f"         {EXPLAINED}#{code}", to_error=True)
+
+
+QUIET = 0.2
+"""Seconds after a Ctrl-C in which another one does nothing: a key that is held sends thirty in a second."""
+
+
+class _Presses:
+    """What has come of Ctrl-C in this command."""
+
+    raised = -1e9
+    decided = False
+
+
+def _pressed(_number: int, _frame: object) -> None:
+    """KeyboardInterrupt at Ctrl-C, once: what it ends must not be interrupted while it says so."""
+    now = time.monotonic()
+    if _Presses.decided or now - _Presses.raised < QUIET:
+        return
+    _Presses.raised = now
+    raise KeyboardInterrupt
+
+
+@contextmanager
+def attending(*, last: bool) -> Iterator[None]:
+    """Within the block Ctrl-C is `_pressed`; after it as before, or ignored where the process ends then (last)."""
+    _Presses.raised, _Presses.decided = -1e9, False
+    before = signal.getsignal(signal.SIGINT)
+    ours = threading.current_thread() is threading.main_thread() and before is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, _pressed)
+    try:
+        yield
+    finally:
+        if ours and last:
+            decided()
+        elif ours:
+            signal.signal(signal.SIGINT, before)
+
+
+def decided() -> None:
+    """The command's end is known: Ctrl-C changes nothing any more."""
+    _Presses.decided = True
+    exec("")  # else CPython ends by the signal, without the exit code, where Ctrl-C came within an `exec`
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGINT) is _pressed:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 _kept: list[Callable[[], str]] = []
@@ -77,7 +123,7 @@ def keeps(what: Callable[[], str]) -> Iterator[None]:
 
 def interrupted() -> int:
     """Print that the user stopped the run, and what is kept of it; returns the exit code."""
-    exec("")  # else CPython ends by the signal, without the exit code, where Ctrl-C came within an `exec`
+    decided()
     say(f"interrupted; {_what_is_kept()}")
     return INTERRUPTED
 
@@ -121,27 +167,3 @@ def _usage(error: Exception) -> str:
     sentence = " ".join(message.split()).rstrip(".").replace("Value error, ", "").replace("Input should be", "must be")
     sentence = sentence.partition(", unable to parse")[0]  # pydantic's words, which newer versions of typer pass on
     return f"{sentence[:1].lower()}{sentence[1:]}; see {command} --help"
-
-
-def _keep_traceback(error: Exception, arguments: Sequence[str]) -> str | None:
-    """Write what a bug report needs to the temporary folder; returns the path, None where that fails."""
-    import swingid
-
-    try:
-        version = swingid.__version__
-    except Exception:
-        version = "unknown"
-    lines = [
-        f"swingid {version}, Python {platform.python_version()}, {platform.platform()}",
-        f"swingid {' '.join(arguments)}",
-        "",
-        *traceback.format_exception(error),
-    ]
-    try:
-        with tempfile.NamedTemporaryFile(
-            "w", prefix="swingid-bug-", suffix=".txt", delete=False, encoding="utf-8", errors="backslashreplace"
-        ) as file:
-            file.write("\n".join(lines))
-    except OSError:
-        return None
-    return file.name

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,9 +12,10 @@ import typer
 
 from swingid.cli import output
 from swingid.cli.compile import compile_first, kernels_of
+from swingid.cli.failure import decided
 from swingid.cli.options import JsonOrRefusal, Method, Report, RigFile
 from swingid.cli.simulate import Gains, compensator_of
-from swingid.errors import UsageError
+from swingid.errors import DeviceError, SwingidError, UsageError
 from swingid.methods.table import DEFAULT
 
 if TYPE_CHECKING:
@@ -89,10 +92,10 @@ def run(
     compile_first("simulate")
     address = address_of(device, plant)
     provenance: dict[str, object] = {"log": out, "rig_source": rig}
-    with output.refusals_to(json, method, provenance, report):
+    with measured(out), output.refusals_to(json, method, provenance, report):
         conduct(plant, address, order, out)
         result = identified(out, plant, method, provenance, report)
-    output.hand_over(result, json, report)
+        output.hand_over(result, json, report)
 
 
 def address_of(device: str | None, plant: Rig) -> str:
@@ -103,6 +106,17 @@ def address_of(device: str | None, plant: Rig) -> str:
     return address
 
 
+@contextmanager
+def measured(out: str) -> Iterator[None]:
+    """A run and what is made of it: Ctrl-C after the run is a DeviceError that says what is kept."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        decided()
+        text = f"interrupted by Ctrl-C after the run; {out} holds it: identify it with swingid identify {out}"
+        raise DeviceError(text, code="interrupted") from None
+
+
 def conduct(plant: Rig, address: str, order: Order, out: str) -> None:
     """Run an order with its progress on standard error; raises where the run left no log to identify."""
     from swingid.live.experiment import require_usable
@@ -111,14 +125,17 @@ def conduct(plant: Rig, address: str, order: Order, out: str) -> None:
 
     conductor = conductor_of(plant, address, say=output.say, show=LiveLine())
     with stopping(conductor.stop):
-        done = conductor.run(order, Path(out))
-    output.overwrite("", last=True)
-    for note in done.notes:
-        output.say(note)
+        try:
+            done = conductor.run(order, Path(out))
+            output.overwrite("", last=True)
+            for note in done.notes:
+                output.say(note)
+            require_usable(done, out)
+        except SwingidError:
+            decided()  # a key that is still held does not change how it ended
+            raise
     lost = f", {done.lost} samples lost" if done.lost else ""
-    zero = "0 V" if done.end.seen else "0 V by the firmware's guard, not seen"
-    output.say(f"{done.end.sentence}: {zero}{lost}; wrote {out}")
-    require_usable(done, out)
+    output.say(f"{done.end.sentence}: {done.end.zero}{lost}; wrote {out}")
 
 
 def identified(out: str, plant: Rig, method: str, provenance: dict[str, object], report: str | None) -> Result:

@@ -9,7 +9,8 @@ import typer
 
 from swingid.cli import output
 from swingid.cli.compile import compile_first
-from swingid.cli.live import address_of, conduct, identified
+from swingid.cli.failure import keeps
+from swingid.cli.live import address_of, conduct, identified, measured
 from swingid.cli.options import JsonOrRefusal, Method, RigFile
 from swingid.cli.simulate import Gains, compensator_of
 from swingid.errors import UsageError
@@ -69,9 +70,10 @@ def weigh(
     compile_first("simulate")
     address = address_of(device, plants["tare"])
     with output.refusals_to(json, "difference", {"tare": rig, "loaded": loaded}):
-        results = {}
+        results: dict[str, Result] = {}
         for name, plant in plants.items():
-            _wait(name, address)
+            with keeps(lambda: _kept(out, results)):
+                _wait(name, address)
             results[name] = _weighed(plant, address, orders[name], out / name, method)
         found = difference(results["tare"], results["loaded"], mass=mass, distance=distance)
     write_whole(out / "body.json", found.to_json().encode())
@@ -99,13 +101,24 @@ def _wait(name: str, address: str) -> None:
         raise UsageError(text, code="no-terminal") from None
 
 
+def _kept(out: Path, results: dict[str, Result]) -> str:
+    """What is kept of runs that ended before Ctrl-C, and how to go on."""
+    if not results:
+        return "nothing has moved, so start again"
+    text = (
+        f"{out / 'loaded.mcap'} and {out / 'loaded.json'} are kept: run without the body by swingid run, identify it, "
+    )
+    return f"{text}and subtract by swingid difference"
+
+
 def _weighed(plant: Rig, address: str, order: Order, out: Path, method: str) -> Result:
     """One run and its result, beside its journal."""
     journal = f"{out}.mcap"
-    conduct(plant, address, order, journal)
     provenance: dict[str, object] = {"log": journal, "rig_source": plant.source}
-    result = identified(journal, plant, method, provenance, None)
-    write_whole(Path(f"{out}.json"), result.to_json().encode())
+    with measured(journal):
+        conduct(plant, address, order, journal)
+        result = identified(journal, plant, method, provenance, None)
+        write_whole(Path(f"{out}.json"), result.to_json().encode())
     found, spread = result.inertia, result.inertia.standard_uncertainty
     from swingid.format import percent
 

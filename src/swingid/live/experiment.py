@@ -6,7 +6,9 @@ with connect("twin://paper") as rig:
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -23,9 +25,11 @@ from swingid.live.journal import Journal, Plan, Recorder, require_new
 from swingid.live.machine import EMULATED
 from swingid.live.preflight import Rehearsed, energy_limit, expected, rehearsed, require_same_rig
 from swingid.live.progress import Follower, Progress
+from swingid.live.registry import Announced, announced
 from swingid.live.rest import WAIT, Channel, at_rest, friction_band
 from swingid.live.session import End, Reason, Session
 from swingid.live.watch import HostGuard
+from swingid.progress import shown
 
 if TYPE_CHECKING:
     from swingid.control.compensator import Compensator
@@ -34,6 +38,9 @@ if TYPE_CHECKING:
     from swingid.live.frames import Frame
     from swingid.live.pace import Pace
     from swingid.model.rig import Rig
+
+LONGEST, MOST_ROWS = 3600.0, 4e6
+"""Seconds and samples of a run: an hour, at 1 kHz; the rehearsal keeps every row in memory."""
 
 
 @dataclass(frozen=True)
@@ -69,10 +76,18 @@ class Done:
 
 def required(order: Order) -> None:
     """Raise UsageError for an order that no device can follow."""
-    if not 0.0 < order.duration <= 86_400.0:
-        raise UsageError(f"--duration is {order.duration:g} s; give one between 0 and a day", code="out-of-range")
+    if not 0.0 < order.duration <= LONGEST:
+        text = f"--duration is {order.duration:g} s; give one between 0 and {LONGEST:g} s"
+        raise UsageError(text, code="out-of-range")
     if not 0.0 <= order.until < 1.0:
         raise UsageError(f"--until is {order.until:g} of the inertia; write for example 0.05%", code="out-of-range")
+
+
+def require_rows(order: Order, rate: float) -> None:
+    """Raise UsageError for a run of more samples than fit into the rehearsal."""
+    if order.duration * rate > MOST_ROWS:
+        text = f"--duration {order.duration:g} s is {order.duration * rate:.3g} samples of the device"
+        raise UsageError(f"{text}; give at most {MOST_ROWS / rate:.4g} s", code="out-of-range")
 
 
 class Conductor:
@@ -80,7 +95,8 @@ class Conductor:
 
     show: called with the `Progress` after each batch of samples, and after each swing. For a run in several processes
     (`live/processes.py`): recorder makes what keeps the run, default a journal; follow: whether estimates are made
-    here; asked: a stop that somebody has asked for elsewhere; pace: the turns of the loop.
+    here; asked: a stop that somebody has asked for elsewhere; rest: called before and in work between two turns of the
+    link that takes its time; pace: the turns of the loop.
     """
 
     def __init__(
@@ -93,12 +109,15 @@ class Conductor:
         recorder: Callable[[Path], Recorder] | None = None,
         follow: bool = True,
         asked: Callable[[], tuple[StopMode, str] | None] | None = None,
+        rest: Callable[[], None] | None = None,
         pace: Pace | None = None,
     ) -> None:
         self.rig, self.stream = rig, stream
         self._recorder, self._follow, self._asked, self._pace = recorder or self._journal, follow, asked, pace
         self._say = say or (lambda _: None)
         self._show = show or (lambda _: None)
+        self._rest = rest or (lambda: None)
+        self._entry: Announced | None = None
         self.session: Session | None = None
         self._stop: tuple[StopMode, str] | None = None
 
@@ -112,16 +131,21 @@ class Conductor:
             limits = replace(limits, axis_sign=1, wheel_sign=1, voltage_sign=1)
         journal = self._recorder(out)
         session = self.session = Session(self.stream, tap=journal.take)
-        session.link.pace = self._pace
-        try:
-            return self._run(session, journal, order, limits)
-        except SwingidError as error:
-            journal.event("refused", error.message)
-            raise
-        finally:
-            session.close()
-            journal.close()
-            self.session = self._stop = None
+        session.link.pace, session.link.each_turn = self._pace, self._each_turn
+        span = {"duration": order.duration, "fade": order.fade}
+        with announced(self.stream.address, out, **span) as self._entry:
+            try:
+                done = self._run(session, journal, order, limits)
+                self._entry.ended = f"{done.end.sentence}: {done.end.zero}"
+                return done
+            except SwingidError as error:
+                journal.event("refused", error.message)
+                self._entry.ended = error.message
+                raise
+            finally:
+                session.close()
+                journal.close()
+                self.session = self._stop = self._entry = None
 
     def stop(self, mode: StopMode, why: str) -> None:
         """Stop the run; from a signal handler or another thread."""
@@ -131,8 +155,25 @@ class Conductor:
             self.session.ask_stop(mode, why)
 
     def _stop_asked(self) -> tuple[StopMode, str] | None:
-        """The stop that somebody has asked for, here or elsewhere."""
-        return self._stop or (None if self._asked is None else self._asked())
+        """The stop that somebody has asked for, here or elsewhere; a hard one first."""
+        elsewhere = None if self._asked is None else self._asked()
+        command = None if self._entry is None else self._entry.asked()
+        found = [one for one in (self._stop, elsewhere, command) if one is not None]
+        return max(found, key=lambda one: one[0] is StopMode.HARD, default=None)
+
+    def _each_turn(self) -> None:
+        """Pass a stop on to the run; before it begins it is its end (DeviceError)."""
+        if self.session is not None and self.session.running:
+            asked = self._stop_asked()
+            if asked is not None:
+                self.session.ask_stop(*asked)
+        else:
+            self._require_wanted()
+
+    def _between(self, _done: int = 0, _total: int = 0) -> None:
+        """Work that takes its time goes on, while nobody wants a stop."""
+        self._rest()
+        self._require_wanted()
 
     def _require_wanted(self) -> None:
         """Raise DeviceError where a stop was asked for before the run began."""
@@ -150,13 +191,16 @@ class Conductor:
         board = session.connect()
         self._say(f"{name}: firmware {board.firmware:08x}, {board.rate:g} samples per second, {_counts(board)}")
         require_same_rig(self.rig, board, name)
+        require_rows(order, board.rate)
         if order.clear:
             session.clear()
         session.require_ready()
+        self._between()
         twin = None
         if order.rehearse:
             span = {"duration": order.duration, "rate": board.rate, "fade": order.fade}
-            twin = rehearsed(self.rig, order.motion, order.controller, limits, **span)
+            with shown(self._between):
+                twin = rehearsed(self.rig, order.motion, order.controller, limits, **span)
             self._say(twin.words())
         body, _ = at_rest(session, self.rig, board, wait=order.wait, say=self._say, wanted=self._require_wanted)
         limits = replace(limits, axis_zero=round(body.zero))
@@ -166,15 +210,13 @@ class Conductor:
         reference = order.motion(np.arange(rows) / board.rate).astype(np.float32).astype(float)
         words = order.motion.describe()
         journal.plan(Plan(parameters, reference, words), **self._facts(board, body, name))
+        self._between()
         follower = Follower(self.rig, parameters.tolist(), reference.tolist(), order.until, board.rate)
         inertia, gravity = expected(self.rig)
         energy = math.inf if twin is None else energy_limit(twin, self.rig)
         watch = HostGuard(parameters.tolist(), inertia=inertia, gravity_torque=gravity, energy=energy)
 
         def batch(frames: list[Frame]) -> None:
-            asked = self._stop_asked()
-            if asked is not None:
-                session.ask_stop(*asked)
             if self._follow:
                 self._look(follower, frames, session)
 
@@ -215,14 +257,35 @@ def require_usable(done: Done, out: Path | str) -> None:
     """Raise where a run has no log to identify: DeviceError after its end, InputError after that of the journal."""
     end = done.end
     if not end.usable and end.reason is not Reason.HALTED:
-        zero = "" if end.seen else " (0 V was not seen, the firmware's guard gives it)"
-        text = f"{end.sentence}{zero}; {out} holds the run up to there"
-        raise DeviceError(text, code=f"run-{end.reason.value}")
+        zero = "" if end.seen else f" ({end.zero})"
+        raise DeviceError(f"{end.sentence}{zero}; {kept(done, out)}", code=f"run-{end.reason.value}")
     if done.journal_error:
-        text = f"{out} could not be written to its end ({done.journal_error}); make room, and run again"
+        remedy = NO_ROOM.get(done.journal_error)
+        text = f"{out} could not be written to its end ({done.journal_error}); "
+        text += f"{remedy}, and run again" if remedy else f"swingid identify {out} takes the log up to there"
         raise InputError(text, code="cannot-write")
     if end.reason is Reason.HALTED:
-        raise DeviceError(f"{end.sentence}: 0 V at once; {out} holds the run up to there", code="run-halted")
+        raise DeviceError(f"{end.sentence}: 0 V at once; {kept(done, out)}", code="run-halted")
+
+
+def kept(done: Done, out: Path | str) -> str:
+    """What is left of a run that ended otherwise than planned, in words."""
+    if isinstance(out, Path) and not done.journal_error and not out.exists():
+        return "no sample of the run came, so there is no log"
+    whole = f"{out} holds the run up to there"
+    return f"{out} ends before that ({done.journal_error})" if done.journal_error else whole
+
+
+NO_ROOM = {
+    os.strerror(getattr(errno, name)): remedy
+    for name, remedy in {
+        "ENOSPC": "make room",
+        "EDQUOT": "make room within your quota",
+        "EFBIG": "raise the limit of a file's size (ulimit -f)",
+    }.items()
+    if hasattr(errno, name)
+}
+"""What to do where the system says why it takes no more of a file."""
 
 
 def opened(address: str, rig: Rig) -> Stream:

@@ -12,21 +12,19 @@ from swingid.live.codes import StopMode
 
 @contextmanager
 def stopping(stop: Callable[[StopMode, str], None]) -> Iterator[None]:
-    """Ctrl-C once is a soft stop, twice a hard one; a third time ends the program. Restores what was before.
+    """Ctrl-C once is a soft stop, twice a hard one; more, as of a key that is held, do nothing, for a hard stop ends.
 
-    The signals SIGTERM and SIGHUP (a closed terminal; not under nohup) count as Ctrl-C.
+    The signals SIGTERM and SIGHUP (a closed terminal; not under nohup) count as Ctrl-C. Restores what was before.
     """
     pressed = 0
 
     def handle(number: int, _frame: object) -> None:
         nonlocal pressed
         pressed += 1
-        if pressed > 2:
-            raise KeyboardInterrupt
         name = "Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name
         if pressed == 1:
             stop(StopMode.SOFT, f"stopped by {name}")
-        else:
+        elif pressed == 2:
             stop(StopMode.HARD, f"stopped by {name} twice" if name == "Ctrl-C" else f"stopped by {name}")
 
     if threading.current_thread() is not threading.main_thread():

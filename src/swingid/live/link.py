@@ -9,15 +9,23 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 from swingid.errors import DeviceError
+from swingid.live.codes import StopMode
 from swingid.live.devices.stream import Stream
 from swingid.live.frames import Decoder, Frame, encode
 from swingid.live.pace import Pace
 
 TURN = 0.016
 """Longest wait for bytes (s): what a USB adapter needs at worst, and a sixth of the heartbeat's time."""
+
+MOST_LOST = 0.2
+"""Share of lost or damaged frames up to which a link is fit for a run, as `tests/live_faults.py` shows."""
+
+HALTS = 3
+"""How often a hard stop goes out that nobody waits for."""
 
 Tap = Callable[[bool, float, bytes], None]
 """Called with (from the device, time of the link in s, bytes) for all bytes in both directions."""
@@ -26,7 +34,8 @@ Tap = Callable[[bool, float, bytes], None]
 class Link:
     """Frames over a stream. name: of the device, for messages. tap: sees every byte.
 
-    pace: waits for the next turn of a loop at a fixed rate, in the place of the stream.
+    pace: waits for the next turn of a loop at a fixed rate, in the place of the stream. each_turn: called at the
+    beginning of each `exchange`; a SwingidError that it raises ends what goes on, and who runs the session then halts.
     """
 
     def __init__(self, stream: Stream, name: str | None = None, tap: Tap | None = None) -> None:
@@ -35,14 +44,20 @@ class Link:
         steady: Callable[[], float] = (lambda: self._passed) if stream.virtual else time.monotonic
         self.clock: Callable[[], float] = getattr(stream, "clock", steady)
         self.heard = self.clock()
-        self.bytes_in = 0
+        self.bytes_in = self.frames = 0
         self.pace: Pace | None = None
+        self.each_turn: Callable[[], None] = _nothing
         self._decoder = Decoder()
 
     @property
     def bad(self) -> int:
         """How many pieces of what came in were no frames."""
         return self._decoder.bad
+
+    @property
+    def lossy(self) -> bool:
+        """Whether more of what came in is damaged than a run can do with (`MOST_LOST`)."""
+        return self.bad > MOST_LOST * (self.bad + self.frames)
 
     @property
     def silence(self) -> float:
@@ -52,8 +67,13 @@ class Link:
     def exchange(self, out: bytes = b"", timeout: float = TURN) -> list[Frame]:
         """Send bytes, then the frames that come within `timeout` (s).
 
-        Raises DeviceError where the connection has gone.
+        Raises DeviceError where the connection has gone, and what `each_turn` raises.
         """
+        self.each_turn()
+        return self.turn(out, timeout)
+
+    def turn(self, out: bytes, timeout: float) -> list[Frame]:
+        """As `exchange`, without `each_turn`."""
         try:
             if out:
                 self.stream.write(out)
@@ -70,6 +90,7 @@ class Link:
         self.bytes_in += len(data)
         self._show(True, data)
         frames = self._decoder.feed(data)
+        self.frames += len(frames)
         if frames:
             self.heard = self.clock()
         return frames
@@ -82,7 +103,17 @@ class Link:
         """One message, then the frames that come; raises as `exchange`."""
         return self.exchange(encode(name, **values), timeout)
 
+    def halt(self, session: int, times: int = HALTS) -> None:
+        """Send hard stops without waiting for an answer, and without `each_turn`; never raises."""
+        with suppress(Exception):
+            for _ in range(times):
+                self.turn(encode("Stop", session=session, mode=StopMode.HARD), TURN)
+
     def lost(self, why: str) -> DeviceError:
         """The error of a link on which nothing comes."""
         text = f"{self.name}: {why}; its firmware gives 0 V without a host: look after cable and supply, connect again"
         return DeviceError(text, code="link-lost")
+
+
+def _nothing() -> None:
+    """What a link does at each turn by default."""

@@ -6,12 +6,14 @@ dead does not stop the loop, and where the link's process dies the firmware give
 
 from __future__ import annotations
 
+import math
 import os
 import pickle
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,14 +24,20 @@ from swingid.live.frames import Decoder
 from swingid.live.guard import Limits
 from swingid.live.journal import require_new
 from swingid.live.progress import Follower, Progress
-from swingid.live.ring import Kind, Reader, Record, Ring
-from swingid.live.worker import DEAD, POLL, Job
+from swingid.live.ring import Kind, Reader, Record, Ring, Role
+from swingid.live.running import OVERTIME, SLOW
+from swingid.live.worker import DEAD, HUNG, POLL, Job
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
 
 ENDING = 10.0
 """Seconds that the recorder has for the end of its file."""
+
+OBEYS, SPARE = 5.0, 15.0
+"""Seconds in which the link's process obeys a hard stop (its own patience with the device is 1 s), and after the
+planned end in which it has ended: what it allows the device before and after the run, and its ends.
+"""
 
 
 class ProcessConductor:
@@ -47,6 +55,7 @@ class ProcessConductor:
         self._say = say or (lambda _: None)
         self._show = show or (lambda _: None)
         self._ring: Ring | None = None
+        self._asked: tuple[StopMode, str] | None = None
         self._follower: Follower | None = None
         self._decoder = Decoder()
         self._notes: list[str] = []
@@ -54,9 +63,10 @@ class ProcessConductor:
 
     def stop(self, mode: StopMode, why: str) -> None:
         """Stop the run; from a signal handler or another thread."""
-        del why
         if self._ring is not None:
-            self._ring.stop = max(self._ring.stop % 3, 1 if mode is StopMode.SOFT else 2)
+            self._ring.ask(mode, why)
+        elif self._asked is None or mode is StopMode.HARD:
+            self._asked = mode, why
 
     def run(self, order: Order, out: Path) -> Done:
         """Do it all; raises as `experiment.Conductor.run`, and DeviceError where the process of the link dies."""
@@ -65,73 +75,94 @@ class ProcessConductor:
         require_new(out)
         self._check_out(out)
         ring = self._ring = Ring()
+        ring.hold(Role.VIEW)
+        if self._asked is not None:  # before there was a ring
+            ring.ask(*self._asked)
         workers: dict[str, subprocess.Popen[bytes]] = {}
         try:
             for role in ("recorder", "link"):
                 workers[role] = self._start(role, order, out, ring)
                 self.pids[role] = workers[role].pid
-            done = self._follow(order, ring, workers["link"])
+            done = self._follow(order, ring, workers)
             done.journal_error = done.journal_error or _ended(workers["recorder"])
             return done
         except BaseException:
-            ring.stop = 2
+            ring.ask(StopMode.HARD, "the command has ended")
             for worker in workers.values():
                 _ended(worker)
             raise
         finally:
-            self._ring = None
+            self._ring = self._asked = None
             ring.close()
 
     @staticmethod
     def _check_out(out: Path) -> None:
+        new = not out.exists()
         try:
             out.open("wb").close()
+            if new:  # the recorder makes it again
+                out.unlink()
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or str(error)
             raise InputError(f"cannot write {out}: {reason}; give another --out", code="cannot-write") from None
 
     def _start(self, role: str, order: Order, out: Path, ring: Ring) -> subprocess.Popen[bytes]:
         """A process of its own, which the terminal's Ctrl-C does not reach."""
-        job = Job(role, str(ring.path), self.rig, self.address, str(out), order, time.time_ns())  # type: ignore[arg-type]
+        job = Job(role, ring.handle, self.rig, self.address, str(out), order, time.time_ns())  # type: ignore[arg-type]
         windows = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
         worker = subprocess.Popen(
             [sys.executable, "-m", "swingid.live.worker"],
             stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,  # not that of the command, which a pipe's reader may wait for
             stderr=subprocess.PIPE,
             start_new_session=os.name != "nt",
             creationflags=windows,
+            pass_fds=ring.descriptors,
         )
         assert worker.stdin is not None
-        worker.stdin.write(pickle.dumps(job))
-        worker.stdin.close()
+        with suppress(BrokenPipeError):  # one that has died is found by what it does not do
+            worker.stdin.write(pickle.dumps(job))
+            worker.stdin.close()
         worker.stdin = None
         return worker
 
-    def _follow(self, order: Order, ring: Ring, link: subprocess.Popen[bytes]) -> Done:
-        """Show what the ring brings until the link has ended."""
-        reader = Reader(ring)
+    def _follow(self, order: Order, ring: Ring, workers: dict[str, subprocess.Popen[bytes]]) -> Done:
+        """Show what the ring brings until the link has ended; one that hangs is ended."""
+        reader, link, patience = Reader(ring), workers["link"], Patience(ring, order)
         while True:
             dead = link.poll() is not None
+            unrecorded = self._follower is None and workers["recorder"].poll() is not None
             for record in reader.read():
                 if record.kind is Kind.DONE:
                     done: Done = pickle.loads(record.data)
                     done.notes += self._notes + (self._follower.notes if self._follower is not None else [])
                     return done
                 if record.kind is Kind.FAILED:
-                    kind, message, code = pickle.loads(record.data)
-                    raise kind(message, code=code)
-                self._see(record, order, ring)
+                    raise pickle.loads(record.data)
+                self._see(record, order, ring, patience)
             if dead:
                 ring.over = True
-                raise self._dead(link)
+                raise self._dead(f"has died (exit code {link.returncode})", "host-died")
+            hangs = patience.hangs()
+            if hangs:
+                link.kill()
+                _ended(link)
+                ring.over = True
+                raise self._dead(f"{hangs}, so it was killed", "host-hung")
+            if unrecorded and self._follower is None:
+                text = (
+                    f"the journal's process has ended ({_ended(workers['recorder'])}), and nothing has moved; run again"
+                )
+                raise InputError(text, code="cannot-write")
             time.sleep(POLL)
 
-    def _see(self, record: Record, order: Order, ring: Ring) -> None:
+    def _see(self, record: Record, order: Order, ring: Ring, patience: Patience) -> None:
         if record.kind is Kind.SAY:
             self._say(record.data.decode())
         elif record.kind is Kind.PLAN:
             plan, facts = pickle.loads(record.data)
             rate = float(facts["rate"])
+            patience.begin(len(plan.reference) / rate)
             self._follower = Follower(self.rig, plan.parameters.tolist(), plan.reference.tolist(), order.until, rate)
         elif record.kind is Kind.DEVICE and self._follower is not None:
             progress = self._follower.feed(self._decoder.feed(record.data))
@@ -140,17 +171,42 @@ class ProcessConductor:
             except Exception as error:  # whatever a view does, the run goes on
                 self._show = lambda _: None
                 self._notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
-            if progress.reached and ring.stop == 0:
-                ring.stop = 3
+            if progress.reached:
+                ring.ask(StopMode.SOFT, progress.reached)
 
-    def _dead(self, link: subprocess.Popen[bytes]) -> SwingidError:
-        text = (
-            f"the process of the link to {self.address} has died (exit code {link.returncode}); without its heartbeat "
-        )
+    def _dead(self, how: str, code: str) -> SwingidError:
+        text = f"the process of the link to {self.address} {how}; without its heartbeat "
+        if self._follower is None:
+            return DeviceError(f"{text}the firmware gives 0 V, and the run had not begun: run again", code=code)
         text += (
             "the firmware gives 0 V within 100 ms, and the journal holds the run up to there; clear the fault (--clear)"
         )
-        return DeviceError(text, code="host-died")
+        return DeviceError(text, code=code)
+
+
+class Patience:
+    """How long the view waits for the process of the link."""
+
+    def __init__(self, ring: Ring, order: Order) -> None:
+        self._ring, self._order = ring, order
+        self._until = math.inf
+        self._stopped = math.inf
+
+    def begin(self, planned: float) -> None:
+        """The run is about to begin and takes so long (s)."""
+        self._until = time.monotonic() + planned * (1 + SLOW) + self._order.fade + OVERTIME + SPARE
+
+    def hangs(self) -> str:
+        """How the process of the link shows that it hangs, "" where it does not."""
+        now = time.monotonic()
+        self._stopped = min(self._stopped, now) if self._ring.stop == 2 else math.inf
+        if self._ring.silence > HUNG:
+            return f"hangs, without a sign of life for {HUNG:g} s"
+        if now - self._stopped > OBEYS:
+            return f"hangs, and has not obeyed a hard stop for {OBEYS:g} s"
+        if now > self._until:
+            return "hangs, and has not ended at the planned end"
+        return ""
 
 
 def _ended(worker: subprocess.Popen[bytes]) -> str:
@@ -159,11 +215,17 @@ def _ended(worker: subprocess.Popen[bytes]) -> str:
         _, said = worker.communicate(timeout=DEAD + ENDING)
     except subprocess.TimeoutExpired:
         worker.kill()
+        worker.communicate()
         return "its process did not end in time"
     if worker.returncode == 0:
         return ""
     lines = said.decode(errors="replace").strip().splitlines() if said else []
-    return lines[-1] if lines else f"its process has died, exit code {worker.returncode}"
+    if lines:
+        return lines[-1]
+    by = (
+        f"killed by signal {-worker.returncode}" if worker.returncode < 0 else f"ended by exit code {worker.returncode}"
+    )
+    return f"the process that writes it was {by}"
 
 
 def conductor_of(

@@ -1,11 +1,14 @@
-"""Records from one process to others through a file in memory: the writer never waits, a slow reader loses the oldest.
+"""Records from one process to others through memory: the writer never waits, a slow reader loses the oldest.
 
-The file is a header and a ring of bytes. The writer puts a record (kind, time, length, bytes) behind the last one and
-then moves the head; a reader that is behind by more than the ring goes on at the head and counts what it lost.
+The memory is a header and a ring of bytes. The writer puts a record (kind, time, length, bytes) behind the last one and
+then moves the head; a reader that is behind by more than the ring goes on at the head and counts what it lost. On POSIX
+it is a file without a name, whose descriptor the processes inherit, so nothing is left however they die; on Windows
+the last one removes the file, else the next run. All of it is reserved when it is made.
 """
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
 import struct
@@ -13,16 +16,34 @@ import tempfile
 import time
 from contextlib import suppress
 from enum import IntEnum
+from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
+
+from swingid.errors import InputError
+from swingid.live.codes import StopMode
 
 ROOM = 1 << 24
 """Bytes of the ring: some seven minutes at 1 kHz."""
 
+FOLDER = "SWINGID_MEMORY"
+"""Variable of the environment that names the folder of the ring."""
+
+PREFIX = "swingid-ring-"
+
 _WORD = struct.Struct("<Q")
 _BEAT = struct.Struct("<d")
+_PID = struct.Struct("<I")
 _RECORD = struct.Struct("<BdI")
-HEAD, BEAT, STOP, OVER, START = 0, 8, 16, 17, 64
+HEAD, BEAT, STOP, OVER, PID, WHY, START = 0, 8, 16, 17, 20, 24, 256
+
+
+class Role(IntEnum):
+    """A process of a run."""
+
+    VIEW = 0
+    LINK = 1
+    RECORDER = 2
 
 
 class Kind(IntEnum):
@@ -46,32 +67,84 @@ class Record(NamedTuple):
 
 
 class Ring:
-    """The file of a ring, made or opened. path: of the file."""
+    """A ring, made or, by the handle of one, opened. handle: for another process, which inherits `descriptors`.
 
-    def __init__(self, path: str | Path | None = None) -> None:
-        if path is None:
-            memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None
-            number, name = tempfile.mkstemp(prefix="swingid-ring-", dir=memory)
-            os.ftruncate(number, START + ROOM)
+    Raises InputError where there is no room for it.
+    """
+
+    def __init__(self, handle: str | None = None) -> None:
+        self._path: Path | None = None
+        if handle is None:
+            self._file = self._made()
+        elif handle.isdecimal():
+            self._file = os.dup(int(handle))
         else:
-            name = str(path)
-            number = os.open(name, os.O_RDWR | getattr(os, "O_BINARY", 0))
-        self.path = Path(name)
-        try:
-            self._map = mmap.mmap(number, START + ROOM)
-        finally:
-            os.close(number)
+            self._path = Path(handle)
+            self._file = os.open(handle, os.O_RDWR | getattr(os, "O_BINARY", 0))
+        self._map = mmap.mmap(self._file, START + ROOM)
 
-    def forget(self) -> None:
-        """Remove the file's name, where the system lets that be done while it is in use."""
-        with suppress(OSError):
-            self.path.unlink()
+    def _made(self) -> int:
+        """A new file with its room reserved; without a name where the system lets that be."""
+        folder = memory()
+        try:
+            _sweep(folder)
+            number, name = tempfile.mkstemp(prefix=PREFIX, dir=folder)
+            self._path = Path(name)
+            if os.name == "posix":
+                self._path.unlink()
+                self._path = None
+            try:
+                _reserve(number, START + ROOM)
+            except OSError:
+                os.close(number)
+                if self._path is not None:
+                    self._path.unlink()
+                raise
+        except OSError as error:
+            raise _no_room(folder, error) from None
+        return number
+
+    @property
+    def handle(self) -> str:
+        """What another process opens the ring by."""
+        return str(self._file if self._path is None else self._path)
+
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """What another process must inherit."""
+        return (self._file,) if self._path is None else ()
 
     def close(self) -> None:
-        """Give it up, and its name."""
+        """Give it up; a second call does nothing."""
+        if self._file < 0:
+            return
         with suppress(BufferError, ValueError):
             self._map.close()
-        self.forget()
+        os.close(self._file)
+        self._file = -1
+        if self._path is not None:
+            with suppress(OSError):  # others have it open: the last one removes it
+                self._path.unlink()
+
+    def hold(self, role: Role) -> None:
+        """Let the others know, by a lock that ends with this process, that it lives."""
+        if role is Role.LINK:
+            _PID.pack_into(self._map, PID, os.getpid())
+        with suppress(OSError):
+            _lock(self._file, START + ROOM + role, hold=True)
+
+    def held(self, role: Role) -> bool:
+        """Whether another process lives that has this role."""
+        try:
+            _lock(self._file, START + ROOM + role, hold=False)
+        except OSError:
+            return True
+        return False
+
+    @property
+    def pid(self) -> int:
+        """Number of the process of the link, 0 before it has begun."""
+        return int(_PID.unpack_from(self._map, PID)[0])
 
     @property
     def head(self) -> int:
@@ -103,12 +176,26 @@ class Ring:
 
     @property
     def stop(self) -> int:
-        """What a view has asked for: 0 nothing, 1 a soft stop, 2 a hard one, 3 a soft one at the wanted uncertainty."""
+        """What a view has asked for: 0 nothing, 1 a soft stop, 2 a hard one."""
         return self._map[STOP]
 
-    @stop.setter
-    def stop(self, what: int) -> None:
-        self._map[STOP] = what
+    def ask(self, mode: StopMode, why: str) -> None:
+        """Ask for a stop; a hard one replaces a soft one. For the view alone."""
+        wanted = 2 if mode is StopMode.HARD else 1
+        if wanted <= self.stop:
+            return
+        words = why.encode()[: START - WHY - 1].decode(errors="ignore").encode()
+        self._map[WHY : WHY + 1 + len(words)] = bytes([len(words)]) + words
+        self._map[STOP] = wanted
+
+    @property
+    def asked(self) -> tuple[StopMode, str] | None:
+        """The stop that a view has asked for, and why."""
+        wanted = self.stop
+        if not wanted:
+            return None
+        words = bytes(self._map[WHY + 1 : WHY + 1 + self._map[WHY]]).decode(errors="replace")
+        return (StopMode.HARD if wanted == 2 else StopMode.SOFT), words
 
     def write(self, kind: Kind, now: float, data: bytes) -> None:
         """A record for all readers; only one process may write."""
@@ -150,3 +237,57 @@ class Reader:
         first = min(length, START + ROOM - place)
         memory = self._ring._map
         return bytes(memory[place : place + first]) + bytes(memory[START : START + length - first])
+
+
+def memory() -> str:
+    """The folder of rings: that of $SWINGID_MEMORY, else one in memory, else the temporary one."""
+    stated = os.environ.get(FOLDER)
+    return stated or ("/dev/shm" if os.access("/dev/shm", os.W_OK) else tempfile.gettempdir())
+
+
+def _reserve(number: int, size: int) -> None:
+    """Give a file its room now, so that no write into its memory fails later; OSError where there is none."""
+    if hasattr(os, "posix_fallocate"):
+        try:
+            os.posix_fallocate(number, 0, size)
+            return
+        except OSError as error:
+            if error.errno not in (errno.EOPNOTSUPP, errno.EINVAL):
+                raise
+    for _ in range(0, size, 1 << 16):
+        if os.write(number, bytes(1 << 16)) < 1 << 16:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    os.lseek(number, 0, os.SEEK_SET)
+
+
+def _sweep(folder: str) -> None:
+    """Remove what killed processes have left on Windows, which refuses that for files in use."""
+    if os.name != "nt":
+        return
+    for path in Path(folder).glob(f"{PREFIX}*"):
+        with suppress(OSError):
+            path.unlink()
+
+
+def _no_room(folder: str, error: OSError) -> InputError:
+    """The error of a folder that does not take a ring."""
+    text = f"a run needs {(START + ROOM) / 1e6:.0f} MB in {folder}, which can't be had ({error.strerror or error}); "
+    text += "raise the limit of a file's size (ulimit -f)" if error.errno == errno.EFBIG else "make room there"
+    return InputError(f"{text}, or name another folder by ${FOLDER}", code="no-room")
+
+
+def _lock(number: int, place: int, *, hold: bool) -> None:
+    """Lock a byte of a file, to hold it or to see whether that is possible; OSError where another process has it."""
+    try:
+        fcntl = import_module("fcntl")
+    except ImportError:
+        msvcrt = import_module("msvcrt")
+        os.lseek(number, place, os.SEEK_SET)
+        msvcrt.locking(number, msvcrt.LK_NBLCK, 1)
+        if not hold:
+            os.lseek(number, place, os.SEEK_SET)
+            msvcrt.locking(number, msvcrt.LK_UNLCK, 1)
+        return
+    fcntl.lockf(number, fcntl.LOCK_EX | fcntl.LOCK_NB, 1, place)
+    if not hold:
+        fcntl.lockf(number, fcntl.LOCK_UN, 1, place)

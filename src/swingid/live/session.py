@@ -11,19 +11,23 @@ they came: Acks carry what it wants next. What one turn of a run does is in `liv
 
 from __future__ import annotations
 
+import math
 import secrets
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from swingid.control import law
 from swingid.errors import DeviceError, UsageError
 from swingid.live.codes import FaultCode, Mode, State, Status, StopMode
+from swingid.live.ends import End, Reason, Run, refusal_words, state_words, unknown_state
 from swingid.live.frames import Frame, checksum, encode
-from swingid.live.guard import Board
+from swingid.live.guard import CONTROLLER, Board
 from swingid.live.link import TURN, Link, Tap
-from swingid.live.running import End, Reason, Run, Running
+from swingid.live.running import Running
 from swingid.live.schema import schema
+from swingid.live.sending import BLOCK, RETRY
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -56,7 +60,7 @@ class Session:
         self.hello: Frame | None = None
         self._check: int | None = None
         self._running: Running | None = None
-        self._closed = False
+        self._closed = self._cleared = False
 
     def __enter__(self) -> Self:
         return self
@@ -71,29 +75,44 @@ class Session:
         self._closed = True
         try:
             if self.hello is not None:
-                self.link.send("Stop", session=self.number, mode=StopMode.HARD)
-        except DeviceError:
-            pass
+                self.link.halt(self.number, 1)
         finally:
             self.link.stream.close()
 
     def connect(self, patience: float = PATIENCE) -> Board:
         """Ask who the device is, for up to `patience` (s); its board.
 
-        Raises DeviceError where nothing answers, where what comes is no frame, and for firmware of another schema.
+        Raises DeviceError where nothing answers, where what comes is no frame, for firmware of another schema, and for
+        one whose Hello states what no run can work with (code "bad-hello").
         """
         frame = self._answer("Hello", encode("Who", schema=schema().hash), patience)
         if frame is None:
             raise self._no_hello()
-        self.hello = frame
+        self._met(frame)
+        return Board(frame.rate, frame.axis_counts, frame.wheel_counts, frame.voltage_limit, frame.firmware)
+
+    def _met(self, frame: Frame) -> None:
+        """Keep a Hello that a run can work with; raises as `connect`."""
         if frame.schema != schema().hash:
             text = f"{self.link.name} has firmware {frame.firmware:08x} of another version of the link (schema "
             text += f"{frame.schema:08x}, this host {schema().hash:08x}); build firmware and host from one version"
             raise DeviceError(text, code="other-firmware")
-        return Board(frame.rate, frame.axis_counts, frame.wheel_counts, frame.voltage_limit, frame.firmware)
+        facts = ("firmware", "rate", "axis_counts", "wheel_counts", "voltage_limit", "parameter_room", "reference_room")
+        if self.hello is not None and any(getattr(frame, x) != getattr(self.hello, x) for x in facts):
+            text = f"{self.link.name} states other values in its Hello than a moment ago; connect again, or build its "
+            raise DeviceError(f"{text}firmware anew", code="bad-hello")
+        wrong = wrong_hello(frame, virtual=self.link.stream.virtual)
+        if wrong:
+            text = f"{self.link.name} says in its Hello that it has {wrong}; correct its firmware"
+            raise DeviceError(text, code="bad-hello")
+        self.hello = frame
 
     def _no_hello(self) -> DeviceError:
         name, link = self.link.name, self.link
+        if link.frames > link.bad:
+            return DeviceError(
+                f"{name} sends frames and does not answer Who; build its firmware anew", code="no-answer"
+            )
         if link.bad or link.bytes_in:
             text = f"{name} sends bytes that are no frames of swingid; check the baud rate, and that its firmware is "
             return DeviceError(
@@ -109,27 +128,38 @@ class Session:
         """Sequence of the sample of reference 0 in the present run, once it is known."""
         return None if self._running is None else self._running.start
 
+    @property
+    def running(self) -> bool:
+        """Whether a run goes on, which `ask_stop` ends."""
+        return self._running is not None
+
     def require_ready(self) -> None:
         """Raise DeviceError unless the device is idle: a latched fault is for a person to clear, a run is another's."""
         frame = self._answer("Hello", encode("Who", schema=schema().hash), PATIENCE)
         if frame is None:
             raise self._no_hello()
-        self.hello = frame
+        self._met(frame)
+        if frame.state not in set(State):
+            raise DeviceError(unknown_state(self.link.name, frame.state), code="unknown-state")
         if frame.state == State.FAULT:
             word = FaultCode(frame.fault).name.lower() if frame.fault in set(FaultCode) else str(frame.fault)
             text = (
                 f"{self.link.name} holds a fault ({word}) of an earlier run; look at the rig, then clear it (--clear)"
             )
+            if self._cleared:
+                text = f"{self.link.name} holds the fault {word} after Clear, too; start it again, or build it anew"
             raise DeviceError(text, code="latched-fault")
         if frame.state != State.IDLE:
-            word = State(frame.state).name.lower() if frame.state in set(State) else str(frame.state)
-            text = f"{self.link.name} is {word} for another host; stop that one first"
+            text = f"{self.link.name} is {state_words(frame.state)} for another host; stop that one first"
             raise DeviceError(text, code="in-use")
 
     def load(self, parameters: ArrayLike) -> None:
         """Send the parameters of guard and controller (`guard.parameters_of`); DeviceError where they don't arrive."""
         values = np.asarray(parameters, float)
         total, sent = len(values), 0
+        if self.hello is not None and total > self.hello.parameter_room:
+            text = f"{self.link.name} has room for {self.hello.parameter_room} parameters, and this controller has "
+            raise DeviceError(f"{text}{total}; correct its firmware", code="bad-hello")
         # a device that had some already starts again at index 0
         deadline = self.link.clock() + PATIENCE + 0.05 * total
         while sent < total:
@@ -138,9 +168,10 @@ class Session:
             ack = self._acknowledged("Parameters", out)
             if ack.status not in (Status.DONE, Status.GAP) or self.link.clock() > deadline:
                 raise self._refused("Parameters", ack)
-            sent = ack.next if ack.next <= total else 0
-            if ack.status == Status.DONE and sent == 0:
-                raise self._refused("Parameters", ack)
+            if ack.next > total or (ack.status == Status.DONE and not ack.next):
+                text = f"{self.link.name} acknowledges {ack.next} parameters where {total} were sent"
+                raise DeviceError(f"{text}; its firmware is faulty: build it anew", code="refused-by-device")
+            sent = ack.next
         self._check = checksum(values.astype("<f8").tobytes())
 
     def listen(self, seconds: float) -> list[Frame]:
@@ -153,6 +184,10 @@ class Session:
                 out, asked = encode("Heartbeat", session=self.number), now
             came = self.link.exchange(out, min(TURN, max(until - now, 1e-6)))
             frames += [frame for frame in came if frame.name == "Sample"]
+            driven = next((f for f in came if f.name == "Sample" and f.state == State.IDLE and f.voltage), None)
+            if driven is not None:
+                text = f"{self.link.name} is idle and states {driven.voltage:.3g} V; switch the supply of the motor off"
+                raise DeviceError(f"{text}, and build its firmware anew", code="voltage-at-rest")
         if not frames:
             raise self.link.lost(f"no sample came in {seconds:g} s")
         return frames
@@ -207,6 +242,7 @@ class Session:
     def clear(self) -> None:
         """Leave the latched state of a fault, after a person has looked at the rig; without a fault nothing happens."""
         self._acknowledged("Clear", encode("Clear", session=self.number))
+        self._cleared = True
 
     def _answer(self, name: str, out: bytes, patience: float, message: int | None = None) -> Frame | None:
         """The first frame of this name (an Ack: to this message), the bytes sent again and again; None after a time."""
@@ -228,16 +264,40 @@ class Session:
 
     def _refused(self, name: str, ack: Frame) -> DeviceError:
         """The error of a device that does not take a message."""
-        word = REFUSALS.get(ack.status, f"status {ack.status}")
+        word = refusal_words(ack.status)
+        if ack.status == Status.DONE:
+            word = f"it wants part {ack.next} again and again"
+        if self.link.lossy:
+            word = "the link loses too many frames"
         return DeviceError(f"{self.link.name} does not take {name}: {word}", code="refused-by-device")
 
 
-REFUSALS = {
-    Status.WRONG_STATE: "it is not idle; stop it, or clear its fault, first",
-    Status.BAD_VALUE: "a value is out of its range",
-    Status.BAD_PARAMETERS: "its guard can't work with these parameters; check limits and counts of the rig file",
-    Status.NO_PARAMETERS: "it has lost its parameters; connect again",
-    Status.WRONG_SESSION: "another host has armed it; stop that one first",
-    Status.GAP: "parts are missing, the link loses too many frames",
-    Status.OVER_LIMIT: "the voltage limit is above that of its amplifier; lower drive.motor.voltage_limit",
-}
+def wrong_hello(hello: Frame, *, virtual: bool = False) -> str:
+    """What no run can work with in a device's Hello, in words; "" for nothing. virtual: time waits for the host."""
+    rate, limit = hello.rate, hello.voltage_limit
+    if not LEAST_RATE <= rate <= MOST_RATE:
+        return f"{rate:g} samples per second, where a run needs {LEAST_RATE:g} to {MOST_RATE:g}"
+    for name, counts, least in (("axis", hello.axis_counts, 1), ("wheel", hello.wheel_counts, 0)):
+        if not least <= counts <= MOST_COUNTS:
+            return f"{counts} counts per turn of the {name}, where a run needs {least} to {MOST_COUNTS}"
+    if not 0.0 < limit < math.inf:
+        return f"a voltage limit of {limit:g} V, where a run needs one above 0"
+    if hello.parameter_room < LEAST_PARAMETERS:
+        return f"room for {hello.parameter_room} parameters, where a run needs {LEAST_PARAMETERS}"
+    least = 3 * BLOCK if virtual else max(3 * BLOCK, math.ceil(BRIDGED * rate))
+    if hello.reference_room < least:
+        return f"room for {hello.reference_room} samples of the reference, where a run at {rate:g} Hz needs {least}"
+    return ""
+
+
+LEAST_RATE, MOST_RATE = 20.0, 100_000.0
+"""Samples per second: two in the 100 ms of the guard's heartbeat; 4 MB/s on the line."""
+
+MOST_COUNTS = 2**31 - 1
+"""Counts per turn: a turn fits into a counter of 32 bits with a sign."""
+
+LEAST_PARAMETERS = CONTROLLER + law.ALPHA + 1
+"""Of the guard and the smallest controller."""
+
+BRIDGED = RETRY + 2 * TURN
+"""Seconds that the reference in the device must last: until a block that was lost is sent again, and has come."""

@@ -29,6 +29,7 @@ from swingid.live.registry import Announced, announced
 from swingid.live.rest import WAIT, Channel, at_rest, friction_band
 from swingid.live.session import End, Reason, Session
 from swingid.live.watch import HostGuard
+from swingid.model.rig.inside import ENDING
 from swingid.progress import shown
 
 if TYPE_CHECKING:
@@ -270,7 +271,7 @@ def require_usable(done: Done, out: Path | str) -> None:
 
 def kept(done: Done, out: Path | str) -> str:
     """What is left of a run that ended otherwise than planned, in words."""
-    if isinstance(out, Path) and not done.journal_error and not out.exists():
+    if str(out).endswith(ENDING) and not done.journal_error and not Path(out).exists():
         return "no sample of the run came, so there is no log"
     whole = f"{out} holds the run up to there"
     return f"{out} ends before that ({done.journal_error})" if done.journal_error else whole

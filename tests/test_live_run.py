@@ -207,6 +207,21 @@ def test_a_stop_before_the_run_is_no_run(tmp_path: Path) -> None:
     assert device.plant.row < 200
 
 
+def test_a_stop_between_arm_and_run_is_no_run(tmp_path: Path) -> None:
+    device = twin_of(RIG)
+    conductor = Conductor(RIG, device)
+    receive = device.machine.receive
+
+    def stopped(data: bytes) -> None:
+        receive(data)
+        if device.machine.state is State.ARMED and conductor.session is not None:  # type: ignore[attr-defined]
+            conductor.stop(StopMode.SOFT, "enough")
+
+    device.machine.receive = stopped  # type: ignore[method-assign]
+    with pytest.raises(DeviceError, match="enough, before the run began"):
+        conductor.run(order(), tmp_path / "run.mcap")
+
+
 def test_the_twin_of_a_rig_file_has_the_signs_of_the_model(tmp_path: Path) -> None:
     turned = RIG.changed({"device.axis_sign": -1, "device.wheel_sign": -1, "device.voltage_sign": -1})
     done = Conductor(turned, twin_of(turned)).run(order(duration=4.0), tmp_path / "run.mcap")

@@ -52,14 +52,15 @@ class End:
 
 @dataclass(frozen=True)
 class Run:
-    """What a run left: all its Sample frames from reference 0 on, the sequence of that one, its end, and how many
-    samples got lost on the way.
+    """What a run left: all its Sample frames from reference 0 on, the sequence of that one, its end, how many samples
+    got lost on the way, and whether a sample was in a state in which a motor moves.
     """
 
     samples: list[Frame]
     start: int
     end: End
     lost: int = 0
+    moved: bool = True
 
 
 def apart(one: int, other: int) -> int:

@@ -180,7 +180,7 @@ class Conductor:
         """Raise DeviceError where a stop was asked for before the run began."""
         asked = self._stop_asked()
         if asked is not None:
-            raise DeviceError(f"{asked[1]}, before the run began; nothing has moved", code="stopped")
+            raise _not_begun(asked[1])
 
     def _journal(self, out: Path) -> Recorder:
         began = 0 if self.stream.virtual else time.time_ns()
@@ -223,6 +223,8 @@ class Conductor:
 
         self._require_wanted()
         done = session.run(reference, fade=order.fade, watch=watch, on_batch=batch)
+        if not done.moved and done.end.reason in (Reason.STOPPED, Reason.HALTED):
+            raise _not_begun(done.end.sentence)
         journal.event("end", f"{done.end.reason.value}: {done.end.sentence}")
         return Done(done.end, twin, follower.progress, journal.error, done.lost, list(follower.notes))
 
@@ -247,6 +249,11 @@ class Conductor:
             follower.notes.append(f"the view has failed ({type(error).__name__}); the run went on without it")
         if progress.reached:
             session.ask_stop(StopMode.SOFT, progress.reached)
+
+
+def _not_begun(why: str) -> DeviceError:
+    """The error of a run that somebody stopped before anything moved."""
+    return DeviceError(f"{why}, before the run began; nothing has moved", code="stopped")
 
 
 def _counts(board: Board) -> str:

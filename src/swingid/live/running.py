@@ -83,7 +83,8 @@ class Running:
         if not self._end.seen:
             self.abandon()
         samples = [] if self.start is None else _from(self._seen.samples, self.start)
-        return Run(samples, self.start or 0, self._end, self._seen.lost)
+        moved = self.start is not None or bool(self._seen.states - {State.IDLE, State.ARMED})
+        return Run(samples, self.start or 0, self._end, self._seen.lost, moved)
 
     def ask_stop(self, mode: StopMode, why: str, reason: Reason | None = None) -> None:
         """Stop at the next turn; a hard stop replaces a soft one that waits."""

@@ -49,7 +49,7 @@ class Board:
     """
 
     def __init__(self, *, crystal: bool = True, megahertz: int = 8) -> None:
-        import unicorn
+        unicorn = pytest.importorskip("unicorn", reason="unicorn is not installed: pip install 'swingid[cortex]'")
         from unicorn import arm_const
 
         self._arm, self._crystal = arm_const, crystal

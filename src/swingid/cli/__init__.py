@@ -29,7 +29,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return interrupted()
     finally:
         sys.unraisablehook = before
-        if arguments is None:  # while Python ends nothing is left to be said
+        # while Python ends nothing is left to be said; a command that ignores Ctrl-C at its end has said it
+        if arguments is None and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
             signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 

@@ -26,7 +26,8 @@ Tap = Callable[[bool, float, bytes], None]
 class Link:
     """Frames over a stream. name: of the device, for messages. tap: sees every byte.
 
-    pace: waits for the next turn of a loop at a fixed rate, in the place of the stream.
+    pace: waits for the next turn of a loop at a fixed rate, in the place of the stream. each_turn: called at the begin
+    of each exchange; a SwingidError that it raises ends what the session does, with a hard Stop.
     """
 
     def __init__(self, stream: Stream, name: str | None = None, tap: Tap | None = None) -> None:
@@ -37,6 +38,7 @@ class Link:
         self.heard = self.clock()
         self.bytes_in = 0
         self.pace: Pace | None = None
+        self.each_turn: Callable[[], None] = lambda: None
         self._decoder = Decoder()
 
     @property
@@ -52,8 +54,9 @@ class Link:
     def exchange(self, out: bytes = b"", timeout: float = TURN) -> list[Frame]:
         """Send bytes, then the frames that come within `timeout` (s).
 
-        Raises DeviceError where the connection has gone.
+        Raises DeviceError where the connection has gone, and what `each_turn` raises.
         """
+        self.each_turn()
         try:
             if out:
                 self.stream.write(out)

@@ -1,4 +1,4 @@
-"""Who may reach the page: raw requests as a page of another site makes them, to pages, files, polling and the socket."""
+"""Who may reach the page: raw requests as another site's page makes them, to pages, files, polling and the socket."""
 
 from __future__ import annotations
 
@@ -86,7 +86,9 @@ def test_a_page_of_another_site_cannot_load_parts_of_this_one(local):
         assert asked(local, "/", host | {"Sec-Fetch-Site": site, "Sec-Fetch-Mode": "navigate"})[0] == 200  # a link
 
 
-@pytest.mark.parametrize("host", ["127.0.0.1:{port}", "localhost:{port}", "LOCALHOST:{port}", "[::1]:{port}", "localhost:9"])
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:{port}", "localhost:{port}", "LOCALHOST:{port}", "[::1]:{port}", "localhost:9"]
+)
 def test_own_names_reach_all(local, host):
     """Also where ssh leads another port here."""
     name = host.format(port=local)

@@ -73,10 +73,9 @@ def _pool() -> ProcessPoolExecutor:
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
-    workers = list((getattr(pool, "_processes", None) or {}).values())
-    pool.shutdown(wait=False)
-    for worker in workers:
+    for worker in list((getattr(pool, "_processes", None) or {}).values()):
         worker.kill()
+    pool.shutdown()  # which waits for nobody: its thread sees that the workers are gone
 
 
 def _end_with_parent() -> None:

@@ -37,7 +37,7 @@ class LogDashboard:
 
     def words_at_end(self) -> str:
         """What a person who has ended the page wants to know."""
-        return f"the page has ended; {self.log} and {self.rig} are as they were"
+        return "the page has ended; the log and the rig file are as they were"
 
 
 class LiveDashboard:

@@ -153,23 +153,22 @@ class Gate:
 
     def _knows(self, given: Mapping[str, str], headers: _Headers) -> bool:
         """Whether a request has the token, in its address or in a cookie."""
-        token, kept = self.place.token, self.place.kept
+        token, kept, cookie = self.place.token, self.place.kept, self.place.cookie
         known = [_same(given["token"], token)] if "token" in given else []
         with suppress(CookieError):
             for line in headers["cookie"]:
-                known += [_same(each.value, kept) for name, each in SimpleCookie(line).items() if name == self.place.cookie]
+                known += [_same(each.value, kept) for name, each in SimpleCookie(line).items() if name == cookie]
         return any(known)
 
     async def _remember(self, scope: Scope, send: Send, given: Mapping[str, str]) -> None:
         """Put the token into a cookie and lead to the same address without it."""
         rest = urlencode({name: value for name, value in given.items() if name != "token"})
         path = quote("/" + scope["path"].lstrip("/"))  # one slash: two would lead to another host
-        kept = SimpleCookie({self.place.cookie: self.place.kept})[self.place.cookie]
         # Lax: a link in a mail leads here, too; the socket of another site's page gets no cookie
-        kept.update({"path": "/", "httponly": True, "samesite": "Lax"})
+        cookie = f"{self.place.cookie}={self.place.kept}; HttpOnly; Path=/; SameSite=Lax"
         headers = [
             (b"location", (path + (f"?{rest}" if rest else "")).encode("ascii")),
-            (b"set-cookie", kept.OutputString().encode("latin-1")),
+            (b"set-cookie", cookie.encode("ascii")),
             (b"cache-control", b"no-store"),
         ]
         await _answer(send, 303, b"", headers)

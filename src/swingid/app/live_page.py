@@ -13,7 +13,7 @@ from nicegui import ui
 
 from swingid.app.analysis import Analyst
 from swingid.app.log_page import LogPage
-from swingid.app.order import DURATION, MOTION, UNTIL, WrongField, order_of
+from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of
 from swingid.app.parts import Step, page_frame, ready, said, steps
 from swingid.app.plot import Line, Plot
 from swingid.app.runner import Runner
@@ -34,6 +34,9 @@ STEPS = (
 
 DRAWS, WINDOW = 30.0, 10.0
 """Draws per second of a run, and seconds that stay in view."""
+
+QUIET = 3.0
+"""Seconds without news of a run after which the page says so; samples come every 5 ms, a journal ends within 1 s."""
 
 STALE = 15.0
 """Seconds without a sign of the page that controls, after which another one may."""
@@ -184,7 +187,7 @@ class LivePage:
         if kind in ("rehearse", "run"):
             try:
                 order = order_of(fields.motion, fields.duration, _share(fields.until), self.plant)
-            except WrongField as error:
+            except WrongFieldError as error:
                 self.inputs[error.field].error = error.message
                 return
             except SwingidError as error:
@@ -271,7 +274,7 @@ class LivePage:
 
     def _may_move(self) -> bool:
         """Whether the motor can have a voltage, as far as is known here."""
-        return self.runner.busy and self.task.kind in ("check", "run") or self.task.out_of_sight
+        return (self.runner.busy and self.task.kind in ("check", "run")) or self.task.out_of_sight
 
     def _state_words(self) -> str:
         task, progress = self.task, self.task.progress
@@ -288,6 +291,9 @@ class LivePage:
             return {"connect": "connecting …", "check": "checking …", "rehearse": "rehearsing …"}.get(
                 str(task.kind), "getting ready …"
             )
+        silent = time.monotonic() - task.when
+        if silent > QUIET:
+            return f"no news of the run for {silent:.0f} s: STOP, or the emergency stop"
         left = f"{progress['time']:.1f} s, {progress['left']:.0f} s left"
         volts = f"{abs(progress['voltage']):.1f} of {progress['limit']:g} V"
         return f"{progress['state']} · {left} · error {number(progress['tracking'], 'rad', 2)} · {volts}"

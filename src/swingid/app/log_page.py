@@ -161,8 +161,8 @@ class LogPage:
         start, stop = (begin, end) if begin < end else self.part or (first, last)
         self.part = None if start <= first and stop >= last else (start, stop)
         self.range.set_value({"min": start, "max": stop})
-        for end, value in zip(self.ends, (start, stop), strict=True):
-            end.set_value(value)
+        for shown, value in zip(self.ends, (start, stop), strict=True):
+            shown.set_value(value)
         self.angle.shade(start, stop)
         ui.timer(0.01, self.identify_all, once=True)
 

@@ -19,7 +19,7 @@ MOTION, DURATION, UNTIL = "reference", "duration", "until"
 """Names of the fields."""
 
 
-class WrongField(SwingidError):
+class WrongFieldError(SwingidError):
     """A field of the page that cannot be used. field: its name."""
 
     exit_code = UsageError.exit_code
@@ -32,7 +32,7 @@ class WrongField(SwingidError):
 def order_of(motion: object, duration: object, until: object, rig: Rig, *, clear: bool = False) -> Order:
     """The order of a run from what a page sent, whatever that is.
 
-    duration (s); until: relative standard uncertainty, 0 for never. Raises WrongField, InputError for a rig file
+    duration (s); until: relative standard uncertainty, 0 for never. Raises WrongFieldError, InputError for a rig file
     without what a controller needs.
     """
     from swingid.control.compensator import Compensator
@@ -40,18 +40,18 @@ def order_of(motion: object, duration: object, until: object, rig: Rig, *, clear
 
     seconds, share = _number(DURATION, duration, "seconds"), _number(UNTIL, until, "percent")
     if not 0.0 <= share < 1.0:
-        raise WrongField(UNTIL, "give 0 to 99 %; 0 runs for the whole duration")
+        raise WrongFieldError(UNTIL, "give 0 to 99 %; 0 runs for the whole duration")
     order = Order(_reference(motion, rig), Compensator.paper(rig), seconds, share, clear=clear)
     try:
         required(order)
     except UsageError as error:
-        raise WrongField(DURATION, error.message.replace("--", "")) from None
+        raise WrongFieldError(DURATION, error.message.replace("--", "")) from None
     return order
 
 
 def _number(field: str, value: object, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise WrongField(field, f"write a number of {unit}")
+        raise WrongFieldError(field, f"write a number of {unit}")
     return float(value)
 
 
@@ -63,15 +63,17 @@ def _reference(text: object, rig: Rig) -> Reference:
     kinds = [kind for kind in EXAMPLES if kind != "file"]
     example = EXAMPLES[kinds[0]]
     if not isinstance(text, str) or not text.strip():
-        raise WrongField(MOTION, f"write a motion, for example {example!r}")
+        raise WrongFieldError(MOTION, f"write a motion, for example {example!r}")
     kind = text.split()[0]
     if kind == "file":
-        raise WrongField(MOTION, f"a page takes no file: use swingid run, or write for example {example!r}")
+        raise WrongFieldError(MOTION, f"a page takes no file: use swingid run, or write for example {example!r}")
     if kind not in kinds:
-        raise WrongField(MOTION, f"begin with {', '.join(kinds[:-1])} or {kinds[-1]}; write for example {example!r}")
+        raise WrongFieldError(
+            MOTION, f"begin with {', '.join(kinds[:-1])} or {kinds[-1]}; write for example {example!r}"
+        )
     if len(text) > LONGEST:
-        raise WrongField(MOTION, f"write at most {LONGEST} letters")
+        raise WrongFieldError(MOTION, f"write at most {LONGEST} letters")
     try:
         return reference_for(text, rig)
     except SwingidError as error:
-        raise WrongField(MOTION, error.message) from None
+        raise WrongFieldError(MOTION, error.message) from None

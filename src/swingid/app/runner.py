@@ -36,7 +36,8 @@ class Seen:
 
     rows: t (s), angle and reference (rad), gain, voltage (V); count: how many came. estimates: swing, time, value,
     standard uncertainty, unit. ended: "ok", "failed", "stopped", "died" where its process said nothing, "" while it
-    goes on. stops: how often a stop was asked for. out: the journal of a run.
+    goes on. stops: how often a stop was asked for. out: the journal of a run. when: the last rows came, on the steady
+    clock (s).
     """
 
     kind: Kind | None = None
@@ -48,6 +49,7 @@ class Seen:
     progress: dict[str, Any] = field(default_factory=dict)
     ended: str = ""
     stops: int = 0
+    when: float = 0.0
     found: dict[str, Any] = field(default_factory=dict)
 
     @property
@@ -152,11 +154,14 @@ class Runner:
     def words_at_end(self) -> str:
         """What is kept of all runs, and whether one goes on; for a person who has ended the page."""
         kept = [path for path in self.journals if Path(path).exists()]
-        going = self.busy and self.seen.kind == "run" or self.seen.out_of_sight
+        going = (self.busy and self.seen.kind == "run") or self.seen.out_of_sight
         said = ["the page has ended"]
         if going:
             kept = [path for path in kept if path != self.seen.out]
-            said.append(f"the run goes on without it into {self.seen.out}, and swingid stop ends that")
+            what = "was asked to stop and ends" if self.seen.stops else "goes on in"
+            said.append(
+                f"the run {what} {self.seen.out} in a process of its own; swingid stop --hard gives 0 V at once"
+            )
         elif self.busy and self.seen.kind == "check":
             said.append("the check gives 0 V")
         if len(kept) > 3:
@@ -210,7 +215,7 @@ class Runner:
         except (ValueError, KeyError, AttributeError):
             return
         seen = self.seen
-        seen.progress = message["progress"]
+        seen.progress, seen.when = message["progress"], time.monotonic()
         seen.rows.extend(message["rows"])
         seen.count += len(message["rows"])
         if message["estimate"] is not None:

@@ -10,6 +10,7 @@ from types import FrameType
 
 from nicegui import app, core, ui
 
+from swingid.app.faults import log_in_lines
 from swingid.app.gate import Gate, Place
 from swingid.errors import UsageError
 
@@ -50,6 +51,7 @@ def serve(
     asked_to_end: called at each such signal, at once; closing: at the end. The handlers of signals that were there
     before are called when the server has ended.
     """
+    log_in_lines()
     app.add_static_files("/swingid/vendor", str(VENDOR))
     core.sio.eio.cors_allowed_origins = None  # pages of this server alone; NiceGUI lets all in
     inner = app.build_middleware_stack
@@ -69,18 +71,27 @@ def serve(
         show_welcome_message=False,
         reconnect_timeout=10.0,
         timeout_graceful_shutdown=GOODBYE,
+        log_config=None,
     )
 
 
 def _end_at_signals(asked_to_end: Callable[[], None]) -> None:
-    """Call a function before what the server does at a signal that ends it."""
+    """Call a function at each signal that ends the server, which itself is to see the first one alone.
+
+    At a second one it would drop what it has to do at its end, and that takes little time anyway.
+    """
     ends = signal.getsignal(signal.SIGINT)  # the server's, which is running now
     if not callable(ends):
         return
 
+    ending = False
+
     def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal ending
         asked_to_end()
-        ends(number, frame)
+        if not ending:
+            ending = True
+            ends(number, frame)
 
     for name in END_SIGNALS:
         if hasattr(signal, name):

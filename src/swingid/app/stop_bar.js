@@ -7,7 +7,7 @@ export default {
   template: `
     <div class="swingid-bar" :class="kind">
       <div class="swingid-bar-words" role="status" aria-live="polite">{{ said }}</div>
-      <button type="button" class="swingid-stop" :disabled="lost" aria-keyshortcuts="Escape" @click="press">STOP (Esc)</button>
+      <button type="button" class="swingid-stop" style="opacity: 1 !important" :disabled="lost" aria-keyshortcuts="Escape" @click="press">STOP (Esc)</button>
     </div>`,
   props: { words: String, moves: Boolean, beat: Number, heard: Number },
   data() {

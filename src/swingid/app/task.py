@@ -1,9 +1,9 @@
-"""A step on the rig in a process of its own, ``python -m swingid.app.task``: a page that is closed, slow or dead does
-not touch it.
+"""A step on the rig, in a process of its own, which a page that is closed, slow or dead does not touch.
 
-A `Task` comes as JSON on standard input, then a line for each stop; lines and ends go out as JSON on standard output.
-What is drawn goes as datagrams to this machine, which are lost where they are not read and never hold a run up. Where
-the page's server has died a run goes on to its planned end, a check gives 0 V, and a step without a motor ends.
+``python -m swingid.app.task``: a `Task` comes as JSON on standard input, then a line for each stop; what is said and
+how it ended goes out. What is drawn goes as datagrams to this machine, which are lost where they are not read and
+never hold a run up. Where the page's server has died a run goes on to its planned end, a check gives 0 V, and a step
+without a motor ends.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import json
 import os
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -54,7 +53,7 @@ class Task:
     clear: bool = False
 
 
-class Stopped(SwingidError):
+class StoppedError(SwingidError):
     """A check that a person has stopped. No DeviceError, which a run takes for a lost link."""
 
     exit_code = 5
@@ -114,10 +113,10 @@ class View:
         self._pass_on()
 
     def require_wanted(self) -> None:
-        """Raise Stopped where a stop has been asked for; once, so that the messages that give 0 V can go out."""
+        """Raise StoppedError where a stop has been asked for; once, so that the messages that give 0 V can go out."""
         if self.asked is not None and not self._told:
             self._told = True
-            raise Stopped
+            raise StoppedError
 
     def _listen(self) -> None:
         from swingid.live.codes import StopMode
@@ -156,7 +155,7 @@ def perform(task: Task, view: View) -> None:
     try:
         rig = Rig.load(task.rig)
         {"connect": _connect, "check": _check, "rehearse": _rehearse, "run": _run}[task.kind](task, rig, view)
-    except Stopped:
+    except StoppedError:
         view.send("stopped")
     except SwingidError as error:
         view.say(error.message)
@@ -203,7 +202,7 @@ def _check(task: Task, rig: Rig, view: View) -> None:
                 view.say("signs are not checked: that needs a reaction wheel")
                 return
             found = commission(session, rig, progress=view.say)
-        except Stopped:
+        except StoppedError:
             if session.hello is not None:
                 session.stop()  # until the device answers; the end of the session sends it again
             view.say("stopped: 0 V")
@@ -237,7 +236,7 @@ def _run(task: Task, rig: Rig, view: View) -> None:
 
     order = order_of(task.motion, task.duration, task.until, rig, clear=task.clear)
     if view.asked is not None:
-        raise Stopped
+        raise StoppedError
     conductor = conductor_of(rig, task.address, say=view.say, show=view.show)
     view.pass_stops_to(conductor.stop)
     with stopping(conductor.stop):

@@ -48,8 +48,8 @@ def dashboard(
 ) -> None:
     """Serve a page in the browser until Ctrl-C: a live rig step by step, or a log with all methods side by side.
 
-    The page is for this machine alone, unless --host is another address; then it needs the token that is printed, or
-    the one in $SWINGID_TOKEN. Ctrl-C stops a run softly, says what is kept, and is exit code 0.
+    The page is for this machine alone, unless --host is another address or --allow-host is given; then it needs the
+    token that is printed, or the one in $SWINGID_TOKEN. Ctrl-C stops a run softly and says what is kept (exit code 0).
     """
     if log is not None and device is not None:
         raise UsageError("--log and --device are two different pages; give one of them", code="contradiction")
@@ -64,7 +64,10 @@ def dashboard(
 
     plant = Rig.load(rig)
     _require_log(log, plant) if log is not None else _require_live(folder)
-    token = "" if host in LOCAL else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
+    if not host.strip():
+        raise UsageError("--host is empty; give an address of this machine, or 0.0.0.0 for all", code="out-of-range")
+    # a proxy lets others in, too
+    token = "" if host in LOCAL and not allow_host else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
     place = Place(host, free_port(host, port), token, tuple(allow_host or ()))
     from swingid.app.dashboard import LiveDashboard, LogDashboard
 

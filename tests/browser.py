@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-import socket
-import subprocess
-import sys
-import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,57 +10,16 @@ from typing import Any
 
 import pytest
 
+from page_server import free_port, served
+
+__all__ = ["browser", "free_port", "listen", "picture", "served"]
+
 PAGES = Path(__file__).resolve().parents[1] / "out" / "pages"
 NAMES = "chromium", "chromium-browser", "google-chrome"
 CHROMIUM = next((found for name in NAMES if (found := shutil.which(name))), "")
-for _package in ("nicegui", "playwright"):
-    pytest.importorskip(_package, reason=f"{_package} is not installed: pip install 'swingid[dev]'")
+pytest.importorskip("playwright", reason="playwright is not installed: pip install 'swingid[dev]'")
 if not CHROMIUM:
     pytest.skip("no Chromium on this machine (apt-get install chromium)", allow_module_level=True)
-
-
-def free_port() -> int:
-    """A port that nothing listens at."""
-    with socket.socket() as trial:
-        trial.bind(("127.0.0.1", 0))
-        return int(trial.getsockname()[1])
-
-
-@contextmanager
-def served(*arguments: str, **environment: str) -> Iterator[tuple[str, subprocess.Popen[str]]]:
-    """Address and process of `swingid dashboard` with these arguments, once it answers."""
-    port = free_port()
-    command = [sys.executable, "-m", "swingid", "dashboard", *arguments, "--port", str(port), "--no-browser"]
-    # NiceGUI takes another way where it sees pytest
-    own = {name: value for name, value in os.environ.items() if not name.startswith(("PYTEST", "NICEGUI"))}
-    process = subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=own | environment
-    )
-    address = f"http://127.0.0.1:{port}/"
-    try:
-        until = time.monotonic() + 120
-        while time.monotonic() < until and not _answers(address):
-            if process.poll() is not None:
-                raise AssertionError(process.stdout.read())
-            time.sleep(0.2)
-        yield address, process
-    finally:
-        process.terminate()
-        try:
-            process.wait(20)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-
-
-def _answers(address: str) -> bool:
-    try:
-        urllib.request.urlopen(address, timeout=5).close()
-    except urllib.error.HTTPError:
-        return True
-    except OSError:
-        return False
-    return True
 
 
 @contextmanager

@@ -2,44 +2,66 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 
 from nicegui import app
 
 from swingid.app.analysis import Analyst
+from swingid.app.gate import Place
 from swingid.app.live_page import Desk, live_page
 from swingid.app.log_page import LogPage
-from swingid.app.parts import heading, page_frame
-from swingid.app.server import Place, serve
-from swingid.errors import SwingidError
+from swingid.app.runner import POLLED
+from swingid.app.server import serve
 
-POLLED = 0.02
-"""Seconds between two looks at what the rig's process sent."""
-
-
-def log_dashboard(log: str, rig: str, place: Place, *, show: bool) -> None:
-    """Serve the page on a log and its rig file, which can be loaded."""
-    analyst = Analyst()
-
-    def build() -> None:
-        try:
-            page = LogPage(log, rig, analyst)
-        except SwingidError as error:  # a file that is gone, or that changed since the start
-            page_frame(log, rig=rig)
-            heading(error.message)
-        else:
-            page.build()
-
-    serve(build, place, show=show, closing=analyst.close)
+SOFT_STOP = 1.4
+"""Seconds after Ctrl-C within which the server waits for the end of a run: the fade of 0.5 s, then its journal."""
 
 
-def live_dashboard(address: str, rig: str, folder: Path, place: Place, *, show: bool) -> None:
-    """Serve the page beside a device ("" for the emulator of the rig file); journals go into `folder`."""
-    desk = Desk(rig, address, folder, Analyst())
+class LogDashboard:
+    """The page on a log and its rig file, which can be loaded."""
 
-    def close() -> None:
-        desk.analyst.close()
-        desk.runner.close()
+    def __init__(self, log: str, rig: str) -> None:
+        self.log, self.rig = log, rig
 
-    app.timer(POLLED, desk.runner.poll)
-    serve(live_page(desk), place, show=show, closing=close)
+    def serve(self, place: Place, *, show: bool) -> None:
+        """Serve the page until it is ended."""
+        analyst = Analyst()
+        serve(
+            lambda: LogPage(self.log, self.rig, analyst).build(),
+            place,
+            show=show,
+            asked_to_end=lambda: None,
+            closing=analyst.close,
+        )
+
+    def words_at_end(self) -> str:
+        """What a person who has ended the page wants to know."""
+        return "the page has ended; the log and the rig file are as they were"
+
+
+class LiveDashboard:
+    """The page beside a device ("" for the emulator of the rig file); journals go into `folder`."""
+
+    def __init__(self, address: str, rig: str, folder: Path) -> None:
+        self.desk = Desk(rig, address, folder, Analyst())
+        self._asked = 0.0
+
+    def serve(self, place: Place, *, show: bool) -> None:
+        """Serve the page until it is ended."""
+        app.timer(POLLED, self.desk.runner.poll)
+        serve(live_page(self.desk), place, show=show, asked_to_end=self._ask, closing=self._close)
+
+    def words_at_end(self) -> str:
+        """What is kept, and whether a run goes on."""
+        return self.desk.runner.words_at_end()
+
+    def _ask(self) -> None:
+        """Ctrl-C: as STOP, so a run fades out, and the second time gives 0 V at once."""
+        self._asked = self._asked or time.monotonic()
+        self.desk.runner.stop()
+
+    def _close(self) -> None:
+        self.desk.analyst.close()
+        self.desk.runner.finish(self._asked + SOFT_STOP - time.monotonic())
+        self.desk.runner.close()

@@ -6,15 +6,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nicegui import ui
 
 from swingid.app.analysis import Analyst
 from swingid.app.log_page import LogPage
+from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of
 from swingid.app.parts import Step, page_frame, ready, said, steps
 from swingid.app.plot import Line, Plot
-from swingid.app.runner import Kind, Runner, Task
+from swingid.app.runner import Runner
+from swingid.app.stop_bar import StopBar
+from swingid.app.task import Kind, Task
 from swingid.errors import SwingidError
 from swingid.format import number, percent, plus_minus
 from swingid.model.rig import Rig
@@ -31,13 +35,25 @@ STEPS = (
 DRAWS, WINDOW = 30.0, 10.0
 """Draws per second of a run, and seconds that stay in view."""
 
+QUIET = 3.0
+"""Seconds without news of a run after which the page says so; samples come every 5 ms, a journal ends within 1 s."""
+
 STALE = 15.0
 """Seconds without a sign of the page that controls, after which another one may."""
 
 
+@dataclass(frozen=True)
+class Fields:
+    """What is written in the fields: reference, duration (s), stop at this relative uncertainty (%)."""
+
+    motion: Any = "sine 0.8 rad 8.5 rad/s"
+    duration: Any = 25.0
+    until: Any = 0.0
+
+
 @dataclass
 class Desk:
-    """What all pages of one rig share: the runner, who controls, what was chosen."""
+    """What all pages of one rig share: the runner, who controls, what was asked for last, what was rehearsed."""
 
     rig: str
     address: str
@@ -46,7 +62,8 @@ class Desk:
     runner: Runner = field(default_factory=Runner)
     controller: str = ""
     seen: float = 0.0
-    rehearsed: tuple[str, float] | None = None
+    fields: Fields = field(default_factory=Fields)
+    rehearsed: Fields | None = None
 
     def controls(self, page: str) -> bool:
         """Whether this page controls; the first one does, and another after that one is gone."""
@@ -58,29 +75,44 @@ class Desk:
             return True
         return False
 
+    def opened(self) -> dict[Kind, bool]:
+        """Which steps may be begun."""
+        passed = self.runner.passed
+        return {
+            "connect": True,
+            "check": "connect" in passed,
+            "rehearse": "check" in passed,
+            "run": "check" in passed and "rehearse" in passed,
+        }
+
+    def new_journal(self) -> str:
+        """A file that is not there yet."""
+        name = time.strftime("run-%Y%m%d-%H%M%S")
+        paths = (self.folder / f"{name}{tail}.mcap" for tail in ("", *(f"-{k}" for k in range(2, 1000))))
+        return str(next(path for path in paths if not path.exists()))
+
 
 class LivePage:
     """One browser's page on a live rig."""
 
     def __init__(self, desk: Desk) -> None:
         self.desk, self.runner = desk, desk.runner
-        self.me = ui.context.client.id
+        self.client = ui.context.client
         self.plant = Rig.load(desk.rig)
         self.logs: dict[Kind, ui.column] = {}
         self.buttons: dict[Kind, ui.button] = {}
-        self.motion: ui.input
-        self.duration: ui.number
-        self.until: ui.number
+        self.inputs: dict[str, ui.input | ui.number] = {}
         self.cursor = self.drawn = self.lines = 0
         self.task = self.runner.seen
-        self.presses = 0
+        self.shown = ""
         self.result: LogPage | None = None
 
     def build(self) -> None:
         """Lay the page out."""
         page_frame(self.desk.address or f"emulator of {self.plant.name}", rig=self.desk.rig)
         self.watching = ui.label("Another page controls this rig; here you watch. STOP works everywhere.")
-        with steps(STEPS) as (self.tabs, panels):
+        going = self.runner.seen.kind if self.runner.busy else None
+        with steps(STEPS, going) as (self.tabs, panels):
             with panels["connect"]:
                 ui.label(f"Device: {self.desk.address or 'none given, so the twin of the rig file is the rig'}")
                 self._action("connect", "Connect")
@@ -100,25 +132,26 @@ class LivePage:
             with panels["report"]:
                 self.report_place = ui.column().classes("w-full")
                 said(self.report_place, "no run yet")
-        with ui.footer().classes("items-center justify-between py-2").style("background: #D55E00"):
-            self.state = ui.label("at rest, 0 V").classes("text-base").props('aria-live="polite"')
-            ui.button("STOP (Esc)", on_click=self._stop).props(
-                "color=white text-color=black size=xl aria-keyshortcuts=Esc"
-            )
-        ui.keyboard(on_key=self._key, ignore=[])
+        with ui.footer().classes("p-0"):
+            self.bar = StopBar(self._stop)
         self._enable(mine=False)  # a page controls once its browser is there
         self.watching.set_visibility(False)
         ui.timer(1 / DRAWS, self._draw)
 
     def _order_panel(self) -> None:
-        with ui.row().classes("items-center"):
-            self.motion = ui.input("reference", value="sine 0.8 rad 8.5 rad/s").classes("w-64")
-            self.duration = ui.number("duration, s", value=25, min=1, max=86400).classes("w-28")
-            self.until = ui.number("stop at relative uncertainty, %", value=0, min=0, max=99).classes("w-52")
+        fields = self.desk.fields
+        with ui.row().classes("items-start"):
+            self.inputs[MOTION] = ui.input("reference", value=fields.motion).classes("w-80 max-w-full")
+            self.inputs[DURATION] = ui.number("duration, s", value=fields.duration).classes("w-40")
+            self.inputs[UNTIL] = ui.number("stop at relative uncertainty, %", value=fields.until).classes("w-60")
+        for each in self.inputs.values():
+            each.props("bottom-slots")  # room for what is wrong with a field
         ui.label("0 %: run for the whole duration.").classes("text-sm")
 
     def _action(self, kind: Kind, word: str) -> None:
-        self.buttons[kind] = ui.button(word, on_click=lambda: self._begin(kind))
+        self.buttons[kind] = ui.button(word).on(
+            "click", lambda event: self._press(kind, event.args), js_handler="() => emit(window.swingidBeat)"
+        )
         self.logs[kind] = ui.column().classes("w-full gap-1 font-mono text-sm").props('aria-live="polite" role="log"')
 
     def _plots(self) -> None:
@@ -132,37 +165,64 @@ class LivePage:
         names = ("estimate", "lower end of the 95 % interval", "upper end")
         self.estimates = Plot("inertia after each swing, kg m²", [Line(name) for name in names])
 
-    def _begin(self, kind: Kind) -> None:
-        desk = self.desk
-        if not desk.controls(self.me) or self.runner.busy:
+    @property
+    def fields(self) -> Fields:
+        """What is written in the fields now."""
+        return Fields(*(self.inputs[name].value for name in (MOTION, DURATION, UNTIL)))
+
+    @property
+    def me(self) -> str:
+        """Which page this is; the same after a reload."""
+        return self.client.tab_id or self.client.id
+
+    def _press(self, kind: Kind, beat: object) -> None:
+        """A button of a step: begin it, unless what was pressed does not hold any more."""
+        if not self.bar.is_fresh(beat):
+            ui.notify("pressed while the connection was lost, so it did nothing; press again", type="warning")
             return
+        desk, fields = self.desk, self.fields
+        if not desk.controls(self.me) or self.runner.busy or not desk.opened()[kind]:
+            return
+        values: dict[str, Any] = {}
+        if kind in ("rehearse", "run"):
+            try:
+                order = order_of(fields.motion, fields.duration, _share(fields.until), self.plant)
+            except WrongFieldError as error:
+                self.inputs[error.field].error = error.message
+                return
+            except SwingidError as error:
+                said(self.logs[kind], error.message)
+                return
+            values = {"motion": fields.motion, "duration": order.duration, "until": order.until}
+            if kind == "rehearse":
+                desk.rehearsed = fields
+            elif fields != desk.rehearsed:
+                return
+        self._begin(kind, values)
+
+    def _begin(self, kind: Kind, values: dict[str, Any]) -> None:
+        desk = self.desk
+        desk.fields = self.fields
         out = ""
         if kind == "run":
-            out = str(desk.folder / time.strftime("run-%Y%m%d-%H%M%S.mcap"))
+            out = desk.new_journal()
             for plot in (self.angle, self.error, self.voltage, self.gain):
                 plot.clear_rows()
-        order = (str(self.motion.value), float(self.duration.value or 0.0))
-        if kind == "rehearse":
-            desk.rehearsed = order
-        share = float(self.until.value or 0.0) / 100
-        self.runner.start(Task(kind, desk.address, desk.rig, *order, share, out, bool(self.clear.value)))
+        self.runner.start(Task(kind, desk.address, desk.rig, **values, out=out, clear=bool(self.clear.value)))
 
     def _stop(self) -> None:
-        """Once: fade out; again while it goes on: 0 V at once."""
-        self.presses += 1
-        self.runner.stop(hard=self.presses > 1)
-        self.state.set_text("stopping …" if self.runner.busy else "at rest, 0 V")
-
-    def _key(self, event: object) -> None:
-        key = getattr(event, "key", None)
-        if getattr(event.action, "keydown", False) and not event.action.repeat and key == "Escape":  # type: ignore[attr-defined]
-            self._stop()
+        """Once: fade out; again while it goes on: 0 V at once. A computation ends."""
+        self.runner.stop()
+        if not self.runner.busy:
+            self.desk.analyst.stop()
 
     def _draw(self) -> None:
         """What came since the last draw."""
+        if not self.client.has_socket_connection:
+            return
         seen = self.runner.seen
         if seen is not self.task:
-            self.task, self.cursor, self.drawn, self.lines, self.presses = seen, 0, 0, 0, 0
+            self.task, self.cursor, self.drawn, self.lines = seen, 0, 0, 0
             if seen.kind is not None:
                 self.logs[seen.kind].clear()
         if seen.kind is not None and len(seen.lines) > self.lines:
@@ -197,59 +257,73 @@ class LivePage:
 
     def _enable(self, *, mine: bool) -> None:
         """Which steps are open, what the state line says; mine: whether this page controls."""
-        runner, passed = self.runner, self.runner.passed
-        order = (str(self.motion.value), float(self.duration.value or 0.0))
-        fresh = "rehearse" in passed and self.desk.rehearsed == order
-        open_steps: dict[Kind, bool] = {
-            "connect": True,
-            "check": "connect" in passed,
-            "rehearse": "check" in passed,
-            "run": "check" in passed and fresh,
-        }
+        runner = self.runner
+        opened = self.desk.opened()
+        opened["run"] = opened["run"] and self.desk.rehearsed == self.fields
         self.watching.set_visibility(not mine)
-        for kind, is_open in open_steps.items():
+        for kind, is_open in opened.items():
             self.buttons[kind].set_enabled(mine and is_open and not runner.busy)
             ready(self.tabs[kind], is_open or kind == self.task.kind)
-        done = self.task.kind == "run" and bool(self.task.ended) and bool(self.task.found)
+        journal = self.task.found.get("journal", "") if self.task.ended else ""
         for name in ("result", "report"):
-            ready(self.tabs[name], done or self.result is not None)
-        self.state.set_text(self._state_words())
-        if done and (self.result is None or self.result.log != self.task.found["journal"]):
-            self._show_result(self.task.found["journal"])
+            ready(self.tabs[name], bool(journal or self.shown))
+        self.bar.show(self._state_words(), moves=self._may_move())
+        if journal and journal != self.shown:
+            self.shown = journal
+            ui.timer(0.05, self._show_result, once=True)
+
+    def _may_move(self) -> bool:
+        """Whether the motor can have a voltage, as far as is known here."""
+        return (self.runner.busy and self.task.kind in ("check", "run")) or self.task.out_of_sight
 
     def _state_words(self) -> str:
-        progress = self.task.progress
+        task, progress = self.task, self.task.progress
+        if task.out_of_sight:
+            return "the run is out of sight: swingid stop, or the emergency stop"
         if not self.runner.busy:
-            return "at rest, 0 V"
-        if self.presses:
+            if not task.found.get("seen", True):
+                return "0 V was not seen: look at the rig"
+            moved = task.kind in ("check", "run") and (task.found or task.ended in ("ok", "stopped"))
+            return "at rest, 0 V" if moved else "no step goes on"
+        if task.stops:
             return "stopping …"
-        if self.task.kind != "run" or not progress:
+        if task.kind != "run" or not progress:
             return {"connect": "connecting …", "check": "checking …", "rehearse": "rehearsing …"}.get(
-                str(self.task.kind), "getting ready …"
+                str(task.kind), "getting ready …"
             )
+        silent = time.monotonic() - task.when
+        if silent > QUIET:
+            return f"no news of the run for {silent:.0f} s: STOP, or the emergency stop"
         left = f"{progress['time']:.1f} s, {progress['left']:.0f} s left"
         volts = f"{abs(progress['voltage']):.1f} of {progress['limit']:g} V"
         return f"{progress['state']} · {left} · error {number(progress['tracking'], 'rad', 2)} · {volts}"
 
-    def _show_result(self, journal: str) -> None:
+    async def _show_result(self) -> None:
         """The log that was recorded, as the page on a log shows it."""
+        journal = self.shown
+        result = LogPage(journal, self.desk.rig, self.desk.analyst)
+        said(self.result_place, "reading the journal …")
         try:
-            self.result = LogPage(journal, self.desk.rig, self.desk.analyst)
+            found = await result.sketch()
         except SwingidError as error:
             said(self.result_place, error.message)
-            self.task.found = {}
             return
+        self.result = result
         self.result_place.clear()
         with self.result_place:
             ui.label(f"journal: {journal}").classes("font-mono text-sm")
-            self.result.plots()
-            self.result.result_panel()
-            self.result.constants_panel()
+            result.plots(found)
+            result.result_panel()
+            result.constants_panel()
         self.report_place.clear()
         with self.report_place:
-            self.result.report_panel()
-        with self.result_place:
-            ui.timer(0.05, self.result.identify_all, once=True)
+            result.report_panel()
+        await result.identify_all()
+
+
+def _share(percents: object) -> object:
+    """A share out of percents; what is no number stays as it is."""
+    return percents / 100 if isinstance(percents, int | float) else percents
 
 
 def live_page(desk: Desk) -> Callable[[], None]:

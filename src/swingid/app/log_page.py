@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from nicegui import ui
 
-from swingid.app.analysis import Analyst, answered, inspected, reported
+from swingid.app.analysis import STOPPED, Analyst, answered, inspected, reported, sketched
 from swingid.app.parts import Answers, Step, heading, page_frame, said, steps, table
 from swingid.app.plot import Line, Plot
 from swingid.errors import SwingidError
 from swingid.format import percent, plus_minus, pretty_unit
 from swingid.methods.table import DEFAULT, METHODS
-from swingid.model.rig import Rig
-from swingid.recording.recording import Recording
+from swingid.result.result import refusal
 
 STEPS = (Step("check", "Check"), Step("result", "Result"), Step("constants", "Constants"), Step("report", "Report"))
 
@@ -32,7 +31,7 @@ class LogPage:
 
     def __init__(self, log: str, rig: str, analyst: Analyst) -> None:
         self.log, self.rig, self.analyst = log, rig, analyst
-        self.recording = Recording.load(log, Rig.load(rig))
+        self.first = self.last = 0.0
         self.part: tuple[float, float] | None = None
         self.factors: dict[str, float] = {}
         self.stated: Mapping[str, Any] = {}
@@ -43,34 +42,48 @@ class LogPage:
 
     def build(self) -> None:
         """Lay the page out; what takes time is filled in as it is found."""
-        page_frame(f"{self.log} · {self.recording.duration:.4g} s", rig=self.rig)
-        self.plots()
-        with steps(STEPS) as (_, panels):
-            with panels["check"]:
-                self.findings = ui.column().classes("w-full")
-                said(self.findings, "inspecting …")
-            with panels["result"]:
-                self.result_panel()
-            with panels["constants"]:
-                self.constants_panel()
-            with panels["report"]:
-                self.report_panel()
+        page_frame(self.log, rig=self.rig)
+        self.place = ui.column().classes("w-full")
+        said(self.place, "reading the log …")
         ui.timer(0.05, self._begin, once=True)
 
-    def plots(self) -> None:
-        """The channels of the log; a part that is drawn over the angle is used."""
-        log = self.recording
-        linear = Rig.load(self.rig).axis.kind == "linear"
-        word, unit = ("position", "m") if linear else ("angle", "rad")
-        drive = ("force", log.torque, "N") if linear else ("torque", log.torque, "N m")
-        self.angle = Plot(word, [Line(word, unit)], pick=self._use)
-        self.angle.show(log.time, [log.angle])
-        for name, values, own in (("voltage", log.voltage, "V"), drive):
-            if values is not None:
-                Plot(name, [Line(name, own)], height=120).show(log.time, [values])
+    async def sketch(self) -> Mapping[str, Any]:
+        """What is drawn of the log (`analysis.sketched`); raises SwingidError where it cannot be read."""
+        found: Mapping[str, Any] = await self.analyst.do(sketched, self.log, self.rig)
+        self.first, self.last = found["first"], found["last"]
+        return found
 
     async def _begin(self) -> None:
+        try:
+            found = await self.sketch()
+        except SwingidError as error:  # a file that is gone, or that changed since the start
+            self.place.clear()
+            with self.place:
+                heading(error.message)
+            return
+        self.place.clear()
+        with self.place:
+            ui.label(f"{found['duration']:.4g} s long").classes("text-sm")
+            self.plots(found)
+            with steps(STEPS) as (_, panels):
+                with panels["check"]:
+                    self.findings = ui.column().classes("w-full")
+                    said(self.findings, "inspecting …")
+                with panels["result"]:
+                    self.result_panel()
+                with panels["constants"]:
+                    self.constants_panel()
+                with panels["report"]:
+                    self.report_panel()
         await asyncio.gather(self._inspect(), self.identify_all())
+
+    def plots(self, found: Mapping[str, Any]) -> None:
+        """The channels of a `sketch`; a part that is drawn over the angle is used."""
+        (name, unit, time, values), *others = found["channels"]
+        self.angle = Plot(name, [Line(name, unit)], pick=self._use)
+        self.angle.show(time, [values])
+        for name, unit, time, values in others:
+            Plot(name, [Line(name, unit)], height=120).show(time, [values])
 
     async def _inspect(self) -> None:
         try:
@@ -96,7 +109,7 @@ class LogPage:
 
     def result_panel(self) -> None:
         """The part that is used, and every method side by side."""
-        first, last = float(self.recording.time[0]), float(self.recording.time[-1])
+        first, last = self.first, self.last
         ui.label("Part of the log that is used: move the ends, or draw over the angle above.")
         with ui.row(wrap=False).classes("w-full items-center px-4"):
             self.range = (
@@ -142,13 +155,14 @@ class LogPage:
 
     def _use(self, start: float | None, stop: float | None) -> None:
         """Identify from the part between two times (s); what is no part is taken back."""
-        first, last = float(self.recording.time[0]), float(self.recording.time[-1])
-        if start is None or stop is None or not start < stop:
-            start, stop = self.part or (first, last)
+        first, last = self.first, self.last
+        begin = first if start is None else max(start, first)
+        end = last if stop is None else min(stop, last)
+        start, stop = (begin, end) if begin < end else self.part or (first, last)
         self.part = None if start <= first and stop >= last else (start, stop)
         self.range.set_value({"min": start, "max": stop})
-        for end, value in zip(self.ends, (start, stop), strict=True):
-            end.set_value(value)
+        for shown, value in zip(self.ends, (start, stop), strict=True):
+            shown.set_value(value)
         self.angle.shade(start, stop)
         ui.timer(0.01, self.identify_all, once=True)
 
@@ -158,8 +172,11 @@ class LogPage:
         mine, factors = self.round, dict(self.factors)
         self.side_by_side.wait(METHODS)
         for method in (DEFAULT, *(name for name in METHODS if name != DEFAULT)):
-            found = await self.analyst.do(answered, self.log, self.rig, method, self.part, factors)
+            found = await self._answer(method, factors)
             if self.round != mine:
+                return
+            if found["error"] is not None and found["error"]["code"] == STOPPED:
+                self.side_by_side.put_rest(found)
                 return
             self.side_by_side.put(method, found)
             if method == DEFAULT:
@@ -167,10 +184,18 @@ class LogPage:
                     self.stated = found
                     self._make_sliders(found)
                 else:
-                    self.stated = await self.analyst.do(answered, self.log, self.rig, DEFAULT, self.part, {})
+                    self.stated = await self._answer(DEFAULT, {})
                     if self.round != mine:
                         return
                 self._show_effect(found)
+
+    async def _answer(self, method: str, factors: Mapping[str, float]) -> Mapping[str, Any]:
+        """The result of a method for the part that is used, as its JSON; a refusal where its process was ended."""
+        try:
+            found: Mapping[str, Any] = await self.analyst.do(answered, self.log, self.rig, method, self.part, factors)
+        except SwingidError as error:
+            return refusal(method, error).to_dict()
+        return found
 
     def _make_sliders(self, found: Mapping[str, Any]) -> None:
         self.sliders.clear()
@@ -194,7 +219,7 @@ class LogPage:
             del self.factors[key]
         self.moved += 1
         mine = self.moved
-        found = await self.analyst.do(answered, self.log, self.rig, DEFAULT, self.part, dict(self.factors))
+        found = await self._answer(DEFAULT, dict(self.factors))
         if self.moved == mine:
             self._show_effect(found)
 

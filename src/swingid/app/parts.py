@@ -25,6 +25,10 @@ table.swingid td.number { white-space: nowrap; font-variant-numeric: tabular-num
 """
 
 
+WAITS = "…"
+"""In the place of a value that is being computed."""
+
+
 @dataclass(frozen=True, slots=True)
 class Step:
     """One step of a page: its name in the code and the word on its tab."""
@@ -50,11 +54,13 @@ def page_frame(title: str, *, rig: str) -> ui.header:
 
 
 @contextmanager
-def steps(all_steps: Sequence[Step]) -> Iterator[tuple[Mapping[str, ui.tab], Mapping[str, ui.tab_panel]]]:
-    """Tabs of the steps, the first one shown, and their panels; a tab that must wait is disabled with `ready`."""
+def steps(
+    all_steps: Sequence[Step], shown: str | None = None
+) -> Iterator[tuple[Mapping[str, ui.tab], Mapping[str, ui.tab_panel]]]:
+    """Tabs of the steps, `shown` or the first one open, and their panels; one that must wait: see `ready`."""
     with ui.tabs().classes("w-full").props("inline-label outside-arrows mobile-arrows no-caps") as tabs:
         found = {step.name: ui.tab(step.name, f"{k + 1}. {step.word}") for k, step in enumerate(all_steps)}
-    with ui.tab_panels(tabs, value=all_steps[0].name).classes("w-full").props("keep-alive animated=false"):
+    with ui.tab_panels(tabs, value=shown or all_steps[0].name).classes("w-full").props("keep-alive animated=false"):
         panels = {step.name: ui.tab_panel(step.name) for step in all_steps}
     yield found, panels
 
@@ -102,12 +108,17 @@ class Answers:
 
     def wait(self, methods: Iterable[str]) -> None:
         """Empty rows for these methods."""
-        self.rows = dict.fromkeys(methods, ("…", "", "", ""))
+        self.rows = dict.fromkeys(methods, (WAITS, "", "", ""))
         self._draw()
 
     def put(self, method: str, found: Mapping[str, Any]) -> None:
         """The result of a method, as its JSON."""
         self.rows[method] = answer_row(found)
+        self._draw()
+
+    def put_rest(self, found: Mapping[str, Any]) -> None:
+        """The same for all methods that have none."""
+        self.rows = {name: answer_row(found) if row[0] == WAITS else row for name, row in self.rows.items()}
         self._draw()
 
     def _draw(self) -> None:

@@ -78,7 +78,7 @@ export default {
           cursor: { drag: { x: true, y: false, setScale: false } },
           select: { show: this.pickable },
           scales: { x: { time: false }, y: { range: (_, low, high) => this.range(low, high) } },
-          axes: [{ ...axis, size: 34, values: (_, ticks) => this.ticks(ticks).map((t, k) => (k === ticks.length - 1 ? `${t} s` : t)) }, { ...axis, size: 62, values: (_, ticks) => this.ticks(ticks) }],
+          axes: [{ ...axis, size: 34, values: (_, ticks) => this.ticks(ticks).map((t, k) => (k === ticks.length - 1 ? `${t} s` : t)) }, { ...axis, size: (_, values) => Math.max(62, 24 + 7 * Math.max(0, ...(values || []).map((v) => v.length))), values: (_, ticks) => this.ticks(ticks) }],
           series: [{ label: "time, s", value: (_, v) => (v == null ? "–" : v.toFixed(3)) }, ...series],
           hooks: { draw: [(plot) => this.drawn(plot)], setSelect: [(plot) => this.picked(plot)] },
         },

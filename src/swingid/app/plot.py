@@ -11,7 +11,6 @@ import numpy as np
 from nicegui.element import Element
 
 from swingid.numerics.arrays import Array
-from swingid.report.style import envelope
 from swingid.result.plot import BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION
 
 COLOURS = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
@@ -55,10 +54,10 @@ class Plot(Element, component="plot.js"):
         if pick is not None:
             self.on("pick", lambda event: pick(float(event.args["from"]), float(event.args["to"])))
 
-    def show(self, time: Array, values: Sequence[Array], bins: int = 2500) -> None:
-        """Replace what is drawn by channels (n,) over time (n,), thinned by smallest and largest value of a bin."""
+    def show(self, time: Array, values: Sequence[Array]) -> None:
+        """Replace what is drawn by channels (n,) over time (n,)."""
         # a property, so that a plot in a tab that is not opened yet has it, too
-        self._props["shown"] = [packed(thinned(time, each, bins)) for each in values]
+        self._props["shown"] = [packed((time, each)) for each in values]
         self.update()
 
     def append(self, time: Array, values: Sequence[Array]) -> None:
@@ -73,11 +72,6 @@ class Plot(Element, component="plot.js"):
     def shade(self, start: float, stop: float) -> None:
         """Shade what lies outside a part (s)."""
         self.run_method("shade", start, stop)
-
-
-def thinned(time: Array, values: Array, bins: int) -> tuple[Array, Array]:
-    """At most 2 `bins` rows that draw the same line."""
-    return envelope(np.asarray(time, float), np.asarray(values, float), bins)
 
 
 def packed(columns: Sequence[Array]) -> Mapping[str, Any]:

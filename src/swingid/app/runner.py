@@ -1,53 +1,33 @@
-"""What acts on the rig, in a process of its own: a page that is closed, slow or dead does not touch it.
+"""The steps on one rig, one at a time, each in a process of its own (`app/task.py`), and how each is stopped.
 
-The process sends what there is to see as datagrams to this machine, which are lost where they are not read and never
-hold it up. Stops come through a pipe that it looks at with each batch of samples; where the page's process has died the
-run goes on to its end.
+A motor can move in a check and in a run: those are stopped by a Stop to the device. In the other steps none can, so
+their processes are ended.
 """
 
 from __future__ import annotations
 
 import json
-import multiprocessing
+import os
+import queue
 import secrets
 import socket
+import subprocess
+import sys
+import threading
+import time
 from collections import deque
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
-from multiprocessing.connection import Connection
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
-from swingid.errors import SwingidError
+from swingid.app.task import PATIENCE, Kind, Task
 
-if TYPE_CHECKING:
-    from swingid.live.codes import StopMode
-    from swingid.live.progress import Progress
-    from swingid.model.rig import Rig
+KEPT = 60_000
+"""Rows that are kept for pages that are opened later: a minute at 1 kHz."""
 
-LARGEST, KEPT = 60_000, 60_000
-"""Bytes of a datagram, and rows that are kept for pages that are opened later: a minute at 1 kHz."""
-
-Kind = Literal["connect", "check", "rehearse", "run"]
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """What is to be done.
-
-    address: of the device, "" for the emulator of the rig file. motion, duration (s), until (relative standard
-    uncertainty, 0 for never) and out: of a run. clear: a person has looked at a latched fault.
-    """
-
-    kind: Kind
-    address: str
-    rig: str
-    motion: str = ""
-    duration: float = 25.0
-    until: float = 0.0
-    out: str = ""
-    clear: bool = False
+POLLED = 0.02
+"""Seconds between two looks at what came."""
 
 
 @dataclass
@@ -55,32 +35,45 @@ class Seen:
     """What pages show of a task.
 
     rows: t (s), angle and reference (rad), gain, voltage (V); count: how many came. estimates: swing, time, value,
-    standard uncertainty, unit. ended: "ok", "failed", "" while it goes on.
+    standard uncertainty, unit. ended: "ok", "failed", "stopped", "died" where its process said nothing, "" while it
+    goes on. stops: how often a stop was asked for. out: the journal of a run. when: the last rows came, on the steady
+    clock (s).
     """
 
     kind: Kind | None = None
+    out: str = ""
     lines: list[str] = field(default_factory=list)
     rows: deque[list[float]] = field(default_factory=lambda: deque(maxlen=KEPT))
     count: int = 0
     estimates: list[list[Any]] = field(default_factory=list)
     progress: dict[str, Any] = field(default_factory=dict)
     ended: str = ""
+    stops: int = 0
+    when: float = 0.0
     found: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def out_of_sight(self) -> bool:
+        """Whether the run may go on although nothing is seen of it: its process died, the link's process may live."""
+        return self.kind == "run" and self.ended == "died"
 
 
 class Runner:
-    """The tasks of one rig, one at a time; `poll` takes in what came since."""
+    """The tasks of one rig; `poll` takes in what came since. journals: those in which something was recorded."""
 
     def __init__(self) -> None:
         self.seen = Seen()
         self.passed: set[Kind] = set()
+        self.journals: list[str] = []
         self._key = secrets.token_hex(8)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 20)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.setblocking(False)
-        self._pipe: Connection | None = None
-        self._process: multiprocessing.process.BaseProcess | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._lines: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._reading: threading.Thread | None = None
+        self._until = float("inf")
 
     @property
     def busy(self) -> bool:
@@ -91,46 +84,128 @@ class Runner:
         """Begin a task; without effect while another goes on."""
         if self.busy:
             return
-        self.seen = Seen(task.kind)
+        self.seen = Seen(task.kind, task.out)
         self.passed.discard(task.kind)
-        ours, theirs = multiprocessing.Pipe()
-        context = multiprocessing.get_context("spawn")
-        address = self._socket.getsockname()
-        self._process = context.Process(target=perform, args=(task, theirs, address, self._key), daemon=False)
-        self._process.start()
-        theirs.close()
-        self._pipe = ours
+        job = {"task": asdict(task), "address": self._socket.getsockname(), "key": self._key}
+        # a group of its own: what Ctrl-C in the terminal is to end is for this process to say
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "swingid.app.task"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            bufsize=0,
+            start_new_session=os.name != "nt",
+            creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
+        )
+        self._send(json.dumps(job))
+        self._lines, self._until = queue.SimpleQueue(), float("inf")
+        self._reading = threading.Thread(target=_read, args=(self._process, self._lines), daemon=True)
+        self._reading.start()
 
     def stop(self, *, hard: bool = False) -> None:
-        """Fade out, or 0 V at once; without a run nothing happens."""
-        if self._pipe is not None:
-            with suppress(OSError):
-                self._pipe.send("hard" if hard else "soft")
+        """A run fades out, or gives 0 V at once (hard, and a second time); a check gives 0 V; the others end."""
+        if self._process is None:
+            return
+        seen = self.seen
+        seen.stops += 1
+        if seen.kind == "run":
+            self._send("hard" if hard or seen.stops > 1 else "soft")
+        elif seen.kind == "check":
+            self._send("hard")
+            self._until = min(self._until, time.monotonic() + 1.5 * PATIENCE)
+        else:
+            self._end("stopped")
 
     def poll(self) -> None:
-        """Take in datagrams and the end of the task."""
+        """Take in datagrams, lines, and the end of the task."""
         with suppress(BlockingIOError, ConnectionError):
             while True:
                 self._take(self._socket.recv(65536))
-        if self._process is None or self._pipe is None:
+        process, reading = self._process, self._reading
+        if process is None or reading is None:
             return
-        with suppress(EOFError, OSError):
-            while self._pipe.poll():
-                name, value = self._pipe.recv()
-                if name == "line":
-                    self.seen.lines.append(value)
-                elif name == "found":
-                    self.seen.found = value
-                else:
-                    self.seen.ended = name
-        if self._process.is_alive():
+        if time.monotonic() > self._until:
+            self._end("stopped: its process did not answer, and without it the firmware gives 0 V")
+        over = not reading.is_alive()  # asked before the last lines are taken
+        with suppress(queue.Empty):
+            while True:
+                self._hear(self._lines.get_nowait())
+        if not over or process.poll() is None:
             return
-        self._process.join()
-        self._pipe.close()
-        self.seen.ended = self.seen.ended or "failed"
-        if self.seen.ended == "ok" and self.seen.kind is not None:
-            self.passed.add(self.seen.kind)
-        self._process = self._pipe = None
+        for pipe in (process.stdin, process.stdout):
+            with suppress(OSError):
+                if pipe is not None:
+                    pipe.close()
+        self._process = self._reading = None
+        self._finish()
+
+    def finish(self, patience: float) -> None:
+        """Wait for the end of the task, for so long (s) at most."""
+        until = time.monotonic() + patience
+        while self.busy and time.monotonic() < until:
+            self.poll()
+            time.sleep(POLLED)
+
+    def close(self) -> None:
+        """Leave a run to itself: it goes on to its end, and its journal is whole. A step without a motor ends."""
+        if self._process is not None and self.seen.kind in ("connect", "rehearse"):
+            self._process.kill()
+        self._socket.close()
+
+    def words_at_end(self) -> str:
+        """What is kept of all runs, and whether one goes on; for a person who has ended the page."""
+        kept = [path for path in self.journals if Path(path).exists()]
+        going = (self.busy and self.seen.kind == "run") or self.seen.out_of_sight
+        said = ["the page has ended"]
+        if going:
+            kept = [path for path in kept if path != self.seen.out]
+            what = "was asked to stop and ends" if self.seen.stops else "goes on in"
+            said.append(
+                f"the run {what} {self.seen.out} in a process of its own; swingid stop --hard gives 0 V at once"
+            )
+        elif self.busy and self.seen.kind == "check":
+            said.append("the check gives 0 V")
+        if len(kept) > 3:
+            said.append(f"kept: {len(kept)} journals, from {kept[0]} to {kept[-1]}")
+        elif kept:
+            said.append(f"kept: {', '.join(kept)}")
+        elif not going:
+            said.append("no run was recorded")
+        return "; ".join(said)
+
+    def _finish(self) -> None:
+        seen = self.seen
+        seen.ended = seen.ended or "died"
+        if seen.ended == "ok" and seen.kind is not None:
+            self.passed.add(seen.kind)
+        if seen.ended == "stopped" and not seen.lines:
+            seen.lines.append("stopped")
+        if seen.ended == "died":
+            seen.lines.append(DIED[seen.kind == "run"])
+
+    def _send(self, word: str) -> None:
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(OSError):
+                self._process.stdin.write(word.encode() + b"\n")
+
+    def _end(self, why: str) -> None:
+        """End the process of a step in which no motor can move, or that does not answer."""
+        if self._process is not None and not self.seen.ended:
+            self.seen.ended, self._until = "stopped", float("inf")
+            self.seen.lines.append(why)
+            self._process.kill()
+
+    def _hear(self, line: bytes) -> None:
+        try:
+            name, value = json.loads(line)
+        except ValueError:  # cut by the end of its process
+            return
+        if name == "line":
+            self.seen.lines.append(str(value))
+        elif name == "found":
+            self.seen.found = value
+            self._note_journal()
+        else:
+            self.seen.ended = self.seen.ended or name
 
     def _take(self, data: bytes) -> None:
         try:
@@ -140,152 +215,32 @@ class Runner:
         except (ValueError, KeyError, AttributeError):
             return
         seen = self.seen
-        seen.progress = message["progress"]
+        seen.progress, seen.when = message["progress"], time.monotonic()
         seen.rows.extend(message["rows"])
         seen.count += len(message["rows"])
         if message["estimate"] is not None:
             seen.estimates.append(message["estimate"])
+        if seen.count:
+            self._note_journal()
 
-    def close(self) -> None:
-        """Leave a run to itself: it goes on to its end, and its journal is whole."""
-        self._socket.close()
-
-
-@dataclass
-class View:
-    """The child's side: lines and ends through the pipe, what is drawn as datagrams; it never waits."""
-
-    pipe: Connection
-    address: tuple[str, int]
-    key: str
-    stop: Callable[[StopMode, str], None] = lambda _mode, _why: None
-
-    def __post_init__(self) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-
-    def say(self, line: str) -> None:
-        """A line for people."""
-        self.send("line", line)
-
-    def send(self, name: str, value: object = None) -> None:
-        """What must arrive, of a few hundred bytes; nothing where the page's process has died."""
-        with suppress(OSError):
-            self.pipe.send((name, value))
-
-    def show(self, progress: Progress) -> None:
-        """Send the progress and its new rows, and look for a stop."""
-        rows = [[row.t, row.q1, row.ym, row.k, row.u] for row in progress.new]
-        estimate = None
-        if progress.fresh and progress.estimate is not None:
-            found, own = progress.estimate, progress.estimate.inertia
-            estimate = [found.swing, found.time, own.value, own.standard_uncertainty, own.unit]
-        shown = {
-            "state": progress.state.name.lower(),
-            **{name: getattr(progress, name) for name in ("time", "left", "tracking", "gain", "voltage", "limit")},
-        }
-        message = {"key": self.key, "progress": shown, "rows": rows, "estimate": estimate}
-        with suppress(OSError):
-            self._socket.sendto(json.dumps(message).encode()[:LARGEST], self.address)
-        self.look()
-
-    def look(self) -> None:
-        """Act on a stop that came."""
-        from swingid.live.codes import StopMode
-
-        with suppress(EOFError, OSError):
-            while self.pipe.poll():
-                hard = self.pipe.recv() == "hard"
-                self.stop(StopMode.HARD if hard else StopMode.SOFT, "stopped from the page")
+    def _note_journal(self) -> None:
+        if self.seen.out and self.seen.out not in self.journals:
+            self.journals.append(self.seen.out)
 
 
-def perform(task: Task, pipe: Connection, address: tuple[str, int], key: str) -> None:
-    """Do a task, in the process that was started for it; errors are lines, and the end "failed"."""
-    from swingid.model.rig import Rig
-
-    view = View(pipe, address, key)
-    try:
-        rig = Rig.load(task.rig)
-        {"connect": _connect, "check": _check, "rehearse": _rehearse, "run": _run}[task.kind](task, rig, view)
-    except SwingidError as error:
-        view.say(error.message)
-        view.send("failed")
-    except KeyboardInterrupt:
-        view.say("ended by Ctrl-C")
-        view.send("failed")
-    else:
-        view.send("ok")
+DIED = (
+    "its process has died; without it the firmware gives 0 V",
+    "the process that shows the run has died, and the run may go on: end it by swingid stop or the emergency stop",
+)
+"""What a step and a run say whose process was ended from outside."""
 
 
-def _connect(task: Task, rig: Rig, view: View) -> None:
-    """Who is there, and whether it is the rig of the rig file."""
-    from swingid.live.experiment import opened
-    from swingid.live.preflight import require_same_rig
-    from swingid.live.session import Session
-
-    with Session(opened(task.address, rig)) as session:
-        board = session.connect()
-        wheel = f", {board.wheel_counts} of the wheel" if board.wheel_counts else ""
-        view.say(f"{session.link.name}: firmware {board.firmware:08x}, {board.rate:g} samples per second")
-        view.say(f"{board.axis_counts} counts per turn of the axis{wheel}; {board.voltage_limit:g} V at most")
-        require_same_rig(rig, board, session.link.name)
-
-
-def _check(task: Task, rig: Rig, view: View) -> None:
-    """Whether it hangs still and its signs hold, by the pulses of `swingid commission`; nothing is written."""
-    from swingid.errors import InputError
-    from swingid.live.commission import commission
-    from swingid.live.experiment import opened
-    from swingid.live.session import Session
-
-    with Session(opened(task.address, rig)) as session:
-        session.connect()
-        if task.clear:
-            session.clear()
-        if rig.drive.kind != "reaction-wheel":
-            session.require_ready()
-            view.say("signs are not checked: that needs a reaction wheel")
-            return
-        found = commission(session, rig, progress=view.say)
-    for line in found.lines():
-        view.say(line)
-    wrong = [name for name in ("wheel_sign", "voltage_sign") if getattr(found, name) != getattr(rig.device, name)]
-    if wrong:
-        text = f"{task.rig}: device.{' and device.'.join(wrong)} must be the other sign; swingid commission writes it"
-        raise InputError(text, code="wrong-sign")
-
-
-def _order(task: Task, rig: Rig) -> Any:
-    from swingid.control.compensator import Compensator
-    from swingid.control.references import reference_for
-    from swingid.live.experiment import Order, required
-
-    order = Order(reference_for(task.motion, rig), Compensator.paper(rig), task.duration, task.until, clear=task.clear)
-    required(order)
-    return order
-
-
-def _rehearse(task: Task, rig: Rig, view: View) -> None:
-    from swingid.live.guard import Limits
-    from swingid.live.preflight import rehearsed
-
-    order, limits = _order(task, rig), Limits.of(rig)
-    view.say("the twin runs it …")
-    span = {"duration": order.duration, "rate": 1000.0, "fade": order.fade}
-    found = rehearsed(rig, order.motion, order.controller, limits, **span)
-    view.say(found.words())
-    view.say("within the limits of the guard")
-
-
-def _run(task: Task, rig: Rig, view: View) -> None:
-    from swingid.live.experiment import require_usable
-    from swingid.live.interrupt import stopping
-    from swingid.live.processes import conductor_of
-
-    conductor = conductor_of(rig, task.address, say=view.say, show=view.show)
-    view.stop = conductor.stop
-    with stopping(conductor.stop):
-        done = conductor.run(_order(task, rig), Path(task.out))
-    view.say(f"{done.end.sentence}: 0 V; wrote {task.out}")
-    view.send("found", {"journal": task.out, "lost": done.lost, "reason": done.end.reason.value})
-    require_usable(done, task.out)
+def _read(process: subprocess.Popen[bytes], lines: queue.SimpleQueue[bytes]) -> None:
+    """Lines of a process until it ends; read in a thread, as a pipe of Windows cannot be asked without waiting."""
+    assert process.stdout is not None
+    rest = b""
+    with suppress(OSError, ValueError):
+        while data := os.read(process.stdout.fileno(), 65536):
+            *whole, rest = (rest + data).split(b"\n")
+            for line in whole:
+                lines.put(line)

@@ -1,45 +1,31 @@
-"""The server of the page: where it listens, who may look, who may act, and how it ends."""
+"""The server of the page: where it listens, and how it ends."""
 
 from __future__ import annotations
 
-import hmac
+import signal
 import socket
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from urllib.parse import quote
+from types import FrameType
 
-from nicegui import app, ui
-from starlette.middleware.base import BaseHTTPMiddleware
-from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from nicegui import app, core, ui
 
+from swingid.app.faults import log_in_lines
+from swingid.app.gate import Gate, Place
 from swingid.errors import UsageError
 
-LOCAL = ("127.0.0.1", "localhost", "::1")
-COOKIE = "swingid_token"
 VENDOR = Path(__file__).with_name("vendor")
 
+GOODBYE = 1
+"""Seconds that open connections have for their end."""
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where the page is served. token: what a browser must know, "" where only this machine can reach it."""
-
-    host: str = "127.0.0.1"
-    port: int = 8080
-    token: str = ""
-
-    @property
-    def address(self) -> str:
-        """What to open in a browser."""
-        host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{host}:{self.port}/" + (f"?token={quote(self.token)}" if self.token else "")
+END_SIGNALS = "SIGINT", "SIGTERM", "SIGBREAK", "SIGHUP"
+"""Ctrl-C, `kill`, Ctrl-Break of Windows, and a terminal that is closed: each ends the server."""
 
 
 def free_port(host: str, wanted: int) -> int:
     """The wanted port, or the next free one of twenty; UsageError where none is."""
-    for port in range(wanted, wanted + 20):
+    for port in range(wanted, min(wanted + 20, 65536)):
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
             trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
@@ -52,29 +38,25 @@ def free_port(host: str, wanted: int) -> int:
     raise UsageError(text, code="port-busy")
 
 
-class TokenRequired(BaseHTTPMiddleware):
-    """Pages and files only for who knows the token: once in the address, then in a cookie."""
+def serve(
+    build: Callable[[], None],
+    place: Place,
+    *,
+    show: bool,
+    asked_to_end: Callable[[], None],
+    closing: Callable[[], None],
+) -> None:
+    """Serve the page that `build` lays out for each browser, until a signal ends it.
 
-    def __init__(self, application: Any, token: str) -> None:
-        super().__init__(application)
-        self.token = token
-
-    async def dispatch(self, request: Request, call_next: Callable[[Request], Any]) -> Response:
-        """Answer a request, or refuse it."""
-        given = request.query_params.get("token") or request.cookies.get(COOKIE) or ""
-        if not hmac.compare_digest(given.encode(), self.token.encode()):
-            text = "This page needs the token that swingid dashboard printed: open the whole address, with ?token=…"
-            return PlainTextResponse(text, status_code=403)
-        response: Response = await call_next(request)
-        response.set_cookie(COOKIE, self.token, httponly=True, samesite="strict")
-        return response
-
-
-def serve(build: Callable[[], None], place: Place, *, show: bool, closing: Callable[[], None]) -> None:
-    """Serve the page that `build` lays out for each browser, until Ctrl-C; `closing` is called at the end."""
+    asked_to_end: called at each such signal, at once; closing: at the end. The handlers of signals that were there
+    before are called when the server has ended.
+    """
+    log_in_lines()
     app.add_static_files("/swingid/vendor", str(VENDOR))
-    if place.token:
-        app.add_middleware(TokenRequired, token=place.token)
+    core.sio.eio.cors_allowed_origins = None  # pages of this server alone; NiceGUI lets all in
+    inner = app.build_middleware_stack
+    app.build_middleware_stack = lambda: Gate(inner(), place)  # type: ignore[method-assign]  # outside of NiceGUI's own
+    app.on_startup(lambda: _end_at_signals(asked_to_end))
     app.on_shutdown(closing)
     ui.run(
         build,
@@ -85,7 +67,34 @@ def serve(build: Callable[[], None], place: Place, *, show: bool, closing: Calla
         dark=None,
         language="en-US",
         reload=False,
-        show=show,
+        show=place.path if show else False,
         show_welcome_message=False,
         reconnect_timeout=10.0,
+        timeout_graceful_shutdown=GOODBYE,
+        log_config=None,
     )
+
+
+def _end_at_signals(asked_to_end: Callable[[], None]) -> None:
+    """Call a function at each signal that ends the server, which itself is to see the first one alone.
+
+    At a second one it would drop what it has to do at its end, and that takes little time anyway.
+    """
+    ends = signal.getsignal(signal.SIGINT)  # the server's, which is running now
+    if not callable(ends):
+        return
+
+    ending = False
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal ending
+        asked_to_end()
+        if not ending:
+            ending = True
+            ends(number, frame)
+
+    for name in END_SIGNALS:
+        if hasattr(signal, name):
+            number = signal.Signals[name]
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+                signal.signal(number, handle)

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,6 +22,9 @@ if TYPE_CHECKING:
 
 TOKEN = "SWINGID_TOKEN"
 
+HELD = 1.0
+"""Seconds within which a further Ctrl-C is that of a key that is held; the page has ended by then."""
+
 
 def dashboard(
     rig: RigFile,
@@ -32,13 +39,17 @@ def dashboard(
     host: Annotated[
         str, typer.Option(metavar="ADDRESS", help="Where the page is served; 0.0.0.0: to other machines, by a token.")
     ] = "127.0.0.1",
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME", help="A further name under which browsers reach it, as through a proxy."),
+    ] = None,
     port: Annotated[int, typer.Option(metavar="PORT", min=1, max=65535, help="The next free one is taken.")] = 8080,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
 ) -> None:
     """Serve a page in the browser until Ctrl-C: a live rig step by step, or a log with all methods side by side.
 
-    The page is for this machine alone, unless --host is another address; then it needs the token that is printed, or
-    the one in $SWINGID_TOKEN.
+    The page is for this machine alone, unless --host is another address or --allow-host is given; then it needs the
+    token that is printed, or the one in $SWINGID_TOKEN. Ctrl-C stops a run softly and says what is kept (exit code 0).
     """
     if log is not None and device is not None:
         raise UsageError("--log and --device are two different pages; give one of them", code="contradiction")
@@ -47,23 +58,51 @@ def dashboard(
         raise UsageError(text, code="missing-package")
     import secrets
 
-    from swingid.app.server import LOCAL, Place, free_port
+    from swingid.app.gate import LOCAL, Place
+    from swingid.app.server import free_port
     from swingid.model.rig import Rig
 
     plant = Rig.load(rig)
     _require_log(log, plant) if log is not None else _require_live(folder)
-    token = "" if host in LOCAL else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
-    place = Place(host, free_port(host, port), token)
-    output.tell(f"the page is {place.address}\nCtrl-C ends it")
-    if log is not None:
-        from swingid.app.dashboard import log_dashboard
+    if not host.strip():
+        raise UsageError("--host is empty; give an address of this machine, or 0.0.0.0 for all", code="out-of-range")
+    # a proxy lets others in, too
+    token = "" if host in LOCAL and not allow_host else os.environ.get(TOKEN) or secrets.token_urlsafe(16)
+    place = Place(host, free_port(host, port), token, tuple(allow_host or ()))
+    from swingid.app.dashboard import LiveDashboard, LogDashboard
 
-        log_dashboard(log, rig, place, show=browser)
-    else:
-        from swingid.app.dashboard import live_dashboard
+    address = device if device is not None else plant.device.address or ""
+    page = LogDashboard(log, rig) if log is not None else LiveDashboard(address, rig, Path(folder))
+    with _ended_by_signals():
+        output.tell(f"the page is {place.address}\nCtrl-C ends it")
+        page.serve(place, show=browser)
+    output.tell(page.words_at_end())
 
-        address = device if device is not None else plant.device.address or ""
-        live_dashboard(address, rig, Path(folder), place, show=browser)
+
+@contextmanager
+def _ended_by_signals() -> Iterator[None]:
+    """End the block at the first signal that ends the page; later ones, as of a key that is held, change nothing."""
+    from swingid.app.server import END_SIGNALS
+
+    last = -HELD
+
+    def end(_number: int, _frame: object) -> None:
+        nonlocal last
+        if time.monotonic() - last > HELD:
+            last = time.monotonic()
+            raise KeyboardInterrupt
+
+    numbers = [signal.Signals[name] for name in END_SIGNALS if hasattr(signal, name)]
+    taken = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+    for number in taken:
+        signal.signal(number, end)
+    try:
+        yield
+    except KeyboardInterrupt:
+        pass
+    finally:
+        for number in taken:  # this process has nothing left to do but to say its sentence
+            signal.signal(number, signal.SIG_IGN)
 
 
 def _require_log(log: str, rig: Rig) -> None:

@@ -1,0 +1,66 @@
+"""The bar at the foot of a live page: the state in words, and STOP; it says itself where it has lost the server."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from nicegui import ui
+from nicegui.element import Element
+
+BEAT = 0.5
+"""Seconds between two signs of life of the server; a page that gets none for 2 s says that it is not connected."""
+
+FRESH = 4
+"""Beats within which a press counts: what waited longer in a lost connection would act unexpected."""
+
+STYLE = """
+.swingid-bar { display: flex; gap: 16px; align-items: center; justify-content: space-between; width: 100%;
+  padding: 8px 16px; background: #50575e; color: #ffffff; }
+.swingid-bar-words { font-size: 15px; line-height: 1.5; font-variant-numeric: tabular-nums; min-width: 0; }
+.swingid-bar-moves { background: #b3261e; }
+.swingid-bar-lost { background: #e69f00; color: #1b1f23; }
+.swingid-bar-lost .swingid-bar-words { font-weight: 600; }
+.swingid-stop { flex-shrink: 0; min-width: 136px; min-height: 56px; padding: 0 16px; border: 0; border-radius: 8px;
+  font: inherit; font-size: 20px; font-weight: 600; background: #ffffff; color: #1b1f23; cursor: pointer; }
+.swingid-stop:disabled { background: #d0d3d6; color: #50575e; cursor: not-allowed; }
+.swingid-lost .q-page-container { opacity: 0.5; }
+#popup { display: none; }
+"""
+"""The popup is NiceGUI's own word for a lost connection, which would cover this one."""
+
+
+class StopBar(Element, component="stop_bar.js"):
+    """State and STOP. on_stop: called for each press that has arrived."""
+
+    def __init__(self, on_stop: Callable[[], None]) -> None:
+        super().__init__()
+        self._on_stop = on_stop
+        self._began = time.monotonic()
+        self._props.update({"words": "", "moves": False, "beat": 0, "heard": 0})
+        self.on("stop", self._pressed)
+        ui.add_css(STYLE)
+
+    def show(self, words: str, *, moves: bool) -> None:
+        """The state; moves: whether a motor can move. With a sign of life."""
+        self._set("words", words)
+        self._set("moves", moves)
+        self._set("beat", self._now())
+
+    def is_fresh(self, beat: object) -> bool:
+        """Whether a press is one of now; beat: the last one that its page had seen."""
+        return isinstance(beat, int) and 0 <= self._now() - beat <= FRESH
+
+    def _now(self) -> int:
+        return int((time.monotonic() - self._began) / BEAT)
+
+    def _pressed(self, event: object) -> None:
+        count = getattr(event, "args", None)
+        if isinstance(count, int):
+            self._set("heard", count)
+        self._on_stop()
+
+    def _set(self, name: str, value: object) -> None:
+        if self._props.get(name) != value:
+            self._props[name] = value
+            self.update()

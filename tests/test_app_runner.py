@@ -1,0 +1,217 @@
+"""The steps of a live page in their processes: each can be stopped, none outlives its server but a run."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from swingid import Recording, Rig
+from swingid.app import task as steps
+from swingid.app.order import WrongFieldError, order_of
+from swingid.app.runner import Runner
+from swingid.app.task import StoppedError, Task, View
+from swingid.live.codes import State, StopMode
+
+for package in ("cantools", "cobs", "fastcrc", "mcap"):
+    pytest.importorskip(package, reason=f"{package} is not installed: pip install 'swingid[live]'")
+
+SINE = "sine 0.8 rad 8.5 rad/s"
+
+
+def until(true, seconds: float, runner: Runner | None = None) -> float:
+    """Wait for what must become true; how long it took (s)."""
+    began = time.monotonic()
+    while not true():
+        assert time.monotonic() - began < seconds, "it did not become true"
+        if runner is not None:
+            runner.poll()
+        time.sleep(0.02)
+    return time.monotonic() - began
+
+
+@pytest.fixture
+def runner():
+    one = Runner()
+    yield one
+    one.stop(hard=True)
+    one.finish(20)
+    one.close()
+
+
+def test_stop_ends_a_rehearsal_at_once(runner):
+    runner.start(Task("rehearse", "", "paper", SINE, 3500.0))
+    until(lambda: runner.seen.lines, 60, runner)
+    time.sleep(0.5)
+    runner.stop()
+    assert until(lambda: not runner.busy, 10, runner) < 1.0
+    assert runner.seen.ended == "stopped"
+    assert runner.seen.lines[-1] == "stopped"
+    assert "rehearse" not in runner.passed
+
+
+def test_stop_ends_a_connection_to_what_does_not_answer(runner):
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        runner.start(Task("connect", f"tcp://127.0.0.1:{silent.getsockname()[1]}", "paper"))
+        time.sleep(0.3)
+        runner.stop()
+        assert until(lambda: not runner.busy, 10, runner) < 1.0
+    assert runner.seen.ended == "stopped"
+
+
+def test_stop_before_a_run_has_begun_moves_nothing(runner, tmp_path):
+    out = tmp_path / "run.mcap"
+    runner.start(Task("run", "", "paper", SINE, 600.0, out=str(out)))
+    runner.stop()
+    until(lambda: not runner.busy, 60, runner)
+    assert runner.seen.count == 0
+    assert runner.seen.ended in ("stopped", "failed")
+    assert runner.journals == []
+    assert runner.words_at_end() == "the page has ended; no run was recorded"
+
+
+def test_a_second_stop_is_a_hard_one(runner, tmp_path):
+    out = tmp_path / "run.mcap"
+    runner.start(Task("run", "", "paper", SINE, 300.0, out=str(out)))
+    until(lambda: runner.seen.count > 2000, 120, runner)
+    runner.stop()
+    runner.stop()
+    until(lambda: not runner.busy, 60, runner)
+    assert "0 V" in runner.seen.lines[-1]
+    log = Recording.load(out, Rig.load("paper"))
+    assert 2 < log.duration < 299
+    assert runner.journals == [str(out)]
+    assert runner.words_at_end() == f"the page has ended; kept: {out}"
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")
+def test_a_run_whose_process_dies_is_out_of_sight_and_not_at_rest(runner, tmp_path):
+    runner.start(Task("run", "", "paper", SINE, 300.0, out=str(tmp_path / "run.mcap")))
+    until(lambda: runner.seen.count > 1000, 120, runner)
+    runner._process.kill()
+    until(lambda: not runner.busy, 20, runner)
+    assert runner.seen.out_of_sight
+    assert "swingid stop" in runner.seen.lines[-1]
+    assert "the run goes on in" in runner.words_at_end()
+    assert "swingid stop" in runner.words_at_end()
+
+
+def orphan(task: dict[str, object]) -> subprocess.Popen[bytes]:
+    """A step whose server dies 1 s after it has said something."""
+    job = {"task": task, "address": ["127.0.0.1", 9], "key": "k"}
+    process = subprocess.Popen(
+        [sys.executable, "-m", "swingid.app.task"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+    )
+    process.stdin.write(json.dumps(job).encode() + b"\n")
+    process.stdout.readline()
+    time.sleep(1.0)
+    process.stdin.close()
+    process.stdout.close()
+    return process
+
+
+def test_a_rehearsal_ends_with_its_server():
+    process = orphan({"kind": "rehearse", "address": "", "rig": "paper", "motion": SINE, "duration": 3500.0})
+    began = time.monotonic()
+    process.wait(30)
+    assert time.monotonic() - began < 15  # a loop that is compiled runs to its end, some seconds
+
+
+def test_a_run_goes_on_without_its_server_to_its_end(tmp_path):
+    out = tmp_path / "run.mcap"
+    process = orphan({"kind": "run", "address": "", "rig": "paper", "motion": SINE, "duration": 20.0, "out": str(out)})
+    assert process.wait(120) == 0
+    assert Recording.load(out, Rig.load("paper")).duration == pytest.approx(20, abs=0.01)
+
+
+class Asked(View):
+    """A person who presses STOP at the n-th turn of the link."""
+
+    def __init__(self, turn: int) -> None:
+        super().__init__("check", 0, os.open(os.devnull, os.O_WRONLY), ("127.0.0.1", 9), "k")
+        self.turn, self.turns, self.lines = turn, 0, []
+
+    def say(self, line: str) -> None:
+        self.lines.append(line)
+
+    def require_wanted(self) -> None:
+        self.turns += 1
+        if self.turns >= self.turn:
+            self.asked = StopMode.HARD
+        super().require_wanted()
+
+
+@pytest.mark.parametrize("turn", [1, 2, 5, 100, 160, 180, 250, 400, 500, 692])
+def test_stop_in_a_check_gives_0_v(turn, monkeypatch):
+    """At any turn: while it connects, listens, pulses, tests the guard."""
+    from swingid.live import experiment
+    from swingid.live.devices.twin import twin_of
+
+    rig = Rig.load("paper")
+    device, view = twin_of(rig), Asked(turn)
+    monkeypatch.setattr(experiment, "opened", lambda *_: device)
+    with pytest.raises(StoppedError):
+        steps._check(Task("check", "", "paper"), rig, view)
+    assert device.machine.state is State.IDLE
+    assert view.turns < turn + 10  # a Stop and its answer
+    assert view.lines[-1] == "stopped: 0 V"
+
+
+WRONG = [
+    ("", 25, 0, "reference"),
+    (None, 25, 0, "reference"),
+    ("file /etc/passwd", 25, 0, "reference"),
+    ("  file\t/etc/passwd", 25, 0, "reference"),
+    ("file", 25, 0, "reference"),
+    ("dance", 25, 0, "reference"),
+    ("sine 0.8 rad", 25, 0, "reference"),
+    ("sine 1e999 rad 8 rad/s", 25, 0, "reference"),
+    ("sine 0.8 kg 8 rad/s", 25, 0, "reference"),
+    ("multisine " + " + ".join(["0.1 rad 5 rad/s"] * 1000), 25, 0, "reference"),
+    ("x" * 1_000_000, 25, 0, "reference"),
+    (SINE, None, 0, "duration"),
+    (SINE, "", 0, "duration"),
+    (SINE, 1e9, 0, "duration"),
+    (SINE, 0, 0, "duration"),
+    (SINE, -5, 0, "duration"),
+    (SINE, float("nan"), 0, "duration"),
+    (SINE, float("inf"), 0, "duration"),
+    (SINE, "25", 0, "duration"),
+    (SINE, [25], 0, "duration"),
+    (SINE, True, 0, "duration"),
+    (SINE, 25, None, "until"),
+    (SINE, 25, float("nan"), "until"),
+    (SINE, 25, -0.01, "until"),
+    (SINE, 25, 1.0, "until"),
+]
+
+
+@pytest.mark.parametrize(("motion", "duration", "share", "field"), WRONG)
+def test_a_wrong_field_is_named_in_one_sentence_before_work_begins(motion, duration, share, field):
+    with pytest.raises(WrongFieldError) as wrong:
+        order_of(motion, duration, share, Rig.load("paper"))
+    assert wrong.value.field == field
+    assert 5 < len(wrong.value.message) < 300
+    assert "--" not in wrong.value.message
+    assert "\n" not in wrong.value.message
+
+
+def test_no_file_of_the_server_is_opened_for_a_page(monkeypatch):
+    opened = []
+    monkeypatch.setattr(Path, "open", lambda path, *_, **__: opened.append(path))
+    monkeypatch.setattr("builtins.open", lambda path, *_, **__: opened.append(path))
+    for words in ("file /etc/passwd", "file\u00a0/etc/passwd", "file\n/etc/passwd", "FILE /etc/passwd"):
+        with pytest.raises(WrongFieldError):
+            order_of(words, 25, 0, None)
+    assert opened == []
+
+
+def test_what_a_page_may_ask_for():
+    order = order_of(SINE, 25, 0.001, Rig.load("paper"), clear=True)
+    assert (order.duration, order.until, order.clear) == (25.0, 0.001, True)

@@ -91,15 +91,46 @@ def test_a_second_stop_is_a_hard_one(runner, tmp_path):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="kill -9 is POSIX")
-def test_a_run_whose_process_dies_is_out_of_sight_and_not_at_rest(runner, tmp_path):
+def test_a_run_of_the_twin_ends_with_its_process(runner, tmp_path):
     runner.start(Task("run", "", "paper", SINE, 300.0, out=str(tmp_path / "run.mcap")))
     until(lambda: runner.seen.count > 1000, 120, runner)
     runner._process.kill()
     until(lambda: not runner.busy, 20, runner)
-    assert runner.seen.out_of_sight
-    assert "swingid stop" in runner.seen.lines[-1]
-    assert "the run goes on in" in runner.words_at_end()
-    assert "swingid stop" in runner.words_at_end()
+    assert runner.elsewhere is None
+    assert "has died" in runner.seen.lines[-1]
+
+
+ELSEWHERE = """
+import sys, time
+from swingid.live.registry import announced
+with announced("tcp://bench:1", sys.argv[1], duration=60.0, fade=0.5) as run:
+    print("runs", flush=True)
+    asked = []
+    while (found := run.asked()) is None or found[0].name != sys.argv[2]:
+        time.sleep(0.05)
+"""
+
+
+@pytest.mark.parametrize("presses", [1, 2])
+def test_a_run_that_no_process_here_shows_is_seen_and_stopped(runner, tmp_path, presses):
+    """Its page was killed, or another program began it: STOP still reaches it, and it is not said to be at rest."""
+    runner.device = "tcp://bench:1"
+    mode = "HARD" if presses > 1 else "SOFT"
+    command = [sys.executable, "-c", ELSEWHERE, str(tmp_path / "run.mcap"), mode]
+    other = subprocess.Popen(command, stdout=subprocess.PIPE)
+    try:
+        other.stdout.readline()
+        until(lambda: runner.elsewhere is not None, 5, runner)
+        assert "the run goes on in" in runner.words_at_end()
+        assert "swingid stop" in runner.words_at_end()
+        for _ in range(presses):
+            runner.stop()
+        other.wait(10)
+        until(lambda: runner.elsewhere is None, 5, runner)
+    finally:
+        other.kill()
+        other.wait()
+        other.stdout.close()
 
 
 def orphan(task: dict[str, object]) -> subprocess.Popen[bytes]:
@@ -147,7 +178,7 @@ class Asked(View):
         super().require_wanted()
 
 
-@pytest.mark.parametrize("turn", [1, 2, 5, 100, 160, 180, 250, 400, 500, 692])
+@pytest.mark.parametrize("turn", [1, 2, 5, 100, 160, 180, 250, 400, 500, 660])
 def test_stop_in_a_check_gives_0_v(turn, monkeypatch):
     """At any turn: while it connects, listens, pulses, tests the guard."""
     from swingid.live import experiment

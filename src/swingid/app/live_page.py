@@ -59,11 +59,14 @@ class Desk:
     address: str
     folder: Path
     analyst: Analyst
-    runner: Runner = field(default_factory=Runner)
+    runner: Runner = field(init=False)
     controller: str = ""
     seen: float = 0.0
     fields: Fields = field(default_factory=Fields)
     rehearsed: Fields | None = None
+
+    def __post_init__(self) -> None:
+        self.runner = Runner(self.address)
 
     def controls(self, page: str) -> bool:
         """Whether this page controls; the first one does, and another after that one is gone."""
@@ -274,12 +277,15 @@ class LivePage:
 
     def _may_move(self) -> bool:
         """Whether the motor can have a voltage, as far as is known here."""
-        return (self.runner.busy and self.task.kind in ("check", "run")) or self.task.out_of_sight
+        return (self.runner.busy and self.task.kind in ("check", "run")) or self.runner.elsewhere is not None
 
     def _state_words(self) -> str:
         task, progress = self.task, self.task.progress
-        if task.out_of_sight:
-            return "the run is out of sight: swingid stop, or the emergency stop"
+        elsewhere = self.runner.elsewhere
+        if not self.runner.busy and elsewhere is not None:
+            return (
+                "stopping …" if self.runner.asked else f"{elsewhere.entry.words()} goes on: STOP, or the emergency stop"
+            )
         if not self.runner.busy:
             if not task.found.get("seen", True):
                 return "0 V was not seen: look at the rig"

@@ -19,15 +19,18 @@ from collections import deque
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from swingid.app.task import PATIENCE, Kind, Task
+
+if TYPE_CHECKING:
+    from swingid.live.registry import Found
 
 KEPT = 60_000
 """Rows that are kept for pages that are opened later: a minute at 1 kHz."""
 
-POLLED = 0.02
-"""Seconds between two looks at what came."""
+POLLED, LOOK = 0.02, 0.5
+"""Seconds between two looks at what came, and for a run that goes on elsewhere."""
 
 
 @dataclass
@@ -52,17 +55,20 @@ class Seen:
     when: float = 0.0
     found: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def out_of_sight(self) -> bool:
-        """Whether the run may go on although nothing is seen of it: its process died, the link's process may live."""
-        return self.kind == "run" and self.ended == "died"
-
 
 class Runner:
-    """The tasks of one rig; `poll` takes in what came since. journals: those in which something was recorded."""
+    """The tasks of one rig; `poll` takes in what came since.
 
-    def __init__(self) -> None:
-        self.seen = Seen()
+    device: its address. journals: those in which something was recorded. elsewhere: a run on this device, or in the
+    journal of the last run, that goes on without a process here, because that died or another program began it; asked:
+    how often that run was to stop.
+    """
+
+    def __init__(self, device: str = "") -> None:
+        self.seen, self.device = Seen(), device
+        self.elsewhere: Found | None = None
+        self.asked = 0
+        self._looked = 0.0
         self.passed: set[Kind] = set()
         self.journals: list[str] = []
         self._key = secrets.token_hex(8)
@@ -103,9 +109,14 @@ class Runner:
 
     def stop(self, *, hard: bool = False) -> None:
         """A run fades out, or gives 0 V at once (hard, and a second time); a check gives 0 V; the others end."""
-        if self._process is None:
-            return
         seen = self.seen
+        if self._process is None:
+            self._look_elsewhere()
+            if self.elsewhere is not None:
+                self.asked += 1
+                with suppress(OSError):
+                    self.elsewhere.ask(hard=hard or self.asked > 1)
+            return
         seen.stops += 1
         if seen.kind == "run":
             self._send("hard" if hard or seen.stops > 1 else "soft")
@@ -122,6 +133,8 @@ class Runner:
                 self._take(self._socket.recv(65536))
         process, reading = self._process, self._reading
         if process is None or reading is None:
+            if time.monotonic() - self._looked > LOOK:
+                self._look_elsewhere()
             return
         if time.monotonic() > self._until:
             self._end("stopped: its process did not answer, and without it the firmware gives 0 V")
@@ -137,6 +150,17 @@ class Runner:
                     pipe.close()
         self._process = self._reading = None
         self._finish()
+
+    def _look_elsewhere(self) -> None:
+        from swingid.live import registry
+
+        self._looked = time.monotonic()
+        journal = os.path.abspath(self.seen.out) if self.seen.out else None
+        with suppress(OSError):
+            found = [one for one in registry.runs() if one.entry.journal == journal]
+            found += [one for one in registry.runs() if self.device and one.is_on(self.device)]
+            self.elsewhere = next(iter(found), None)
+            self.asked = self.asked if found else 0
 
     def finish(self, patience: float) -> None:
         """Wait for the end of the task, for so long (s) at most."""
@@ -154,11 +178,11 @@ class Runner:
     def words_at_end(self) -> str:
         """What is kept of all runs, and whether one goes on; for a person who has ended the page."""
         kept = [path for path in self.journals if Path(path).exists()]
-        going = (self.busy and self.seen.kind == "run") or self.seen.out_of_sight
+        going = (self.busy and self.seen.kind == "run") or self.elsewhere is not None
         said = ["the page has ended"]
         if going:
             kept = [path for path in kept if path != self.seen.out]
-            what = "was asked to stop and ends" if self.seen.stops else "goes on in"
+            what = "was asked to stop and ends" if self.seen.stops or self.asked else "goes on in"
             said.append(
                 f"the run {what} {self.seen.out} in a process of its own; swingid stop --hard gives 0 V at once"
             )
@@ -179,8 +203,9 @@ class Runner:
             self.passed.add(seen.kind)
         if seen.ended == "stopped" and not seen.lines:
             seen.lines.append("stopped")
+        self._look_elsewhere()
         if seen.ended == "died":
-            seen.lines.append(DIED[seen.kind == "run"])
+            seen.lines.append(DIED[self.elsewhere is not None])
 
     def _send(self, word: str) -> None:
         if self._process is not None and self._process.stdin is not None:
@@ -230,9 +255,9 @@ class Runner:
 
 DIED = (
     "its process has died; without it the firmware gives 0 V",
-    "the process that shows the run has died, and the run may go on: end it by swingid stop or the emergency stop",
+    "the process that shows the run has died, and the run goes on: end it by STOP, swingid stop or the emergency stop",
 )
-"""What a step and a run say whose process was ended from outside."""
+"""What a step says whose process was ended from outside, and a run that goes on without it."""
 
 
 def _read(process: subprocess.Popen[bytes], lines: queue.SimpleQueue[bytes]) -> None:

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 Item = TypeVar("Item")
 Found = TypeVar("Found")
 
+END_SIGNALS = tuple(
+    signal.Signals[name] for name in ("SIGINT", "SIGTERM", "SIGBREAK", "SIGHUP") if hasattr(signal, name)
+)
+"""Signals by which this system asks a program to end: Ctrl-C, `kill`, a closed terminal."""
+
 LARGEST_FILE = 1 << 30
 """Bytes of a file or a pipe that are read whole, at most."""
 

@@ -24,8 +24,8 @@ class WrongFieldError(SwingidError):
 
     exit_code = UsageError.exit_code
 
-    def __init__(self, field: str, message: str) -> None:
-        super().__init__(message, code="wrong-field")
+    def __init__(self, message: str, *, code: str = "wrong-field", field: str = "") -> None:
+        super().__init__(message, code=code)
         self.field = field
 
 
@@ -40,18 +40,18 @@ def order_of(motion: object, duration: object, until: object, rig: Rig, *, clear
 
     seconds, share = _number(DURATION, duration, "seconds"), _number(UNTIL, until, "percent")
     if not 0.0 <= share < 1.0:
-        raise WrongFieldError(UNTIL, "give 0 to 99 %; 0 runs for the whole duration")
+        raise WrongFieldError("give 0 to 99 %; 0 runs for the whole duration", field=UNTIL)
     order = Order(_reference(motion, rig), Compensator.paper(rig), seconds, share, clear=clear)
     try:
         required(order)
     except UsageError as error:
-        raise WrongFieldError(DURATION, error.message.replace("--", "")) from None
+        raise WrongFieldError(error.message.replace("--", ""), field=DURATION) from None
     return order
 
 
 def _number(field: str, value: object, unit: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise WrongFieldError(field, f"write a number of {unit}")
+        raise WrongFieldError(f"write a number of {unit}", field=field)
     return float(value)
 
 
@@ -63,17 +63,16 @@ def _reference(text: object, rig: Rig) -> Reference:
     kinds = [kind for kind in EXAMPLES if kind != "file"]
     example = EXAMPLES[kinds[0]]
     if not isinstance(text, str) or not text.strip():
-        raise WrongFieldError(MOTION, f"write a motion, for example {example!r}")
+        raise WrongFieldError(f"write a motion, for example {example!r}", field=MOTION)
     kind = text.split()[0]
     if kind == "file":
-        raise WrongFieldError(MOTION, f"a page takes no file: use swingid run, or write for example {example!r}")
+        raise WrongFieldError(f"a page takes no file: use swingid run, or write for example {example!r}", field=MOTION)
     if kind not in kinds:
-        raise WrongFieldError(
-            MOTION, f"begin with {', '.join(kinds[:-1])} or {kinds[-1]}; write for example {example!r}"
-        )
+        text = f"begin with {', '.join(kinds[:-1])} or {kinds[-1]}; write for example {example!r}"
+        raise WrongFieldError(text, field=MOTION)
     if len(text) > LONGEST:
-        raise WrongFieldError(MOTION, f"write at most {LONGEST} letters")
+        raise WrongFieldError(f"write at most {LONGEST} letters", field=MOTION)
     try:
         return reference_for(text, rig)
     except SwingidError as error:
-        raise WrongFieldError(MOTION, error.message) from None
+        raise WrongFieldError(error.message, field=MOTION) from None

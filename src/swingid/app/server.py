@@ -13,14 +13,12 @@ from nicegui import app, core, ui
 from swingid.app.faults import log_in_lines
 from swingid.app.gate import Gate, Place
 from swingid.errors import UsageError
+from swingid.system import END_SIGNALS
 
 VENDOR = Path(__file__).with_name("vendor")
 
 GOODBYE = 1
 """Seconds that open connections have for their end."""
-
-END_SIGNALS = "SIGINT", "SIGTERM", "SIGBREAK", "SIGHUP"
-"""Ctrl-C, `kill`, Ctrl-Break of Windows, and a terminal that is closed: each ends the server."""
 
 
 def free_port(host: str, wanted: int) -> int:
@@ -93,8 +91,6 @@ def _end_at_signals(asked_to_end: Callable[[], None]) -> None:
             ending = True
             ends(number, frame)
 
-    for name in END_SIGNALS:
-        if hasattr(signal, name):
-            number = signal.Signals[name]
-            if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
-                signal.signal(number, handle)
+    for number in END_SIGNALS:
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as under nohup
+            signal.signal(number, handle)

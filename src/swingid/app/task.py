@@ -58,9 +58,6 @@ class StoppedError(SwingidError):
 
     exit_code = 5
 
-    def __init__(self) -> None:
-        super().__init__("stopped from the page", code="stopped")
-
 
 class View:
     """The way to the page: lines and ends, what is drawn, and stops; it never waits.
@@ -116,7 +113,7 @@ class View:
         """Raise StoppedError where a stop has been asked for; once, so that the messages that give 0 V can go out."""
         if self.asked is not None and not self._told:
             self._told = True
-            raise StoppedError
+            raise StoppedError("stopped from the page", code="stopped")
 
     def _listen(self) -> None:
         from swingid.live.codes import StopMode
@@ -236,7 +233,7 @@ def _run(task: Task, rig: Rig, view: View) -> None:
 
     order = order_of(task.motion, task.duration, task.until, rig, clear=task.clear)
     if view.asked is not None:
-        raise StoppedError
+        raise StoppedError("stopped from the page", code="stopped")
     conductor = conductor_of(rig, task.address, say=view.say, show=view.show)
     view.pass_stops_to(conductor.stop)
     with stopping(conductor.stop):

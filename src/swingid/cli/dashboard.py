@@ -16,6 +16,7 @@ import typer
 from swingid.cli import output
 from swingid.cli.options import RigFile
 from swingid.errors import UsageError
+from swingid.system import END_SIGNALS
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -82,8 +83,6 @@ def dashboard(
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
     """End the block at the first signal that ends the page; later ones, as of a key that is held, change nothing."""
-    from swingid.app.server import END_SIGNALS
-
     last = -HELD
 
     def end(_number: int, _frame: object) -> None:
@@ -92,8 +91,7 @@ def _ended_by_signals() -> Iterator[None]:
             last = time.monotonic()
             raise KeyboardInterrupt
 
-    numbers = [signal.Signals[name] for name in END_SIGNALS if hasattr(signal, name)]
-    taken = [number for number in numbers if signal.getsignal(number) is not signal.SIG_IGN]
+    taken = [number for number in END_SIGNALS if signal.getsignal(number) is not signal.SIG_IGN]
     for number in taken:
         signal.signal(number, end)
     try:

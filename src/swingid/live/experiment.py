@@ -291,7 +291,7 @@ NO_ROOM = {
         "EDQUOT": "make room within your quota",
         "EFBIG": "raise the limit of a file's size (ulimit -f)",
     }.items()
-    if hasattr(errno, name)
+    if name in errno.errorcode.values()
 }
 """What to do where the system says why it takes no more of a file."""
 

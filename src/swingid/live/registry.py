@@ -54,8 +54,10 @@ def folder() -> Path:
     place = runtime / "swingid" if runtime.is_dir() else Path(tempfile.gettempdir()) / f"swingid-{user()}"
     place.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = place.lstat()
-    if hasattr(os, "getuid") and (found.st_uid != os.getuid() or found.st_mode & 0o077 or place.is_symlink()):
-        raise PermissionError(f"{place} is not this user's alone")
+    if hasattr(os, "getuid"):
+        alone = found.st_uid == os.getuid() and not found.st_mode & 0o077 and not place.is_symlink()
+        if not alone:
+            raise PermissionError(f"{place} is not this user's alone")
     return place
 
 

@@ -24,7 +24,7 @@ from swingid.live.interrupt import stopping
 from swingid.live.journal import Journal, Plan
 from swingid.live.pace import Pace, alone
 from swingid.live.ring import Kind, Reader, Record, Ring, Role
-from swingid.system import keep_traceback
+from swingid.system import END_SIGNALS, keep_traceback
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig
@@ -140,9 +140,8 @@ class Watched:
 
 def recorder(job: Job, ring: Ring) -> None:
     """The journal, until the process of the link has ended, or died; why it is not whole goes to standard error."""
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # its end is that of the link
-        if hasattr(signal, name):
-            signal.signal(signal.Signals[name], signal.SIG_IGN)
+    for number in END_SIGNALS:  # its end is that of the link
+        signal.signal(number, signal.SIG_IGN)
     ring.hold(Role.RECORDER)
     try:
         said = _recorded(job, ring)
@@ -217,8 +216,9 @@ def keep(journal: Journal, record: Record) -> None:
 
 def end_process(pid: int) -> None:
     """End a process at once; without effect where there is none."""
-    with suppress(OSError):
-        os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+    if hasattr(os, "kill"):
+        with suppress(OSError):
+            os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
 
 
 def bug(error: Exception, where: str) -> SwingidError:

@@ -205,7 +205,7 @@ def test_ctrl_c_ends_a_long_rehearsal(times: int, tmp_path: Path) -> None:
     assert process.returncode == 5, err
     assert last(err).startswith("swingid: stopped by Ctrl-C")
     assert "before the run began; nothing has moved" in last(err)
-    assert time.monotonic() - began < 5.0
+    assert time.monotonic() - began < 15.0  # of some 6 s on an idle machine, which a busy one makes three times as long
 
 
 @needs_native

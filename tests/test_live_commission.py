@@ -236,3 +236,12 @@ def test_bad_use_of_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[st
     capsys.readouterr()
     assert main(["commission", "--rig", "paper", "--device", "twin://paper"]) == 0
     assert "a built-in rig stays as it is" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rest", [0.4, -0.4])
+def test_a_body_that_rests_between_two_counts_has_the_right_counts(rest: float) -> None:
+    """The zero is known to half a count, which bends the wheel's angle by more than the pulses turn it."""
+    step = 2 * 3.141592653589793 / 16384
+    found = found_on(Wired(encoder_zero=(rest * step, 0.0)))
+    assert found.ratio is not None
+    assert abs(found.ratio[0] - 1.0) < 3 * found.ratio[1] < 0.15  # by a smaller pulse, at one of them

@@ -116,13 +116,13 @@ def test_a_journal_that_cannot_be_written_is_refused_first(out: str, tmp_path: P
 
 
 class Pressed(TwinDevice):
-    """A device in whose 4100th sample somebody presses Ctrl-C, once or twice."""
+    """A device in whose 4300th sample somebody presses Ctrl-C, once or twice."""
 
     times = 1
 
     def step(self) -> None:
         super().step()
-        if self.plant.row in (4100, 4200)[: self.times]:
+        if self.plant.row in (4300, 4400)[: self.times]:
             os.kill(os.getpid(), signal.SIGINT)
 
 
@@ -176,7 +176,7 @@ def test_ctrl_c_once_is_a_soft_stop_and_twice_a_hard_one(
     assert swingid(["run", "--rig", "paper", "--reference", REFERENCE, "--out", out, "--duration", "12"]) == code
     assert "Ctrl-C" in capsys.readouterr().err
     faded = 500 if state is State.STOPPING else 100
-    assert device.plant.row == pytest.approx(4100 + faded, abs=60)
+    assert device.plant.row == pytest.approx(4300 + faded, abs=60)
     assert device.machine.state is State.IDLE  # type: ignore[attr-defined]
     assert device.machine.voltage == 0.0  # type: ignore[attr-defined]
     assert len(Recording.load(out, RIG)) > 2000

@@ -3,7 +3,9 @@
 Two relations decide, both free of the motor's constants and of the friction. A positive output turns the wheel: the
 sign of the voltage. And equation (I) of small angles, integrated twice, is linear in what was counted:
 
-    q2 = - A q1 - F integral q1 - B double integral q1 + c0 + c1 t,   A = a11/a12, F = f1/a12, B = b/a12
+    q2 = - A q1 - F integral q1 - B double integral q1 + c0 + c1 t + c2 t^2,   A = a11/a12, F = f1/a12, B = b/a12
+
+c2 is the zero of the angle, which is known to half a count: of 14 bits that bends q2 by 0.4 rad within 2.7 s.
 
 A > 0 where both counts grow in the same direction. B against the stated b and a12 is the ratio of the counts per
 turn, and b A / B the inertia a11, both as far as the rig file's constants are right. Which direction of the axis is
@@ -173,7 +175,7 @@ def _relation(pulses: Pulses, axis_step: float, wheel_step: float) -> Relation:
         return np.asarray(np.concatenate([[0.0], np.cumsum((x[1:] + x[:-1]) / 2)]) * h)
 
     once = integral(q1)
-    columns = np.column_stack([-q1, -once, -integral(once), np.ones_like(t), t])
+    columns = np.column_stack([-q1, -once, -integral(once), np.ones_like(t), t, t * t])
     scale = np.abs(columns).max(axis=0)
     solution, *_ = np.linalg.lstsq(columns / scale, q2, rcond=None)
     residual = q2 - columns @ (solution / scale)

@@ -34,8 +34,8 @@ SWING, STILLER, TURN, STEPS = 0.01, 0.005, 0.035, 3
 wheel, and counts that any encoder may jitter. The zero of a swing of 10 mrad is known to 0.5 mrad, see `OFF`.
 """
 
-WAIT = 30.0
-"""Seconds for which a body is waited for until it hangs still."""
+WAIT, BACKLOG = 30.0, 0.2
+"""Seconds for which a body is waited for until it hangs still; in which older samples are read and left aside."""
 
 OWN_RATE, HOST_RATE = 0.005, 0.1
 """Relative deviations of the rate of the samples by the device's own clock and by the host's, see `require_rate`."""
@@ -165,6 +165,7 @@ def at_rest(
     DeviceError also as `require_rate`.
     """
     until, waits = session.link.clock() + wait, False
+    session.listen(BACKLOG)  # what has come while the host did something else, as a rehearsal
     while True:
         wanted()
         began = session.link.clock()

@@ -16,7 +16,7 @@ from swingid.live.machine import Machine, most_taken
 from swingid.live.plant import Plant, board_of
 from swingid.model.rig import Rig
 
-AT = 3600
+AT = 3800
 """The sample at which a fault begins: in the middle of the run."""
 
 Rule = Callable[[int, Any], Any]

@@ -79,11 +79,14 @@ def unknown_state(name: str, state: int) -> str:
     return text + "or the device is faulty; build firmware and host from one version"
 
 
-def fault_words(code: int) -> str:
-    """A fault of the guard for people; what holds for numbers that no guard gives, too."""
+def fault_words(code: int, value: float = 0.0) -> str:
+    """A fault of the guard for people, with what passed its limit (0: not known); also numbers that no guard gives."""
     if code == FaultCode.NONE:
         return "it names no cause (fault 0), so its firmware is faulty; build it anew"
-    return FAULTS[FaultCode(code)] if code in set(FaultCode) else f"code {code}, which this host does not know"
+    if code not in set(FaultCode):
+        return f"code {code}, which this host does not know"
+    words, unit, factor = FAULTS[FaultCode(code)]
+    return f"{words} ({factor * value:.4g} {unit})" if value and unit else words
 
 
 def refusal_words(status: int) -> str:
@@ -94,19 +97,32 @@ def refusal_words(status: int) -> str:
 RESET = "{} has started again in the middle of the run (its supply, or its watchdog); look after its supply, run again"
 
 FAULTS = {
-    FaultCode.HEARTBEAT: "no heartbeat of the host for 100 ms (us)",
-    FaultCode.ANGLE: "the angle passed its limit (rad)",
-    FaultCode.SPEED: "the speed of the axis passed its limit (rad/s)",
-    FaultCode.WHEEL_SPEED: "the speed of the wheel passed its limit (rad/s)",
-    FaultCode.VOLTAGE: "the voltage stayed at its limit for too long (V)",
-    FaultCode.CURRENT: "the current passed its limit (A)",
-    FaultCode.AXIS_FROZEN: "the encoder of the axis did not move under voltage: cable, or a held axis (samples)",
-    FaultCode.WHEEL_FROZEN: "the encoder of the wheel did not move under voltage: cable, motor or amplifier (samples)",
-    FaultCode.AXIS_JUMP: "the encoder of the axis jumped (counts)",
-    FaultCode.WHEEL_JUMP: "the encoder of the wheel jumped (counts)",
-    FaultCode.OVERRUN: "a sample came late in the firmware",
-    FaultCode.ENCODER: "an encoder gave no reading (samples)",
+    FaultCode.HEARTBEAT: (
+        "no heartbeat of the host came through for 100 ms: the host was late, or something floods the link",
+        "ms",
+        1e-3,
+    ),
+    FaultCode.ANGLE: ("the angle passed its limit", "rad", 1.0),
+    FaultCode.SPEED: ("the speed of the axis passed its limit", "rad/s", 1.0),
+    FaultCode.WHEEL_SPEED: ("the speed of the wheel passed its limit", "rad/s", 1.0),
+    FaultCode.VOLTAGE: ("the voltage stayed at its limit for too long", "V", 1.0),
+    FaultCode.CURRENT: ("the current passed its limit", "A", 1.0),
+    FaultCode.AXIS_FROZEN: (
+        "the encoder of the axis did not move under voltage: cable, or a held axis",
+        "samples",
+        1.0,
+    ),
+    FaultCode.WHEEL_FROZEN: (
+        "the encoder of the wheel did not move under voltage: cable, motor or amplifier",
+        "samples",
+        1.0,
+    ),
+    FaultCode.AXIS_JUMP: ("the encoder of the axis jumped", "counts", 1.0),
+    FaultCode.WHEEL_JUMP: ("the encoder of the wheel jumped", "counts", 1.0),
+    FaultCode.OVERRUN: ("a sample came late in the firmware", "", 1.0),
+    FaultCode.ENCODER: ("an encoder gave no reading", "samples", 1.0),
 }
+"""Faults in words, the unit of what passed its limit, and the factor from that of the link to it."""
 
 REFUSALS = {
     Status.WRONG_STATE: "it is not idle; stop it, or clear its fault, first",

@@ -191,10 +191,10 @@ class Running:
         name, start = self._link.name, self.start
         if frame.state == State.FAULT:
             value = self._fault_value
-            known = f" ({value[1]:.4g})" if value is not None and value[0] == frame.fault and value[1] else ""
+            passed = value[1] if value is not None and value[0] == frame.fault else 0.0
             code = FaultCode(frame.fault) if frame.fault in set(FaultCode) else FaultCode.NONE
-            said = fault_words(frame.fault)
-            return End(Reason.FAULT, f"{name}: the guard of the firmware ended the run at 0 V: {said}{known}", code)
+            said = fault_words(frame.fault, passed)
+            return End(Reason.FAULT, f"{name}: the guard of the firmware ended the run at 0 V: {said}", code)
         if frame.state != State.IDLE:
             return None
         if self._asked is not None:

@@ -175,8 +175,7 @@ def session_of(trouble: str, rng: np.random.Generator) -> set[str]:
         time = (time + (1501 if now == "overrun" else 1000)) % 2**32
         readings = reading(axis, wheel, now, rng)
         axis, wheel = readings.axis, readings.wheel
-        if hasattr(both.machine, "busy"):
-            both.machine.busy = both.d.busy = bool(rng.random() < 0.3)
+        both.machine.busy = both.d.busy = bool(rng.random() < 0.3)
         came.add(both.sample(time, readings))
     return came
 

@@ -145,13 +145,15 @@ def test_output_error_gets_the_kernels_of_its_input() -> None:
 @pytest.mark.long
 def test_nothing_is_left_to_compile_after_the_command(tmp_path: Path) -> None:
     """An empty cache, `swingid compile`, then the loop and each method without one compilation more."""
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    rig, log = sw.Rig.builtin("paper"), tmp_path / "experiment.parquet"
+    sw.simulate(rig, sw.parse_reference("sine 0.8 rad 8.5 rad/s"), duration=25.0, seed=1).save(log, rig)
     tasks = ["simulate", "output-error-axis", *METHODS]
     subprocess.run([sys.executable, "-m", "swingid", "compile", *tasks], env=environment, check=True)
     tools = Path(__file__).resolve().parents[1] / "tools"
     for task in tasks:
         done = subprocess.run(
-            [sys.executable, tools / "list_kernels.py", "--one", task],
+            [sys.executable, tools / "list_kernels.py", "--one", task, log],
             env=environment,
             capture_output=True,
             text=True,

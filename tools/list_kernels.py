@@ -36,22 +36,15 @@ def decay() -> None:
     sw.simulate(sw.Rig.load(RIG), duration=1.0, initial_angle=0.5)
 
 
-def identify(method: str) -> None:
+def identify(log: Path, method: str, **options: str) -> None:
     """One method on the paper's experiment, from a file as a user has it."""
     import swingid as sw
 
-    log = sw.Recording.load(LOG, sw.Rig.load(RIG))
-    sw.identify(log, sw.Rig.load(RIG), method)
+    rig = sw.Rig.load(RIG)
+    sw.identify(sw.Recording.load(log, rig), rig, method, **options)
 
 
-def axis() -> None:
-    """Output error with what the log states of the axis as input: the measured wheel, a torque, or nothing."""
-    import swingid as sw
-
-    sw.identify(sw.Recording.load(LOG, sw.Rig.load(RIG)), sw.Rig.load(RIG), "output-error", input="wheel")
-
-
-def many() -> None:
+def many(_log: Path) -> None:
     """Ensembles and the estimators of many logs."""
     import numpy as np
 
@@ -68,29 +61,38 @@ def many() -> None:
     energy_batch(angle, wheel, voltage, 1000.0, rig, plan)
 
 
-def calibrate() -> None:
+def calibrate(log: Path) -> None:
     """The motor constants out of a log."""
     import swingid as sw
 
     rig = sw.Rig.load(RIG)
-    sw.calibrate(sw.Recording.load(LOG, rig), rig)
+    sw.calibrate(sw.Recording.load(log, rig), rig)
 
 
-LOG = Path(tempfile.gettempdir()) / "swingid-list-of-kernels.parquet"
-TASKS: dict[str, Callable[[], None]] = {
-    "simulate": lambda: (simulate(), decay())[0],
-    "backstepping-controller": lambda: simulate("Backstepping"),
+def experiment(path: Path) -> None:
+    """Write the log that the methods read: the paper's experiment."""
+    import swingid as sw
+
+    rig = sw.Rig.load(RIG)
+    sw.simulate(rig, sw.parse_reference(MOTION), duration=25.0, seed=1).save(path, rig)
+
+
+# What each task runs, given the log of `experiment`.
+TASKS: dict[str, Callable[[Path], None]] = {
+    "simulate": lambda _log: (simulate(), decay())[0],
+    "backstepping-controller": lambda _log: simulate("Backstepping"),
     **{
-        method: lambda method=method: identify(method)
+        method: lambda log, method=method: identify(log, method)
         for method in ("momentum", "energy", "equation-error", "output-error", "backstepping")
     },
-    "output-error-axis": axis,
+    # Output error with what the log states of the axis as input: the measured wheel, a torque, or nothing.
+    "output-error-axis": lambda log: identify(log, "output-error", input="wheel"),
     "ensemble": many,
     "calibrate": calibrate,
 }
 
 
-def listed(task: str) -> list[list[Any]]:
+def listed(task: str, log: Path) -> list[list[Any]]:
     """Kernels of a task that were compiled on behalf of Python, not of another kernel."""
     import numba.core.event as events
 
@@ -115,32 +117,37 @@ def listed(task: str) -> list[list[Any]]:
                 found.append(Kernel(function.__module__, function.__name__, arguments, round(seconds, 2)))
 
     with events.install_listener("numba:compile", Listener()):
-        TASKS[task]()
+        TASKS[task](log)
     return [list(kernel) for kernel in sorted(set(found), key=lambda kernel: (kernel.module, kernel.name, kernel[2]))]
+
+
+def measured(task: str, log: Path) -> list[list[Any]]:
+    """`listed` in a process of its own, whose cache of kernels is empty."""
+    with tempfile.TemporaryDirectory() as cache:
+        done = subprocess.run(
+            [sys.executable, __file__, "--one", task, str(log)],
+            env=os.environ | {"NUMBA_CACHE_DIR": cache},
+            stdout=subprocess.PIPE,
+            text=True,
+            check=True,
+        )
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def main() -> None:
     """Each task in a process of its own."""
     if sys.argv[1:2] == ["--one"]:
-        print(json.dumps(listed(sys.argv[2])))
+        print(json.dumps(listed(sys.argv[2], Path(sys.argv[3]))))
         return
-    import swingid as sw
     from swingid.numerics import ahead
 
-    rig = sw.Rig.load(RIG)
-    sw.simulate(rig, sw.parse_reference(MOTION), duration=25.0, seed=1).save(LOG, rig)
     content = json.loads(ahead.LIST.read_text(encoding="utf-8")) if ahead.LIST.is_file() else {}
-    for task in sys.argv[1:] or TASKS:
-        with tempfile.TemporaryDirectory() as cache:
-            done = subprocess.run(
-                [sys.executable, __file__, "--one", task],
-                env=os.environ | {"NUMBA_CACHE_DIR": cache},
-                stdout=subprocess.PIPE,
-                text=True,
-                check=True,
-            )
-        content[task] = json.loads(done.stdout.splitlines()[-1])
-        print(f"{task}: {len(content[task])} kernels, {sum(entry[3] for entry in content[task]):.1f} s")
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "experiment.parquet"
+        experiment(log)
+        for task in sys.argv[1:] or TASKS:
+            content[task] = measured(task, log)
+            print(f"{task}: {len(content[task])} kernels, {sum(entry[3] for entry in content[task]):.1f} s")
     lines = (
         f'"{task}": [' + ",".join(f"\n {json.dumps(entry)}" for entry in content[task]) + "]"
         for task in TASKS

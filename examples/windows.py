@@ -20,7 +20,7 @@ from swingid.balance.rows import Signals, Windows, rows_of
 from swingid.balance.windows import law_windows
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion, sample_noise
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.preparation.segment import usable_part
 
 HALVES = (0.0183, 0.0303, 0.0305, 0.0507, 0.1007, 0.2007, 0.3007)
@@ -48,8 +48,8 @@ def fits(log: sw.Recording, rig: sw.Rig, half: float) -> tuple[WindowFit, Window
     motion = whole.within(float(used.time[0]), float(used.time[-1]))
     signals = Signals.of(used, rig, motion, Encoders.of(rig), longest=0.0)  # blocks of one interval: plain sums
     rows = rows_of(signals, law_windows(signals, half))
-    exact = fit_rows(rows, Scale.of(rig), noise, BASIS)
-    plain = fit_rows(replace(rows, inertia=plain_sum(signals, rows.windows)), Scale.of(rig), noise, BASIS)
+    exact = fit_rows(rows, equation_of(rig), noise, BASIS)
+    plain = fit_rows(replace(rows, inertia=plain_sum(signals, rows.windows)), equation_of(rig), noise, BASIS)
     return None if exact is None or plain is None else (exact, plain)
 
 
@@ -58,7 +58,7 @@ def main(arguments: list[str]) -> None:
     path, rig_name, *halves = arguments
     rig = sw.Rig.load(rig_name)
     log = sw.Recording.load(path, rig)
-    carried = Scale.of(rig).carried
+    carried = equation_of(rig).carried
     print(f"{'half-length, s':>14} {'inertia':>12} {'± type A':>9} {'plain sums':>12}")
     for half in [float(text) for text in halves] or HALVES:
         pair = fits(log, rig, half)

@@ -64,7 +64,7 @@ def fits_of(log, rig):
     prepared = prepare(log, rig)
     part = prepared.part(reread=True)
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    return choose(signals, rig, prepared.scale, part.noise)
+    return choose(signals, rig, prepared.equation, part.noise)
 
 
 @pytest.mark.parametrize("kind", ["wheel", "direct", "free"])

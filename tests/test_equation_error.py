@@ -33,7 +33,7 @@ from swingid.methods.equation_error.lowpass import ZeroPhase, lowpass
 from swingid.methods.equation_error.rows import autocorrelation
 from swingid.numerics.regression import hac_covariance, parzen
 from swingid.preparation.prepared import prepare
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 
@@ -180,7 +180,7 @@ def test_noise_lowers_least_squares_and_not_instruments():
 
 
 def test_what_noise_makes_of_the_difference_of_two_cutoffs_is_known():
-    rig, scale = exact_rig(**{"sensors.noise": 1e-3}), Scale.of(exact_rig())
+    rig, scale = exact_rig(**{"sensors.noise": 1e-3}), equation_of(exact_rig())
     clean = wheel_log(rig, ONE_TONE, viscous, np.arange(0, 6, 1e-3))
     differences, predicted = [], []
     for seed in range(40):

@@ -32,7 +32,7 @@ from swingid.methods.output_error.solver import SINGULAR, eliminated, loss_of, r
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.recording.recording import Recording
 from swingid.simulation import simulate
 from swingid.study.reproduce import runs
@@ -71,7 +71,7 @@ def error(result):
 def problem_and_unknowns(log, rig, source, law, free=()):
     noise = channel_noise(log, rig)
     problem = problem_of(log, Encoders.of(rig), noise, source, 0.8, 0.1)
-    return problem, unknowns_of(rig, Scale.of(rig), law, free, 7.0, 1.0)
+    return problem, unknowns_of(rig, equation_of(rig), law, free, 7.0, 1.0)
 
 
 # Exact sensitivities, against central differences of the prediction itself

@@ -16,7 +16,7 @@ from swingid.methods.output_error.solver import influence_of, solve
 from swingid.methods.output_error.unknowns import ZERO, unknowns_of
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.simulation import simulate
 from twin_logs import INERTIA, given, twin
 
@@ -56,8 +56,8 @@ def test_a_zero_does_not_stand_in_for_a_wrong_model():
 
 def test_without_gravity_no_zero_is_sought():
     rig = given(twin()).changed({"axis.gravity_torque": 0.0})
-    assert ZERO not in unknowns_of(rig, Scale.of(rig), "viscous", (), 7.0, 1.0, STEP).names
-    hanging = unknowns_of(given(twin()), Scale.of(given(twin())), "viscous", (), 7.0, 1.0, STEP)
+    assert ZERO not in unknowns_of(rig, equation_of(rig), "viscous", (), 7.0, 1.0, STEP).names
+    hanging = unknowns_of(given(twin()), equation_of(given(twin())), "viscous", (), 7.0, 1.0, STEP)
     assert hanging.items[hanging.zero].std == pytest.approx(STEP / np.sqrt(12))
 
 
@@ -68,7 +68,7 @@ def test_the_place_of_the_grid_moves_the_answer_as_the_budget_says(source):
     fine = twin(counts_per_turn=None)
     log, step = steady_log(fine), 2 * np.pi / 512
     noise = channel_noise(replace(log, angle=step * np.rint(log.angle / step)), rig)
-    unknowns = unknowns_of(rig, Scale.of(rig), "viscous", (), 7.0, 1.0, noise.resolution)
+    unknowns = unknowns_of(rig, equation_of(rig), "viscous", (), 7.0, 1.0, noise.resolution)
     found = []
     problem = problem_of(log, Encoders.of(rig), noise, source, 1.5, 0.1)
     begin = np.array([INERTIA, 1.144e-3, 0.0])

@@ -54,7 +54,7 @@ def choice_of(log: Recording):
     prepared = prepare(log, direct_rig())
     part = prepared.part(reread=True)
     signals = Signals.of(part.log, part.rig, part.motion, part.encoders)
-    return choose(signals, part.rig, part.scale, part.noise)
+    return choose(signals, part.rig, part.equation, part.noise)
 
 
 @pytest.mark.parametrize("share", [0.1, 0.4])

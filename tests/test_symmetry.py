@@ -18,7 +18,7 @@ from swingid.methods.energy.symmetry import Profile, asymmetry_bound, friction_p
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.recording.recording import Recording
 from twin_logs import GIVEN, INERTIA, given, logged, twin
 
@@ -38,7 +38,7 @@ def pushed(friction, skew: float = 0.0, seconds: float = 12.0) -> Recording:
 
 def parts(log: Recording):
     """Course, nodes of (6), its fit, and the profile of friction of a log."""
-    noise, scale = Noise(1e-7, 0.0, 1e-3), Scale.of(DIRECT)
+    noise, scale = Noise(1e-7, 0.0, 1e-3), equation_of(DIRECT)
     motion = find_motion(log.time, log.angle, noise.angle)
     course = Course.of(log, DIRECT, motion, noise, Encoders.of(DIRECT))
     few = mirrored_passes(motion, DEPTHS, log.time, 0.1)

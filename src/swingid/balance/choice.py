@@ -12,20 +12,20 @@ from typing import NamedTuple
 import numpy as np
 
 from swingid.balance.delays import dry_levels, impulse_of, late_reversals
+from swingid.balance.errors import bends, late_error
 from swingid.balance.fits import BASIS, LAG, SLIGHT, WindowFit, fit_rows, residuals_beside, with_declared
 from swingid.balance.friction import FrictionLaw, first_torque, fit_friction
 from swingid.balance.friction_laws import NEAR_REST, TERMS, with_near_rest
-from swingid.balance.imperfections import axis_bends, late_channel, wheel_bends
 from swingid.balance.rows import Rows, Signals, retimed, rows_of
 from swingid.balance.slow import SlowKind, slow_kinds, with_slow
 from swingid.balance.systematics import grid_spread
 from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.uncertainty.significance import DETECTED
 
 FLAT = 1.25
@@ -84,27 +84,27 @@ MEMORY = ("auto", "on", "off")
 """Whether an impulse at each reversal is fitted: where it is significant, in any case, or not."""
 
 
-def choose(signals: Signals, rig: Rig, scale: Scale, noise: Noise, memory: str = "auto") -> Choice:
+def choose(signals: Signals, rig: Rig, equation: Equation, noise: Noise, memory: str = "auto") -> Choice:
     """Windows and terms for the inertia, and turning points corrected for the friction that is estimated with them.
 
     A peak of friction at rest delays the turning points, and its estimate depends on them: both are found by iteration.
     Raises UnanswerableError for a log too short for any window.
     """
-    searched, signals = _search(signals, scale, noise, BASIS)
+    searched, signals = _search(signals, equation, noise, BASIS)
     seen = friction_windows(signals, searched)
-    torque, before = first_torque(signals, seen.rows, scale), np.zeros(0)
+    torque, before = first_torque(signals, seen.rows, equation), np.zeros(0)
     for _ in range(PASSES):
         levels = dry_levels(signals, seen)
         late = late_reversals(signals, torque, abs(seen.a11), noise, levels)
         corrected = signals.earlier(late)
         rows = {half: retimed(fit.rows, corrected) for half, fit in searched.items()}
-        tried, impulse = _with_memory(corrected, rows, scale, noise, impulse_of(late, torque, levels), memory)
+        tried, impulse = _with_memory(corrected, rows, equation, noise, impulse_of(late, torque, levels), memory)
         tried = _with_further(corrected, tried)
         tried = {half: with_declared(fit, rig, corrected) for half, fit in tried.items()}
         law = _longest_of_best(tried)
         calm = friction_windows(corrected, tried)
         known = (law.value("memory"), law.uncertainty("memory") if "memory" in law.unknowns else impulse)
-        friction = fit_friction(corrected, calm.rows, scale, known, noise.angle)
+        friction = fit_friction(corrected, calm.rows, equation, known, noise.angle)
         settled = before.size > 0 and float(np.max(np.abs(late - before))) < SETTLED * float(np.max(np.abs(late)))
         if settled or "stribeck" not in friction.terms:
             break
@@ -136,29 +136,29 @@ def _other_causes(fit: WindowFit, signals: Signals) -> Iterator[Array]:
     In a decay the amplitude changes with time, so friction of another law seems to be one that changes.
     """
     rows = with_near_rest(signals, fit.rows)
-    yield np.column_stack([rows.friction[name] for name in (*NEAR_REST, "cubic") if name not in fit.unknowns])
+    yield np.column_stack([rows[name] for name in (*NEAR_REST, "cubic") if name not in fit.unknowns])
     yield from _errors_of_angles(fit, signals)
 
 
 def _with_memory(
-    signals: Signals, rows: dict[float, Rows], scale: Scale, noise: Noise, impulse: float, memory: str
+    signals: Signals, rows: dict[float, Rows], equation: Equation, noise: Noise, impulse: float, memory: str
 ) -> tuple[dict[float, WindowFit], float]:
     """Fits of the rows, and the standard uncertainty of the impulse at each reversal; impulse: its prior (N m s, N s).
 
     Dynamic friction (LuGre's bristles), backlash and short sticking let the old direction act a moment longer: an
     impulse at each reversal, which is an unknown where it is significant beyond noise and grid phase.
     """
-    tried = _fits(rows, scale, noise, BASIS)
+    tried = _fits(rows, equation, noise, BASIS)
     # over a whole swing and more, an impulse at each reversal looks like inertia
     short = {half: own for half, own in rows.items() if half < ONE_SWING * signals.motion.half_period}
-    remembered = _fits(short, scale, noise, (*BASIS, "memory"))
+    remembered = _fits(short, equation, noise, (*BASIS, "memory"))
     if not remembered or memory == "off":
         return tried, impulse
     sharpest = min(remembered.values(), key=lambda fit: fit.uncertainty("memory"))
     found = abs(sharpest.value("memory"))
     spread = float(np.hypot(sharpest.uncertainty("memory"), grid_spread(signals, sharpest, "memory")))
     plain = min(tried.values(), key=lambda fit: fit.uncertainty("coulomb"))  # an impulse is collinear with dry friction
-    seen = found > DETECTED * spread and impulse_possible(scale, signals.motion, found, plain.value("coulomb"))
+    seen = found > DETECTED * spread and impulse_possible(equation, signals.motion, found, plain.value("coulomb"))
     return (remembered if seen or memory == "on" else tried), impulse_left(impulse, found, spread)
 
 
@@ -192,7 +192,7 @@ def _with_further(signals: Signals, tried: dict[float, WindowFit]) -> dict[float
 
 def _beside(fit: WindowFit, rows: Rows, terms: tuple[str, ...]) -> WindowFit | None:
     """The fit with further terms of friction, which are columns of `rows`."""
-    return fit_rows(rows, fit.scale, fit.noise, (*fit.friction, *terms))
+    return fit_rows(rows, fit.equation, fit.noise, (*fit.friction, *terms))
 
 
 def _dissipates(fit: WindowFit) -> bool:
@@ -208,15 +208,16 @@ def _lost(fit: WindowFit) -> float:
 
 def _errors_of_angles(fit: WindowFit, signals: Signals) -> list[Array]:
     """Columns of a once-per-turn nonlinearity of the encoders, and of a late channel, where the balance has them."""
-    rows, a12 = fit.rows, fit.scale.a12
-    bends = [*axis_bends(signals, rows, fit.a11, fit.b).values(), *wheel_bends(signals, rows, a12).values()]
-    found = [np.column_stack(bends)] if bends else []
-    return found if fit.scale.drive == "none" else [*found, late_channel(signals, rows, a12)[:, None]]
+    bent = bends(fit.rows, signals, fit.coefficients)
+    found = [bent] if bent.size else []
+    if fit.equation.drive == "none":
+        return found
+    return [*found, late_error(fit.rows, signals, fit.coefficients)[:, None]]
 
 
-def impulse_possible(scale: Scale, motion: Motion, impulse: float, dry: float) -> bool:
+def impulse_possible(equation: Equation, motion: Motion, impulse: float, dry: float) -> bool:
     """Whether dry friction (N m or N) can have made an impulse of this size at each reversal, see `REVERSAL`."""
-    return scale.drive != "none" or impulse < REVERSAL * motion.half_period * abs(dry)
+    return equation.drive != "none" or impulse < REVERSAL * motion.half_period * abs(dry)
 
 
 def impulse_left(prior: float, found: float, spread: float) -> float:
@@ -229,13 +230,15 @@ def impulse_left(prior: float, found: float, spread: float) -> float:
     return float(np.hypot(weight * found, np.sqrt(weight) * spread))
 
 
-def _fits(rows: dict[float, Rows], scale: Scale, noise: Noise, friction: tuple[str, ...]) -> dict[float, WindowFit]:
-    fits = {half: fit_rows(own, scale, noise, friction) for half, own in rows.items()}
+def _fits(
+    rows: dict[float, Rows], equation: Equation, noise: Noise, friction: tuple[str, ...]
+) -> dict[float, WindowFit]:
+    fits = {half: fit_rows(own, equation, noise, friction) for half, own in rows.items()}
     return {half: fit for half, fit in fits.items() if fit is not None}
 
 
 def _search(
-    signals: Signals, scale: Scale, noise: Noise, friction: tuple[str, ...]
+    signals: Signals, equation: Equation, noise: Noise, friction: tuple[str, ...]
 ) -> tuple[dict[float, WindowFit], Signals]:
     """Fits by half-length: octaves downwards while the uncertainty falls, then the half octaves beside the best.
 
@@ -249,7 +252,7 @@ def _search(
     def attempt(half: float) -> WindowFit | None:
         nonlocal signals
         signals = signals.suited(half)
-        fit = fit_rows(rows_of(signals, law_windows(signals, half)), scale, noise, friction)
+        fit = fit_rows(rows_of(signals, law_windows(signals, half)), equation, noise, friction)
         if fit is not None and np.isfinite(fit.u):
             tried[half] = fit
         return tried.get(half)

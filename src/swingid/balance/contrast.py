@@ -17,14 +17,9 @@ def variances(fit: WindowFit, influence: Array, residuals: Array | None = None, 
     """
     left = fit.fit.residuals if residuals is None else residuals
     used = len(fit.unknowns) if unknowns is None else unknowns
-    rows = len(fit.rows.windows)
+    rows = len(fit.rows)
     wide = LinearFit(np.zeros(used), left, influence, 1.0)
     scattered = wide.covariance(LAG).diagonal(0, -2, -1)
-    sensor, seen = sensor_variance(fit.rows, influence, fit.a11, fit.b, fit.scale, fit.noise, fit_pull(fit))
+    sensor, seen = sensor_variance(fit.rows, influence, fit.coefficients, fit.noise)
     found: Array = with_excess(sensor, seen, scattered, max(rows - used, 1))
     return found
-
-
-def fit_pull(fit: WindowFit) -> float:
-    """Mean stiffness (N m/rad) of the further terms that were identified."""
-    return float(sum(fit.value(name) * fit.rows.slopes[name] for name in fit.scale.unknown))

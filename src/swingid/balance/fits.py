@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.errors import errors_of
+from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Rows, Signals, Windows
+from swingid.model.equation import GRAVITY, SOUGHT, Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER, SLOPE_POWER, overlaps, rate_overlaps
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.uncertainty.dark import shrunk
 from swingid.uncertainty.freedom import bartlett, effective_freedom, scatter_freedom
 
@@ -27,9 +28,6 @@ BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 The even terms lie on even harmonics of the motion, where the inertia does not, so they hardly inflate its variance. A
 richer odd basis would be nearly collinear.
 """
-
-GRAVITY = "axis.gravity_torque"
-"""Key of the gravity torque in the rig file, and its source in a budget."""
 
 ROUNDING = 1e-9
 """Share of the known side below which residuals are those of the arithmetic, which no prior may be weighed by."""
@@ -56,7 +54,7 @@ class Effect:
     was not fitted.
     """
 
-    item: Imperfection
+    item: RowError
     shifts: Array
     value: float = 0.0
     spread: float = 1.0
@@ -105,7 +103,7 @@ class WindowFit(NamedFit):
     """
 
     rows: Rows
-    scale: Scale
+    equation: Equation
     noise: Noise
     half: float
     declared: tuple[Effect, ...] = ()
@@ -114,18 +112,27 @@ class WindowFit(NamedFit):
 
     @property
     def friction(self) -> tuple[str, ...]:
-        """The unknowns that are terms of friction."""
-        return tuple(name for name in self.unknowns if name in self.rows.friction)
+        """The unknowns that are no terms of the rig's equation: friction, and what was fitted beside it."""
+        return tuple(name for name in self.unknowns if name not in self.equation.coefficients)
+
+    def value(self, name: str) -> float:
+        """Value of a coefficient, fitted or stated; 0 where the balance does not have it."""
+        return super().value(name) if name in self.unknowns else self.equation.value(name)
+
+    @cached_property
+    def coefficients(self) -> dict[str, float]:
+        """All coefficients by the names of their terms, stated and fitted."""
+        return self.equation.stated | self.values
 
     @cached_property
     def columns(self) -> Array:
         """Regressors (rows, unknowns)."""
-        return columns_of(self.rows, self.scale, self.friction)[1]
+        return columns_of(self.rows, self.equation, self.friction)[1]
 
     @cached_property
     def known(self) -> Array:
         """Known side of each row, see `known_side`."""
-        return known_side(self.rows, self.scale)
+        return known_side(self.rows, self.equation)
 
     @cached_property
     def explained(self) -> Array:
@@ -141,12 +148,7 @@ class WindowFit(NamedFit):
     @property
     def inertia(self) -> float:
         """Inertia J1 of the body."""
-        return self.a11 - self.scale.carried
-
-    @property
-    def b(self) -> float:
-        """Gravity torque (N m), stated or fitted."""
-        return self.value("gravity_torque") if self.scale.b is None else self.scale.b
+        return self.a11 - self.equation.carried
 
     @property
     def freedom(self) -> float:
@@ -170,32 +172,25 @@ class WindowFit(NamedFit):
         return u / max(abs(self.a11), 1e-300)
 
 
-def known_side(rows: Rows, scale: Scale) -> Array:
-    """Known side of each row: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1, less the further terms that the rig states."""
-    known = -scale.a12 * rows.wheel + rows.torque - (scale.b or 0.0) * rows.gravity
-    for name, coefficient in scale.known.items():
-        known = known - coefficient * rows.further[name]
-    return known
+def known_side(rows: Rows, equation: Equation) -> Array:
+    """Known side of each row, −Σ c ∫φ f of the known coefficients: −a12 ∫φ'' q2 + ∫φ τ − b ∫φ sin q1 and so on."""
+    return -rows.sum_of(equation.stated)
 
 
-def columns_of(rows: Rows, scale: Scale, friction: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
+def columns_of(rows: Rows, equation: Equation, friction: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:
     """Names of the unknowns and their columns (rows, unknowns)."""
-    named = {"inertia": rows.inertia}
-    if scale.b is None:
-        named["gravity_torque"] = rows.gravity
-    named |= {name: rows.further[name] for name in scale.unknown}
-    named |= {name: rows.friction[name] for name in friction}
-    return tuple(named), np.array(list(named.values())).T
+    unknowns = (*equation.sought, *friction)
+    return unknowns, np.array([rows[name] for name in unknowns]).T
 
 
-def fit_rows(rows: Rows, scale: Scale, noise: Noise, friction: tuple[str, ...]) -> WindowFit | None:
+def fit_rows(rows: Rows, equation: Equation, noise: Noise, friction: tuple[str, ...]) -> WindowFit | None:
     """Fit the balance; None where there are too few rows for the unknowns."""
-    unknowns, columns = columns_of(rows, scale, friction)
-    if len(rows.windows) < 2 * LAG or len(rows.windows) / (LAG / 2) <= len(unknowns):
+    unknowns, columns = columns_of(rows, equation, friction)
+    if len(rows) < 2 * LAG or len(rows) / (LAG / 2) <= len(unknowns):
         return None
-    fit = fit_linear(columns, known_side(rows, scale))
-    covariance, computed = covariance_of(fit, rows, unknowns, scale, noise)
-    return WindowFit(unknowns, fit, covariance, rows, scale, noise, rows.windows.middle, computed=computed)
+    fit = fit_linear(columns, known_side(rows, equation))
+    covariance, computed = covariance_of(fit, rows, unknowns, equation, noise)
+    return WindowFit(unknowns, fit, covariance, rows, equation, noise, rows.windows.middle, computed=computed)
 
 
 def fit_with_prior(
@@ -207,7 +202,7 @@ def fit_with_prior(
     the prior, and the standard deviation of a row by which these are weighted: rows share data, so each holds less
     information than its residual alone implies.
     """
-    columns = np.array(extra).reshape(1, len(extra), len(fit.rows.windows)).swapaxes(1, 2)
+    columns = np.array(extra).reshape(1, len(extra), len(fit.rows)).swapaxes(1, 2)
     solved, error = fits_with_prior(fit, columns, rounds, means)
     return solved[0], float(error[0])
 
@@ -261,24 +256,24 @@ def with_declared(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit:
     prior, of which the log determines what it can (THEORY 4, self-calibration). Constants are no unknowns: their
     declared uncertainty is propagated.
     """
-    items = imperfections(rig, signals, fit.rows, fit.a11, fit.b)
-    fit = _with_wandering(with_fitted(fit, [item for item in items if item.calibrates]))
-    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
+    items = errors_of(fit.rows, signals, rig, fit.equation, fit.coefficients)
+    fit = _with_wandering(with_fitted(fit, [item for item in items if item.of.fitted]))
+    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted]
     return replace(fit, declared=(*fit.declared, *passed)) if passed else fit
 
 
 def _with_wandering(fit: WindowFit) -> WindowFit:
     """The fit with what is declared and what is noise of a rate apart; the latter is of type A."""
-    noise = tuple(effect for effect in fit.declared if effect.item.of_noise)
+    noise = tuple(effect for effect in fit.declared if effect.item.of.of_noise)
     if not noise:
         return fit
     covariance = fit.covariance + sum(np.outer(effect.shifts, effect.shifts) for effect in noise)
     computed = fit.computed + sum(float(effect.shifts[0]) ** 2 for effect in noise)
-    declared = tuple(effect for effect in fit.declared if not effect.item.of_noise)
+    declared = tuple(effect for effect in fit.declared if not effect.item.of.of_noise)
     return replace(fit, covariance=covariance, computed=computed, declared=declared, wandering=noise)
 
 
-def with_fitted(fit: WindowFit, items: Sequence[Imperfection], rounds: int = 2) -> WindowFit:
+def with_fitted(fit: WindowFit, items: Sequence[RowError], rounds: int = 2) -> WindowFit:
     """The fit with these imperfections as unknowns under their priors, whose effects alone are `declared` then.
 
     rounds: in which the weight of the priors follows from the residuals; more where these fall by much.
@@ -286,17 +281,17 @@ def with_fitted(fit: WindowFit, items: Sequence[Imperfection], rounds: int = 2) 
     return fitted_with(fit, [items], rounds)[0] if items else replace(fit, declared=()) if fit.declared else fit
 
 
-def fitted_with(fit: WindowFit, several: Sequence[Sequence[Imperfection]], rounds: int = 2) -> list[WindowFit]:
+def fitted_with(fit: WindowFit, several: Sequence[Sequence[RowError]], rounds: int = 2) -> list[WindowFit]:
     """As `with_fitted`, one fit for each list of imperfections, all at once; only a single list may have means."""
-    rows, p = len(fit.rows.windows), len(fit.unknowns)
+    rows, p = len(fit.rows), len(fit.unknowns)
     extra = np.zeros((len(several), max(len(items) for items in several), rows))
     for own, items in zip(extra, several, strict=True):
         for column, item in zip(own, items, strict=False):
             np.multiply(item.rows, -item.std, out=column)
-    means = [item.mean for item in several[0]] if len(several) == 1 else ()
+    means = [item.of.mean for item in several[0]] if len(several) == 1 else ()
     solved, errors = fits_with_prior(fit, extra.swapaxes(1, 2), rounds, means)
     data = LinearFit(solved.values[:, :p], solved.residuals[:, :rows], solved.influence[:, :p, :rows], solved.condition)
-    covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.scale, fit.noise)
+    covariance, computed = covariance_of(data, fit.rows, fit.unknowns, fit.equation, fit.noise)
     spreads = np.linalg.norm(solved.influence[:, p:], axis=2) * errors[:, None]
     shifts = solved.influence[:, :p, rows:] * errors[:, None, None]
     found = []
@@ -315,10 +310,11 @@ def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit |
     None where there are too few rows, and where a further unknown has the regressor of gravity. Computed once.
     """
     if "gravity free" not in fit.kept:
-        free = fit_rows(fit.rows, replace(fit.scale, b=None), fit.noise, fit.friction)
+        free = fit_rows(fit.rows, fit.equation.but(gravity_torque=SOUGHT), fit.noise, fit.friction)
         if free is not None and np.isfinite(free.fit.condition):
-            items = imperfections(rig, signals, free.rows, free.a11, free.b)
-            others = (item for item in items if item.source != GRAVITY and not item.of_noise)
+            # of the stated equation: its clock and tilt act where both gravity torques are compared
+            items = errors_of(free.rows, signals, rig, fit.equation, free.coefficients)
+            others = (item for item in items if item.source != GRAVITY and not item.of.of_noise)
             effects = tuple(Effect(item, free.fit.influence @ item.rows * item.std) for item in others)
             fit.kept["gravity free"] = replace(free, declared=effects)
     found: WindowFit | None = fit.kept.setdefault("gravity free", None)
@@ -326,7 +322,7 @@ def with_gravity_free(fit: WindowFit, rig: Rig, signals: Signals) -> WindowFit |
 
 
 def covariance_of(
-    fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], scale: Scale, noise: Noise
+    fit: LinearFit, rows: Rows, unknowns: tuple[str, ...], equation: Equation, noise: Noise
 ) -> tuple[Array, Any]:
     """Type A covariance of the unknowns: sensor noise, scatter of the rows beyond it, and the bias of attenuation.
 
@@ -334,11 +330,10 @@ def covariance_of(
     """
     covariance = fit.covariance(LAG)
     a11 = fit.values[..., 0]
-    b = fit.values[..., unknowns.index("gravity_torque")] if scale.b is None else scale.b
-    pull = sum(fit.values[..., unknowns.index(name)] * rows.slopes[name] for name in scale.unknown)
-    sensor, seen = sensor_variance(rows, fit.influence[..., 0, :], a11, b, scale, noise, pull)
+    values = equation.stated | {name: fit.values[..., k] for k, name in enumerate(unknowns)}
+    sensor, seen = sensor_variance(rows, fit.influence[..., 0, :], values, noise)
     scatter = covariance[..., 0, 0]
-    excess = with_excess(sensor, seen, scatter, len(rows.windows) - len(unknowns))
+    excess = with_excess(sensor, seen, scatter, len(rows) - len(unknowns))
     covariance *= np.where(scatter > 0, excess / np.maximum(scatter, 1e-300), 1.0)[..., None, None]
     # bias of all unknowns by noise in the regressor ∫φ'' q1 of a11 (errors in variables), to first order; also of what
     # is nearly collinear with a11: at one frequency an unknown gravity torque
@@ -372,23 +367,21 @@ def residuals_beside(fit: WindowFit, more: Array) -> Array:
     return left
 
 
-def sensor_variance(
-    rows: Rows, influence: Array, a11: Any, b: Any, scale: Scale, noise: Noise, pull: Any = 0.0
-) -> tuple[Any, Any]:
+def sensor_variance(rows: Rows, influence: Array, values: Mapping[str, Any], noise: Noise) -> tuple[Any, Any]:
     """Variance of an unknown by white noise of both angles, and Newey and West's sum for that noise.
 
-    influence (..., windows): of the rows on the unknown, or on several; a11, b and pull may be arrays (...) likewise.
-    The noise enters through φ'' (that of a rate through φ', for ∫φ'' q1 = −∫φ' q1'), and that of the axis through the
-    gravity b as well, and through springs and cogging; pull: mean stiffness of those that were identified.
+    influence (..., windows): of the rows on the unknown, or on several; values: of the coefficients by name, that of an
+    unknown may be an array (...) likewise. The noise enters through φ'' (that of a rate through φ', for ∫φ'' q1 =
+    −∫φ' q1'), and that of the axis through gravity, springs and cogging as well.
     """
-    windows, known = rows.windows, sum(value * rows.slopes[name] for name, value in scale.known.items())
-    pull = pull + known + (0.0 if scale.linear else b * rows.stiffness)
+    windows, a11, a12 = rows.windows, values["inertia"], values.get("wheel", 0.0)
+    pull = sum(values[name] * slope for name, slope in rows.pulls.items() if name in values)
     gravity = pull * windows.middle**2 / (a11 if np.all(a11) else np.where(a11 == 0.0, np.inf, a11))
-    axis, wheel = (a11 * noise.of_angle) ** 2 * noise.step, (scale.a12 * noise.of_wheel) ** 2 * noise.step
+    axis, wheel = (a11 * noise.of_angle) ** 2 * noise.step, (a12 * noise.of_wheel) ** 2 * noise.step
     of_axis, of_wheel = overlaps(influence * windows.loudness, windows.neighbours, LAG, gravity)
     found = np.maximum(of_axis, 0.0) * np.asarray(axis)[..., None] + np.maximum(of_wheel, 0.0) * wheel
     if noise.rate or noise.wheel_rate:
-        rates = ((a11 * noise.rate) ** 2 + (scale.a12 * noise.wheel_rate) ** 2) * noise.step
+        rates = ((a11 * noise.rate) ** 2 + (a12 * noise.wheel_rate) ** 2) * noise.step
         of_rate = rate_overlaps(influence / np.sqrt(windows.half), windows.neighbours, LAG)
         found += np.maximum(of_rate, 0.0) * np.asarray(rates)[..., None]
     return found[..., 0], found[..., 1]

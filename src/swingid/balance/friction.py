@@ -15,9 +15,9 @@ from swingid.balance.fits import LAG, columns_of, known_side
 from swingid.balance.friction_laws import TERMS, FrictionRows, law_columns, speed_knots, stribeck_peak, stribeck_slope
 from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.rows import Rows, Signals
+from swingid.model.equation import Equation
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
-from swingid.preparation.scale import Scale
 from swingid.result.result import FrictionCurve
 
 CURVE_KNOTS = 7
@@ -57,7 +57,9 @@ class FrictionLaw:
         return result
 
 
-def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: tuple[float, float], noise: float) -> FrictionLaw:
+def fit_friction(
+    signals: Signals, rows: Rows, equation: Equation, memory: tuple[float, float], noise: float
+) -> FrictionLaw:
     """Best law by the Bayesian information criterion, and the curve, with an inertia fitted beside each.
 
     The inertia (and an unknown gravity torque) is fitted again with every law, so that its bias on these windows does
@@ -65,20 +67,20 @@ def fit_friction(signals: Signals, rows: Rows, scale: Scale, memory: tuple[float
     standard deviation of one sample of the angle.
     """
     friction = FrictionRows.of(signals, rows)
-    target = known_side(rows, scale) - rows.friction["memory"] * memory[0]
-    _, body = columns_of(rows, scale, ())
+    target = known_side(rows, equation) - rows["memory"] * memory[0]
+    _, body = columns_of(rows, equation, ())
     choice = LawChoice(friction, body, target, slowest=slowest_peak(signals.motion, noise))
     law = _fitted(friction, body, target, choice, memory[1])
     return replace(law, curve=_curve(friction, law, choice, len(target)))
 
 
-def first_torque(signals: Signals, rows: Rows, scale: Scale) -> Callable[[Array], Array]:
+def first_torque(signals: Signals, rows: Rows, equation: Equation) -> Callable[[Array], Array]:
     """Torque of friction as a function of the speeds, averaged over the laws without Stribeck's peak.
 
     Quick, for first corrections.
     """
-    _, body = columns_of(rows, scale, ())
-    choice = LawChoice(FrictionRows.of(signals, rows, hats=False), body, known_side(rows, scale), odd_only=True)
+    _, body = columns_of(rows, equation, ())
+    choice = LawChoice(FrictionRows.of(signals, rows, hats=False), body, known_side(rows, equation), odd_only=True)
 
     mean = dict.fromkeys(TERMS, 0.0)
     for name, weight in choice.weights.items():
@@ -111,7 +113,7 @@ def _fitted(friction: FrictionRows, body: Array, target: Array, choice: LawChoic
     own = slice(0, len(unknowns))
     # the search has converged, so the step of the Stribeck speed is negligible
     values = np.append(trial.values, start)
-    timing = fit.influence[own] @ friction.rows.friction["memory"] * impulse
+    timing = fit.influence[own] @ friction.rows["memory"] * impulse
     return FrictionLaw(
         name,
         terms,

@@ -11,7 +11,7 @@ functions serves every f.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -142,7 +142,7 @@ class FrictionRows:
     def of(cls, signals: Signals, rows: Rows, *, hats: bool = True) -> FrictionRows:
         """Friction columns of rows of "law" windows, of one length. hats: False for laws without a peak at rest."""
         knots = speed_knots(signals.fastest, KNOTS) if hats else np.empty(0)
-        columns = [rows.friction[name] for name in EXACT]
+        columns = [rows[name] for name in EXACT]
         if hats:
             columns.append(_hats(signals, rows.windows, knots))
         return cls(rows, signals.fastest, knots, np.column_stack(columns))
@@ -173,7 +173,7 @@ def with_near_rest(signals: Signals, rows: Rows) -> Rows:
         name: friction.columns @ friction.law(("stribeck",), share * friction.fastest)[:, 0]
         for name, share in NEAR_REST.items()
     }
-    return replace(rows, friction=rows.friction | peaks)
+    return rows.beside(peaks)
 
 
 @cache

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from swingid.balance.imperfections import angle_error
+from swingid.balance.errors import channel_errors
 from swingid.preparation.rate import BIAS, ZERO
 from swingid.uncertainty.budget import BudgetEntry, Evaluated, Parameter, scatter
 
@@ -35,8 +35,7 @@ def amounts_left(law: WindowFit, signals: Signals) -> dict[str, float] | None:
     if level is None or not law.wandering or level.zero_std == 0:
         return None
     found = {effect.item.source: _error(effect) for effect in law.wandering}
-    pull = 0.0 if signals.linear else law.b * law.rows.stiffness
-    pull += sum((law.scale.known.get(name, 0.0) + law.value(name)) * slope for name, slope in law.rows.slopes.items())
+    pull = sum(law.value(name) * slope for name, slope in law.rows.pulls.items())
     found[ZERO] -= law.value("offset") / pull if pull > 0 else 0.0
     unknowns = level.unknowns(signals.nodes.stamps)
     drift = sum((amount * unknowns[name].shape for name, amount in found.items()), np.zeros(len(signals.nodes.stamps)))
@@ -54,12 +53,9 @@ def wandering(law: WindowFit, friction: FrictionLaw, signals: Signals) -> Array:
     found = np.zeros((size, size))
     if level is None or not law.wandering:
         return found
-    instants = signals.nodes.flat[0].reshape(signals.angle.shape)
-    unknowns = level.unknowns(instants)
-    for effect in law.wandering:
-        shape = unknowns[effect.item.source].shape
-        rows = angle_error(signals, friction.rows, shape, law.a11, law.b)
-        change = friction.influence[:size] @ rows * effect.spread * effect.item.std
+    left = channel_errors(friction.rows, signals, [effect.item.of for effect in law.wandering], law.coefficients)
+    for effect, error in zip(law.wandering, left, strict=True):
+        change = friction.influence[:size] @ error.rows * effect.spread * effect.item.std
         found += np.outer(change, change)
     return found
 
@@ -73,7 +69,7 @@ def with_bias(found: Evaluated, law: WindowFit, part: Part) -> Evaluated:
     for effect in law.wandering:
         if effect.item.source == BIAS:
             value, u = value + _error(effect), effect.spread * effect.item.std
-    bias = Parameter.of(value, u, "m/s" if law.scale.linear else "rad/s")
+    bias = Parameter.of(value, u, "m/s" if law.equation.linear else "rad/s")
     entries = [] if u is None else [BudgetEntry(scatter("scatter of the windows and sensor noise"), PARAMETER, u)]
     return Evaluated(
         found.parameters | {PARAMETER: bias}, [*found.budget, *entries], found.correlation, found.sensitivities

@@ -8,8 +8,6 @@ c1 = N k/R, c2 = N² k²/R; s = 1 where the bridge is closed and 0 where it is o
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from swingid.balance.rows import Rows, Signals, dry_column
@@ -32,7 +30,7 @@ def volts(log: Recording) -> Array:
 
 
 def with_motor(rows: Rows, signals: Signals) -> Rows:
-    """The rows with the columns of a motor on the axis among their further terms, by the names of the terms."""
+    """The rows with the columns of a motor on the axis."""
     log, windows = signals.source[0], rows.windows
     late = signals.encoders.angle.latency.value
     voltage = volts(log)
@@ -45,5 +43,4 @@ def with_motor(rows: Rows, signals: Signals) -> Rows:
     at_edges = np.interp(signals.edges[:-1], log.time, np.abs(voltage))
     found = dict(zip(MOTOR_TERMS, part.T, strict=True))
     found["gear_friction"] = dry_column(signals, windows, np.abs(at_nodes), at_edges)
-    slopes = rows.slopes | dict.fromkeys(found, 0.0)
-    return replace(rows, further=rows.further | found, slopes=slopes)
+    return rows.beside(found)

@@ -68,10 +68,10 @@ def divisible(law: WindowFit, tried: Iterable[WindowFit]) -> WindowFit:
     If that knows the inertia about as well (COMPARABLE); shorter windows are more.
     """
     least = 2 * fewest(law)
-    enough = [fit for fit in tried if len(fit.rows.windows) >= least and len(fit.unknowns) == len(law.unknowns)]
+    enough = [fit for fit in tried if len(fit.rows) >= least and len(fit.unknowns) == len(law.unknowns)]
     limit = COMPARABLE * law.relative(law.total)
     within = [fit for fit in enough if fit.relative(fit.total) < limit]
-    if len(law.rows.windows) >= least or not within:
+    if len(law.rows) >= least or not within:
         return law
     return min(within, key=lambda fit: fit.relative(fit.total))
 
@@ -108,9 +108,9 @@ def divisions(law: WindowFit, signals: Signals) -> Iterator[tuple[str, Bools, Bo
         same = float(np.mean(large == early))
         if max(same, 1 - same) < SAME and median(sizes[large]) > AMPLITUDES * median(sizes[~large]):
             yield "amplitude", large, ~large
-    mean = law.rows.friction["coulomb"] / law.rows.friction["offset"]
+    mean = law.rows["coulomb"] / law.rows["offset"]
     yield "direction", mean > CLEAR, mean < -CLEAR
-    if law.b and not signals.linear:  # elsewhere no angle is the middle
+    if law.value("gravity_torque") and not signals.linear:  # elsewhere no angle is the middle
         outward = np.interp(centres, signals.nodes.stamps, signals.angle_values) * motion.speed.at(centres)
         yield "rise", outward > 0, outward < 0
 
@@ -204,9 +204,9 @@ def declared_effects(law: WindowFit) -> Array:
     Those that were fitted count by their posterior.
     """
     if not law.declared:
-        return np.zeros((len(law.rows.windows), 1))
+        return np.zeros((len(law.rows), 1))
     effects = np.column_stack([effect.item.rows * effect.item.std for effect in law.declared])
-    fitted = [effect.item.calibrates for effect in law.declared]
+    fitted = [effect.item.of.fitted for effect in law.declared]
     alone = effects[:, fitted] - law.columns @ np.linalg.lstsq(law.columns, effects[:, fitted], rcond=1e-10)[0]
     error = max(LAG / 2 * float(np.mean(law.fit.residuals**2)), 1e-300)
     posterior = np.linalg.inv(np.eye(sum(fitted)) + alone.T @ alone / error)

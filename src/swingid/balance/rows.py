@@ -9,12 +9,14 @@ Only angles enter; the speed is needed only inside the friction terms.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from swingid.model.equation import shifted
 from swingid.model.rig import Rig
 from swingid.model.terms import RigTerm, rig_terms
 from swingid.numerics.arrays import Array, Bools, Ints, quantile
@@ -39,7 +41,7 @@ BLOCK = 1 / 8
 FEWEST_BLOCKS = 4
 """Blocks in half a window, at least."""
 
-COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "stiffness", "slopes")
+COMPUTED = ("stacked", "kept", "fastest", "finely", "longest_step", "cosine", "pulls")
 """Properties of `Signals` that depend neither on the turning points nor on what is declared of the encoders."""
 
 REACH = 8
@@ -119,7 +121,7 @@ class Signals:
         size = np.abs(self.speed)
         columns = {
             "inertia": (self.angle, 2),
-            "gravity": (self.sine, 0),
+            "gravity_torque": (self.sine, 0),
             "viscous": (-self.angle, 1),
             "quadratic": (self.speed * size, 0),
             "cubic": (self.speed * size * size, 0),
@@ -187,14 +189,11 @@ class Signals:
         return result
 
     @cached_property
-    def stiffness(self) -> float:
-        """Mean of cos q1."""
-        return float(np.mean(self.cosine))
-
-    @cached_property
-    def slopes(self) -> dict[str, float]:
-        """Mean stiffness of the further terms, per unit of their coefficients."""
-        return {term.name: float(np.mean(term.stiffness(self.angle))) for term in self.further}
+    def pulls(self) -> dict[str, float]:
+        """Mean derivatives by the angle of gravity and the further terms, per unit of their coefficients."""
+        gravity = 0.0 if self.linear else float(np.mean(self.cosine))
+        further = {term.name: float(np.mean(term.stiffness(self.angle))) for term in self.further}
+        return {"gravity_torque": gravity, **further}
 
     @cached_property
     def kept(self) -> dict[tuple[str, float], Array]:
@@ -299,48 +298,46 @@ class Signals:
 
 @dataclass(frozen=True)
 class Rows:
-    """One equation per window: the integrals of every term, each of shape (windows,).
+    """One equation per window: of every term the modulated integral (windows,), by the name of the term.
 
-    inertia ∫φ'' q1 (= ∫φ q1''), gravity ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction terms coulomb ∫φ sgn v,
-    viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction.
-    stiffness: mean of cos q1, by which noise of the angle enters the gravity. further ∫φ f of the further terms, and
-    under their names with "'" behind ∫φ ∂f/∂shift; slopes: as of `Signals`.
+    inertia ∫φ'' q1 (= ∫φ q1''), gravity_torque ∫φ sin q1, wheel ∫φ'' q2, torque ∫φ τ; friction coulomb ∫φ sgn v,
+    viscous ∫φ v, quadratic ∫φ v|v|, cubic ∫φ v³, offset ∫φ, viscous_even ∫φ |v|, memory Σ φ(reversal)·new direction;
+    ∫φ f of the further terms, and under their names with "'" behind ∫φ ∂f/∂shift. pulls: mean ∂f/∂q1 of the terms that
+    depend on the angle, by which its noise enters them. kept: what errors of channels add to each term, see `errors`.
     """
 
     windows: Windows
-    inertia: Array
-    gravity: Array
-    wheel: Array
-    torque: Array
-    friction: dict[str, Array]
-    stiffness: float = 1.0
-    further: dict[str, Array] = field(default_factory=dict)
-    slopes: dict[str, float] = field(default_factory=dict)
+    columns: Mapping[str, Array]
+    pulls: Mapping[str, float] = field(default_factory=dict)
+    kept: dict[tuple[str, str], Array] = field(default_factory=dict, repr=False, compare=False)
+
+    def __getitem__(self, name: str) -> Array:
+        return self.columns[name]
+
+    def __len__(self) -> int:
+        return len(self.windows)
 
     def select(self, keep: Bools) -> Rows:
         """The rows where `keep` is true."""
-        columns = {name: getattr(self, name)[keep] for name in ("inertia", "gravity", "wheel", "torque")}
-        friction = {name: column[keep] for name, column in self.friction.items()}
-        further = {name: column[keep] for name, column in self.further.items()}
-        return replace(self, windows=self.windows.select(keep), friction=friction, further=further, **columns)
+        columns = {name: column[keep] for name, column in self.columns.items()}
+        return replace(self, windows=self.windows.select(keep), columns=columns, kept={})
+
+    def beside(self, columns: Mapping[str, Array]) -> Rows:
+        """The rows with more columns, or others."""
+        return replace(self, columns={**self.columns, **columns})
+
+    def sum_of(self, values: Mapping[str, float]) -> Array:
+        """Σ value · column over these terms (windows,)."""
+        return sum((value * self.columns[name] for name, value in values.items() if value), np.zeros(len(self)))
 
 
 def rows_of(signals: Signals, windows: Windows) -> Rows:
     """Modulated integrals of the balance on `windows`, which must lie inside the log."""
     names, stacked, orders = signals.stacked
     integrals = project_stacked(signals.nodes, stacked, orders, windows.centres, windows.half)
-    columns, zero = dict(zip(names, integrals.T, strict=True)), np.zeros(len(windows))
-    inertia, gravity = columns.pop("inertia"), columns.pop("gravity")
-    wheel, torque = columns.pop("wheel", zero), columns.pop("torque", zero)
-    own = [name for term in signals.further for name in (term.name, shifted(term.name)) if name in columns]
-    further = {name: columns.pop(name) for name in own} | _dry(signals, windows)
-    friction = {**columns, "offset": windows.half * (32 / 35), **_at_reversals(signals, windows)}
-    return Rows(windows, inertia, gravity, wheel, torque, friction, signals.stiffness, further, signals.slopes)
-
-
-def shifted(name: str) -> str:
-    """Name of the column of a term's derivative by its shift."""
-    return name + "'"
+    columns = dict(zip(names, integrals.T, strict=True))
+    columns["offset"] = windows.half * (32 / 35)
+    return Rows(windows, columns | _jumps(signals, windows), signals.pulls)
 
 
 def smooth_columns(term: RigTerm, angle: Array, speed: Array) -> dict[str, Array]:
@@ -353,22 +350,12 @@ def smooth_columns(term: RigTerm, angle: Array, speed: Array) -> dict[str, Array
     return columns
 
 
-def _dry(signals: Signals, windows: Windows) -> dict[str, Array]:
-    """∫φ g(q1) sgn q1' of the further terms that jump at a reversal.
+def dry_column(signals: Signals, windows: Windows, at_nodes: Array, at_edges: Array) -> Array:
+    """∫φ g sgn q1' of a factor g, given at the nodes and at the edges of the swings (all but the last).
 
     The jumps are separated as steps, which are integrated exactly; the rest is smooth to its first derivative, for the
     speed is 0 there.
     """
-    found = {}
-    for term in signals.further:
-        if term.term.is_dry:
-            at_nodes = term.term.of_angle(signals.angle, *term.at)
-            found[term.name] = dry_column(signals, windows, at_nodes, term.term.of_angle(signals.edge_angles, *term.at))
-    return found
-
-
-def dry_column(signals: Signals, windows: Windows, at_nodes: Array, at_edges: Array) -> Array:
-    """∫φ g sgn q1' of a factor g, given at the nodes and at the edges of the swings (all but the last)."""
     edges, directions = signals.edges, signals.directions
     steps = np.cumsum(np.diff(directions, prepend=0.0) * at_edges)
     place = signals.since
@@ -380,16 +367,18 @@ def dry_column(signals: Signals, windows: Windows, at_nodes: Array, at_edges: Ar
 
 def retimed(rows: Rows, signals: Signals) -> Rows:
     """The rows with their terms at the turning points evaluated for the turning points of `signals`."""
-    return replace(
-        rows,
-        friction=rows.friction | _at_reversals(signals, rows.windows),
-        further=rows.further | _dry(signals, rows.windows),
-    )
+    return rows.beside(_jumps(signals, rows.windows))
 
 
-def _at_reversals(signals: Signals, windows: Windows) -> dict[str, Array]:
+def _jumps(signals: Signals, windows: Windows) -> dict[str, Array]:
+    """The columns that depend on the turning points: dry friction, and an impulse at each reversal."""
     motion = signals.motion
-    return {
+    found = {
         "coulomb": project_steps(signals.edges, signals.directions, windows.centres, windows.half),
         "memory": project_impulses(motion.turning_times, -motion.sides, windows.centres, windows.half),
     }
+    for term in signals.further:
+        if term.term.is_dry:
+            at_nodes = term.term.of_angle(signals.angle, *term.at)
+            found[term.name] = dry_column(signals, windows, at_nodes, term.term.of_angle(signals.edge_angles, *term.at))
+    return found

@@ -9,7 +9,7 @@ adds −κ δ, κ the stiffness (of gravity b cos q1). Both are columns beside t
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -71,7 +71,9 @@ def slope(order: int, x: Array) -> Array:
 
 def has_stiffness(fit: WindowFit) -> bool:
     """Whether a drift of the angle's zero acts in the balance at all: on a linear axis without a spring it does not."""
-    return bool(fit.b and not fit.scale.linear) or any(term.term.is_conservative for term in fit.scale.further)
+    return bool(fit.value("gravity_torque") and not fit.equation.linear) or any(
+        term.term.is_conservative for term in fit.equation.further
+    )
 
 
 def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0) -> dict[str, Array]:
@@ -94,10 +96,9 @@ def slow_columns(signals: Signals, fit: WindowFit, kind: SlowKind, more: int = 0
 
 def _stiffness(signals: Signals, fit: WindowFit) -> Array:
     """Change of the conservative torques per rad at the nodes, N m/rad."""
-    stiffness = np.zeros_like(signals.angle) if signals.linear else fit.b * signals.cosine
+    stiffness = np.zeros_like(signals.angle) if signals.linear else fit.value("gravity_torque") * signals.cosine
     for term in signals.further:
-        pull = fit.scale.known.get(term.name, 0.0) + fit.value(term.name)
-        stiffness = stiffness + pull * term.stiffness(signals.angle)
+        stiffness = stiffness + fit.value(term.name) * term.stiffness(signals.angle)
     return stiffness
 
 
@@ -121,7 +122,7 @@ def _roughly(signals: Signals, fit: WindowFit, kind: SlowKind) -> Array:
     """The columns (rows, n) with the polynomials at the middle of each window: quick, wrong by their change within."""
     rows, x = fit.rows, progress(signals, fit.rows.windows.centres)
     shapes = [polynomial(order, x) for order in range(1, ORDERS[kind] + 1)]
-    bases = [rows.friction[name] for name in CHANGING] if kind == "friction" else [rows.friction["offset"]]
+    bases = [rows[name] for name in CHANGING] if kind == "friction" else [rows["offset"]]
     return np.column_stack([shape * base for base in bases for shape in shapes])
 
 
@@ -130,8 +131,7 @@ def with_slow(fit: WindowFit, signals: Signals, kinds: Iterable[SlowKind], more:
     columns: dict[str, Array] = {}
     for kind in kinds:
         columns |= slow_columns(signals, fit, kind, more)
-    rows = replace(fit.rows, friction=fit.rows.friction | columns)
-    return fit_rows(rows, fit.scale, fit.noise, (*fit.friction, *columns))
+    return fit_rows(fit.rows.beside(columns), fit.equation, fit.noise, (*fit.friction, *columns))
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def slow_test(fit: WindowFit, signals: Signals, kind: SlowKind) -> SlowTest | No
     of each window, which is quick and nearly right.
     """
     names = names_of(kind)
-    freedom = len(fit.rows.windows) / (LAG / 2) - len(fit.unknowns) - len(names)
+    freedom = len(fit.rows) / (LAG / 2) - len(fit.unknowns) - len(names)
     left = fit.fit.residuals
     if (kind == "zero" and not has_stiffness(fit)) or freedom < len(names):
         return None
@@ -189,7 +189,7 @@ def slow_kinds(fit: WindowFit, signals: Signals, others: Iterable[Array]) -> tup
     found = [test for test in tests if test is not None and test.significance > CERTAIN]
     if not found:
         return ()
-    rows, causes = len(fit.rows.windows), [columns for columns in others if columns.shape[1]]
+    rows, causes = len(fit.rows), [columns for columns in others if columns.shape[1]]
     left = [(float(np.sum(residuals_beside(fit, columns) ** 2)), columns.shape[1]) for columns in causes]
     left.append((rows * left_by_place(fit, signals, np.zeros((rows, 0))), 1))
     best = min(_score(power, count, rows) for power, count in left)
@@ -206,7 +206,7 @@ def _survives(fit: WindowFit, signals: Signals, kind: SlowKind, causes: Iterable
     columns = np.column_stack(list(slow_columns(signals, fit, kind).values()))
     used = len(fit.unknowns) + columns.shape[1]
     for beside in causes:
-        freedom = max(len(fit.rows.windows) / (LAG / 2) - used - beside.shape[1], 1.0)
+        freedom = max(len(fit.rows) / (LAG / 2) - used - beside.shape[1], 1.0)
         if not _tested(fit, kind, columns, freedom, beside).significance > CERTAIN:
             return False
     return True

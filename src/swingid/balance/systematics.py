@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.fits import (
-    GRAVITY,
     SLIGHT,
     Effect,
     WindowFit,
@@ -24,8 +23,9 @@ from swingid.balance.fits import (
     with_fitted,
     with_gravity_free,
 )
-from swingid.balance.imperfections import Imperfection
+from swingid.balance.perturbations import Perturbation, RowError
 from swingid.balance.rows import Signals, Windows
+from swingid.model.equation import GRAVITY
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project, superpose, superposed
@@ -64,7 +64,7 @@ def timing_spread(fit: WindowFit, impulse: float) -> float:
     """
     if "memory" in fit.unknowns:
         return 0.0
-    return abs(float(fit.fit.influence[0] @ fit.rows.friction["memory"])) * impulse
+    return abs(float(fit.fit.influence[0] @ fit.rows["memory"])) * impulse
 
 
 def angle_weights(signals: Signals, fits: Sequence[WindowFit], unknown: str = "inertia") -> list[tuple[Array, Array]]:
@@ -79,21 +79,23 @@ def angle_weights(signals: Signals, fits: Sequence[WindowFit], unknown: str = "i
             new[0].rows.windows,
             np.array([fit.fit.influence[fit.unknowns.index(unknown)] for fit in new]),
         )
-        pulled = signals.further or (any(fit.b for fit in new) and not signals.linear)
+        pulled = signals.further or (any(fit.value("gravity_torque") for fit in new) and not signals.linear)
         found = superposed(signals.nodes, windows.centres, windows.half, factors, (2, 0) if pulled else (2,))
         for k, fit in enumerate(new):
             axis = found[0, k] * fit.a11
             if pulled:
                 axis += _stiffness(signals, fit) * found[1, k]
-            fit.kept[key] = axis, found[0, k] * fit.scale.a12
+            fit.kept[key] = axis, found[0, k] * fit.value("wheel")
     return [fit.kept[key] for fit in fits]
 
 
 def _stiffness(signals: Signals, fit: WindowFit) -> Array:
     """Change of the torques of gravity and of the further terms per radian at the nodes, in one row."""
-    pulls = [(fit.b, signals.cosine)] if fit.b and not signals.linear else []
+    pulls = (
+        [(fit.value("gravity_torque"), signals.cosine)] if fit.value("gravity_torque") and not signals.linear else []
+    )
     for term in signals.further:
-        pulls.append((fit.scale.known.get(term.name, 0.0) + fit.value(term.name), term.stiffness(signals.angle)))
+        pulls.append((fit.value(term.name), term.stiffness(signals.angle)))
     return sum((pull * slope.ravel() for pull, slope in pulls), np.zeros(signals.angle.size))
 
 
@@ -178,11 +180,11 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     torque in one proportion. The dark uncertainty holds the estimates of both cases. u: of the estimate it is added
     to, if that is smaller than that of `law`.
     """
-    stated, u = law.scale.b, min(u, law.u)
-    if stated is None or law.scale.drive == "none" or signals.linear:
+    stated, u = law.equation.value("gravity_torque"), min(u, law.u)
+    if stated is None or law.equation.drive == "none" or signals.linear:
         return 0.0
     free = with_gravity_free(law, rig, signals)
-    if free is None or free.a11 <= 0 or (stated and free.b <= 0):
+    if free is None or free.a11 <= 0 or (stated and free.value("gravity_torque") <= 0):
         return 0.0
     mine = {effect.item.source: float(effect.shifts[0]) for effect in law.declared}
     variance = abs(free.u**2 - law.u**2) + mine.pop(GRAVITY, 0.0) ** 2
@@ -194,7 +196,7 @@ def gravity_conflict(law: WindowFit, rig: Rig, signals: Signals, u: float = math
     ratio = free.covariance[k, k] + sum(effect.shifts[k] ** 2 for effect in free.declared)
     ratio += 0.0 if isinstance(gravity, str) else (gravity.std or 0.0) ** 2
     # a11 is in proportion to the gravity torque, to first order
-    by_gravity = free.a11 - law.a11 - law.a11 * (free.b / stated - 1.0)
+    by_gravity = free.a11 - law.a11 - law.a11 * (free.value("gravity_torque") / stated - 1.0)
     variance += ratio * (law.a11 / stated) ** 2
     return max(by_drive, dark_uncertainty(by_gravity, variance, u))
 
@@ -222,9 +224,9 @@ class _Plain:
 
     def __init__(self, fit: WindowFit, signals: Signals) -> None:
         self.signals = signals
-        self.declared = [effect.item for effect in fit.declared if effect.item.calibrates]
-        self.passed = [effect.item for effect in fit.declared if not effect.item.calibrates]
-        bare = fit_rows(fit.rows, fit.scale, fit.noise, fit.friction) if self.declared or fit.wandering else fit
+        self.declared = [effect.item for effect in fit.declared if effect.item.of.fitted]
+        self.passed = [effect.item for effect in fit.declared if not effect.item.of.fitted]
+        bare = fit_rows(fit.rows, fit.equation, fit.noise, fit.friction) if self.declared or fit.wandering else fit
         assert bare is not None  # there are rows enough for `fit`
         self.bare, self.fit = bare, with_fitted(bare, self.declared, ROUNDS)
         (self.weights,) = angle_weights(signals, [self.fit])
@@ -233,13 +235,13 @@ class _Plain:
     def beside(self, kinds: Mapping[str, Array]) -> list[PlaceFit]:
         """The fits with each kind of torque, by its columns (rows, n), that the residuals do not reject."""
         fit = self.fit
-        std = PLACE_SHARE * (abs(fit.b) or float(np.max(np.abs(fit.a11 * fit.rows.inertia))) / float(fit.half))
+        std = PLACE_SHARE * (
+            abs(fit.value("gravity_torque")) or float(np.max(np.abs(fit.a11 * fit.rows["inertia"]))) / float(fit.half)
+        )
         if std == 0.0:
             return []
-        several = [
-            [*self.declared, *(Imperfection("place", std, own, 0.0, None, calibrates=True) for own in columns.T)]
-            for columns in kinds.values()
-        ]
+        place = Perturbation("place", std, None, fitted=True)
+        several = [[*self.declared, *(RowError(place, own) for own in columns.T)] for columns in kinds.values()]
         fits = zip(kinds, fitted_with(self.bare, several, ROUNDS), strict=True)
         found = {kind: more for kind, more in fits if self._possible(more)}
         weights = angle_weights(self.signals, list(found.values()))

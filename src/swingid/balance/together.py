@@ -15,6 +15,7 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from swingid.balance.choice import FLAT, FURTHER
+from swingid.balance.errors import channel_errors, constant_error
 from swingid.balance.fits import (
     BASIS,
     LAG,
@@ -23,19 +24,18 @@ from swingid.balance.fits import (
     fit_rows,
     with_fitted,
 )
-from swingid.balance.imperfections import VOLTAGE_SCALE, Imperfection, imperfections
 from swingid.balance.motor_on_axis import is_open, volts, with_motor
+from swingid.balance.perturbations import RowError, of_channels, of_constants
 from swingid.balance.rows import Rows, Signals, Windows, rows_of
 from swingid.balance.systematics import grid_spread, variance_of_difference
 from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
-from swingid.model.terms import TERMS, RigTerm
+from swingid.model.equation import VOLTAGE_SCALE, Coefficient, Constant, Equation
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit
 from swingid.numerics.test_functions import project
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part
-from swingid.preparation.scale import Scale
 from swingid.uncertainty.freedom import coverage_factor
 from swingid.units import Quantity
 
@@ -93,7 +93,9 @@ def _in_motion(windows: Windows, signals: Signals) -> Windows:
 
 def _block(part: Part) -> float | None:
     """Longest block of rows (s); None for what the change of the speed alone allows."""
-    if part.rig.axis.kind == "linear" or (part.scale.b == 0 and not part.scale.further):
+    if part.rig.axis.kind == "linear" or (
+        part.equation.stated.get("gravity_torque") == 0 and not part.equation.further
+    ):
         return None
     fastest = float(np.max(np.abs(part.motion.speed.speed)))
     return min(part.motion.quickest / 8, TURN / max(fastest, 1e-300))
@@ -138,21 +140,18 @@ def _alone(runs: Sequence[Run], fit: WindowFit, k: int) -> tuple[Rows, slice]:
     return own[k], _places(own)[k]
 
 
-def fit_together(
-    runs: Sequence[Run], scale: Scale, bodies: Sequence[RigTerm], friction: tuple[str, ...] | None = None
-) -> Together:
+def fit_together(runs: Sequence[Run], equation: Equation, friction: tuple[str, ...] | None = None) -> Together:
     """The fit with the shortest interval over lengths of the windows; among nearly equal ones the longest windows.
 
-    The interval, not the standard uncertainty: in few long windows that is itself hardly known. bodies: the known
-    bodies that were added, see `known_bodies`, or a friction term that is the unit. friction: its unknown terms, by
-    default `friction_of`. Raises UnanswerableError for logs too short.
+    The interval, not the standard uncertainty: in few long windows that is itself hardly known. friction: its unknown
+    terms, by default `friction_of`. Raises UnanswerableError for logs too short.
     """
-    scale = replace(scale, further=(*_separable(scale, runs), *bodies))
+    equation = with_bodies(_separable(equation, runs), runs)
     noise, friction = _noise(runs), friction or friction_of(runs)
     tried: dict[float, WindowFit] = {}
 
     def attempt(half: float) -> WindowFit | None:
-        fit = fit_rows(_stacked([run.rows(half) for run in runs], runs, scale), scale, noise, friction)
+        fit = fit_rows(_stacked([run.rows(half) for run in runs], runs, equation), equation, noise, friction)
         if fit is not None and np.isfinite(fit.u):
             tried[half] = replace(fit, half=half)
         return tried.get(half)
@@ -187,21 +186,24 @@ def friction_of(runs: Sequence[Run]) -> tuple[str, ...]:
     return BASIS if len(directions) > 1 else ONE_WAY
 
 
-def unit_of_friction(runs: Sequence[Run]) -> RigTerm:
-    """The largest term of the friction as a known one with the coefficient 1, the unit where nothing sets a scale."""
+def unit_of_friction(runs: Sequence[Run]) -> str:
+    """The largest term of the friction, the unit where nothing sets a scale."""
     own = [run.rows(_longest(run) / 2) for run in runs]
     terms = friction_of(runs)
-    columns = np.array([_joined([rows.friction[name] for rows in own]) for name in terms]).T
-    known = _joined([rows.inertia for rows in own])
+    columns = np.array([_joined([rows[name] for rows in own]) for name in terms]).T
+    known = _joined([rows["inertia"] for rows in own])
     values = np.linalg.lstsq(columns, known, rcond=1e-10)[0]
-    name = terms[int(np.argmax(np.linalg.norm(columns * values, axis=0)))]
-    return RigTerm(name, TERMS[name], 1.0, Quantity(0.0), Quantity(1.0))
+    return terms[int(np.argmax(np.linalg.norm(columns * values, axis=0)))]
 
 
-def known_bodies(runs: Sequence[Run]) -> tuple[RigTerm, ...]:
-    """The bodies that were added, as known terms J_k q1''; equal ones are one body."""
-    distinct = list(dict.fromkeys(run.added for run in runs if run.added.value))
-    return tuple(RigTerm(body_name(one), TERMS["inertia"], 1.0, Quantity(0.0), one) for one in distinct)
+def with_bodies(equation: Equation, runs: Sequence[Run]) -> Equation:
+    """The equation with the bodies that were added as known terms J_k q1''; equal ones are one body."""
+    for one in dict.fromkeys(run.added for run in runs if run.added.value):
+        name = body_name(one)
+        equation = equation.but(**{name: Coefficient(one.value, {name: 1.0})})
+        body = Constant(name, one.std or 0.0, shared=False)
+        equation = replace(equation, constants=(*equation.constants, body))
+    return equation
 
 
 def body_name(added: Quantity) -> str:
@@ -209,15 +211,15 @@ def body_name(added: Quantity) -> str:
     return f"added body of {added.value:g}"
 
 
-def _separable(scale: Scale, runs: Sequence[Run]) -> tuple[RigTerm, ...]:
-    """The further terms less unknown ones of the motor that no log shows.
+def _separable(equation: Equation, runs: Sequence[Run]) -> Equation:
+    """The equation without unknown terms of the motor that no log shows.
 
     An unknown back-EMF has the regressor of viscous friction where no bridge is open.
     """
     hidden = set() if any(is_open(run.part.log) for run in runs) else {"back_emf"}
     if not any(run.part.log.voltage is not None and np.any(volts(run.part.log)) for run in runs):
         hidden = {"back_emf", "torque_per_volt", "gear_friction"}
-    return tuple(term for term in scale.further if term.name not in hidden or term.value is not None)
+    return equation.without(hidden & set(equation.sought))
 
 
 def _longest(run: Run) -> float:
@@ -239,7 +241,7 @@ def _places(own: Sequence[Rows]) -> list[slice]:
     return [slice(begin, end) for begin, end in pairwise(ends)]
 
 
-def _stacked(own: Sequence[Rows], runs: Sequence[Run], scale: Scale) -> Rows:
+def _stacked(own: Sequence[Rows], runs: Sequence[Run], equation: Equation) -> Rows:
     """The rows of all logs one after another, each log's instants behind those of the one before."""
     centres, after = [], 0.0
     for rows in own:
@@ -247,21 +249,12 @@ def _stacked(own: Sequence[Rows], runs: Sequence[Run], scale: Scale) -> Rows:
         begin = float(rows.windows.centres[0]) if len(rows.windows) else 0.0
         centres.append(rows.windows.centres - begin + after)
         after = float(centres[-1][-1]) + reach if len(rows.windows) else after
-    further = {name: _joined([rows.further[name] for rows in own]) for name in own[0].further}
-    for unit in (term.name for term in scale.further if term.name in own[0].friction):
-        further[unit] = _joined([rows.friction[unit] for rows in own])
-    for body in (term for term in scale.further if term.term.name == "inertia"):
-        mine = [rows.inertia * (body.value == run.added) for rows, run in zip(own, runs, strict=True)]
-        further[body.name] = _joined(mine)
-    slopes = {name: float(np.mean([rows.slopes[name] for rows in own])) for name in own[0].slopes}
-    return Rows(
-        windows=Windows(_joined(centres), _joined([rows.windows.half for rows in own])),
-        **{name: _joined([getattr(rows, name) for rows in own]) for name in ("inertia", "gravity", "wheel", "torque")},
-        friction={name: _joined([rows.friction[name] for rows in own]) for name in own[0].friction},
-        stiffness=float(np.mean([rows.stiffness for rows in own])),
-        further=further,
-        slopes=slopes | {term.name: 0.0 for term in scale.further if term.name not in slopes},
-    )
+    columns = {name: _joined([rows[name] for rows in own]) for name in own[0].columns}
+    for added in dict.fromkeys(run.added for run in runs if run.added.value):
+        mine = [rows["inertia"] * (added == run.added) for rows, run in zip(own, runs, strict=True)]
+        columns[body_name(added)] = _joined(mine)
+    pulls = {name: float(np.mean([rows.pulls[name] for rows in own])) for name in own[0].pulls}
+    return Rows(Windows(_joined(centres), _joined([rows.windows.half for rows in own])), columns, pulls)
 
 
 def _joined(arrays: Sequence[Array]) -> Array:
@@ -271,11 +264,11 @@ def _joined(arrays: Sequence[Array]) -> Array:
 def _with_cubic(tried: dict[float, WindowFit]) -> dict[float, WindowFit]:
     """The fits with a cubic term of friction where the best of them shows one, by the level of `balance.choice`."""
     plain = min(tried.values(), key=lambda fit: fit.relative(fit.u))
-    more = fit_rows(plain.rows, plain.scale, plain.noise, (*plain.friction, "cubic"))
+    more = fit_rows(plain.rows, plain.equation, plain.noise, (*plain.friction, "cubic"))
     independent = len(plain.rows.windows) / (LAG / 2)
     if more is None or not _gain(plain, more, independent) > FURTHER["cubic",]:
         return tried
-    fits = {half: fit_rows(one.rows, one.scale, one.noise, (*one.friction, "cubic")) for half, one in tried.items()}
+    fits = {half: fit_rows(one.rows, one.equation, one.noise, (*one.friction, "cubic")) for half, one in tried.items()}
     return {half: replace(fit, half=half) for half, fit in fits.items() if fit is not None}
 
 
@@ -288,35 +281,18 @@ def _declared(fit: WindowFit, runs: Sequence[Run]) -> WindowFit:
     """The fit with the effect of every declared imperfection, as `fits.with_declared`."""
     items = declared_of(fit, runs)
     half = fit.half
-    fit = with_fitted(fit, [item for item in items if item.calibrates])
-    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.calibrates]
+    fit = with_fitted(fit, [item for item in items if item.of.fitted])
+    passed = [Effect(item, fit.fit.influence @ item.rows * item.std) for item in items if not item.of.fitted]
     return replace(fit, declared=(*fit.declared, *passed), half=half)
 
 
-def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[Imperfection]:
-    """What the rig declares as uncertain, with its effect on the rows of all logs, and the inertias of added bodies."""
-    own = [run.rows(fit.half) for run in runs]
-    per_volt = fit.scale.known.get("torque_per_volt", fit.value("torque_per_volt"))
-    each = [
-        imperfections(run.part.rig, _with_torque(run.signals, per_volt), rows, fit.a11, fit.b)
-        for run, rows in zip(runs, own, strict=True)
-    ]
-    found = [replace(item, rows=_joined([one[k].rows for one in each])) for k, item in enumerate(each[0])]
-    further = fit.rows.further
-    if "torque_per_volt" in further:  # unknown or known, they have the error of the voltage
-        volts_off = -per_volt * further["torque_per_volt"] - fit.value("gear_friction") * further["gear_friction"]
+def declared_of(fit: WindowFit, runs: Sequence[Run]) -> list[RowError]:
+    """What is stated as uncertain, with its effect on the rows of all logs."""
+    found = [constant_error(fit.rows, fit.equation, one) for one in of_constants(fit.equation) if one.std > 0]
+    if "torque_per_volt" in fit.rows.columns:  # unknown or known, they have the error of the voltage
+        volts_off = -fit.rows.sum_of({name: fit.value(name) for name in ("torque_per_volt", "gear_friction")})
         found = [replace(one, rows=volts_off) if one.source == VOLTAGE_SCALE else one for one in found]
-    for body in (term for term in fit.scale.further if term.term.name == "inertia"):
-        assert body.value is not None
-        if body.value.std:
-            effect = -fit.rows.further[body.name]
-            found.append(Imperfection(body.name, body.value.std, effect, 0.0, None, constant=True))
-    return found
-
-
-def _with_torque(signals: Signals, per_volt: float) -> Signals:
-    """The signals with the torque (N m or N) of a motor on the axis, which a latency shifts."""
-    log, rig = signals.source
-    if rig.drive.kind != "motor":
-        return signals
-    return replace(signals, torque=signals.nodes.hold(per_volt * volts(log), 0.0))
+    shared = of_channels(runs[0].part.rig, runs[0].signals.encoders)
+    each = [channel_errors(run.rows(fit.half), run.signals, shared, fit.coefficients) for run in runs]
+    joined = [_joined([one[k].rows for one in each]) for k in range(len(shared))]
+    return found + [RowError(one, rows) for one, rows in zip(shared, joined, strict=True)]

@@ -16,10 +16,11 @@ from swingid.batch.kernels import least_squares, slopes, smoothing
 from swingid.batch.plan import Batch, Plan, at_stamps, channels_of, require_batch
 from swingid.errors import InputError, UnanswerableError
 from swingid.methods.energy.method import FEWEST_BLOCKS, LEVELS
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Ints
 from swingid.numerics.vectors import njit_sums_threads, widest
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.system import cores
 
 INERTIA, COULOMB, VISCOUS, QUADRATIC, OFFSET, EVEN, KNOWN, COLUMNS = range(8)
@@ -186,20 +187,20 @@ def energy_batch(
     points has NaN. Raises InputError for a direct drive, an unknown gravity torque, or a channel that is missing or of
     another shape.
     """
-    scale = Scale.of(rig)
-    require_batch(rig, scale)
+    equation = equation_of(rig)
+    require_batch(rig, equation)
     encoders = plan.encoders(rig)
-    if scale.drive == "reaction-wheel" and (wheel_angle is None or voltage is None):
+    if equation.drive == "reaction-wheel" and (wheel_angle is None or voltage is None):
         raise InputError(
             "the energy method needs the wheel angle and the voltage; record them.", code="missing-voltage"
         )
-    angle, (wheel_angle, voltage) = channels_of(scale, angle, wheel_angle=wheel_angle, voltage=voltage)
+    angle, (wheel_angle, voltage) = channels_of(equation, angle, wheel_angle=wheel_angle, voltage=voltage)
     step = 1.0 / rate
     weights = (smoothing(plan.width, step), smoothing(plan.wheel_width, step))
     span = (round(plan.start * rate), min(angle.shape[1] - 1, round(plan.stop * rate)))
-    constants = _constants(rig, scale)
+    constants = _constants(rig, equation)
     nothing = np.empty((len(angle), 0))
-    wheel = nothing if wheel_angle is None or scale.drive == "none" else wheel_angle
+    wheel = nothing if wheel_angle is None or equation.drive == "none" else wheel_angle
     volts = nothing if voltage is None else voltage
     blocks = plan.turns + plan.turns // 4 + 2
 
@@ -221,15 +222,15 @@ def energy_batch(
     a11, variance = np.concatenate([v for v, _ in fits]), np.concatenate([c for _, c in fits])
     if np.isnan(a11).all():
         raise UnanswerableError("no log holds three turning points with their passes; record longer.", code="too-short")
-    return Batch(a11 - scale.carried, np.sqrt(variance))
+    return Batch(a11 - equation.carried, np.sqrt(variance))
 
 
-def _constants(rig: Rig, scale: Scale) -> Array:
+def _constants(rig: Rig, equation: Equation) -> Array:
     """Constants of the balance at their places."""
     found = np.zeros(CONSTANTS)
-    found[GRAVITY] = scale.b or 0.0
+    found[GRAVITY] = equation.value("gravity_torque")
     motor = rig.drive.motor
-    if scale.drive == "reaction-wheel" and motor is not None:
+    if equation.drive == "reaction-wheel" and motor is not None:
         found[ETA], found[C1] = motor.efficiency.value, motor.torque_per_volt.value
         found[C2], found[GEAR] = motor.back_emf.value, motor.gear_ratio.value
         found[LOW], found[HIGH] = motor.dead_zone

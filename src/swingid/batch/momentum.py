@@ -15,10 +15,11 @@ from swingid.balance.fits import LAG, with_excess
 from swingid.batch import kernels
 from swingid.batch.plan import Batch, Plan, at_stamps, channels_of, require_batch
 from swingid.errors import UnanswerableError
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import CURVATURE_POWER, overlap_terms
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.preparation.speed import SHARE
 from swingid.system import cores
 
@@ -40,9 +41,9 @@ def momentum_batch(
     Raises InputError for a direct drive or an unknown gravity torque, which this cannot do, and for a channel that is
     missing or of another shape; UnanswerableError where the part used holds too few windows.
     """
-    scale = Scale.of(rig)
-    require_batch(rig, scale)
-    angle, (wheel_angle,) = channels_of(scale, angle, wheel_angle=wheel_angle)
+    equation = equation_of(rig)
+    require_batch(rig, equation)
+    angle, (wheel_angle,) = channels_of(equation, angle, wheel_angle=wheel_angle)
     encoders = plan.encoders(rig)
     late = encoders.wheel.latency.value - encoders.angle.latency.value
     rows, step = angle.shape[1], 1.0 / rate
@@ -68,13 +69,16 @@ def momentum_batch(
     with ThreadPoolExecutor(workers) as pool:
         list(pool.map(part, edges[:-1], edges[1:]))
     stiffness = np.cos(angle[:, first : last + 1 : reach // 4 or 1]).mean(axis=1)
-    return _fitted(columns, stiffness, scale, plan, reach * step, step)
+    return _fitted(columns, stiffness, equation, plan, reach * step, step)
 
 
-def _fitted(columns: Array, stiffness: Array, scale: Scale, plan: Plan, half: float, step: float) -> Batch:
+def _fitted(columns: Array, stiffness: Array, equation: Equation, plan: Plan, half: float, step: float) -> Batch:
     """Least squares of all logs, with the variance of a11 of `covariance_of`: sensor noise and excess scatter."""
     matrix = columns[:, :, PLACES]
-    known = -scale.a12 * columns[:, :, kernels.WHEEL] - (scale.b or 0.0) * columns[:, :, kernels.GRAVITY]
+    known = (
+        -equation.value("wheel") * columns[:, :, kernels.WHEEL]
+        - equation.value("gravity_torque") * columns[:, :, kernels.GRAVITY]
+    )
     values, weights, scores = kernels.least_squares(matrix, known, 1e-14)
     a11, coulomb = values[:, 0], values[:, PLACES.index(kernels.COULOMB)]
     variance = (scores * scores).sum(axis=1)
@@ -82,23 +86,23 @@ def _fitted(columns: Array, stiffness: Array, scale: Scale, plan: Plan, half: fl
         variance += 2.0 * (1 - k / (LAG + 1)) * (scores[:, k:] * scores[:, :-k]).sum(axis=1)
     independent = matrix.shape[1] / (LAG / 2)
     variance *= independent / max(independent - len(PLACES), 1.0)
-    gravity = (scale.b or 0.0) * stiffness * half**2 / a11
-    sensor, seen = _sensor_variance(weights, a11, gravity, scale, plan, half, step)
+    gravity = equation.value("gravity_torque") * stiffness * half**2 / a11
+    sensor, seen = _sensor_variance(weights, a11, gravity, equation, plan, half, step)
     variance = with_excess(sensor, seen, variance, matrix.shape[1] - len(PLACES))
     power = plan.noise**2 * step * CURVATURE_POWER * matrix.shape[1] / half**3
     variance += (a11 * power * (weights * weights).sum(axis=1)) ** 2  # noise in the regressor of the inertia
     variance += (coulomb * (weights * columns[:, :, kernels.LATE]).sum(axis=1)) ** 2
-    return Batch(a11 - scale.carried, np.sqrt(variance))
+    return Batch(a11 - equation.carried, np.sqrt(variance))
 
 
 def _sensor_variance(
-    weights: Array, a11: Array, gravity: Array, scale: Scale, plan: Plan, half: float, step: float
+    weights: Array, a11: Array, gravity: Array, equation: Equation, plan: Plan, half: float, step: float
 ) -> tuple[Array, Array]:
     """Variance of a11 (n,) by white noise of both angles, and Newey and West's sum for that noise.
 
     weights (n, windows): influence of the windows on a11; gravity (n,): as in `curvature_overlap`.
     """
-    powers = [(a11 * plan.noise) ** 2, (scale.a12 * plan.wheel_noise) ** 2]
+    powers = [(a11 * plan.noise) ** 2, (equation.value("wheel") * plan.wheel_noise) ** 2]
     true, seen = np.zeros(len(weights)), np.zeros(len(weights))
     for lag, curved, crossed, plain in zip(range(4), *overlap_terms(np.arange(0.0, 2.0, 0.5)), strict=True):
         pairs = (weights[:, lag:] * weights[:, : weights.shape[1] - lag]).sum(axis=1) * (2.0 if lag else 1.0)

@@ -9,12 +9,13 @@ import numpy as np
 
 from swingid.errors import InputError
 from swingid.methods.momentum.method import momentum
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import LATENCY, Encoders, is_off, moved
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.prepared import prepare
-from swingid.preparation.scale import Scale, refuse_rates, refuse_terms
+from swingid.preparation.scale import refuse_rates, refuse_terms
 from swingid.preparation.speed import SHARE, smooth_speed
 from swingid.recording.recording import Recording
 from swingid.result.result import Details
@@ -93,11 +94,11 @@ def plan_batch(logs: Sequence[Recording], rig: Rig) -> Plan:
     )
 
 
-def require_batch(rig: Rig, scale: Scale) -> None:
+def require_batch(rig: Rig, equation: Equation) -> None:
     """Raise InputError for rigs that the estimators of many logs exclude; UnanswerableError for terms beyond them."""
     refuse_terms(rig, "many logs at once")
     refuse_rates(rig, "many logs at once")
-    if scale.drive == "direct" or scale.b is None or scale.linear:
+    if equation.drive == "direct" or equation.seeks("gravity_torque") or equation.linear:
         raise InputError(
             f"rig {rig.name}: many logs at once need a rotary axis with a known gravity torque and no direct drive; "
             "identify these logs one by one.",
@@ -112,7 +113,7 @@ def require_batch(rig: Rig, scale: Scale) -> None:
         )
 
 
-def channels_of(scale: Scale, angle: Array, **others: Array | None) -> tuple[Array, list[Array | None]]:
+def channels_of(equation: Equation, angle: Array, **others: Array | None) -> tuple[Array, list[Array | None]]:
     """The angle (n, rows) and other channels as the kernels read them; None for one that the rig does without.
 
     Raises InputError for another shape than the angle's, and for a channel that is missing where there is a wheel.
@@ -120,7 +121,7 @@ def channels_of(scale: Scale, angle: Array, **others: Array | None) -> tuple[Arr
     angle = np.ascontiguousarray(angle, dtype=np.float64)
     found: list[Array | None] = []
     for name, values in others.items():
-        if values is None and scale.drive == "reaction-wheel":
+        if values is None and equation.drive == "reaction-wheel":
             text = f"many logs of a reaction wheel need {name}; record the wheel angle and the voltage."
             raise InputError(text, code="missing-channel")
         if values is None:

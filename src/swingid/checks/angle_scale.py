@@ -9,7 +9,7 @@ shows. Small swings do not determine s.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -20,10 +20,10 @@ from swingid.checks.answer import CLEARLY, LEAST
 from swingid.checks.ran import ran
 from swingid.checks.stated import AS_GOOD, AS_SHARP
 from swingid.format import number, percent, plus_minus
+from swingid.model.equation import SOUGHT, Equation
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project
-from swingid.preparation.scale import Scale
 from swingid.result.result import Message
 from swingid.uncertainty.significance import CERTAIN, DETECTED, INDICATED, MATTERS
 
@@ -75,7 +75,7 @@ def check_angle_scale(
     tried: fits of windows of every length. uncertainty: the inertia's, without conflicts with the rig file. Not where
     a torque that depends on the angle describes the rows clearly better.
     """
-    if signals.linear or not law.b:
+    if signals.linear or not law.value("gravity_torque"):
         return []
     searched = ((fit, *one) for fit in tried if (one := search_scale(fit, signals)) is not None)
     every = sorted(searched, key=lambda one: one[2] / one[1])
@@ -101,9 +101,9 @@ def check_angle_scale(
         f"gravity has the shape of the sine of {plus_minus(found.value, found.u)} times the angle as read"
         f"{_likely(found)}, with which "
         f"the residuals of the balance fall to {percent(found.left / found.plain)} and the inertia would be "
-        f"{number(found.a11 - law.scale.carried, law.scale.unit)}: angle_unit under [log], sensors.counts_per_turn or "
-        "a gear between axis and encoder is wrong, or a torque that depends on the angle, as of a cable, a spring or "
-        "magnets, has this shape; correct the one, or state the other."
+        f"{number(found.a11 - law.equation.carried, law.equation.unit)}: angle_unit under [log], "
+        "sensors.counts_per_turn or a gear between axis and encoder is wrong, or a torque that depends on the angle, "
+        "as of a cable, a spring or magnets, has this shape; correct the one, or state the other."
     )
     return [Message(SCALE, text)]
 
@@ -130,10 +130,10 @@ def search_scale(fit: WindowFit, signals: Signals) -> tuple[float, float] | None
 
 def scale_at(fit: WindowFit, signals: Signals, s: float, spread: float) -> AngleScale | None:
     """What follows from a scale s; None where it does not reduce the residuals."""
-    free = replace(fit.scale, b=None) if _is_driven(fit) else fit.scale
+    free = fit.equation.but(gravity_torque=SOUGHT) if _is_driven(fit) else fit.equation
     sine = _sine(fit, signals, s, slope=False)[0]
-    before, after = _solved(fit, free, fit.rows.gravity, 1.0).residuals, _solved(fit, free, sine, s).residuals
-    stated = _solved(fit, fit.scale, sine, s)
+    before, after = _solved(fit, free, fit.rows["gravity_torque"], 1.0).residuals, _solved(fit, free, sine, s).residuals
+    stated = _solved(fit, fit.equation, sine, s)
     a11 = float(stated.values[0]) / (s if _is_driven(fit) else 1.0)
     plain, left = (float(np.sqrt(np.mean(one**2))) for one in (before, after))
     return AngleScale(s, spread, a11, left, plain) if left <= plain else None
@@ -142,42 +142,42 @@ def scale_at(fit: WindowFit, signals: Signals, s: float, spread: float) -> Angle
 def _step(fit: WindowFit, signals: Signals, s: float) -> tuple[float, float]:
     """Gauss–Newton step of the scale from s, and its standard uncertainty."""
     sine, slope = _sine(fit, signals, s)
-    free = replace(fit.scale, b=None) if _is_driven(fit) else fit.scale
+    free = fit.equation.but(gravity_torque=SOUGHT) if _is_driven(fit) else fit.equation
     solved = _solved(fit, free, sine, s, slope if _is_driven(fit) else slope / s - sine / s**2)
-    own, b = solved.influence[-1], fit.b
+    own, b = solved.influence[-1], fit.value("gravity_torque")
     if _is_driven(fit):  # of the fit without the slope (Kaufman 1975), for far from s both mix
         b = float(solved.values[1] - (solved.influence[1] @ own) / max(own @ own, 1e-300) * solved.values[-1])
     if b <= 0:
         return np.nan, np.nan
     # at least by noise of the sensors: residuals may be smaller, as of a log that is prescribed
-    sensor, _ = sensor_variance(fit.rows, own, fit.a11, b, fit.scale, fit.noise)
+    sensor, _ = sensor_variance(fit.rows, own, fit.coefficients | {"gravity_torque": b}, fit.noise)
     data = LinearFit(solved.values, solved.residuals, own[None], solved.condition)
     spread = float(np.sqrt(max(float(data.covariance(LAG)[0, 0]), sensor)))
     return float(solved.values[-1]) / b, spread / b
 
 
 def _is_driven(fit: WindowFit) -> bool:
-    return fit.scale.drive != "none"
+    return fit.equation.drive != "none"
 
 
 def _sine(fit: WindowFit, signals: Signals, s: float, *, slope: bool = True) -> Array:
     """∫φ sin(s q) and, with `slope`, its derivative by s, (2, windows)."""
     if s == 1.0:
-        return np.stack([fit.rows.gravity, *(shape_columns(fit, signals)[SLOPE].T if slope else ())])
+        return np.stack([fit.rows["gravity_torque"], *(shape_columns(fit, signals)[SLOPE].T if slope else ())])
     windows, angle = fit.rows.windows, signals.angle
     columns = [(np.sin(s * angle), 0), *([(angle * np.cos(s * angle), 0)] if slope else [])]
     return project(signals.nodes, columns, windows.centres, windows.half).T
 
 
-def _solved(fit: WindowFit, scale: Scale, sine: Array, s: float, more: Array | None = None) -> LinearFit:
+def _solved(fit: WindowFit, equation: Equation, sine: Array, s: float, more: Array | None = None) -> LinearFit:
     """The windows fitted with this sine in the place of that of the angle; more: a further regressor, the last.
 
     The first value is a11 s under a drive and a11 in a free decay, whose equation is divided by s.
     """
-    rows = replace(fit.rows, gravity=sine if _is_driven(fit) else sine / s)
-    _, columns = columns_of(rows, scale, fit.friction)
+    rows = fit.rows.beside({"gravity_torque": sine if _is_driven(fit) else sine / s})
+    _, columns = columns_of(rows, equation, fit.friction)
     # what the fit explains by declared imperfections remains theirs
-    target = known_side(rows, scale) + fit.explained
+    target = known_side(rows, equation) + fit.explained
     return fit_linear(columns if more is None else np.column_stack([columns, more]), target)
 
 

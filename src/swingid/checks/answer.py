@@ -16,6 +16,7 @@ from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import left, number
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, is_spring, rig_terms, units_on
+from swingid.numerics.arrays import Array
 from swingid.numerics.regression import fit_linear
 from swingid.preparation.noise import Noise
 from swingid.recording.findings import Kind
@@ -57,8 +58,8 @@ def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
     With the sign of the drive or of gravity reversed, the residuals are clearly smaller, or the inertia is negative.
     """
     ran("signs")
-    scale = law.scale
-    key = {"reaction-wheel": "wheel_angle", "direct": "torque"}.get(scale.drive)
+    equation = law.equation
+    key = {"reaction-wheel": "wheel_angle", "direct": "torque"}.get(equation.drive)
     if key is None:
         if law.a11 <= 0:
             raise UnanswerableError(
@@ -66,20 +67,20 @@ def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
                 code="negative-inertia",
             )
         return
-    if not np.any(scale.a12 * law.rows.wheel - law.rows.torque) and law.a11 < 3 * law.u:
+    if not np.any(_drive(law)) and law.a11 < 3 * law.u:
         raise UnanswerableError(
             f"{where}: {key} is constant, so no drive makes the inertia identifiable; record a driven motion, or set "
             f"{key} under [log] to the right column.",
             code="no-drive",
         )
-    culprit = _wrong_by_gravity_found(law) if scale.b is None else _wrong_by_residuals(law)
+    culprit = _wrong_by_gravity_found(law) if equation.seeks("gravity_torque") else _wrong_by_residuals(law)
     if culprit is None:
         return
     if live:
         raise InputError(f"{where}: {key} has the wrong sign against the angle; {COMMISSION}", code="wrong-sign")
     sign = f"set {key}_sign = -1 under [log], or angle_sign = -1 where it is the angle's that is wrong"
     zero = 'angle_zero = "up" where 0 is the top'
-    found = f"(the inertia would be {law.a11:.3g} {scale.unit})"
+    found = f"(the inertia would be {law.a11:.3g} {equation.unit})"
     raise InputError(
         f"{where}: "
         + {
@@ -95,20 +96,25 @@ def check_sign(law: WindowFit, where: str, *, live: bool = False) -> None:
     )
 
 
+def _drive(law: WindowFit) -> Array:
+    """What drives the axis, on the known side of each row."""
+    return -law.rows.sum_of({name: law.value(name) for name in ("wheel", "torque") if name in law.rows.columns})
+
+
 def _wrong_by_residuals(law: WindowFit) -> str | None:
     """What is wrong where gravity is known: "drive", "zero", "both", "either", or None.
 
     Gravity reversed is the drive reversed, and inertia and friction with it, so one more fit decides.
     """
-    rows, scale = law.rows, law.scale
-    drive = -scale.a12 * rows.wheel + rows.torque
+    equation = law.equation
+    drive = _drive(law)
     turned = fit_linear(law.columns, law.known - 2 * drive)
     ratio = float(turned.residuals @ turned.residuals) / max(float(law.fit.residuals @ law.fit.residuals), 1e-300)
-    if scale.b and ratio < 1 / 9:
+    if equation.value("gravity_torque") and ratio < 1 / 9:
         return "drive" if turned.values[0] > 0 else "zero"
     if law.a11 >= -3 * law.u:
         return None
-    if not scale.b:
+    if not equation.value("gravity_torque"):
         return "drive"
     return "both" if ratio > 9 else "either"
 
@@ -148,7 +154,7 @@ def check_answer(
     of that, for then the interval contains it.
     """
     ran("identifiability")
-    inertia, scale = parameters["inertia"], law.scale
+    inertia, equation = parameters["inertia"], law.equation
     relative = (inertia.standard_uncertainty or np.inf) / max(abs(inertia.value), 1e-300)
     seen, motion = identifiability_of(law), _main_frequency(law, amplitude)
     require_seen(seen, *motion)
@@ -156,19 +162,23 @@ def check_answer(
         raise NotIdentifiableError(_hopeless(inertia, relative, law, motion))
     warnings: list[Message] = []
     notes: list[Message] = []
-    if (scale.b is None or scale.unknown) and _share(budget, inertia) > 0.02:
+    if len(equation.sought) > 1 and _share(budget, inertia) > 0.02:
         text = f"{seen.combination(law.values)}; {advice(seen, *motion)}."
         warnings.append(Message("gravity-and-inertia", text, Kind.GRAVITY_AND_INERTIA))
     near_resonance = False
-    if scale.drive != "none" and scale.b:
-        leverage = abs(float(law.fit.influence[0] @ law.rows.gravity)) * abs(scale.b) / law.a11
+    if equation.drive != "none" and equation.value("gravity_torque"):
+        leverage = (
+            abs(float(law.fit.influence[0] @ law.rows["gravity_torque"]))
+            * abs(equation.value("gravity_torque"))
+            / law.a11
+        )
         near_resonance = leverage > 0.8
         if near_resonance:
             gravity = rig.axis.gravity_torque
             budgeted = isinstance(gravity, Quantity) and gravity.std is not None
-            text = _near_resonance(leverage, amplitude, scale.b / law.a11, budgeted=budgeted)
+            text = _near_resonance(leverage, amplitude, equation.value("gravity_torque") / law.a11, budgeted=budgeted)
             (notes if budgeted else warnings).append(Message("near-resonance", text))
-    if scale.drive == "none":
+    if equation.drive == "none":
         notes.append(scale_note(rig))
     rank = f"rank {seen.rank} of {len(seen.names)}, condition {number(seen.condition, digits=2)}"
     text = f"{rank}; {seen.combination(law.values)}, and {seen.price}."
@@ -182,31 +192,31 @@ def _share(budget: list[BudgetEntry], inertia: Parameter) -> float:
 
 def identifiability_of(law: WindowFit) -> Identifiability:
     """Identifiability of the unknowns of a fit by its rows, with its own uncertainty of the inertia."""
-    units = units_on(linear=law.scale.linear)
+    units = units_on(linear=law.equation.linear)
     seen = examine(law.unknowns, [units.get(name, "") for name in law.unknowns], law.columns)
     return seen.scaled_to(law.u)
 
 
 def _main_frequency(law: WindowFit, amplitude: float) -> tuple[float | None, float]:
     """Main frequency of the motion and of the free swing at its amplitude, rad/s, from the rows."""
-    gravity = float(np.linalg.norm(law.rows.gravity))
+    gravity = float(np.linalg.norm(law.rows["gravity_torque"]))
     if gravity == 0.0 or law.a11 <= 0:
         return None, 0.0
     amplitude = min(amplitude, LARGEST_SWING)
     sine = 1 - amplitude**2 / 8
-    natural = np.sqrt(max(law.b, 0.0) / law.a11) * (1 - amplitude**2 / 16)
-    return float(np.sqrt(np.linalg.norm(law.rows.inertia) / gravity * max(sine, 0.3))), float(natural)
+    natural = np.sqrt(max(law.value("gravity_torque"), 0.0) / law.a11) * (1 - amplitude**2 / 16)
+    return float(np.sqrt(np.linalg.norm(law.rows["inertia"]) / gravity * max(sine, 0.3))), float(natural)
 
 
 def _hopeless(inertia: Parameter, relative: float, law: WindowFit, motion: tuple[float | None, float]) -> str:
-    scale = law.scale
-    if inertia.value <= 0 and scale.b is not None:
+    equation = law.equation
+    if inertia.value <= 0 and not equation.seeks("gravity_torque"):
         return (
             f"the balance gives an inertia of {inertia.value:.3g} {inertia.unit}, which is not positive; "
             "check the signs and scales under [log] and drive.wheel.inertia."
         )
     spread = f"{100 * relative:.0f} %" if inertia.value > 0 and relative < 100 else "more than its value"
-    sought = (*(("gravity_torque",) if scale.b is None else ()), *scale.unknown)
+    sought = equation.sought[1:]
     torques = [TERMS[name] for name in sought if TERMS[name].is_conservative]
     if torques:
         return (

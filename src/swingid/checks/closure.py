@@ -25,10 +25,10 @@ OPEN = 0.5
 def share_left(law: WindowFit) -> float:
     """What the terms leave beyond the noise of the sensors, as a share of the inertia's term or of gravity's (rms)."""
     noise, half = law.noise, law.rows.windows.half
-    power = (law.a11 * noise.angle) ** 2 + (law.scale.a12 * noise.wheel) ** 2
+    power = (law.a11 * noise.angle) ** 2 + (law.equation.value("wheel") * noise.wheel) ** 2
     expected = power * noise.step * CURVATURE_POWER * float(np.mean(half**-3.0))
     left = max(float(np.mean(law.fit.residuals**2)) - expected, 0.0)
-    terms = (law.a11 * law.rows.inertia, law.b * law.rows.gravity)
+    terms = (law.a11 * law.rows["inertia"], law.value("gravity_torque") * law.rows["gravity_torque"])
     return float(np.sqrt(left)) / max(*(float(np.std(term)) for term in terms), 1e-300)
 
 

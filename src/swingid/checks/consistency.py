@@ -18,13 +18,13 @@ from swingid.checks.answer import Fault, check_answer, check_motor, check_sign, 
 from swingid.checks.ran import ran
 from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import InputError, UnanswerableError
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import stated_at
 from swingid.numerics.arrays import median, quantile
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 from swingid.result.provenance import exact_constants
 from swingid.result.result import Message
@@ -69,7 +69,7 @@ class Consistency:
 
 
 def consistency_check(
-    log: Recording, rig: Rig, motion: Motion, scale: Scale, noise: Noise, encoders: Encoders
+    log: Recording, rig: Rig, motion: Motion, equation: Equation, noise: Noise, encoders: Encoders
 ) -> Consistency:
     """Fit equation (I) and evaluate (II) on one set of windows over the first swings of a log.
 
@@ -83,9 +83,9 @@ def consistency_check(
     quickest = quantile(np.abs(speed.acceleration(speed.grid)), 0.99)
     length = max(0.75 * float(np.max(np.abs(speed.speed))) / max(quickest, 1e-300), 5 * noise.step)
     longest = min(length, log.duration / 20)
-    fit = best_windows(signals, scale, noise, (*BASIS, "memory"), longest)
-    if fit is not None and not impulse_possible(scale, motion, abs(fit.value("memory")), fit.value("coulomb")):
-        fit = best_windows(signals, scale, noise, BASIS, longest)
+    fit = best_windows(signals, equation, noise, (*BASIS, "memory"), longest)
+    if fit is not None and not impulse_possible(equation, motion, abs(fit.value("memory")), fit.value("coulomb")):
+        fit = best_windows(signals, equation, noise, BASIS, longest)
     where = log.source.path or "the log"
     if fit is None:
         return Consistency(signals, None, None)
@@ -98,7 +98,7 @@ def consistency_check(
 
 
 def best_windows(
-    signals: Signals, scale: Scale, noise: Noise, terms: tuple[str, ...], first: float | None = None
+    signals: Signals, equation: Equation, noise: Noise, terms: tuple[str, ...], first: float | None = None
 ) -> WindowFit | None:
     """The fit with about the least relative uncertainty of a11 on windows of several lengths; None for too few swings.
 
@@ -111,7 +111,7 @@ def best_windows(
     seen: list[WindowFit] = []
     least = np.inf
     for half in [*([] if first is None else [first]), *(share * swing for share in SHARES)]:
-        fit = fit_rows(rows_of(signals.suited(half), law_windows(signals, half)), scale, noise, terms)
+        fit = fit_rows(rows_of(signals.suited(half), law_windows(signals, half)), equation, noise, terms)
         if fit is None or not np.isfinite(fit.u):
             continue
         seen.append(fit)
@@ -125,7 +125,7 @@ def check_energy(
     answer: Evaluated,
     consistency: Consistency,
     rig: Rig,
-    scale: Scale,
+    equation: Equation,
     motion: Motion,
     compared: float | None,
     rig_file: RigFileCheck | None,
@@ -158,7 +158,7 @@ def check_energy(
         checked = check_answer(
             answer.parameters | {"inertia": alone}, answer.budget, consistency.windows, amplitude, rig
         )
-        wheel = scale.drive == "reaction-wheel"
+        wheel = equation.drive == "reaction-wheel"
         cause = "wrong motor constants" if wheel else "friction that does not depend on the speed alone"
         differs = [] if compared is None else against_momentum(inertia, compared, consistency.windows, cause)
         warnings += checked.warnings + differs
@@ -166,7 +166,7 @@ def check_energy(
         only_resonance = checked.near_resonance and not differs
     motor = check_motor(consistency.balance, consistency.signals, uses_motor=True)
     notes += motor.notes
-    if scale.drive == "reaction-wheel":
+    if equation.drive == "reaction-wheel":
         text = f"{motor_sensitivities(rig, sensitivities, inertia)}; momentum needs no motor constant."
         notes.append(Message("leans-on-the-motor", text))
         warnings += motor.held

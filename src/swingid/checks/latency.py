@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swingid.balance.choice import Choice, choose
+from swingid.balance.errors import errors_of, late_error
 from swingid.balance.fits import LAG, WindowFit, fit_with_prior, residuals_beside, sensor_variance
-from swingid.balance.imperfections import Imperfection, imperfections, late_channel
+from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Signals
 from swingid.checks.ran import ran
 from swingid.format import percent, plus_minus
@@ -66,7 +67,9 @@ def with_latency(part: Part, memory: str = "auto", signals: Signals | None = Non
     memory: as `balance.choice.MEMORY`; signals: of the part, where they are known. Where none is found, the uncertainty
     that remains is of first order; a warning where its square matters as well.
     """
-    first = _chosen(part, 0.0, memory) if signals is None else choose(signals, part.rig, part.scale, part.noise, memory)
+    first = (
+        _chosen(part, 0.0, memory) if signals is None else choose(signals, part.rig, part.equation, part.noise, memory)
+    )
     choice, moved, result = first, 0.0, Moved()
     if not _declared_spread(part):
         return choice, result
@@ -101,8 +104,8 @@ def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = 
 
     uncertainty: the inertia's, with all declared imperfections and without the lack of fit by the latency.
     """
-    rig, scale = part.rig, part.scale
-    if scale.drive == "none" or _declared_spread(part) or not _may_show(choice, rig):
+    rig, equation = part.rig, part.equation
+    if equation.drive == "none" or _declared_spread(part) or not _may_show(choice, rig):
         return []
     ran("latency")
     channel, name, sensor = _late_channel(part)
@@ -123,7 +126,7 @@ def check_latency(choice: Choice, part: Part, uncertainty: float, memory: str = 
     key = "sensors.wheel.latency" if channel == "wheel" else "sensors.latency"
     text = (
         f"{name} is read {plus_minus(1e3 * moved, 1e3 * u, 'ms')} later than the rig file states; corrected by that, "
-        f"the inertia would be {plus_minus(law.inertia, None, scale.unit)}. State "
+        f"the inertia would be {plus_minus(law.inertia, None, equation.unit)}. State "
         f'{key} = "{1e3 * (sensor.latency.value + moved):.3g} ± {1e3 * u:.2g} ms", or calibrate the encoders.'
     )
     return [Message("late-channel", text, Kind.LATE_CHANNEL)]
@@ -150,7 +153,7 @@ def _chosen(part: Part, moved: float, memory: str) -> Choice:
     """The choice with the late channel corrected by `moved` (s) beyond what the rig file states."""
     channel, _, sensor = _late_channel(part)
     encoders = part.encoders.with_latency(channel, sensor.latency.value + moved, sensor.latency.std)
-    return choose(Signals.of(part.log, part.rig, part.motion, encoders), part.rig, part.scale, part.noise, memory)
+    return choose(Signals.of(part.log, part.rig, part.motion, encoders), part.rig, part.equation, part.noise, memory)
 
 
 def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
@@ -158,20 +161,21 @@ def latency_of(law: WindowFit, signals: Signals, rig: Rig) -> Latency:
 
     Its uncertainty is that by the scatter of the rows, and at least that by noise of the sensors.
     """
-    items = [item for item in imperfections(rig, signals, law.rows, law.a11, law.b) if item.calibrates]
+    items = errors_of(law.rows, signals, rig, law.equation, law.coefficients)
+    items = [item for item in items if item.of.fitted]
     solved, error = fit_with_prior(law, [item.rows * item.std for item in items])
-    rows, unknowns = len(law.rows.windows), len(law.unknowns)
+    rows, unknowns = len(law.rows), len(law.unknowns)
     weights = np.zeros((1, unknowns + len(items)))
     for k, item in enumerate(items, start=unknowns):
         weights[0, k] = _counts(item, rig) * item.std
     influence = weights @ solved.influence
     data = LinearFit(solved.values, solved.residuals[:rows], influence[:, :rows], 1.0).covariance(LAG)
-    sensor, _ = sensor_variance(law.rows, influence[0, :rows], law.a11, law.b, law.scale, law.noise)
+    sensor, _ = sensor_variance(law.rows, influence[0, :rows], law.coefficients, law.noise)
     from_prior = float(np.sum((influence[:, rows:] * error) ** 2))
     return Latency(float(weights[0] @ solved.values), float(np.sqrt(max(data[0, 0], sensor) + from_prior)))
 
 
-def _counts(item: Imperfection, rig: Rig) -> float:
+def _counts(item: RowError, rig: Rig) -> float:
     """+1 for the late channel, −1 for the one that it is compared with, 0 for what is no latency."""
     if rig.drive.kind == "reaction-wheel":
         return {"wheel latency": 1.0, "angle latency": -1.0}.get(item.source, 0.0)
@@ -180,7 +184,7 @@ def _counts(item: Imperfection, rig: Rig) -> float:
 
 def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig) -> float:
     """Standard deviation of the latency over windows of other lengths that determine it nearly as well."""
-    found = [latency_of(fit, signals, rig) for fit in fits if len(fit.rows.windows) >= FEWEST]
+    found = [latency_of(fit, signals, rig) for fit in fits if len(fit.rows) >= FEWEST]
     least = min((one.u for one in found), default=0.0)
     values = [one.value for one in found if one.u < SHARP * least]
     return float(np.std(values)) if len(values) > 1 else 0.0
@@ -189,7 +193,7 @@ def _scatter(fits: Iterable[WindowFit], signals: Signals, rig: Rig) -> float:
 def _may_show(choice: Choice, rig: Rig) -> bool:
     """Whether one column more, without a prior, reduces the residuals enough: quick, and a necessary condition."""
     law = choice.law
-    late = late_channel(choice.signals, law.rows, rig.drive.a12 if rig.drive.kind == "reaction-wheel" else 0.0)
+    late = late_error(law.rows, choice.signals, law.coefficients)
     left = residuals_beside(law, late[:, None])
     return float(left @ left) < BETTER**2 * float(law.fit.residuals @ law.fit.residuals)
 

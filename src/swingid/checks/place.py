@@ -31,7 +31,7 @@ def check_place(law: WindowFit, fits: Iterable[PlaceFit], total: float) -> list[
     total: standard uncertainty of the inertia without such torques. Not where gravity is unknown as well, which at one
     frequency takes the part of a spring.
     """
-    if law.scale.b is None:
+    if law.equation.seeks("gravity_torque"):
         return []
     ran("place")
     sharpest: dict[str, PlaceFit] = {}
@@ -42,7 +42,7 @@ def check_place(law: WindowFit, fits: Iterable[PlaceFit], total: float) -> list[
     found = max(certain, key=lambda one: abs(one.difference), default=None)
     if found is None:
         return []
-    key = "axis.stiffness" if law.scale.linear else "axis.stiffness or axis.cogging"
+    key = "axis.stiffness" if law.equation.linear else "axis.stiffness or axis.cogging"
     text = (
         "a torque that depends on the angle, as of a cable, a spring or magnets, would reduce the residuals of the "
         f"balance to {_ratio(found):.0%} and change the inertia by as much as "
@@ -74,12 +74,17 @@ def spring_note(law: WindowFit, fits: Iterable[PlaceFit], signals: Signals, tota
     springs = [one for one in fits if one.kind == "spring"]
     found = min(springs, key=lambda one: one.variance, default=None)
     stated = any(is_spring(term.term) for term in signals.further)
-    if found is None or stated or signals.linear or law.scale.b is None:
+    if found is None or stated or signals.linear or law.equation.seeks("gravity_torque"):
         return []
     spring = found.more.declared[-1]
     if abs(float(spring.shifts[0])) <= total:
         return []
-    effect = float(found.plain.fit.influence[0] @ spring.item.rows) * 0.01 * abs(law.scale.b) / law.inertia
+    effect = (
+        float(found.plain.fit.influence[0] @ spring.item.rows)
+        * 0.01
+        * abs(law.equation.value("gravity_torque"))
+        / law.inertia
+    )
     text = (
         "axis.stiffness is not stated, so no spring (cable, band) is assumed to act; this motion does not distinguish "
         f"one from inertia and gravity: 1 % of the gravity torque per rad is an error of {percent(effect, sign=True)}; "

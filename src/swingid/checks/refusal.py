@@ -33,7 +33,7 @@ def explained(error: UnanswerableError, prepared: Prepared) -> UnanswerableError
     if check is None:
         return error
     law = check.choice.law
-    found = check.warnings(Parameter.of(law.inertia, law.total, law.scale.unit))
+    found = check.warnings(Parameter.of(law.inertia, law.total, law.equation.unit))
     causes = [one.message for one in found if one.code in CONTRADICTIONS]
     return contradiction(causes[0], "is not determined") if causes else error
 

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swingid.balance.errors import bends
 from swingid.balance.fits import (
     LAG,
     ROUNDING,
@@ -25,7 +26,6 @@ from swingid.balance.fits import (
     with_declared,
     with_gravity_free,
 )
-from swingid.balance.imperfections import axis_bends, wheel_bends
 from swingid.balance.rows import Signals
 from swingid.balance.systematics import COSINE, left_by_place, shape_columns
 from swingid.checks.answer import LEAST
@@ -63,8 +63,8 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
     Not where gravity is unknown as well, whose column is nearly that of a nonlinearity, and not where a torque that
     depends on the angle explains the residuals better.
     """
-    scale = law.scale
-    if signals.linear or scale.drive == "none" or scale.b is None or signals.encoders.angle.bent:
+    equation = law.equation
+    if signals.linear or equation.drive == "none" or equation.seeks("gravity_torque") or signals.encoders.angle.bent:
         return []
     if not _may_show(law, signals):
         return []
@@ -79,7 +79,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
     text = (
         "a once-per-turn nonlinearity of the encoders, which the rig file does not declare, would reduce the residuals "
         f"of the balance to {np.sqrt(after / before):.0%} and make the inertia "
-        f"{plus_minus(bent.inertia, bent.total, scale.unit)}; declare sensors.nonlinearity, such as "
+        f"{plus_minus(bent.inertia, bent.total, equation.unit)}; declare sensors.nonlinearity, such as "
         '"0.1 deg", or calibrate the encoders.'
     )
     return [Message("encoder-nonlinearity", text, Kind.ENCODER_NONLINEARITY)]
@@ -88,7 +88,7 @@ def check_encoders(law: WindowFit, rig: Rig, signals: Signals) -> list[Message]:
 def _shows(law: WindowFit, before: float, after: float) -> bool:
     """Whether a fall of the residuals' power is large and significant."""
     # without a nonlinearity 0.95 of the residuals and more remain
-    freedom = len(law.rows.windows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES
+    freedom = len(law.rows) / (LAG / 2) - len(law.unknowns) - AMPLITUDES
     if not before > ROUNDING**2 * float(np.mean(law.known**2)):
         return False  # these are residuals of the arithmetic
     return 0 < after < BETTER**2 * before and (before / after - 1) * freedom / AMPLITUDES >= CERTAIN_RATIO
@@ -96,17 +96,15 @@ def _shows(law: WindowFit, before: float, after: float) -> bool:
 
 def _may_show(law: WindowFit, signals: Signals) -> bool:
     """Whether the residuals would fall enough without a prior of the amplitudes: quick, and a necessary condition."""
-    bends = [*axis_bends(signals, law.rows, law.a11, law.b).values()]
-    bends += wheel_bends(signals, law.rows, law.scale.a12).values()
-    constants = _uncertain(law)
-    before, after = (residuals_beside(law, more) for more in (constants, np.column_stack([constants, *bends])))
+    bent, constants = bends(law.rows, signals, law.coefficients), _uncertain(law)
+    before, after = (residuals_beside(law, more) for more in (constants, np.hstack([constants, bent])))
     return _shows(law, float(np.mean(before**2)), float(np.mean(after**2)))
 
 
 def _uncertain(law: WindowFit) -> Array:
     """Columns (rows, n) of the constants that are stated with an uncertainty, which explain residuals as well."""
-    columns = [effect.item.rows for effect in law.declared if not effect.item.calibrates]
-    return np.array(columns).reshape(len(columns), len(law.rows.windows)).T
+    columns = [effect.item.rows for effect in law.declared if not effect.item.of.fitted]
+    return np.array(columns).reshape(len(columns), len(law.rows)).T
 
 
 def check_gravity(
@@ -120,41 +118,42 @@ def check_gravity(
 
     tried: the same fit at other lengths of windows. uncertainty: of the inertia, if not that of `law`.
     """
-    stated, scale = rig.axis.acting_gravity, law.scale
-    if stated is None or scale.b is None or scale.drive == "none" or signals.linear:
+    stated, equation = rig.axis.acting_gravity, law.equation
+    if stated is None or equation.seeks("gravity_torque") or equation.drive == "none" or signals.linear:
         return []
     ran("gravity-torque")
     found = _freed(law, signals, rig)
     if found is None:
         return []
     free, spread = found
+    b = free.value("gravity_torque")
     for own in (law, *tried):
         one = found if own is law else _freed(own, signals, rig)
         if one is None or one[1] >= AS_SHARP * spread:
             continue
-        off = one[0].b - stated.value
-        if off * (free.b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(one[1], stated.std or 0.0):
+        off = one[0].value("gravity_torque") - stated.value
+        if off * (b - stated.value) <= 0 or abs(off) <= DETECTED * np.hypot(one[1], stated.std or 0.0):
             return []
     # the disagreement of windows is no part of law.total: a wrong scale causes it
-    if free.a11 <= 0 or (stated.value and free.b <= 0):
+    if free.a11 <= 0 or (stated.value and b <= 0):
         return []
     apart = abs(free.a11 - law.a11)
     if apart <= max(MATTERS * (law.total if uncertainty is None else uncertainty), LEAST * law.a11):
         return []
     if not stated.value:
         text = (
-            f"the balance gives a gravity torque of {plus_minus(free.b, spread, scale.torque_unit)}, but the rig file "
-            f"gives none; with it the inertia is {number(free.a11 - scale.carried, scale.unit)}: give "
+            f"the balance gives a gravity torque of {plus_minus(b, spread, equation.torque_unit)}, but the rig file "
+            f"gives none; with it the inertia is {number(free.a11 - equation.carried, equation.unit)}: give "
             'axis.gravity_torque, a number or "unknown", or the spring that acts like it.'
         )
         return [Message("gravity-torque-disagrees", text, Kind.GRAVITY_TORQUE)]
-    drive = "log.torque_gain" if scale.drive == "direct" else "drive.wheel.inertia (with rotor and gear)"
+    drive = "log.torque_gain" if equation.drive == "direct" else "drive.wheel.inertia (with rotor and gear)"
     by_drive, by_gravity = (
-        number(a11 - scale.carried, scale.unit) for a11 in (free.a11, free.a11 * stated.value / free.b)
+        number(a11 - equation.carried, equation.unit) for a11 in (free.a11, free.a11 * stated.value / b)
     )
     text = (
-        f"the balance gives a gravity torque of {plus_minus(free.b, spread, scale.torque_unit)}, "
-        f"{_against(free.b / stated.value)} axis.gravity_torque: one of {drive}, "
+        f"the balance gives a gravity torque of {plus_minus(b, spread, equation.torque_unit)}, "
+        f"{_against(b / stated.value)} axis.gravity_torque: one of {drive}, "
         f"axis.gravity_torque, the angle's unit and the clock is wrong; the inertia is {by_drive} if the drive's scale "
         f"is right, {by_gravity} if gravity is; state the one that may be wrong with its uncertainty."
     )
@@ -200,7 +199,7 @@ def check_zero(law: WindowFit, signals: Signals, uncertainty: float) -> list[Mes
     swings of one frequency do not distinguish the two, and then both are named. The turning points of a free decay do
     not depend on the model of its friction: what their centre contradicts is no offset of the angle.
     """
-    if not law.scale.b or signals.linear:
+    if not law.equation.value("gravity_torque") or signals.linear:
         return []
     ran("angle-zero")
     cosine = shape_columns(law, signals)[COSINE][:, 0]
@@ -213,7 +212,7 @@ def check_zero(law: WindowFit, signals: Signals, uncertainty: float) -> list[Mes
         ):
             return []
         unless = ", unless it is friction that depends on the direction, which is not distinguishable in this motion"
-    centre = centre_of(signals.motion.turning_angles) if law.scale.drive == "none" else None
+    centre = centre_of(signals.motion.turning_angles) if law.equation.drive == "none" else None
     if centre is not None and abs(found.value - centre[0]) > INDICATED * np.hypot(found.spread, centre[1]):
         return []
     effect = percent((found.a11 - law.a11) / law.inertia, sign=True)
@@ -230,20 +229,20 @@ def _offset(law: WindowFit, signals: Signals, friction: tuple[str, ...], cosine:
 
     cosine: ∫φ cos q1 of every row.
     """
-    scale, windows = law.scale, law.rows.windows
-    assert scale.b is not None
-    _, columns = columns_of(law.rows, scale, friction)
+    equation, windows = law.equation, law.rows.windows
+    assert not equation.seeks("gravity_torque")
+    _, columns = columns_of(law.rows, equation, friction)
     offset, spread, rows = 0.0, 0.0, law.rows
     for _ in range(ROUNDS):
         if offset:
             angle = signals.angle - offset
             terms = [(np.cos(angle), 0), (np.sin(angle), 0)]
             cosine, sine = project(signals.nodes, terms, windows.centres, windows.half).T
-            rows = replace(law.rows, gravity=sine)
+            rows = law.rows.beside({"gravity_torque": sine})
         # what the fit explains by declared imperfections, such as α cos q, remains theirs
-        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, scale) + law.explained)
-        offset -= float(fit.values[-1]) / scale.b
-        spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / scale.b
+        fit = fit_linear(np.column_stack([columns, cosine]), known_side(rows, equation) + law.explained)
+        offset -= float(fit.values[-1]) / equation.value("gravity_torque")
+        spread = float(np.sqrt(fit.covariance(LAG)[-1, -1])) / equation.value("gravity_torque")
         if abs(offset) < CERTAIN * spread:
             break
     return _Offset(offset, spread, float(fit.values[0]), float(fit.residuals @ fit.residuals))

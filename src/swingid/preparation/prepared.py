@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Correction, Encoders, corrected, on_stamps
@@ -18,7 +19,7 @@ from swingid.preparation.motion import Motion, find_motion
 from swingid.preparation.noise import Noise, channel_noise
 from swingid.preparation.push import push_decided
 from swingid.preparation.rate import levelled
-from swingid.preparation.scale import Scale, refuse_motor, require_channels
+from swingid.preparation.scale import equation_of, refuse_motor, require_channels
 from swingid.preparation.segment import longest_run, part_of
 from swingid.preparation.strings import VerticalMotion
 from swingid.preparation.zero import centred
@@ -38,7 +39,7 @@ class Part:
     """
 
     rig: Rig
-    scale: Scale
+    equation: Equation
     log: Recording
     motion: Motion
     start: float
@@ -63,7 +64,7 @@ class Prepared:
 
     log: Recording
     rig: Rig
-    scale: Scale
+    equation: Equation
     encoders: Encoders
     corrections: tuple[Correction, ...]
     one_of_several: bool = False
@@ -115,7 +116,7 @@ class Prepared:
         if reread and len(motion.turning_times):
             motion = motion.reread(log.time, log.angle, found.speed.half_width)
         encoders = self.encoders.on_time() if at_stamps else self.encoders
-        return Part(self.rig, self.scale, used, motion, start, stop, note, noise, encoders)
+        return Part(self.rig, self.equation, used, motion, start, stop, note, noise, encoders)
 
     def relevelled(self, amounts: Mapping[str, float]) -> Prepared:
         """The same with these amounts of what is unknown of an integrated rate subtracted from the angle, too."""
@@ -152,7 +153,7 @@ class Prepared:
         decided = {
             "corrections": [one.as_dict() for one in (*self.corrections, *found)],
             "part": [part.start, part.stop],
-            "noise": {"angle": part.noise.angle, "wheel": part.noise.wheel if self.scale.a12 else None},
+            "noise": {"angle": part.noise.angle, "wheel": part.noise.wheel if self.equation.value("wheel") else None},
         }
         return Result(
             method=method,
@@ -191,11 +192,11 @@ def prepare(
     log, level = levelled(log, rig)
     encoders = replace(encoders, level=level)
     log, pushes = push_decided(log, rig)
-    scale = Scale.of(rig, elsewhere=scaled_elsewhere)
+    equation = equation_of(rig, elsewhere=scaled_elsewhere)
     require_channels(log, rig)
     log, zero = centred(log, rig) if level is None else (log, ())
     log = longest_run(log) if unbroken else log
-    return Prepared(log, rig, scale, encoders, (*corrections, *pushes, *zero), one_of_several)
+    return Prepared(log, rig, equation, encoders, (*corrections, *pushes, *zero), one_of_several)
 
 
 def as_recorded(rig: Rig, log: Recording) -> Rig:

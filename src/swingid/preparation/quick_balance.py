@@ -15,11 +15,12 @@ from functools import cache
 import numpy as np
 
 from swingid.errors import UnanswerableError
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.preparation.motion import sixth_differences
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.preparation.speed import typical_step
 from swingid.recording.recording import Recording
 
@@ -87,10 +88,10 @@ class QuickBalance:
 def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
     """The balance of a driven log on short windows; None without a drive, without motion and where it is too short."""
     try:
-        scale = Scale.of(rig)
+        equation = equation_of(rig)
     except UnanswerableError:  # without a scale reference; a method raises it
         return None
-    drive = {"reaction-wheel": log.wheel_angle, "direct": log.torque}.get(scale.drive)
+    drive = {"reaction-wheel": log.wheel_angle, "direct": log.torque}.get(equation.drive)
     if drive is None or len(log) < FEWEST_WINDOWS:
         return None
     step = typical_step(log.time)
@@ -107,7 +108,7 @@ def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
     if averaged is None:
         return None
     middles, (q1, driven), full = averaged
-    columns, target, speed = _columns(q1, driven, half / BINS, scale)
+    columns, target, speed = _columns(q1, driven, half / BINS, equation)
     usable = ~_within(~full)
     quickest = level(np.abs(speed[full]), 0.95)
     rests = _within(_resting(q1, RESTS * quickest * half / BINS))
@@ -116,9 +117,11 @@ def quick_balance(log: Recording, rig: Rig) -> QuickBalance | None:
     if fitted is None:
         return None
     values, scatter = fitted
-    gravity = 0.0 if scale.b is None else scale.b * level(np.abs(np.sin(q1)), 0.99)
-    wheel_noise = 0.0 if scale.drive == "direct" else _noise(drive, rig.sensors.of("wheel").resolution)
-    noise = np.hypot(values[0] * angle_noise, scale.a12 * wheel_noise)
+    gravity = (
+        0.0 if equation.seeks("gravity_torque") else equation.value("gravity_torque") * level(np.abs(np.sin(q1)), 0.99)
+    )
+    wheel_noise = 0.0 if equation.drive == "direct" else _noise(drive, rig.sensors.of("wheel").resolution)
+    noise = np.hypot(values[0] * angle_noise, equation.value("wheel") * wheel_noise)
     friction = values[1 : len(FRICTION) + 1] @ columns[1 : len(FRICTION) + 1]
     return QuickBalance(
         times=middles[Whole],
@@ -202,7 +205,7 @@ def _averaged(time: Array, step: float, rows: int, signals: Array) -> tuple[Arra
 FRICTION = ("coulomb", "viscous", "quadratic", "cubic", "offset", "viscous_even")
 
 
-def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Array, Array, Array]:
+def _columns(q1: Array, driven: Array, width: float, equation: Equation) -> tuple[Array, Array, Array]:
     """Columns (unknowns, windows) with the inertia's first and friction's next, the known side, the speed in the bins.
 
     driven: means of the wheel's angle, or of the torque.
@@ -214,13 +217,13 @@ def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Arra
         sign = np.nan_to_num(np.clip(2 * speed / np.abs(np.gradient(speed)), -1.0, 1.0))
     averaged = [sign, speed * size, speed * size * size, np.ones_like(q1), size]
     # terms of the angle only repeat with the motion: they are fitted whatever the rig states of them
-    averaged += [term.regressor(q1, speed, sign) for term in scale.further]
+    averaged += [term.regressor(q1, speed, sign) for term in equation.further]
     curved, gravity = [q1], len(averaged)
-    if not scale.linear:
+    if not equation.linear:
         sine, cosine = np.sin(q1), np.cos(q1)
         averaged += [sine, cosine]
         curved += [sine, cosine]
-    if scale.drive == "reaction-wheel":
+    if equation.drive == "reaction-wheel":
         curved += [np.sin(driven), np.cos(driven), driven]
     else:
         averaged.append(driven)
@@ -228,13 +231,17 @@ def _columns(q1: Array, driven: Array, width: float, scale: Scale) -> tuple[Arra
     plain = _filtered(np.stack(averaged), mean)
     bent = _filtered(np.stack(curved), bend / width**2)
     viscous = _filtered(q1[None], slope / width)
-    drive = -scale.a12 * bent[-1] if scale.drive == "reaction-wheel" else plain[-1]
+    drive = -equation.value("wheel") * bent[-1] if equation.drive == "reaction-wheel" else plain[-1]
     rate = np.gradient(drive)
-    if scale.drive == "reaction-wheel":
+    if equation.drive == "reaction-wheel":
         bent = bent[:-1]
     else:
         plain = plain[:-1]
-    target = drive if scale.linear or scale.b is None else drive - scale.b * plain[gravity]
+    target = (
+        drive
+        if equation.linear or equation.seeks("gravity_torque")
+        else drive - equation.value("gravity_torque") * plain[gravity]
+    )
     return np.vstack([bent[:1], plain[:1], viscous, plain[1:], bent[1:], rate[None]]), target, speed
 
 

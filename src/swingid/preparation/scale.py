@@ -5,91 +5,46 @@ Equation (I) is homogeneous, so the angles alone give ratios only.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Literal
-
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
-from swingid.model.terms import RigTerm, motor_terms, rig_terms
+from swingid.model.terms import rig_terms
 from swingid.preparation.reference import refuse_without_scale
 from swingid.recording.findings import Kind
 from swingid.recording.recording import Recording
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Known constants of equation (I).
+def equation_of(rig: Rig, *, elsewhere: bool = False) -> Equation:
+    """Equation (I) of a rig. Raises UnanswerableError where nothing sets its scale.
 
-    a12 = J2 + N Jr (kg m²; 0 without a wheel), carried = J2 + Jr, the part of a11 beside J1 (N² Jr of a motor on the
-    axis); b the gravity torque (N m) as it acts, None where it is to be identified. further: the rig's further terms
-    (`model.terms`), and those of a motor on the axis.
+    elsewhere: whether something that is no key of the rig sets the scale, as a known body added to the axis.
     """
-
-    drive: Literal["reaction-wheel", "direct", "motor", "none"]
-    linear: bool
-    a12: float
-    carried: float
-    b: float | None
-    further: tuple[RigTerm, ...] = ()
-
-    @cached_property
-    def known(self) -> dict[str, float]:
-        """Coefficients of the further terms that the rig states."""
-        return {term.name: term.value.value for term in self.further if term.value is not None}
-
-    @cached_property
-    def unknown(self) -> tuple[str, ...]:
-        """Further terms to be identified."""
-        return tuple(term.name for term in self.further if term.value is None)
-
-    @classmethod
-    def of(cls, rig: Rig, *, elsewhere: bool = False) -> Scale:
-        """Scale of a rig. Raises UnanswerableError where there is no scale reference.
-
-        elsewhere: whether something that is no key of the rig sets the scale, as a known body added to the axis.
-        """
-        gravity = rig.axis.acting_gravity
-        b = None if gravity is None else gravity.value
-        linear = rig.axis.kind == "linear"
-        further = (*rig_terms(rig), *motor_terms(rig))
-        held = any(term.value is not None and term.value.value and term.term.is_conservative for term in further)
-        if not elsewhere:
-            refuse_without_scale(rig)
-        if rig.drive.kind == "motor" and not (b or held or elsewhere):
-            _require_torque_per_volt(rig, further)
-        if rig.drive.kind == "none" and not b and not held and not elsewhere:
-            raise UnanswerableError(
-                f"rig {rig.name}: axis.gravity_torque is 0, but in a free decay gravity alone sets the scale; give "
-                'axis.gravity_torque, or axis.stiffness of a spring, a number or "unknown" (for ratios).',
-                code="no-scale",
-            )
-        a12, carried = 0.0, rig.drive.reflected
-        if rig.drive.kind == "reaction-wheel":
-            a12, carried = rig.drive.a12, rig.drive.carried
-            if a12 == 0:
-                raise UnanswerableError(
-                    f"rig {rig.name}: drive.wheel.inertia is 0, but the wheel's inertia sets the scale; give it.",
-                    code="no-scale",
-                )
-        return cls(rig.drive.kind, linear, a12, carried, b, further)
-
-    @property
-    def unit(self) -> str:
-        """Unit of the inertia."""
-        return "kg" if self.linear else "kg m^2"
-
-    @property
-    def torque_unit(self) -> str:
-        """Unit of friction torque or force."""
-        return "N" if self.linear else "N m"
+    found = Equation.of(rig)
+    torques = ("gravity_torque", *(one.name for one in found.further if one.term.is_conservative))
+    held = any(found.value(name) for name in torques)
+    if not elsewhere:
+        refuse_without_scale(rig)
+    if rig.drive.kind == "motor" and not (held or elsewhere):
+        _require_torque_per_volt(rig, found)
+    if rig.drive.kind == "none" and not held and not elsewhere:
+        raise UnanswerableError(
+            f"rig {rig.name}: axis.gravity_torque is 0, but in a free decay gravity alone sets the scale; give "
+            'axis.gravity_torque, or axis.stiffness of a spring, a number or "unknown" (for ratios).',
+            code="no-scale",
+        )
+    if rig.drive.kind == "reaction-wheel" and found.value("wheel") == 0:
+        raise UnanswerableError(
+            f"rig {rig.name}: drive.wheel.inertia is 0, but the wheel's inertia sets the scale; give it.",
+            code="no-scale",
+        )
+    return found
 
 
-def _require_torque_per_volt(rig: Rig, terms: tuple[RigTerm, ...]) -> None:
+def _require_torque_per_volt(rig: Rig, equation: Equation) -> None:
     """Raise UnanswerableError where nothing but the motor's torque per volt could set the scale, and it is unknown."""
-    if any(term.name == "torque_per_volt" and term.value is None for term in terms):
+    if "torque_per_volt" in equation.sought:
         raise UnanswerableError(
             f"rig {rig.name}: drive.motor.torque_per_volt is unknown, and so is everything else that sets the scale: "
             "inertia and torque per volt are known as a ratio only; give drive.motor.torque_per_volt (or "
@@ -171,9 +126,9 @@ def require_channels(log: Recording, rig: Rig) -> None:
         )
 
 
-def require_motor(log: Recording, rig: Rig, scale: Scale, method: str) -> None:
+def require_motor(log: Recording, rig: Rig, equation: Equation, method: str) -> None:
     """Raise InputError without the voltage of a reaction wheel's motor, UnanswerableError without its constants."""
-    if scale.drive != "reaction-wheel":
+    if equation.drive != "reaction-wheel":
         return
     if log.voltage is None:
         raise InputError(

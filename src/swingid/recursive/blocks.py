@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from swingid.balance.errors import errors_of
 from swingid.balance.fits import BASIS, columns_of, known_side
-from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Signals, Windows, rows_of
 from swingid.methods.energy.balance import Course, states_at
 from swingid.methods.energy.effects import effects
@@ -21,12 +22,12 @@ from swingid.methods.energy.fit import BASIS as ENERGY_BASIS
 from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
 from swingid.methods.energy.method import LEVELS
 from swingid.methods.energy.passes import mirrored_passes
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders, on_stamps
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 
 PLACES = (-0.5, -0.25, 0.0, 0.25)
@@ -51,11 +52,11 @@ class Block:
     columns: Array
     target: Array
     windows: Windows | None
-    declared: Callable[[Array], list[Imperfection]]
+    declared: Callable[[Array], list[RowError]]
 
 
 def momentum_block(
-    log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, encoders: Encoders, at: int
+    log: Recording, rig: Rig, equation: Equation, noise: Noise, motion: Motion, encoders: Encoders, at: int
 ) -> Block | None:
     """Block of windows around turning point `at` of the piece; None where they do not fit in."""
     windows = _windows(motion, at)
@@ -66,14 +67,14 @@ def momentum_block(
         return None
     signals = Signals.of(log, rig, motion, encoders)
     rows = rows_of(signals, windows.select(inside))
-    unknowns, columns = columns_of(rows, scale, (*BASIS, "memory"))
+    unknowns, columns = columns_of(rows, equation, (*BASIS, "memory"))
 
-    def declared(values: Array) -> list[Imperfection]:
-        b = values[unknowns.index("gravity_torque")] if scale.b is None else scale.b
-        return imperfections(rig, signals, rows, float(values[0]), float(b))
+    def declared(values: Array) -> list[RowError]:
+        found = equation.stated | dict(zip(unknowns, values.tolist(), strict=True))
+        return errors_of(rows, signals, rig, equation, found)
 
     turning, side = float(motion.turning_times[at]), float(motion.sides[at])
-    return Block(turning, side, unknowns, columns, known_side(rows, scale), rows.windows, declared)
+    return Block(turning, side, unknowns, columns, known_side(rows, equation), rows.windows, declared)
 
 
 def _windows(motion: Motion, at: int) -> Windows:
@@ -88,7 +89,7 @@ def _windows(motion: Motion, at: int) -> Windows:
 
 
 def energy_block(
-    log: Recording, rig: Rig, scale: Scale, noise: Noise, motion: Motion, encoders: Encoders, at: int
+    log: Recording, rig: Rig, equation: Equation, noise: Noise, motion: Motion, encoders: Encoders, at: int
 ) -> Block | None:
     """Block of mirrored nodes around turning point `at` of the piece; None where there is no whole pass."""
     turning = float(motion.turning_times[at])
@@ -97,16 +98,16 @@ def energy_block(
     if len(chosen) != 1:
         return None
     course = Course.of(on_stamps(log, encoders), rig, motion, noise, encoders.on_time())
-    states = states_at(course, passes.instants[chosen], linear=scale.linear, further=scale.further)
-    named = columns_at(states, scale, ENERGY_BASIS)
+    states = states_at(course, passes.instants[chosen], linear=equation.linear, further=equation.further)
+    named = columns_at(states, equation, ENERGY_BASIS)
     columns = np.column_stack([within_blocks(column) for column in named.values()])
-    unknowns, target = tuple(named), within_blocks(states.known(rig, scale))
+    unknowns, target = tuple(named), within_blocks(states.known(rig, equation))
 
-    def declared(values: Array) -> list[Imperfection]:
+    def declared(values: Array) -> list[RowError]:
         """On differences from the block's mean."""
         fit = NodeFit(unknowns, values, np.zeros((len(unknowns), 0)), None, np.empty((0, 0)))
-        b = fit.value("gravity_torque") if scale.b is None else scale.b
-        found = effects(rig, course, states, scale, fit, b)
+        b = fit.value("gravity_torque") if equation.seeks("gravity_torque") else equation.value("gravity_torque")
+        found = effects(rig, course, states, equation, fit, b)
         shape = states.instants.shape
         return [replace(item, rows=within_blocks(item.rows.reshape(shape))) for item in found if item.std > 0]
 

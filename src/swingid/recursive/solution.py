@@ -14,15 +14,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from swingid.balance.fits import Effect
-from swingid.balance.imperfections import Imperfection
+from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Windows
 from swingid.format import number
+from swingid.model.equation import Equation
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, Bools
 from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import curvature_overlap
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.recursive.blocks import Block
 from swingid.uncertainty.budget import BudgetEntry, Parameter, Scatter, evaluate
 from swingid.uncertainty.freedom import bartlett, effective_freedom, lag_weights_power
@@ -60,15 +60,15 @@ def first_solution(blocks: list[Block]) -> Array:
     return fit_linear(columns * _plain(blocks[0].unknowns), target).values
 
 
-def solve_all(blocks: list[Block], origin: Array, scale: Scale, noise: Noise) -> Solution:
+def solve_all(blocks: list[Block], origin: Array, equation: Equation, noise: Noise) -> Solution:
     """The solution over all swings at once, by orthogonal decomposition of all their rows.
 
     origin: of `first_solution`; declared imperfections and the sensors' noise are evaluated at these values.
     """
-    return _chosen(lambda sought: _solve_stacked(blocks, sought, origin, scale, noise), blocks[0].unknowns)
+    return _chosen(lambda sought: _solve_stacked(blocks, sought, origin, equation, noise), blocks[0].unknowns)
 
 
-def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, scale: Scale, noise: Noise) -> Solution:
+def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, equation: Equation, noise: Noise) -> Solution:
     """The solution for the unknowns `sought`, the others 0."""
     columns, target = _stacked(blocks)
     fit = fit_linear(columns * sought, target)
@@ -78,7 +78,7 @@ def _solve_stacked(blocks: list[Block], sought: Bools, origin: Array, scale: Sca
     cross = scores[1:].T @ scores[:-1]
     sensor = np.zeros((len(origin), len(origin)))
     for k, block in enumerate(blocks):
-        sensor += _sensor(block, blocks[k - 1] if k else None, origin, scale, noise)
+        sensor += _sensor(block, blocks[k - 1] if k else None, origin, equation, noise)
     declared = [block.declared(origin) for block in blocks]
     effects = tuple(
         Effect(one, fit.influence @ np.concatenate([items[k].rows for items in declared]) * one.std)
@@ -111,11 +111,11 @@ def _stacked(blocks: list[Block]) -> tuple[Array, Array]:
     return np.vstack([block.columns for block in blocks]), np.concatenate([block.target for block in blocks])
 
 
-def _sensor(block: Block, before: Block | None, origin: Array, scale: Scale, noise: Noise) -> Array:
+def _sensor(block: Block, before: Block | None, origin: Array, equation: Equation, noise: Noise) -> Array:
     """X' Ω X of a block and with the one before, Ω the covariance of the rows by white noise of both angles."""
     if block.windows is None:
         return np.zeros((len(origin), len(origin)))
-    power = ((origin[0] * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2) * noise.step
+    power = ((origin[0] * noise.angle) ** 2 + (equation.value("wheel") * noise.wheel) ** 2) * noise.step
     own = block.columns.T @ _overlap(block.windows, block.windows) @ block.columns
     if before is not None and before.windows is not None:
         shared = before.columns.T @ _overlap(before.windows, block.windows) @ block.columns
@@ -157,7 +157,7 @@ class Recursion:
 
     unknowns: tuple[str, ...]
     origin: Array
-    scale: Scale
+    equation: Equation
     noise: Noise
     swings: int = 0
     _gram: Array = field(init=False)
@@ -167,7 +167,7 @@ class Recursion:
     _sensor: Array = field(init=False)
     _before: Block | None = None
     _sums: Array | None = None
-    _declared: dict[str, tuple[Imperfection, Array]] = field(default_factory=dict)
+    _declared: dict[str, tuple[RowError, Array]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         p = len(self.origin)
@@ -184,7 +184,7 @@ class Recursion:
         self._moments += np.outer(sums, sums)
         if self._sums is not None:
             self._crossed += np.outer(sums, self._sums)
-        self._sensor += _sensor(block, self._before, self.origin, self.scale, self.noise)
+        self._sensor += _sensor(block, self._before, self.origin, self.equation, self.noise)
         for item in block.declared(self.origin):
             _, total = self._declared.get(item.source, (item, np.zeros(len(right))))
             self._declared[item.source] = item, total + block.columns.T @ item.rows
@@ -251,18 +251,19 @@ class SwingEstimate:
 class Reporter:
     """From solutions to estimates, with the scatter of single swings; relative: as in `evaluate`."""
 
-    scale: Scale
+    equation: Equation
     relative: float
     swings: int = 0
     _squares: float = field(default=0.0)
 
     def estimate(self, block: Block, solution: Solution, skipped: int, lost: int) -> SwingEstimate:
         """The estimate after `block`."""
-        units = units_on(linear=self.scale.linear)
-        names = ["inertia", *(name for name in (*PLAIN, *self.scale.unknown) if name in block.unknowns)]
+        units = units_on(linear=self.equation.linear)
+        sought = dict.fromkeys(("inertia", *PLAIN, *self.equation.sought))
+        names = [name for name in sought if name in block.unknowns]
         at = [block.unknowns.index(name) for name in names]
         values = {name: (float(solution.values[k]), units[name]) for name, k in zip(names, at, strict=True)}
-        values["inertia"] = values["inertia"][0] - self.scale.carried, units["inertia"]
+        values["inertia"] = values["inertia"][0] - self.equation.carried, units["inertia"]
         declared = [effect.item.on(effect.shifts[at] / effect.item.std) for effect in solution.effects]
         known, scattered = solution.covariance is not None, None
         if solution.covariance is not None:
@@ -277,7 +278,7 @@ class Reporter:
             swing=self.swings,
             time=block.time,
             side=block.side,
-            swing_inertia=Parameter.of(alone, spread, self.scale.unit),
+            swing_inertia=Parameter.of(alone, spread, self.equation.unit),
             parameters=found.parameters,
             budget=tuple(found.budget),
             rows_skipped=skipped,
@@ -292,4 +293,4 @@ class Reporter:
         """The inertia of one swing, less the friction of all swings."""
         own = block.columns[:, 0]
         left = block.target - block.columns[:, 1:] @ solution.values[1:]
-        return float(own @ left / (own @ own)) - self.scale.carried
+        return float(own @ left / (own @ own)) - self.equation.carried

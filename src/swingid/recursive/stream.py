@@ -9,18 +9,19 @@ from itertools import chain, islice
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError, UsageError
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders, corrected
 from swingid.preparation.motion import Motion, find_motion, grid_step, sample_noise
 from swingid.preparation.noise import Noise, channel_noise
-from swingid.preparation.scale import Scale, refuse_motor, refuse_rates, require_motor
+from swingid.preparation.scale import equation_of, refuse_motor, refuse_rates, require_motor
 from swingid.recording.recording import Recording
 from swingid.recursive.blocks import Block, energy_block, momentum_block
 from swingid.recursive.rows import Reader, Row, SwingBuffer
 from swingid.recursive.solution import Recursion, Reporter, SwingEstimate, first_solution, solve_all
 
-Maker = Callable[[Recording, Rig, Scale, Noise, Motion, Encoders, int], Block | None]
+Maker = Callable[[Recording, Rig, Equation, Noise, Motion, Encoders, int], Block | None]
 
 MAKERS: dict[str, Maker] = {"momentum": momentum_block, "energy": energy_block}
 """Of each method that is `online`: from the rows of a swing to its block of equations."""
@@ -69,7 +70,7 @@ class Estimator:
         self.swings = _Swings(rig, method)
         self.recursion: Recursion | None = None
         self.waiting: list[Block] = []
-        self._reporter = Reporter(self.swings.scale, rig.axis.model_uncertainty)
+        self._reporter = Reporter(self.swings.equation, rig.axis.model_uncertainty)
         self._early: list[Row] = []
 
     def push(self, samples: Iterable[object]) -> list[SwingEstimate]:
@@ -91,7 +92,7 @@ class Estimator:
             self.waiting.append(block)
             if len(self.waiting) < FIRST:
                 return None
-            self.recursion = Recursion(block.unknowns, first_solution(self.waiting), swings.scale, swings.noise)
+            self.recursion = Recursion(block.unknowns, first_solution(self.waiting), swings.equation, swings.noise)
             for early in self.waiting[:-1]:
                 self.recursion.add(early)
                 reporter.skip()
@@ -108,7 +109,7 @@ def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[
     The batch form, for comparison: it stores every swing, and its cost grows with their square. Raises as `online`.
     """
     swings = _Swings(rig, method)
-    reporter = Reporter(swings.scale, rig.axis.model_uncertainty)
+    reporter = Reporter(swings.equation, rig.axis.model_uncertainty)
     kept: list[Block] = []
     estimates = []
     for block in swings.blocks([log]):
@@ -116,7 +117,7 @@ def swing_estimates(log: Recording, rig: Rig, method: str = "momentum") -> list[
         if len(kept) < FIRST:
             reporter.skip()
             continue
-        solution = solve_all(kept, first_solution(kept[:FIRST]), swings.scale, swings.noise)
+        solution = solve_all(kept, first_solution(kept[:FIRST]), swings.equation, swings.noise)
         estimates.append(reporter.estimate(block, solution, swings.reader.skipped, swings.lost))
         _check_sign(estimates[-1])
     if not estimates:
@@ -130,7 +131,7 @@ class _Swings:
 
     rig: Rig
     method: str
-    scale: Scale = field(init=False)
+    equation: Equation = field(init=False)
     reader: Reader = field(init=False)
     without: int = 0
     buffer: SwingBuffer | None = None
@@ -144,7 +145,7 @@ class _Swings:
             )
         refuse_motor(self.rig, "online")
         refuse_rates(self.rig, "a stream")
-        self.scale = Scale.of(self.rig)
+        self.equation = equation_of(self.rig)
         drive = self.rig.drive.kind
         voltage = drive == "reaction-wheel" and self.method == "energy"
         self.reader = Reader((True, True, drive == "reaction-wheel", drive == "direct" or voltage))
@@ -193,7 +194,7 @@ class _Swings:
         log, encoders, _ = corrected(self._recording(piece), self.rig)
         if self._noise is None:
             if self.method == "energy":
-                require_motor(log, self.rig, self.scale, self.method)
+                require_motor(log, self.rig, self.equation, self.method)
             self._noise = channel_noise(log, self.rig)
         block = self._balance(log, encoders, middle)
         self.without += block is None
@@ -212,11 +213,11 @@ class _Swings:
         longest = max(4.5 * float(np.median(steps)), 0.05 * motion.half_period)
         if steps.max() > longest or not self._left_alone(motion, at):
             return None
-        return MAKERS[self.method](log, self.rig, self.scale, self.noise, motion, encoders, at)
+        return MAKERS[self.method](log, self.rig, self.equation, self.noise, motion, encoders, at)
 
     def _left_alone(self, motion: Motion, at: int) -> bool:
         """Whether no torque but friction acts: in a free decay each swing is smaller than the one before."""
-        if self.scale.drive != "none":
+        if self.equation.drive != "none":
             return True
         before, after = motion.swing_sizes[at - 1 : at + 1]
         was, self._shrinking = self._shrinking, bool(after < 1.002 * before)
@@ -224,7 +225,7 @@ class _Swings:
 
     def _recording(self, piece: Array) -> Recording:
         drive = piece[:, 3] if self.reader.needed[3] else None
-        wheel = self.scale.drive == "reaction-wheel"
+        wheel = self.equation.drive == "reaction-wheel"
         return Recording(
             time=piece[:, 0],
             angle=piece[:, 1],

@@ -21,6 +21,7 @@ from swingid.checks.answer import check_sign
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import noise_of, number
 from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem, problem_of
+from swingid.model.equation import Equation
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector
 from swingid.model.rig import Rig
@@ -28,7 +29,7 @@ from swingid.model.terms import TERMS, further_terms, values_by_key
 from swingid.numerics.arrays import Array
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared, prepare
-from swingid.preparation.scale import Scale, refuse_motor
+from swingid.preparation.scale import refuse_motor
 from swingid.preparation.speed import smooth_speed
 from swingid.progress import tracked
 from swingid.recording.recording import Recording
@@ -182,10 +183,10 @@ def _misfits(predictions: Sequence[Prediction]) -> Iterator[str]:
         )
 
 
-def _check_sign(part: Part, rig: Rig, scale: Scale, where: str) -> None:
+def _check_sign(part: Part, rig: Rig, equation: Equation, where: str) -> None:
     """Raise InputError where the wheel (torque) of the log has the wrong sign."""
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    fit = fit_rows(rows_of(signals, law_windows(signals, part.motion.half_period / 4)), scale, part.noise, BASIS)
+    fit = fit_rows(rows_of(signals, law_windows(signals, part.motion.half_period / 4)), equation, part.noise, BASIS)
     if fit is not None:
         check_sign(fit, where, live=part.log.is_live)
 
@@ -195,7 +196,7 @@ def _of_log(prepared: Prepared, p: Array, wanted: Literal["voltage", "wheel"] | 
     part = prepared.part()
     noise, half_period = part.noise, part.motion.half_period
     if len(part.motion.turning_times) > 1:
-        _check_sign(part, prepared.rig, prepared.scale, name)
+        _check_sign(part, prepared.rig, prepared.equation, name)
     runs = [
         problem_of(part.log, part.encoders, noise, source, length, part.longest_gap) for length in (np.inf, half_period)
     ]

@@ -19,7 +19,7 @@ from swingid.calibration.encoders.parts import Part, with_parts
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.progress import stepped
 from swingid.uncertainty.dark import dark_uncertainty, shrunk
 
@@ -80,7 +80,7 @@ def solve(logs: Sequence[CalibrationLog], rig: Rig, parts: Sequence[Part]) -> So
     """Gauss–Newton to the parts that minimise the weighted residuals of all logs, with one inertia."""
     values = {part.key: 0.0 for part in parts}
     best = min((log.first for log in logs), key=lambda fit: fit.total)
-    stated = Scale.of(rig).b
+    stated = equation_of(rig).coefficients["gravity_torque"].value
     a11, b = best.a11, best.value("gravity_torque") if stated is None else stated
     for k in range(STEPS):
         corrected = with_parts(rig, values, parts)

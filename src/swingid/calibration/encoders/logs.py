@@ -2,26 +2,33 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from swingid.balance.choice import choose
+from swingid.balance.errors import channel_errors, constant_error
 from swingid.balance.fits import WindowFit, columns_of, known_side, sensor_variance
-from swingid.balance.imperfections import axis_bends, constants, late_channel, wheel_bends
+from swingid.balance.perturbations import BENDS, Perturbation, Shape, of_constants
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.calibration.encoders.parts import ANGLE, WHEEL, bounded, latency_key
 from swingid.checks.answer import check_sign
+from swingid.model.equation import CLOCK
+from swingid.model.parameters import AXIS_TILT
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
-from swingid.preparation.encoders import Encoders, straightened
+from swingid.preparation.encoders import Channel, Encoders, straightened
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Prepared
-from swingid.preparation.scale import Scale, refuse_rates, require_channels
+from swingid.preparation.scale import equation_of, refuse_rates, require_channels
 from swingid.recording.recording import Recording
+
+OF_GRAVITY = (AXIS_TILT, CLOCK)
+"""Deviations that act as an error of the gravity torque does, and that its stated uncertainty is taken to contain."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +38,8 @@ class LogRows:
     own: names of the unknowns of this log alone (friction); common: inertia and, where unknown, the gravity torque.
     columns (rows, common + own); parts: regressors of the encoders' parts by key; constants: those of uncertain
     constants of the rig, per standard deviation. grid (8, rows): errors of the rows for eight phases of the encoder's
-    grid, the same in every log, because the grid is fixed to the encoder. balance, scale, noise, a11, b: those from
-    which the rows were computed.
+    grid, the same in every log, because the grid is fixed to the encoder. balance, values (of the coefficients), noise:
+    those from which the rows were computed.
     """
 
     common: tuple[str, ...]
@@ -43,10 +50,8 @@ class LogRows:
     constants: dict[str, Array]
     grid: Array
     balance: Rows
-    scale: Scale
+    values: dict[str, float]
     noise: Noise
-    a11: float
-    b: float
 
     def sensor_noise(self, influence: Array, *, grid: bool = False) -> tuple[float, float]:
         """Variance of an unknown by white noise of the sensors, and what Newey and West's sum makes of that noise.
@@ -54,7 +59,7 @@ class LogRows:
         grid: of the rounding errors of the angle's encoder instead, if they were white.
         """
         noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0) if grid else self.noise
-        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, noise)
+        return sensor_variance(self.balance, influence, self.values, noise)
 
 
 @dataclass(frozen=True)
@@ -76,11 +81,11 @@ class CalibrationLog:
         """Find the useful part and the windows; raises as the method momentum."""
         # the readings are not corrected yet, because the nonlinearities are to be estimated
         refuse_rates(rig, "a calibration of encoders")
-        prepared = Prepared(log, rig, Scale.of(rig), Encoders.of(bounded(rig)), ())
+        prepared = Prepared(log, rig, equation_of(rig), Encoders.of(bounded(rig)), ())
         require_channels(log, rig)
         part = prepared.part(reread=True)
         # windows of least variance beside encoder nonlinearities, whatever is stated of a latency
-        choice = choose(Signals.of(part.log, rig, part.motion, part.encoders), rig, prepared.scale, part.noise)
+        choice = choose(Signals.of(part.log, rig, part.motion, part.encoders), rig, prepared.equation, part.noise)
         check_sign(choice.law, log.source.path or "the log", live=log.is_live)
         late = part.motion.turning_times - choice.signals.motion.turning_times
         # the findings would keep `straightened` from correcting the readings again in each step
@@ -98,24 +103,24 @@ class CalibrationLog:
 
     def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows:
         """The regression on windows of `stretch` times the chosen length; a11, b as estimated so far."""
-        scale, signals = Scale.of(rig), signals.suited(stretch * self.first.half)
+        equation, signals = equation_of(rig), signals.suited(stretch * self.first.half)
         rows = rows_of(signals, law_windows(signals, stretch * self.first.half))
-        friction = tuple(name for name in self.first.unknowns if name in rows.friction)
-        names, columns = columns_of(rows, scale, friction)
+        friction = self.first.friction
+        names, columns = columns_of(rows, equation, friction)
         common = names[: len(names) - len(friction)]
+        values = equation.stated | {"inertia": a11, "gravity_torque": b}
+        constants = [one for one in of_constants(equation) if one.std > 0 and one.source not in OF_GRAVITY]
         return LogRows(
             common=common,
             own=friction,
             columns=columns,
-            target=known_side(rows, scale),
-            parts=_parts(rows, signals, rig, a11, b),
-            constants={one.source: one.rows * one.std for one in constants(rig, rows) if one.std > 0},
+            target=known_side(rows, equation),
+            parts=_parts(rows, signals, rig, values),
+            constants={one.source: constant_error(rows, equation, one).rows * one.std for one in constants},
             grid=self._grid(signals, rows, a11, b),
             balance=rows,
-            scale=scale,
+            values=values,
             noise=self.noise,
-            a11=a11,
-            b=b,
         )
 
     def _grid(self, signals: Signals, rows: Rows, a11: float, b: float) -> Array:
@@ -133,7 +138,7 @@ class CalibrationLog:
         return result
 
 
-def _parts(rows: Rows, signals: Signals, rig: Rig, a11: float, b: float) -> dict[str, Array]:
+def _parts(rows: Rows, signals: Signals, rig: Rig, values: Mapping[str, float]) -> dict[str, Array]:
     """Regressor of every part, by its key (and "zero"), about the channels as read (THEORY 4, self-calibration).
 
     δ of the wheel against the angle     −a12 ∫φ'' q2'          (direct drive: of the angle against the torque, ∫φ' τ)
@@ -141,11 +146,14 @@ def _parts(rows: Rows, signals: Signals, rig: Rig, a11: float, b: float) -> dict
     α of the axis' encoder               −a11 ∫φ'' cos q1 − b ∫φ cos² q1
     δ of the angle's zero                −b ∫φ cos q1
     """
-    windows, a12 = rows.windows, Scale.of(rig).a12
-    bends = {ANGLE: axis_bends(signals, rows, a11, b), WHEEL: wheel_bends(signals, rows, a12)}
-    result = {f"{table}.nonlinearity_{name}": effect for table, own in bends.items() for name, effect in own.items()}
+    shapes: list[tuple[str, Channel, Shape]] = []
     if not signals.linear:
-        result["zero"] = -b * project(signals.nodes, [(signals.cosine, 0)], windows.centres, windows.half)[:, 0]
-    if signals.wheel_rate is not None or signals.torque is not None:
-        result[latency_key(rig)] = late_channel(signals, rows, a12)
-    return result
+        shapes += [(f"{ANGLE}.nonlinearity_{shape}", "angle", shape) for shape in BENDS]
+    if signals.wheel is not None:
+        shapes += [(f"{WHEEL}.nonlinearity_{shape}", "wheel", shape) for shape in BENDS]
+    if not signals.linear:
+        shapes.append(("zero", "angle", "offset"))
+    if signals.wheel is not None or signals.torque is not None:
+        shapes.append((latency_key(rig), "angle" if signals.wheel is None else "wheel", "latency"))
+    found = [Perturbation(key, 0.0, None, channel, shape) for key, channel, shape in shapes]
+    return {error.source: error.rows for error in channel_errors(rows, signals, found, values)}

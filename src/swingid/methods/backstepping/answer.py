@@ -7,8 +7,8 @@ import numpy as np
 from swingid.balance.motor import MotorBalance
 from swingid.checks.rig_file import CONFLICT
 from swingid.methods.backstepping.curve import BANDS, Curve, Run, mean_over, scatter_of_mean
+from swingid.model.equation import Equation
 from swingid.preparation.motion import Motion
-from swingid.preparation.scale import Scale
 from swingid.result.result import Convergence, Details
 from swingid.uncertainty.budget import Declared, Evaluated, Scatter, evaluate, systematic
 
@@ -17,7 +17,7 @@ POINTS = 600
 
 
 def answer(
-    run: Run, others: dict[str, Run], declared: list[Declared], scale: Scale, conflict: float, relative: float
+    run: Run, others: dict[str, Run], declared: list[Declared], equation: Equation, conflict: float, relative: float
 ) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant.
 
@@ -27,7 +27,7 @@ def answer(
     """
     settled = run.settled
     values = run.estimates(settled.first, settled.last)
-    units = {"inertia": scale.unit, "viscous": "N m s"}
+    units = {"inertia": equation.unit, "viscous": "N m s"}
     parts = np.array([curve.swings()[settled.first : settled.last] for curve in (run.inertia, run.viscous)])
     spread = np.array([scatter_of_mean(part) for part in parts])
     off = parts - parts.mean(axis=1)[:, None]

@@ -9,18 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from swingid.balance.imperfections import (
-    ANGLE_OFFSET,
-    WHEEL_SCALE,
-    declared_with_rig,
-    of_sensor,
-    relative,
-    scale_errors,
-)
+from swingid.balance.perturbations import SHAPES, Perturbation, declared_with_deviations, of_channels
+from swingid.model.equation import relative
 from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.preparation.encoders import Channel, Encoders, moved
+from swingid.preparation.encoders import Encoders, moved
 from swingid.recording.recording import Recording
 from swingid.uncertainty.budget import Declared, stated
 from swingid.units import Quantity
@@ -40,7 +34,7 @@ def effects(log: Recording, rig: Rig, encoders: Encoders, again: Again) -> list[
     found = (
         replace(one, slopes=(again(*changed) - plain) / step) for one, step, changed in _changes(log, rig, encoders)
     )
-    return list(declared_with_rig(rig, found))
+    return list(declared_with_deviations(rig, found))
 
 
 def _changes(log: Recording, rig: Rig, encoders: Encoders) -> Iterator[tuple[Declared, float, tuple[Recording, Rig]]]:
@@ -59,23 +53,19 @@ def _changes(log: Recording, rig: Rig, encoders: Encoders) -> Iterator[tuple[Dec
         along = rig.drive.wheel.along
         tilted = rig.changed({WHEEL_TILT: math.acos(along.value * (1 - STEP))})
         yield Declared(stated(WHEEL_TILT, WHEEL_TILT), relative(along), np.empty(0)), -STEP, (log, tilted)
-    for key, std in scale_errors(rig).items():
-        angles: dict[str, Any] = {"angle": log.angle + (std if key == ANGLE_OFFSET else std * log.angle)}
-        if key == WHEEL_SCALE and log.wheel_angle is not None:
-            angles = {"wheel_angle": log.wheel_angle * (1 + std)}
-        yield Declared(stated(key, key), std, np.empty(0)), std, (replace(log, **angles), rig)
-    channels: tuple[tuple[Channel, str, Array | None], ...]
-    channels = ("angle", "angle", log.angle), ("wheel", "wheel_angle", log.wheel_angle)
-    for channel, name, values in channels:
-        for kind, shape in (("cosine", np.cos), ("sine", np.sin), ("latency", None)):
-            one = of_sensor(encoders, channel, kind, np.empty(0))
-            if values is None or one.std == 0.0:
-                continue
-            other: dict[str, Any] = {
-                name: moved(log.time, values, one.std) if shape is None else values + one.std * shape(values)
-            }
-            source = Declared(stated(one.source, one.shared_id), one.std, np.empty(0))
-            yield source, one.std, (replace(log, **other), rig)
+    for one in of_channels(rig, encoders):
+        source = Declared(stated(one.source, one.shared_id), one.std, np.empty(0))
+        yield source, one.std, (_with_error(log, one), rig)
+
+
+def _with_error(log: Recording, one: Perturbation) -> Recording:
+    """The log whose channel has this error, of one standard deviation."""
+    name = "angle" if one.channel == "angle" else "wheel_angle"
+    values: Array = getattr(log, name)
+    late = one.shape == "latency"
+    changed: Any = moved(log.time, values, one.std) if late else values + one.std * SHAPES[one.shape](values)
+    channels: dict[str, Any] = {name: changed}
+    return replace(log, **channels)
 
 
 def _constants(rig: Rig) -> dict[str, Quantity]:

@@ -19,11 +19,12 @@ from swingid.methods.backstepping.answer import answer, details
 from swingid.methods.backstepping.curve import BANDS, Curve, Run, settled_part
 from swingid.methods.backstepping.effects import effects
 from swingid.methods.backstepping.signals import VELOCITIES, Channels, Widths, channels_of, signals_of, widths_of
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.prepared import Prepared
-from swingid.preparation.scale import Scale, refuse_terms, require_motor
+from swingid.preparation.scale import refuse_terms, require_motor
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Parameter, Result
 
@@ -60,16 +61,16 @@ def backstepping(
             code="no-velocities",
         )
     rig = prepared.rig
-    _require_gravity(rig, prepared.scale)
+    _require_gravity(rig, prepared.equation)
     refuse_terms(rig, "the method backstepping")
-    require_motor(prepared.log, rig, prepared.scale, "backstepping")
+    require_motor(prepared.log, rig, prepared.equation, "backstepping")
     # a transient feeds the adaptation, so all of the log; a free decay from its release
     part = prepared.part(whole=rig.drive.kind != "none", at_stamps=True)
-    log, scale, used, motion, noise = prepared.log, prepared.scale, part.log, part.motion, part.noise
+    log, equation, used, motion, noise = prepared.log, prepared.equation, part.log, part.motion, part.noise
     smoothed, other_law = widths_of(used, motion, noise), LAWS[1 - LAWS.index(law)]
     widths = smoothed if velocities == "smoothed" else None
     as_read = log.segment(float(used.time[0]), float(used.time[-1]))
-    consistency = consistency_check(as_read, rig, motion, scale, noise, prepared.encoders)
+    consistency = consistency_check(as_read, rig, motion, equation, noise, prepared.encoders)
     channels = channels_of(used, widths)
     run = _run(channels, rig, motion, gains)
     others = {f"{other_law} law": _run(channels, rig, motion, replace(gains, law=other_law))}
@@ -77,7 +78,7 @@ def backstepping(
         ("smoothed velocities", smoothed) if widths is None else ("half the smoothing", widths.halved(noise.step))
     )
     others[name] = _run(channels_of(used, other), rig, motion, gains)
-    if scale.drive == "reaction-wheel":
+    if equation.drive == "reaction-wheel":
         others["reversals of the wheel within a row"] = _run(channels, rig, motion, gains, sooner=True)
 
     def again(changed_log: Recording, changed_rig: Rig) -> Array:
@@ -87,10 +88,10 @@ def backstepping(
     rig_file = RigFileCheck.of(prepared)
     conflict = rig_file.conflict if rig_file else 0.0
     declared = effects(used, rig, part.encoders, again)
-    answered = answer(run, others, declared, scale, conflict, rig.axis.model_uncertainty)
+    answered = answer(run, others, declared, equation, conflict, rig.axis.model_uncertainty)
     parameters = answered.parameters
-    compared = parameters["inertia"].standard_uncertainty if scale.drive == "reaction-wheel" else None
-    warnings, notes = check_energy(answered, consistency, rig, scale, motion, compared, rig_file)
+    compared = parameters["inertia"].standard_uncertainty if equation.drive == "reaction-wheel" else None
+    warnings, notes = check_energy(answered, consistency, rig, equation, motion, compared, rig_file)
     answered = rig_file.widened(answered) if rig_file else answered
     unsettled, more = _messages(run, gains, widths, parameters["inertia"])
     warnings, notes = [*unsettled, *warnings], [part.note, *more, *notes]
@@ -101,9 +102,9 @@ def backstepping(
     return prepared.result("backstepping", answered, part, warnings, notes, drawn, options)
 
 
-def _require_gravity(rig: Rig, scale: Scale) -> None:
-    if scale.b is None or scale.b <= 0:
-        what = "unknown" if scale.b is None else f"{scale.b:g}"
+def _require_gravity(rig: Rig, equation: Equation) -> None:
+    if equation.seeks("gravity_torque") or equation.value("gravity_torque") <= 0:
+        what = "unknown" if equation.seeks("gravity_torque") else f"{equation.value('gravity_torque'):g}"
         raise UnanswerableError(
             f"rig {rig.name}: axis.gravity_torque is {what}, but (22) divides it by the estimate; give one above 0, "
             "or use the momentum method.",

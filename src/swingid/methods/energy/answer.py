@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.friction_laws import TERMS, law_columns
-from swingid.balance.imperfections import propagated
+from swingid.balance.perturbations import propagated
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.chain import Chain
 from swingid.methods.energy.effects import effects
 from swingid.methods.energy.fit import NodeFit, columns_at, within_blocks
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array, median
 from swingid.numerics.regression import NEIGHBOURS
 from swingid.preparation.prepared import Part
-from swingid.preparation.scale import Scale
 from swingid.result.result import Details, FrictionCurve, Message, SwingSeries
 from swingid.uncertainty.budget import Evaluated, Scatter, evaluate, scatter, systematic
 from swingid.uncertainty.dark import dark_uncertainty
@@ -52,15 +52,15 @@ class EnergyEstimate:
     notes: tuple[Message, ...]
 
 
-def energy_answer(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> Evaluated:
+def energy_answer(estimate: EnergyEstimate, rig: Rig, equation: Equation) -> Evaluated:
     """Parameters with their budget, and the sensitivity of the inertia to each constant, by its key."""
     fit, course = estimate.fit, estimate.course
-    weights, units = _sought(fit, scale, float(np.sqrt(np.mean(course.axis.speed**2))))
+    weights, units = _sought(fit, equation, float(np.sqrt(np.mean(course.axis.speed**2))))
     values = {name: (float(own @ fit.values), units[name]) for name, own in weights.items()}
-    values["inertia"] = fit.a11 - scale.carried, units["inertia"]
+    values["inertia"] = fit.a11 - equation.carried, units["inertia"]
     own = np.array(list(weights.values()))
-    b = fit.value("gravity_torque") if scale.b is None else scale.b
-    declared = propagated(effects(rig, course, estimate.states, scale, fit, b), fit.influence, own)
+    b = fit.value("gravity_torque") if equation.seeks("gravity_torque") else equation.value("gravity_torque")
+    declared = propagated(effects(rig, course, estimate.states, equation, fit, b), fit.influence, own)
     common = [(systematic(source), name, spread) for (name, source), spread in estimate.common.items()]
     if fit.covariance is None:
         noise = scatter("sensor noise"), "inertia", float(np.sqrt(estimate.sensor))
@@ -78,14 +78,12 @@ def energy_answer(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> Evaluated
     return evaluate(values, scattered, common, declared, relative=rig.axis.model_uncertainty)
 
 
-def _sought(fit: NodeFit, scale: Scale, speed: float) -> tuple[dict[str, Array], dict[str, str]]:
+def _sought(fit: NodeFit, equation: Equation, speed: float) -> tuple[dict[str, Array], dict[str, str]]:
     """Weights of each parameter on the unknowns, and the units; `speed`: root mean square of the motion's."""
     unit = {name: np.eye(len(fit.unknowns))[k] for k, name in enumerate(fit.unknowns)}
-    units = units_on(linear=scale.linear)
+    units = units_on(linear=equation.linear)
     plain: dict[str, Array] = {
-        name: unit[name]
-        for name in ("inertia", "gravity_torque", *scale.unknown, "coulomb", "viscous", "quadratic")
-        if name in unit
+        name: unit[name] for name in (*equation.sought, "coulomb", "viscous", "quadratic") if name in unit
     }
     if _depends_on_direction(fit, speed):
         for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):
@@ -107,7 +105,7 @@ def _depends_on_direction(fit: NodeFit, speed: float) -> bool:
 
 
 def with_chain(
-    estimate: EnergyEstimate, smoothed: EnergyEstimate, chain: Chain, scale: Scale
+    estimate: EnergyEstimate, smoothed: EnergyEstimate, chain: Chain, equation: Equation
 ) -> tuple[EnergyEstimate, list[Message]]:
     """The estimate with its difference to smoothed speeds as an uncertainty, and for W_f a warning."""
     fit, other = estimate.fit, smoothed.fit
@@ -115,9 +113,9 @@ def with_chain(
     moves = {name: abs(fit.value(name) - other.value(name)) for name in ("inertia", "viscous", "coulomb", "quadratic")}
     common = {(name, source): move for name, move in moves.items() if name in fit.unknowns}
     estimate = replace(estimate, common=estimate.common | common)
-    if chain.filter_time == 0 or scale.drive == "none":
+    if chain.filter_time == 0 or equation.drive == "none":
         return estimate, []
-    share = (fit.a11 - other.a11) / (other.a11 - scale.carried)
+    share = (fit.a11 - other.a11) / (other.a11 - equation.carried)
     text = (
         f"W_f of {1e3 * chain.filter_time:g} ms attenuates the drive; with the observers it changes this inertia by "
         f"{share:+.2%} from that of smoothed speeds and the drive as it was held; filter_time=0 does not filter it."
@@ -125,9 +123,9 @@ def with_chain(
     return estimate, [Message("filtered-drive", text)]
 
 
-def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, part: Part) -> Details:
+def energy_details(estimate: EnergyEstimate, rig: Rig, equation: Equation, part: Part) -> Details:
     """What the report draws."""
-    fit, states, carried = estimate.fit, estimate.states, scale.carried
+    fit, states, carried = estimate.fit, estimate.states, equation.carried
     travelled = np.abs(np.diff(states.angle, axis=1)).sum(axis=1)
     estimates = {estimate.variant: (fit.a11 - carried, fit.u())}
     estimates |= {name: (other.a11 - carried, other.u()) for name, other in estimate.others.items()}
@@ -137,7 +135,7 @@ def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, part: Part)
         stop=part.stop,
         turning_times=part.motion.turning_times,
         turning_angles=part.motion.turning_angles,
-        swings=_per_swing(estimate, rig, scale),
+        swings=_per_swing(estimate, rig, equation),
         friction=_curve(fit, float(np.max(np.abs(estimate.course.axis.speed)))) if better else None,
         estimates=estimates,
         residual_times=estimate.turning if better else np.empty(0),
@@ -145,18 +143,20 @@ def energy_details(estimate: EnergyEstimate, rig: Rig, scale: Scale, part: Part)
     )
 
 
-def _per_swing(estimate: EnergyEstimate, rig: Rig, scale: Scale) -> SwingSeries:
+def _per_swing(estimate: EnergyEstimate, rig: Rig, equation: Equation) -> SwingSeries:
     """One inertia per turning point: that of its pair, or of its block less the fitted friction."""
     fit, states, values = estimate.fit, estimate.states, estimate.each
     blocks = len(states.instants)
     if values is None:
-        columns = columns_at(states, scale, tuple(name for name in fit.unknowns if name in states.friction))
-        left = states.known(rig, scale) - sum(fit.value(name) * columns[name] for name in fit.unknowns[1:])
+        columns = columns_at(states, equation, tuple(name for name in fit.unknowns if name in states.friction))
+        left = states.known(rig, equation) - sum(fit.value(name) * columns[name] for name in fit.unknowns[1:])
         energy, speed = (within_blocks(x).reshape(blocks, -1) for x in (left, columns["inertia"]))
         values = (energy * speed).sum(axis=1) / (speed * speed).sum(axis=1)
     spread = 1.4826 * median(np.abs(values - median(values)))
     expected = np.sqrt(estimate.sensor * blocks)
-    return SwingSeries(estimate.turning, estimate.sides, values - scale.carried, np.full(blocks, max(spread, expected)))
+    return SwingSeries(
+        estimate.turning, estimate.sides, values - equation.carried, np.full(blocks, max(spread, expected))
+    )
 
 
 def _curve(fit: NodeFit, fastest: float) -> FrictionCurve:

@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from swingid.balance.motor import motor_drag, motor_torque
-from swingid.balance.rows import shifted
 from swingid.methods.energy.chain import Chain, between_rows, filtered_drive, observed_speed
+from swingid.model.equation import Equation, shifted
 from swingid.model.rig import Rig
 from swingid.model.terms import WAVE, RigTerm
 from swingid.numerics.arrays import Array
@@ -27,7 +27,6 @@ from swingid.numerics.quadrature import GaussNodes, running_integrals
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.preparation.speed import SHARE, SPACING, Speed, narrowed, smooth_speed
 from swingid.recording.recording import Recording
 
@@ -135,11 +134,11 @@ class States:
         }
         return States(**changed)
 
-    def known(self, rig: Rig, scale: Scale) -> Array:
+    def known(self, rig: Rig, equation: Equation) -> Array:
         """The known side of the balance: W + b cos q1 − Σ c ∫f q1' dt − a12 q1' q2' − ½ a22 q2'² with what is known."""
-        side = self.work + (scale.b or 0.0) * self.height
-        side = side - sum((coefficient * self.further[name] for name, coefficient in scale.known.items()), 0.0)
-        if scale.drive != "reaction-wheel":
+        side = self.work + equation.value("gravity_torque") * self.height
+        side = side - sum((equation.value(name) * column for name, column in self.further.items()), 0.0)
+        if equation.drive != "reaction-wheel":
             return side
         v1, v2 = self.speed, self.wheel_speed
         result: Array = side - rig.drive.a12 * v1 * v2 - 0.5 * rig.drive.a22 * v2**2

@@ -10,56 +10,56 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from swingid.balance.imperfections import (
-    ANGLE_OFFSET,
-    OF_THE_ANGLE,
-    Imperfection,
-    of_scale,
-    of_sensor,
-    scale_errors,
-    wheel_tilt,
-    with_rig,
-)
 from swingid.balance.motor import motor_drag, motor_torque
-from swingid.balance.rows import shifted
+from swingid.balance.perturbations import (
+    SHAPES,
+    Perturbation,
+    RowError,
+    of_channels,
+    with_deviations,
+)
 from swingid.methods.energy.balance import MOTOR, Course, States
 from swingid.methods.energy.fit import NodeFit
+from swingid.model.equation import Equation, relative, shifted
+from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import Motor
 from swingid.model.terms import TERMS, rig_terms
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_integrals
-from swingid.preparation.scale import Scale
 from swingid.units import Quantity
 
-Shape = Callable[[Array], Array]
+SLOPES: dict[str, Callable[[Array], Array]] = {
+    "cosine": lambda q: -np.sin(q),
+    "sine": np.cos,
+    "scale": np.ones_like,
+    "offset": np.zeros_like,
+}
+"""Derivatives of the `SHAPES` of errors by the angle."""
 
-SHAPES: dict[str, tuple[Shape, Shape]] = {"cosine": (np.cos, lambda q: -np.sin(q)), "sine": (np.sin, np.cos)}
-"""Shapes of the nonlinearity of an encoder over its angle, and their derivatives."""
 
-
-def effects(rig: Rig, course: Course, states: States, scale: Scale, fit: NodeFit, b: float) -> list[Imperfection]:
+def effects(rig: Rig, course: Course, states: States, equation: Equation, fit: NodeFit, b: float) -> list[RowError]:
     """All constants that the balance uses (std 0 where they count as exact) and all imperfections declared.
 
-    The rows of an `Imperfection` are here the nodes, flattened, in joules per unit of the source. b: gravity
+    The rows of an `RowError` are here the nodes, flattened, in joules per unit of the source. b: gravity
     torque, as known or as identified.
     """
-    found = [*_held(rig, states), *_axis_sensor(rig, course, states, fit, b), *_wheel_sensor(rig, course, states)]
-    found += _stated_scales(rig, course, states, fit, b)
+    channels = (one for one in of_channels(rig, course.encoders) if not one.of_noise)
+    found = [*_held(rig, states), *(_channel_error(rig, course, states, fit, b, one) for one in channels)]
     motor = rig.drive.motor
-    if scale.drive == "reaction-wheel" and motor is not None:
+    if equation.drive == "reaction-wheel" and motor is not None:
         found = [*_inertias(rig, motor, states), *_motor(rig, motor, states), *found]
-    elif scale.drive == "direct":
+    elif equation.drive == "direct":
         gain = rig.log.torque_gain
         found = [_constant("log.torque_gain", gain, states.work / gain.value), *found]
-    return [item for item in with_rig(rig, found) if item.std > 0 or item.constant]
+    return [item for item in with_deviations(rig, found) if item.std > 0 or item.of.constant]
 
 
-def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) -> Imperfection:
-    return Imperfection(key, quantity.std or 0.0, effect.ravel(), direct, key, constant=True)
+def _constant(key: str, quantity: Quantity, effect: Array, direct: float = 0.0) -> RowError:
+    return RowError(Perturbation(key, quantity.std or 0.0, key, constant=True), effect.ravel(), direct)
 
 
-def _held(rig: Rig, states: States) -> Iterator[Imperfection]:
+def _held(rig: Rig, states: States) -> Iterator[RowError]:
     """Gravity torque, springs and cogging."""
     gravity = rig.axis.gravity_torque
     if not isinstance(gravity, str) and rig.axis.kind == "rotary":
@@ -72,17 +72,18 @@ def _held(rig: Rig, states: States) -> Iterator[Imperfection]:
                 yield _constant(term.term.shift, term.shift, effect)
 
 
-def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
+def _inertias(rig: Rig, motor: Motor, states: States) -> Iterator[RowError]:
     """J2 and Jr, which are also the difference of a11 and J1."""
     assert rig.drive.wheel is not None
     n, v2, along = motor.gear_ratio.value, states.wheel_speed, rig.drive.wheel.along.value
     product = along * states.speed * v2
     yield _constant("drive.wheel.inertia", rig.drive.wheel.inertia, -product - 0.5 * v2**2, -along)
     yield _constant("drive.motor.rotor_inertia", motor.rotor_inertia, -n * product - 0.5 * n**2 * v2**2, -along)
-    yield wheel_tilt(rig, (states.speed * v2).ravel())
+    tilt = Perturbation(WHEEL_TILT, relative(rig.drive.wheel.along), WHEEL_TILT)
+    yield RowError(tilt, -rig.drive.a12 * (states.speed * v2).ravel(), -rig.drive.carried)
 
 
-def _motor(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
+def _motor(rig: Rig, motor: Motor, states: States) -> Iterator[RowError]:
     """N, c1, eta, c2, f2 and f3: partial derivatives of the work and, for N, of a12 and a22."""
     n, c1, c2 = motor.gear_ratio.value, motor.torque_per_volt.value, motor.back_emf.value
     eta, jr = motor.efficiency.value, motor.rotor_inertia.value
@@ -98,37 +99,48 @@ def _motor(rig: Rig, motor: Motor, states: States) -> Iterator[Imperfection]:
     yield _constant("drive.motor.gear_ratio", motor.gear_ratio, kinetic + work)
 
 
-def _axis_sensor(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
-    """Once-per-turn nonlinearity q + α cos q + β sin q and latency q + δ q' of the axis' encoder."""
-    sensor, driven = course.encoders.angle, rig.drive.kind == "direct"
-    instants = course.nodes.instants.ravel()
-    if sensor.nonlinearity and rig.axis.kind == "rotary":
-        q, v = states.angle, states.speed
-        along = course.axis.angle_at(instants).reshape(course.speed.shape) if driven else course.speed
-        for kind, (shape, slope) in SHAPES.items():
-            rates = slope(q) * v, slope(along) * course.speed
-            effect = _angle_effect(rig, course, states, fit, b, shape(q), *rates)
-            yield of_sensor(course.encoders, "angle", kind, effect)
-    if sensor.latency.std:
-        turning = course.axis.acceleration(instants).reshape(course.speed.shape) if driven else course.speed
-        effect = _angle_effect(rig, course, states, fit, b, states.speed, states.acceleration, turning)
-        yield of_sensor(course.encoders, "angle", "latency", effect - friction_power(fit, states.speed).ravel())
+def _channel_error(rig: Rig, course: Course, states: States, fit: NodeFit, b: float, one: Perturbation) -> RowError:
+    """An error of the angle or of the wheel's angle: once per turn, a latency (q + q' δ), the scale, the zero."""
+    of_angle = one.channel == "angle"
+    if one.shape == "latency":
+        rows = _late_angle(rig, course, states, fit, b) if of_angle else _late_wheel(rig, course, states)
+        return RowError(one, rows)
+    shape, slope = SHAPES[one.shape], SLOPES[one.shape]
+    if not of_angle:
+        assert course.wheel is not None
+        at_nodes = course.wheel.angle_at(states.instants.ravel()).reshape(states.instants.shape)
+        along = course.wheel.angle_at(course.nodes.instants.ravel()).reshape(course.wheel_speed.shape)
+        return RowError(one, _wheel_effect(rig, course, states, slope(at_nodes), slope(along)))
+    driven = rig.drive.kind == "direct" and one.shape in ("cosine", "sine")
+    along = course.speed
+    if driven:
+        along = course.axis.angle_at(course.nodes.instants.ravel()).reshape(course.speed.shape)
+    rates = slope(states.angle) * states.speed, slope(along) * course.speed
+    effect = _angle_effect(rig, course, states, fit, b, shape(states.angle), *rates)
+    if one.scales_speed:
+        for name, column in states.friction.items():
+            effect = effect - ((TERMS[name].power or 0) + 1) * fit.value(name) * column.ravel()
+    return RowError(one, effect)
 
 
-def _stated_scales(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Iterator[Imperfection]:
-    """Angles of which the log shows (1 + ε) q + δ."""
-    still, moving = np.zeros_like(states.speed), np.zeros_like(course.speed)
-    for key, std in scale_errors(rig).items():
-        if key in OF_THE_ANGLE:
-            effect = _angle_effect(rig, course, states, fit, b, states.angle, states.speed, course.speed)
-            for name, column in states.friction.items():
-                effect = effect - ((TERMS[name].power or 0) + 1) * fit.value(name) * column.ravel()
-        elif key == ANGLE_OFFSET:
-            effect = _angle_effect(rig, course, states, fit, b, np.ones_like(states.speed), still, moving)
-        else:
-            ones, along = np.ones_like(states.wheel_speed), np.ones_like(course.wheel_speed)
-            effect = _wheel_effect(rig, course, states, ones, along)
-        yield of_scale(key, std, effect)
+def _late_angle(rig: Rig, course: Course, states: States, fit: NodeFit, b: float) -> Array:
+    """Effect of an angle that is read late."""
+    turning = course.speed
+    if rig.drive.kind == "direct":
+        turning = course.axis.acceleration(course.nodes.instants.ravel()).reshape(course.speed.shape)
+    effect = _angle_effect(rig, course, states, fit, b, states.speed, states.acceleration, turning)
+    result: Array = effect - friction_power(fit, states.speed).ravel()
+    return result
+
+
+def _late_wheel(rig: Rig, course: Course, states: States) -> Array:
+    """Effect of a wheel that is read late; the motor's work depends on q2' along the way."""
+    assert course.wheel is not None
+    turning = course.wheel.acceleration(course.nodes.instants.ravel()).reshape(1, *course.wheel_speed.shape)
+    (work,) = _integrals(course, states, _wheel_slope(rig, course) * turning)
+    momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
+    result: Array = (work - momentum * states.wheel_acceleration).ravel()
+    return result
 
 
 def friction_power(fit: NodeFit, v: Array) -> Array:
@@ -158,28 +170,6 @@ def _angle_effect(
         effect = effect + _integrals(course, states, (course.voltage * along)[None])[0]
     result: Array = effect.ravel()
     return result
-
-
-def _wheel_sensor(rig: Rig, course: Course, states: States) -> Iterator[Imperfection]:
-    """As for the axis; the motor's work depends on q2' along the way."""
-    wheel, sensor = course.wheel, course.encoders.wheel
-    if wheel is None:
-        return
-    instants = course.nodes.instants.ravel()
-    if sensor.nonlinearity:
-        at_nodes = wheel.angle_at(states.instants.ravel()).reshape(states.instants.shape)
-        along = wheel.angle_at(instants).reshape(course.wheel_speed.shape)
-        for kind, (_, derivative) in SHAPES.items():
-            effect = _wheel_effect(rig, course, states, derivative(at_nodes), derivative(along))
-            yield of_sensor(course.encoders, "wheel", kind, effect)
-    if sensor.latency.std:
-        (work,) = _integrals(
-            course,
-            states,
-            _wheel_slope(rig, course) * wheel.acceleration(instants).reshape(1, *course.wheel_speed.shape),
-        )
-        momentum = rig.drive.a12 * states.speed + rig.drive.a22 * states.wheel_speed
-        yield of_sensor(course.encoders, "wheel", "latency", (work - momentum * states.wheel_acceleration).ravel())
 
 
 def _wheel_effect(rig: Rig, course: Course, states: States, derivative: Array, along: Array) -> Array:

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.methods.energy.balance import Course, States
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import block_covariance
-from swingid.preparation.scale import Scale
 
 BASIS = ("coulomb", "viscous", "quadratic", "offset", "viscous_even")
 """Odd friction c0 sgn v + c1 v + c2 v|v|, and even friction (what depends on the direction) 1 and |v|."""
@@ -52,12 +52,12 @@ class NodeFit:
         return float(self.values[0])
 
 
-def columns_at(states: States, scale: Scale, terms: tuple[str, ...]) -> dict[str, Array]:
+def columns_at(states: States, equation: Equation, terms: tuple[str, ...]) -> dict[str, Array]:
     """Columns of the unknowns at the nodes, each (blocks, nodes)."""
     named = {"inertia": 0.5 * states.speed**2}
-    if scale.b is None:
+    if equation.seeks("gravity_torque"):
         named["gravity_torque"] = -states.height
-    named |= {name: states.further[name] for name in scale.unknown}
+    named |= {name: column for name, column in states.further.items() if equation.seeks(name)}
     return named | {name: states.friction[name] for name in terms}
 
 
@@ -69,10 +69,10 @@ def within_blocks(values: Array) -> Array:
 
 
 def fit_nodes(
-    states: States, rig: Rig, scale: Scale, terms: tuple[str, ...] = BASIS, *, instruments: bool = False
+    states: States, rig: Rig, equation: Equation, terms: tuple[str, ...] = BASIS, *, instruments: bool = False
 ) -> NodeFit:
     """Fit over all nodes with these terms of friction, see `fit_columns`."""
-    return fit_columns(columns_at(states, scale, terms), states.known(rig, scale), instruments=instruments)
+    return fit_columns(columns_at(states, equation, terms), states.known(rig, equation), instruments=instruments)
 
 
 def fit_columns(columns: dict[str, Array], known: Array, *, instruments: bool = False) -> NodeFit:

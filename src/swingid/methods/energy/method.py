@@ -43,10 +43,11 @@ from swingid.methods.energy.printed import (
     unequal_speeds,
 )
 from swingid.methods.energy.symmetry import Symmetry, asymmetry_bound, friction_profile
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.prepared import Part, Prepared
-from swingid.preparation.scale import Scale, require_motor
+from swingid.preparation.scale import require_motor
 from swingid.result.result import Message, Result
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
@@ -78,33 +79,33 @@ def energy(
     UnanswerableError where the motor's constants are missing or the motion does not determine the inertia.
     """
     how = _How(variant, nodes, work, Chain.of(velocities, filter_time))
-    log, rig, scale = prepared.log, prepared.rig, prepared.scale
-    require_motor(log, rig, scale, "energy")
+    log, rig, equation = prepared.log, prepared.rig, prepared.equation
+    require_motor(log, rig, equation, "energy")
     jitter = find_jitter(log, prepared.noise)
     part = prepared.part(whole=nodes is not None, few=nodes is not None, at_stamps=True, noise=jitter.noise)
     as_read = log.segment(part.start, part.stop)
-    consistency = consistency_check(as_read, rig, part.motion, scale, part.noise, prepared.encoders)
-    plain = estimate = _estimate(part, rig, scale, how, jittery=jitter.spread > 0)
+    consistency = consistency_check(as_read, rig, part.motion, equation, part.noise, prepared.encoders)
+    plain = estimate = _estimate(part, rig, equation, how, jittery=jitter.spread > 0)
     more: list[Message] = []
     if how.chain.observers:  # whose noise is like asymmetry
-        plain = _estimate(part, rig, scale, replace(how, chain=Chain()), jittery=jitter.spread > 0)
-        estimate, more = with_chain(estimate, plain, how.chain, scale)
-    estimate = _with_disagreement(estimate, consistency, scale)
+        plain = _estimate(part, rig, equation, replace(how, chain=Chain()), jittery=jitter.spread > 0)
+        estimate, more = with_chain(estimate, plain, how.chain, equation)
+    estimate = _with_disagreement(estimate, consistency, equation)
     rig_file = RigFileCheck.of(prepared)
     if rig_file is not None:
         estimate = replace(estimate, common=estimate.common | {("inertia", CONFLICT): rig_file.conflict})
-    symmetry = _symmetry(plain, part, rig, scale)
+    symmetry = _symmetry(plain, part, rig, equation)
     if symmetry is not None:
         estimate = replace(estimate, common=estimate.common | symmetry.entry())
-    answer = energy_answer(estimate, rig, scale)
+    answer = energy_answer(estimate, rig, equation)
     parameters = answer.parameters
     # without a motor the difference to the momentum balance is in the budget
     unknown = parameters["inertia"].standard_uncertainty is None
     compared = None if unknown else without_momentum(answer.budget)
-    warnings, notes = check_energy(answer, consistency, rig, scale, part.motion, compared, rig_file)
+    warnings, notes = check_energy(answer, consistency, rig, equation, part.motion, compared, rig_file)
     if jitter.spread > 0 and not how.chain.observers:
-        other = _estimate(part, rig, scale, how, jittery=False)
-        jittery, jitter_notes = jitter.words(parameters["inertia"], other.fit.a11 - scale.carried)
+        other = _estimate(part, rig, equation, how, jittery=False)
+        jittery, jitter_notes = jitter.words(parameters["inertia"], other.fit.a11 - equation.carried)
         more += jittery
         notes += jitter_notes
     if variant == "better":
@@ -123,7 +124,7 @@ def energy(
         notes.append(symmetry.note(parameters["inertia"].value))
     if consistency.balance is not None:
         extra["motor_balance_residual"] = consistency.balance.as_stated
-    details = replace(energy_details(estimate, rig, scale, part), extra=extra)
+    details = replace(energy_details(estimate, rig, equation, part), extra=extra)
     return prepared.result("energy", answer, part, warnings, notes, details, how.options())
 
 
@@ -158,16 +159,16 @@ class _How:
         return options
 
 
-def _estimate(part: Part, rig: Rig, scale: Scale, how: _How, *, jittery: bool) -> EnergyEstimate:
+def _estimate(part: Part, rig: Rig, equation: Equation, how: _How, *, jittery: bool) -> EnergyEstimate:
     course = Course.of(part.log, rig, part.motion, part.noise, part.encoders, how.chain, measured=not jittery)
     if how.variant == "printed":
-        return _printed(part, rig, scale, course, how.nodes, how.work)
+        return _printed(part, rig, equation, course, how.nodes, how.work)
     passes = _passes(part, LEVELS)
-    states = states_at(course, passes.instants, linear=scale.linear, further=scale.further)
-    fit = fit_nodes(states, rig, scale, BASIS)
+    states = states_at(course, passes.instants, linear=equation.linear, further=equation.further)
+    fit = fit_nodes(states, rig, equation, BASIS)
     instruments = False
-    if scale.drive != "reaction-wheel":  # whose wheel has a kinetic energy, too, with errors of its own
-        other = fit_nodes(states, rig, scale, BASIS, instruments=True)
+    if equation.drive != "reaction-wheel":  # whose wheel has a kinetic energy, too, with errors of its own
+        other = fit_nodes(states, rig, equation, BASIS, instruments=True)
         # both are consistent but for attenuation, which lowers least squares (Hausman 1978)
         apart, spread = other.a11 - fit.a11, abs(other.u() ** 2 - fit.u() ** 2) ** 0.5
         better = FLAT * other.u() * abs(fit.a11) < fit.u() * abs(other.a11)
@@ -178,8 +179,8 @@ def _estimate(part: Part, rig: Rig, scale: Scale, how: _How, *, jittery: bool) -
     inner = states.each(lambda values: values[:, cut:-cut])
     linear = tuple(term for term in BASIS if term != "quadratic")
     others = {
-        "without the quadratic term": fit_nodes(states, rig, scale, linear, instruments=instruments),
-        "nodes near the turning points": fit_nodes(inner, rig, scale, BASIS, instruments=instruments),
+        "without the quadratic term": fit_nodes(states, rig, equation, linear, instruments=instruments),
+        "nodes near the turning points": fit_nodes(inner, rig, equation, BASIS, instruments=instruments),
     }
     sensor = sensor_variance(fit, states, course, rig)
     notes: tuple[Message, ...] = ()
@@ -200,22 +201,22 @@ def _passes(part: Part, depths: Array) -> Passes:
     return passes
 
 
-def _symmetry(estimate: EnergyEstimate, part: Part, rig: Rig, scale: Scale) -> Symmetry | None:
+def _symmetry(estimate: EnergyEstimate, part: Part, rig: Rig, equation: Equation) -> Symmetry | None:
     """Bound of the effect of the asymmetry of the passes; None with too few swings for the friction."""
     course, states = estimate.course, estimate.states
     if estimate.variant != "better":  # whose states are at the same places
         mirrored = mirrored_passes(part.motion, LEVELS, part.log.time, part.longest_gap)
         if len(mirrored.turning) < FEWEST_BLOCKS:
             return None
-        states = states_at(course, mirrored.instants, linear=scale.linear, further=scale.further)
-    return asymmetry_bound(estimate.fit, estimate.states, course, friction_profile(course, states, rig, scale))
+        states = states_at(course, mirrored.instants, linear=equation.linear, further=equation.further)
+    return asymmetry_bound(estimate.fit, estimate.states, course, friction_profile(course, states, rig, equation))
 
 
-def _with_disagreement(estimate: EnergyEstimate, consistency: Consistency, scale: Scale) -> EnergyEstimate:
+def _with_disagreement(estimate: EnergyEstimate, consistency: Consistency, equation: Equation) -> EnergyEstimate:
     """Without a motor energy and momentum depend on the same constants, so their difference is an uncertainty."""
-    if scale.drive == "reaction-wheel" or consistency.windows is None or estimate.fit.covariance is None:
+    if equation.drive == "reaction-wheel" or consistency.windows is None or estimate.fit.covariance is None:
         return estimate
-    value, fit, windows = estimate.fit.a11 - scale.carried, estimate.fit, consistency.windows
+    value, fit, windows = estimate.fit.a11 - equation.carried, estimate.fit, consistency.windows
     # relative standard uncertainty of the balance of a few swings
     variance = fit.u() ** 2 + windows.u**2 + (CLOSE / INDICATED * value) ** 2
     dark = dark_uncertainty(fit.a11 - windows.a11, variance, fit.u())
@@ -223,9 +224,9 @@ def _with_disagreement(estimate: EnergyEstimate, consistency: Consistency, scale
 
 
 def _printed(
-    part: Part, rig: Rig, scale: Scale, course: Course, nodes: Sequence[Nodes] | Nodes | None, work: str
+    part: Part, rig: Rig, equation: Equation, course: Course, nodes: Sequence[Nodes] | Nodes | None, work: str
 ) -> EnergyEstimate:
-    if scale.b is None:
+    if equation.seeks("gravity_torque"):
         raise UnanswerableError(
             f"rig {rig.name}: axis.gravity_torque is unknown, but (6) needs it; give it, or use variant better.",
             code="no-gravity-torque",
@@ -237,13 +238,13 @@ def _printed(
         instants = given_nodes(nodes, part.log)
         turning = (instants[:, 1] + instants[:, 2]) / 2
         sides = np.sign(course.axis.at(instants[:, 0]) - course.axis.at(instants[:, 3]))
-    states = states_of_pairs(course, instants, linear=scale.linear, further=scale.further)
+    states = states_of_pairs(course, instants, linear=equation.linear, further=equation.further)
     notes: tuple[Message, ...] = ()
     if work == "trapezoid":
         states = replace(states, work=trapezoid_work(part.log, rig, course, instants))
         text = "the work is a trapezoid on samples, with errors of per cents under a held voltage; use held work."
         notes = (Message("trapezoid-work", text),)
-    fit, each = printed_fit(states, rig, scale, course.axis)
+    fit, each = printed_fit(states, rig, equation, course.axis)
     sensor = sensor_variance(fit, states, course, rig)
     common = {("viscous", "unequal speeds of the two passes"): abs(unequal_speeds(fit, states))}
     return EnergyEstimate("printed", fit, course, states, turning, sides, {}, common, sensor, each, notes)

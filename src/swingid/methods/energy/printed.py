@@ -18,11 +18,11 @@ from swingid.errors import UnanswerableError, UsageError
 from swingid.methods.energy.balance import Course, States, states_at
 from swingid.methods.energy.fit import NodeFit
 from swingid.methods.energy.passes import Passes
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import RigTerm
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import block_covariance
-from swingid.preparation.scale import Scale
 from swingid.preparation.speed import Speed
 from swingid.recording.recording import Recording
 
@@ -88,7 +88,7 @@ def trapezoid_work(log: Recording, rig: Rig, course: Course, instants: Array) ->
     return result
 
 
-def printed_fit(states: States, rig: Rig, scale: Scale, axis: Speed) -> tuple[NodeFit, Array]:
+def printed_fit(states: States, rig: Rig, equation: Equation, axis: Speed) -> tuple[NodeFit, Array]:
     """(6) and (7) on every pair of passes, and their mean; also the inertia a11 of each pair.
 
     Raises UnanswerableError where the denominator of (6) vanishes, which it does from turning point to turning point.
@@ -107,7 +107,7 @@ def printed_fit(states: States, rig: Rig, scale: Scale, axis: Speed) -> tuple[No
         )
     of_inertia = 2 * difference / denominator[:, None]
     of_viscous = total / (states.friction["viscous"] @ total)[:, None]
-    known = states.known(rig, scale)
+    known = states.known(rig, equation)
     pairs = len(known)
     each = np.stack([(of_inertia * known).sum(axis=1), (of_viscous * known).sum(axis=1)])
     values = each.mean(axis=1)

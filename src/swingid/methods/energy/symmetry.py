@@ -23,10 +23,10 @@ import numpy as np
 from swingid.format import percent
 from swingid.methods.energy.balance import Course, States
 from swingid.methods.energy.fit import NodeFit, columns_at, fit_columns
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.quadrature import running_hats
-from swingid.preparation.scale import Scale
 from swingid.result.result import Message
 from swingid.uncertainty.freedom import COVERAGE_FACTOR
 
@@ -83,13 +83,13 @@ class Symmetry:
         return Message("symmetry-bound", text)
 
 
-def friction_profile(course: Course, states: States, rig: Rig, scale: Scale) -> Profile:
+def friction_profile(course: Course, states: States, rig: Rig, equation: Equation) -> Profile:
     """Friction from the energies at mirrored nodes, linear from speed to speed; fitted together with the inertia."""
     speeds = SPEEDS * np.max(np.abs(states.speed))
-    named = columns_at(states, scale, ())
+    named = columns_at(states, equation, ())
     works = _hat_works(course, states.instants, speeds)
     hats = {f"hat {k}": work for k, work in enumerate(works)}
-    fit = fit_columns(named | hats | {name: states.friction[name] for name in EVEN}, states.known(rig, scale))
+    fit = fit_columns(named | hats | {name: states.friction[name] for name in EVEN}, states.known(rig, equation))
     assert fit.covariance is not None
     values, covariance = fit.values[len(named) :], fit.covariance[len(named) :, len(named) :]
     return Profile(speeds, values[: len(speeds)], values[len(speeds) :], covariance, states.instants, works)

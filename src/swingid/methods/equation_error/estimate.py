@@ -22,12 +22,12 @@ from swingid.methods.equation_error.laws import Law, Laws, LawTable
 from swingid.methods.equation_error.regressors import Regressors
 from swingid.methods.equation_error.rows import RowFilter
 from swingid.methods.equation_error.scatter import Fitted
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part
-from swingid.preparation.scale import Scale
 from swingid.uncertainty.budget import Source, systematic
 from swingid.uncertainty.significance import DETECTED, INDICATED
 
@@ -60,13 +60,13 @@ class OnGrid:
     noise: Noise
 
     @classmethod
-    def of(cls, part: Part, rig: Rig, scale: Scale) -> OnGrid:
+    def of(cls, part: Part, rig: Rig, equation: Equation) -> OnGrid:
         """The grid of a part; rests of the axis and gaps between rows are excluded."""
         time, motion = part.log.time, part.motion
         late = np.nonzero(np.diff(time) > part.longest_gap)[0]
         gaps = np.column_stack([time[late], time[late + 1]])
         grid = even_grid(part.log, rig, part.encoders)
-        return cls(grid, Regressors(grid, motion, scale), np.vstack([motion.rests, gaps]), part.noise)
+        return cls(grid, Regressors(grid, motion, equation), np.vstack([motion.rests, gaps]), part.noise)
 
     @property
     def motion(self) -> Motion:
@@ -121,14 +121,14 @@ class Selection:
         found |= {"drift with the cut-off": max(apart, default=0.0), DISAGREES: self.from_momentum}
         found[CONFLICT] = self.conflict
         entries = [(systematic(source), "inertia", spread) for source, spread in found.items()]
-        for name in self.chosen.scale.unknown:
+        for name in (own.name for own in self.chosen.equation.further if own.value is None):
             own = self.chosen.common(name)
             entries += [(systematic(source), name, spread) for source, spread in own.items()]
         return entries
 
 
 def estimate(
-    part: OnGrid, signals: Signals, scale: Scale, cutoff: Cutoff, given: str | None, instruments: bool
+    part: OnGrid, signals: Signals, equation: Equation, cutoff: Cutoff, given: str | None, instruments: bool
 ) -> tuple[Selection, Laws]:
     """The chosen fit with those it is compared with, and the possible laws. given: name of a law, None to choose one.
 
@@ -137,33 +137,33 @@ def estimate(
     if cutoff.given or instruments:  # which have no attenuation
         row_filter = RowFilter.of(part.grid, cutoff, part.closed)
     else:
-        row_filter = choose_lower(part, scale, cutoff)
-    law, laws, late = _law(part, signals, scale, row_filter, given)
+        row_filter = choose_lower(part, equation, cutoff)
+    law, laws, late = _law(part, signals, equation, row_filter, given)
     part = part.earlier(late)
     others = [(other, weight) for other, weight in laws.likely if other.name != law.name]
-    plain = _fit(part, scale, row_filter, law, (), instruments)
-    memory = _fit(part, scale, row_filter, law, ("memory",), instruments, plain.lag)
+    plain = _fit(part, equation, row_filter, law, (), instruments)
+    memory = _fit(part, equation, row_filter, law, ("memory",), instruments, plain.lag)
     # dynamic friction is part of the model where its impulse at each reversal is significant
     spread, size = memory.spread("memory"), abs(memory.fit.value("memory"))
     levels = dry_levels(signals, plain.fit)
     dry = abs(float(law.torque(np.array([1e-9]))[0] - law.torque(np.array([-1e-9]))[0])) / 2
     dry += float(np.abs(np.mean(levels)))
-    seen = size > DETECTED * spread and impulse_possible(scale, part.motion, size, dry)
+    seen = size > DETECTED * spread and impulse_possible(equation, part.motion, size, dry)
     impulse = impulse_left(impulse_of(late, law.torque, levels), size, spread)
     chosen, more = (memory, ("memory",)) if seen else (plain, ())
-    fits = [(other, _fit(part, scale, row_filter, other, more, instruments, plain.lag), w) for other, w in others]
+    fits = [(other, _fit(part, equation, row_filter, other, more, instruments, plain.lag), w) for other, w in others]
     cutoff = row_filter.cutoff
     others_of = {*cutoff.beside(1 / part.grid.step), *cutoff.down_to(LOWEST / (2 * part.motion.half_period))[1:]}
     cutoffs = {}
     for other in sorted(others_of, key=lambda one: -one.frequency):
         with suppress(UnanswerableError):  # too low for so short a log
             filtered = RowFilter.of(part.grid, other, part.closed)
-            cutoffs[f"cut-off {other.frequency:.3g} Hz"] = _fit(part, scale, filtered, law, more, instruments)
-    column = memory.rows.friction["memory"]
+            cutoffs[f"cut-off {other.frequency:.3g} Hz"] = _fit(part, equation, filtered, law, more, instruments)
+    column = memory.rows["memory"]
     return Selection(chosen, law, tuple(fits), cutoffs, impulse, column, part.motion), laws
 
 
-def choose_lower(part: OnGrid, scale: Scale, rule: Cutoff) -> RowFilter:
+def choose_lower(part: OnGrid, equation: Equation, rule: Cutoff) -> RowFilter:
     """The filter of the highest cut-off, from the rule downwards, with about the least relative uncertainty of a11.
 
     Raises UnanswerableError where the log is too short for every one.
@@ -173,7 +173,7 @@ def choose_lower(part: OnGrid, scale: Scale, rule: Cutoff) -> RowFilter:
         row_filter = RowFilter.of(part.grid, cutoff, part.closed)
         if tried and row_filter.usable.sum() < ROWS_PER_UNKNOWN * RICHEST:
             break
-        tried.append((_plain(part, scale, row_filter).relative(), row_filter))
+        tried.append((_plain(part, equation, row_filter).relative(), row_filter))
     least = min(relative for relative, _ in tried)
     row_filter = next(one for relative, one in tried if relative <= FLAT * least)
     if row_filter.cutoff.frequency == rule.frequency:
@@ -182,18 +182,18 @@ def choose_lower(part: OnGrid, scale: Scale, rule: Cutoff) -> RowFilter:
     return replace(row_filter, cutoff=Cutoff(row_filter.cutoff.frequency, reason))
 
 
-def _plain(part: OnGrid, scale: Scale, row_filter: RowFilter) -> Fitted:
+def _plain(part: OnGrid, equation: Equation, row_filter: RowFilter) -> Fitted:
     """The fit with Coulomb and viscous friction."""
     terms = ("coulomb", "viscous")
     rows = part.regressors.rows(row_filter, terms)
     reach = part.reach(row_filter.row_step, len(rows.windows))
-    fit = fit_rows(rows, scale, terms, row_filter.usable, reach, 0)
-    b = fit.value("gravity_torque") if scale.b is None else scale.b
-    return Fitted(fit, row_filter, part.regressors, rows, 0, reach, 0.0 if scale.linear else b, scale, part.noise)
+    fit = fit_rows(rows, equation, terms, row_filter.usable, reach, 0)
+    b = fit.value("gravity_torque") if equation.seeks("gravity_torque") else equation.value("gravity_torque")
+    return Fitted(fit, row_filter, part.regressors, rows, 0, reach, 0.0 if equation.linear else b, equation, part.noise)
 
 
 def _law(
-    part: OnGrid, signals: Signals, scale: Scale, row_filter: RowFilter, given: str | None
+    part: OnGrid, signals: Signals, equation: Equation, row_filter: RowFilter, given: str | None
 ) -> tuple[Law, Laws, Array]:
     """The law, all possible ones, and the delay of the turning points with it.
 
@@ -205,24 +205,24 @@ def _law(
         moved = part.earlier(late) if np.any(late) else part
         rows = moved.regressors.rows(row_filter, EXACT)
         reach = part.reach(row_filter.row_step, len(rows.windows))
-        first = fit_rows(rows, scale, ("coulomb", "viscous"), row_filter.usable, reach, 0)
-        laws = table.choose(rows, first.weights, scale).where(partial(_peaked, moved, scale, row_filter))
-        law = laws.best if given is None else table.fitted(given, rows, first.weights, scale)
+        first = fit_rows(rows, equation, ("coulomb", "viscous"), row_filter.usable, reach, 0)
+        laws = table.choose(rows, first.weights, equation).where(partial(_peaked, moved, equation, row_filter))
+        law = laws.best if given is None else table.fitted(given, rows, first.weights, equation)
         before, late = late, late_reversals(signals, law.torque, abs(first.a11), part.noise, dry_levels(signals, first))
         if np.max(np.abs(late - before)) <= SETTLED * np.max(np.abs(late)):
             break
     return law, laws, late
 
 
-def _peaked(part: OnGrid, scale: Scale, row_filter: RowFilter, law: Law) -> bool:
+def _peaked(part: OnGrid, equation: Equation, row_filter: RowFilter, law: Law) -> bool:
     """Whether Stribeck's peak is significant beside noise and the encoder's grid, whose errors repeat."""
-    fit = _fit(part, scale, row_filter, law, (), instruments=False)
+    fit = _fit(part, equation, row_filter, law, (), instruments=False)
     return abs(fit.fit.value("stribeck")) > INDICATED * fit.spread("stribeck")
 
 
 def _fit(
     part: OnGrid,
-    scale: Scale,
+    equation: Equation,
     row_filter: RowFilter,
     law: Law,
     more: tuple[str, ...],
@@ -233,15 +233,17 @@ def _fit(
     terms = (*law.unknowns, *more)
     rows = part.regressors.rows(row_filter, terms, law.stribeck_speed, law.peak)
     if lag is None:
-        lag = _lag(part, scale, row_filter, rows, terms) if instruments else 0
+        lag = _lag(part, equation, row_filter, rows, terms) if instruments else 0
     reach = part.reach(row_filter.row_step, len(rows.windows))
-    fit = fit_rows(rows, scale, terms, row_filter.usable, reach, lag)
-    b = fit.value("gravity_torque") if scale.b is None else scale.b
-    return Fitted(fit, row_filter, part.regressors, rows, lag, reach, 0.0 if scale.linear else b, scale, part.noise)
+    fit = fit_rows(rows, equation, terms, row_filter.usable, reach, lag)
+    b = fit.value("gravity_torque") if equation.seeks("gravity_torque") else equation.value("gravity_torque")
+    return Fitted(
+        fit, row_filter, part.regressors, rows, lag, reach, 0.0 if equation.linear else b, equation, part.noise
+    )
 
 
-def _lag(part: OnGrid, scale: Scale, row_filter: RowFilter, rows: Rows, terms: tuple[str, ...]) -> int:
+def _lag(part: OnGrid, equation: Equation, row_filter: RowFilter, rows: Rows, terms: tuple[str, ...]) -> int:
     least = max(SETTLING / row_filter.cutoff.frequency, EARLIER * part.motion.half_period)
     shortest = int(np.ceil(least / row_filter.row_step))
     period = 2 * part.motion.half_period / row_filter.row_step
-    return best_lag(rows, scale, terms, row_filter.usable, shortest, shortest + int(LAGS * period))
+    return best_lag(rows, equation, terms, row_filter.usable, shortest, shortest + int(LAGS * period))

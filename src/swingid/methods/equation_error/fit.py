@@ -19,9 +19,9 @@ import numpy as np
 from swingid.balance.fits import NamedFit, columns_of, known_side
 from swingid.balance.rows import Rows
 from swingid.errors import UnanswerableError
+from swingid.model.equation import Equation
 from swingid.numerics.arrays import Array, Bools, median
 from swingid.numerics.regression import LinearFit, hac_covariance
-from swingid.preparation.scale import Scale
 
 ROBUST = 5.0
 """Robust standard deviations of a residual beyond which its row weighs less (Huber)."""
@@ -44,14 +44,14 @@ class RowFit(NamedFit):
     inverse: Array
 
 
-def fit_rows(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, reach: int, lag: int) -> RowFit:
+def fit_rows(rows: Rows, equation: Equation, terms: tuple[str, ...], usable: Bools, reach: int, lag: int) -> RowFit:
     """Fit the rows by least squares (lag 0), or with the regressors `lag` rows earlier as instruments.
 
     usable (rows,): which to use. reach: rows up to which the covariance contains correlation.
     Raises UnanswerableError where too few rows are left.
     """
-    unknowns, columns = columns_of(rows, scale, terms)
-    target = known_side(rows, scale)
+    unknowns, columns = columns_of(rows, equation, terms)
+    target = known_side(rows, equation)
     instruments, usable = lagged(columns, usable, lag, unknowns)
     if usable.sum() < ROWS_PER_UNKNOWN * len(unknowns):
         raise UnanswerableError(
@@ -81,9 +81,9 @@ def lagged(columns: Array, usable: Bools, lag: int, unknowns: tuple[str, ...]) -
     return earlier, sound
 
 
-def best_lag(rows: Rows, scale: Scale, terms: tuple[str, ...], usable: Bools, shortest: int, longest: int) -> int:
+def best_lag(rows: Rows, equation: Equation, terms: tuple[str, ...], usable: Bools, shortest: int, longest: int) -> int:
     """The lag of the instruments, in rows, that gives the inertia the least variance under white residuals."""
-    unknowns, columns = columns_of(rows, scale, terms)
+    unknowns, columns = columns_of(rows, equation, terms)
     columns = columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     best, least = 0, np.inf
     for lag in range(shortest, longest + 1, max(1, (longest - shortest) // LAGS_TRIED)):

@@ -26,8 +26,8 @@ from swingid.balance.law_choice import LawChoice, slowest_peak
 from swingid.balance.rows import Rows
 from swingid.methods.equation_error.regressors import Regressors
 from swingid.methods.equation_error.rows import RowFilter
+from swingid.model.equation import Equation
 from swingid.numerics.arrays import Array
-from swingid.preparation.scale import Scale
 
 POSSIBLE = 1e-3
 """Probability below which a law is not fitted."""
@@ -102,9 +102,9 @@ class LawTable:
         self.slowest = slowest_peak(regressors.motion, noise)
         self.hats = np.vstack([row_filter(*columns) for columns in _hats(smooth, self.knots)]).T
 
-    def choose(self, rows: Rows, weights: Array, scale: Scale) -> Laws:
+    def choose(self, rows: Rows, weights: Array, equation: Equation) -> Laws:
         """The laws for these rows with their robust weights; rows must contain all terms of `EXACT`."""
-        friction, body, target = self._columns(rows, weights, scale)
+        friction, body, target = self._columns(rows, weights, equation)
         choice = LawChoice(friction, body, target, slowest=self.slowest)
         ranked = sorted(choice.weights.items(), key=lambda item: -item[1])
         laws = []
@@ -114,9 +114,9 @@ class LawTable:
             laws.append((Law(name, trial.terms, trial.values, speed), weight))
         return Laws(tuple(laws))
 
-    def fitted(self, name: str, rows: Rows, weights: Array, scale: Scale) -> Law:
+    def fitted(self, name: str, rows: Rows, weights: Array, equation: Equation) -> Law:
         """The law of this name with the coefficients, and the Stribeck speed, that fit the rows best."""
-        friction, body, target = self._columns(rows, weights, scale)
+        friction, body, target = self._columns(rows, weights, equation)
         terms = law_terms(name)
         best, least = Law(name, terms, np.zeros(len(terms)), 1.0), np.inf
         speeds = self.fastest * STRIBECK_SHARES if "stribeck" in terms else np.ones(1)
@@ -132,14 +132,14 @@ class LawTable:
             speeds = best.stribeck_speed * np.geomspace(1 / ratio, ratio, len(speeds))
         return best
 
-    def _columns(self, rows: Rows, weights: Array, scale: Scale) -> tuple[FrictionRows, Array, Array]:
+    def _columns(self, rows: Rows, weights: Array, equation: Equation) -> tuple[FrictionRows, Array, Array]:
         used = weights > 0
         root = np.sqrt(weights[used])
-        exact = np.column_stack([rows.friction[name] for name in EXACT])
+        exact = np.column_stack([rows[name] for name in EXACT])
         columns = np.column_stack([exact, self.hats])[used] * root[:, None]
-        _, body = columns_of(rows, scale, ())
+        _, body = columns_of(rows, equation, ())
         friction = FrictionRows(rows.select(used), self.fastest, self.knots, columns)
-        return friction, body[used] * root[:, None], known_side(rows, scale)[used] * root
+        return friction, body[used] * root[:, None], known_side(rows, equation)[used] * root
 
 
 def _hats(speeds: Array, knots: Array) -> Iterator[Array]:

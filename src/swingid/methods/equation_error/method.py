@@ -30,10 +30,10 @@ from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import Grid
 from swingid.methods.equation_error.laws import Laws
 from swingid.methods.equation_error.scatter import Fitted
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared
-from swingid.preparation.scale import Scale
 from swingid.result.provenance import exact_in_row_one
 from swingid.result.result import Message, Result
 from swingid.uncertainty.budget import Parameter
@@ -62,36 +62,36 @@ def equation_error(
     if friction != "auto":
         law_terms(friction, code="unknown-friction")
     part = prepared.part(reread=True)
-    rig, scale, noise = prepared.rig, prepared.scale, part.noise
-    on_grid = OnGrid.of(part, rig, scale)
+    rig, equation, noise = prepared.rig, prepared.equation, part.noise
+    on_grid = OnGrid.of(part, rig, equation)
     if len(part.motion.turning_times) < 2:
         message = "the used part of the log contains no whole swing; record a longer motion to and fro."
         raise UnanswerableError(message, code="no-turning-points")
     signals = Signals.of(part.log, rig, part.motion, part.encoders)
-    motor = _consistency(part, signals, rig, scale, noise)
+    motor = _consistency(part, signals, rig, equation, noise)
     span = float(part.log.time[0]), float(part.log.time[-1])
     cut = choose_cutoff(part.motion.speed, *span, noise, cutoff)
-    selected, laws = estimate(on_grid, signals, scale, cut, None if friction == "auto" else friction, instruments)
+    selected, laws = estimate(on_grid, signals, equation, cut, None if friction == "auto" else friction, instruments)
     chosen = selected.chosen
     windows, apart = _from_momentum(selected, signals)
     rig_file = RigFileCheck.of(prepared, part, signals)
     selected = replace(selected, from_momentum=apart, conflict=rig_file.conflict if rig_file else 0.0)
-    found = answer(selected, rig, scale)
+    found = answer(selected, rig, equation)
     amplitude = float(np.max(np.abs(part.motion.turning_angles)))
     inertia = found.parameters["inertia"]
     alone = rig_file.alone(inertia) if rig_file else inertia
     checked = check_answer(found.parameters | {"inertia": alone}, found.budget, _as_windows(chosen), amplitude, rig)
     how = _how(on_grid.grid, selected, laws, given=friction != "auto")
     notes = [part.note, *how, *exact_in_row_one(rig), checked.identifiability, *checked.notes, *motor.all_notes()]
-    warnings = [*checked.warnings, *_unlikely(selected, laws, scale), *motor.warnings]
+    warnings = [*checked.warnings, *_unlikely(selected, laws, equation), *motor.warnings]
     if windows is not None:
         cause = "noise in the acceleration or friction that does not depend on the speed alone"
         warnings += against_momentum(inertia, without_momentum(found.budget), windows, cause)
     warnings += rig_file.warnings(inertia) if rig_file else []
     used = chosen.row_filter.cutoff.frequency
     options: dict[str, object] = {"friction": selected.law.name, "instruments": instruments, "cutoff": used}
-    covariance = _covariance(chosen.fit) if scale.b is None else {}
-    drawn = details(selected, scale, span)
+    covariance = _covariance(chosen.fit) if equation.seeks("gravity_torque") else {}
+    drawn = details(selected, equation, span)
     if rig_file is not None:
         notes += rig_file.notes(inertia)
         found = rig_file.widened(found)
@@ -109,22 +109,22 @@ def _as_windows(one: Fitted) -> WindowFit:
     used = one.fit.weights > 0
     fit = replace(one.fit.fit, residuals=one.fit.fit.residuals[used], influence=one.fit.fit.influence[:, used])
     half = 1 / one.row_filter.cutoff.frequency
-    return WindowFit(one.fit.unknowns, fit, one.fit.covariance, one.rows.select(used), one.scale, one.noise, half)
+    return WindowFit(one.fit.unknowns, fit, one.fit.covariance, one.rows.select(used), one.equation, one.noise, half)
 
 
-def _consistency(part: Part, signals: Signals, rig: Rig, scale: Scale, noise: Noise) -> MotorCheck:
+def _consistency(part: Part, signals: Signals, rig: Rig, equation: Equation, noise: Noise) -> MotorCheck:
     """Check signs by equation (I) on modulating functions, and the wheel angle by (II).
 
     Raises InputError for a wrong sign. Windows over half a swing have little noise where filtered rows may have much.
     """
     windows = law_windows(signals, part.motion.half_period / 4)
-    fit = fit_windows(rows_of(signals, windows), scale, noise, BASIS)
+    fit = fit_windows(rows_of(signals, windows), equation, noise, BASIS)
     if fit is not None:
         check_sign(fit, part.log.source.path or "the log", live=part.log.is_live)
     balance = motor_balance(part.log, rig, signals, windows, noise) if len(windows) else None
     without = None
     if balance is None and fit is not None:
-        without = free_reading(rig, signals, noise, Parameter.of(fit.inertia, fit.u, scale.unit))
+        without = free_reading(rig, signals, noise, Parameter.of(fit.inertia, fit.u, equation.unit))
     return check_motor(balance, signals, method="this method", without=without)
 
 
@@ -135,7 +135,7 @@ def _from_momentum(selected: Selection, signals: Signals) -> tuple[WindowFit | N
     """
     chosen = selected.chosen
     terms = (*BASIS, "memory") if "memory" in chosen.fit.unknowns else BASIS
-    other = best_windows(signals, chosen.scale, chosen.noise, terms)
+    other = best_windows(signals, chosen.equation, chosen.noise, terms)
     if other is None:
         return None, 0.0
     own = chosen.variance(np.eye(len(chosen.fit.unknowns))[0])
@@ -166,7 +166,7 @@ def _how(grid: Grid, selected: Selection, laws: Laws, *, given: bool) -> list[Me
     return notes
 
 
-def _unlikely(selected: Selection, laws: Laws, scale: Scale) -> list[Message]:
+def _unlikely(selected: Selection, laws: Laws, equation: Equation) -> list[Message]:
     """A warning where the given law is improbable, and the difference to the best one matters for the inertia."""
     if selected.law.name in {law.name for law, _ in laws.likely}:
         return []
@@ -177,5 +177,5 @@ def _unlikely(selected: Selection, laws: Laws, scale: Scale) -> list[Message]:
     text = (
         f"the log is inconsistent with the friction law {selected.law.name!r}: with {laws.best.name!r} the inertia is "
     )
-    text += f"{other.fit.a11 - scale.carried:.6g} {scale.unit}; leave friction out, or give that one."
+    text += f"{other.fit.a11 - equation.carried:.6g} {equation.unit}; leave friction out, or give that one."
     return [Message("unlikely-friction-law", text)]

@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from swingid.balance.friction_laws import TERMS, stribeck_slope
-from swingid.balance.rows import Rows, Windows, shifted, smooth_columns
+from swingid.balance.rows import Rows, Windows, smooth_columns
 from swingid.methods.equation_error.grid import Grid, as_held, curvature, slope
 from swingid.methods.equation_error.rows import RowFilter
+from swingid.model.equation import Equation, shifted
 from swingid.numerics.arrays import Array
 from swingid.preparation.motion import Motion
-from swingid.preparation.scale import Scale
 
 
 class Key(NamedTuple):
@@ -48,14 +48,14 @@ class Regressors:
     a peak of some height by its speed.
     """
 
-    def __init__(self, grid: Grid, motion: Motion, scale: Scale, steady: Kept | None = None) -> None:
-        self.grid, self.motion, self.scale = grid, motion, scale
+    def __init__(self, grid: Grid, motion: Motion, equation: Equation, steady: Kept | None = None) -> None:
+        self.grid, self.motion, self.equation = grid, motion, equation
         self._steady: Kept = {} if steady is None else steady
         self._turning: Kept = {}
 
     def earlier(self, late: Array) -> Regressors:
         """The same with every turning point `late` seconds earlier (one value each)."""
-        return Regressors(self.grid, self.motion.earlier(late), self.scale, self._steady)
+        return Regressors(self.grid, self.motion.earlier(late), self.equation, self._steady)
 
     @property
     def smooth(self) -> Array:
@@ -80,25 +80,19 @@ class Regressors:
         }
         friction: dict[str, Key] = {term: Key(term, numbers.get(term, ())) for term in terms}
         further: dict[str, Key] = {}
-        for own in self.scale.further:
+        for own in self.equation.further:
             if own.term.is_dry:
                 further[own.name] = Key("dry", further=own.name)
             else:
                 names = (own.name, shifted(own.name)) if own.shift.std else (own.name,)
                 further |= {name: Key("further", further=name) for name in names}
-        body = [Key(name) for name in ("inertia", "gravity", "wheel", "torque")]
-        found = self._filtered(row_filter, [*body, *friction.values(), *further.values()])
-        inertia, gravity, wheel, torque = (found[key] for key in body)
-        return Rows(
-            Windows(row_filter.instants, np.full(len(inertia), 1 / row_filter.cutoff.frequency)),
-            inertia,
-            gravity,
-            wheel,
-            torque,
-            {name: found[key] for name, key in friction.items()},
-            further={name: found[key] for name, key in further.items()},
-            slopes={own.name: float(np.mean(own.stiffness(self.grid.angle))) for own in self.scale.further},
-        )
+        body = {name: Key(name) for name in ("inertia", "gravity_torque", "wheel", "torque")}
+        keys = body | friction | further
+        found = self._filtered(row_filter, list(keys.values()))
+        windows = Windows(row_filter.instants, np.full(len(row_filter.instants), 1 / row_filter.cutoff.frequency))
+        pulls = {own.name: float(np.mean(own.stiffness(self.grid.angle))) for own in self.equation.further}
+        pulls["gravity_torque"] = 0.0 if self.equation.linear else float(np.mean(self.cosine))
+        return Rows(windows, {name: found[key] for name, key in keys.items()}, pulls)
 
     def grid_columns(self, resolution: float) -> Array:
         """Errors (8, n) of the acceleration by an encoder's grid of this step, shifted by its eighths, in steps."""
@@ -131,7 +125,7 @@ class Regressors:
 
     def _absent(self, key: Key) -> bool:
         """Whether the drive or the axis has no such column."""
-        have = {"gravity": not self.scale.linear, "wheel": self.grid.wheel is not None}
+        have = {"gravity_torque": not self.equation.linear, "wheel": self.grid.wheel is not None}
         have["torque"] = self.grid.torque is not None
         return not have.get(key.name, True)
 
@@ -146,7 +140,7 @@ class Regressors:
         grid, speed, numbers = self.grid, self.motion.speed, key.numbers
         of_name: dict[str, Callable[[], Array]] = {
             "inertia": lambda: curvature(grid.angle, grid.step),
-            "gravity": lambda: np.sin(grid.angle),
+            "gravity_torque": lambda: np.sin(grid.angle),
             "wheel": lambda: np.zeros(0) if grid.wheel is None else curvature(grid.wheel, grid.step),
             "torque": lambda: np.zeros(0) if grid.torque is None else grid.torque,
             "cosine": lambda: np.cos(grid.angle),
@@ -171,7 +165,7 @@ class Regressors:
     def _further(self, name: str) -> Array:
         """The regressor of a further term of the rig, or its derivative by its shift."""
         angle, smooth = self.grid.angle, self.smooth
-        own = next(term for term in self.scale.further if name in (term.name, shifted(term.name)))
+        own = next(term for term in self.equation.further if name in (term.name, shifted(term.name)))
         if own.term.is_dry:
             return own.regressor(angle, smooth, self._column(Key("coulomb")))
         return smooth_columns(own, angle, smooth)[name]

@@ -13,11 +13,11 @@ from swingid.methods.equation_error.fit import RowFit
 from swingid.methods.equation_error.grid import curvature
 from swingid.methods.equation_error.regressors import Regressors
 from swingid.methods.equation_error.rows import RowFilter, autocorrelation
+from swingid.model.equation import Equation
 from swingid.model.terms import stated_stiffness
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import parzen
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.freedom import effective_freedom, scatter_freedom
 
@@ -37,7 +37,7 @@ class Fitted:
     lag: int
     reach: int
     stiffness: float
-    scale: Scale
+    equation: Equation
     noise: Noise
 
     def variance(self, own: Array) -> float:
@@ -71,7 +71,7 @@ class Fitted:
     @cached_property
     def _pull(self) -> Array:
         """Stiffness of gravity and of the terms that the rig states, at every row of the grid (N m/rad or N/m)."""
-        stated = stated_stiffness(self.scale.further, self.row_filter.grid.angle)
+        stated = stated_stiffness(self.equation.further, self.row_filter.grid.angle)
         return np.asarray(self.stiffness * self.regressors.cosine + stated)
 
     @cached_property
@@ -102,7 +102,7 @@ class Fitted:
                 spread = self.row_filter.adjoint(self.fit.fit.influence[k])
                 curved = curvature(spread, grid.step)
                 axis = self.fit.a11 * curved + self._pull * spread
-                kept[k] = axis * self.noise.angle, curved * (self.scale.a12 * self.noise.wheel)
+                kept[k] = axis * self.noise.angle, curved * (self.equation.value("wheel") * self.noise.wheel)
         (first, *others) = ((own[k], *kept[k]) for k in map(int, np.flatnonzero(own)))
         axis, wheel = first[0] * first[1], first[0] * first[2]
         for weight, more, turn in others:
@@ -114,7 +114,7 @@ class Fitted:
         """Weights of the autocorrelation of a row's influence in the variance by white noise, lags 0 to `reach`."""
         found, (curved, spread, both) = np.zeros(self.reach + 1), self.row_filter.correlations
         near = min(len(curved), len(found))
-        pull, inertia, wheel = float(np.mean(self._pull)), self.fit.a11, self.scale.a12 * self.noise.wheel
+        pull, inertia, wheel = float(np.mean(self._pull)), self.fit.a11, self.equation.value("wheel") * self.noise.wheel
         axis = inertia**2 * curved[:near] + pull**2 * spread[:near] + 2 * inertia * pull * both[:near]
         found[:near] = self.noise.angle**2 * axis + wheel**2 * curved[:near]
         return np.where(np.arange(len(found)) == 0, 1.0, 2.0) * parzen(self.reach) * found

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.choice import MEMORY, Choice
+from swingid.balance.errors import errors_of, sensitivities
 from swingid.balance.fits import BASIS, LAG, WindowFit, fit_rows, known_side, with_declared
 from swingid.balance.friction import FrictionLaw
 from swingid.balance.friction_laws import parameter_weights
-from swingid.balance.imperfections import OF_THE_ANGLE, imperfections, sensitivities
 from swingid.balance.level import wandering, with_bias
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Rows, Signals, rows_of
@@ -96,11 +96,13 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
         prepared, part, choice, moved = chosen_at_level(prepared, memory)
     except UnanswerableError as error:
         # spin-up and torque steps: windows that need none; a pendulum that its wheel cannot have turned over was pushed
-        turns = prepared.scale.drive == "direct" or (prepared.scale.drive == "reaction-wheel" and prepared.scale.b == 0)
+        turns = prepared.equation.drive == "direct" or (
+            prepared.equation.drive == "reaction-wheel" and prepared.equation.stated.get("gravity_torque") == 0
+        )
         if error.code != "no-turning-points" or not turns:
             raise
         return momentum_together([prepared])
-    rig, scale = prepared.rig, prepared.scale
+    rig, equation = prepared.rig, prepared.equation
     signals = choice.signals
     estimate = _estimate(choice, rig)
     check_sign(estimate.law, prepared.log.source.path or "the log", live=prepared.log.is_live)
@@ -108,20 +110,24 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     parameters, u = found.parameters, found.parameters["inertia"].standard_uncertainty or 0.0
     # what contradicts the rig file is named, and neither makes an answer hopeless nor hides its causes
     shared = sum(estimate.common[source] ** 2 for source in (CONFLICT, PLACE, PARTS))
-    alone = Parameter.of(estimate.law.inertia, max(u**2 - shared, 0.0) ** 0.5, scale.unit)
+    alone = Parameter.of(estimate.law.inertia, max(u**2 - shared, 0.0) ** 0.5, equation.unit)
     amplitude = float(np.max(np.abs(signals.motion.turning_angles)))
     try:
         checked = check_answer(parameters | {"inertia": alone}, found.budget, estimate.law, amplitude, rig)
         warnings, notes = checked.warnings, [checked.identifiability, *checked.notes]
     except NotIdentifiableError as error:
-        if not prepared.one_of_several or scale.b is not None:
+        if not prepared.one_of_several or not equation.seeks("gravity_torque"):
             raise
         warnings, notes = [Message(error.code, error.message, Kind.NOT_IDENTIFIABLE)], []
     balance = motor_balance(part.log, rig, signals, estimate.law.rows.windows, part.noise)
     without = None if balance else free_reading(rig, signals, part.noise, parameters["inertia"])
     motor = check_motor(balance, signals, without=without)
     extra = estimate.stability.extra() | ({} if balance is None else {"motor_balance_residual": balance.as_stated})
-    lost = _loss_unexplained(signals, estimate.friction, scale.b) if scale.drive == "none" and scale.b else None
+    lost = (
+        _loss_unexplained(signals, estimate.friction, equation.value("gravity_torque"))
+        if equation.drive == "none" and equation.value("gravity_torque")
+        else None
+    )
     if lost is not None:
         extra["loss_unexplained"] = lost
     notes = [part.note, *exact_in_row_one(rig), *notes, *motor.all_notes()]
@@ -140,14 +146,16 @@ def momentum(prepared: Prepared, *, memory: str = "auto") -> Result:
     warnings = [*warnings, *off, *moved.warnings, *motor.warnings]
     return prepared.result(
         "momentum",
-        replace(found, sensitivities=sensitivities(rig, estimate.law.rows, estimate.law.fit.influence[0])),
+        replace(
+            found, sensitivities=sensitivities(estimate.law.rows, estimate.law.equation, estimate.law.fit.influence[0])
+        ),
         part,
         warnings,
         notes,
         replace(_details(estimate, signals, part), extra=extra),
         {} if memory == "auto" else {"memory": memory},
         found=moved.corrections,
-        covariance=_covariance(estimate.law) if scale.b is None else {},
+        covariance=_covariance(estimate.law) if equation.seeks("gravity_torque") else {},
     )
 
 
@@ -155,7 +163,7 @@ def _impulse(law: WindowFit) -> list[Message]:
     """The note on an impulse at each reversal, which is an unknown beside the parameters."""
     if "memory" not in law.unknowns:
         return []
-    unit = f"{law.scale.torque_unit} s"
+    unit = f"{law.equation.torque_unit} s"
     text = (
         f"an impulse of {plus_minus(law.value('memory'), law.uncertainty('memory'), unit)} at each reversal was "
         "estimated beside the friction law: dynamic friction, backlash or short sticking."
@@ -175,9 +183,9 @@ def _covariance(law: WindowFit) -> dict[str, dict[str, float]]:
 
 def _estimate(choice: Choice, rig: Rig) -> _Estimate:
     law, signals = choice.law, choice.signals
-    swing = fit_rows(rows_of(signals, swing_windows(signals)), law.scale, law.noise, BASIS)
+    swing = fit_rows(rows_of(signals, swing_windows(signals)), law.equation, law.noise, BASIS)
     turning_rows = rows_of(signals, even_windows(signals, signals.motion.half_period / 2))
-    even = fit_rows(turning_rows, law.scale, law.noise, ("offset",))
+    even = fit_rows(turning_rows, law.equation, law.noise, ("offset",))
     if even is not None:
         even = with_declared(even, rig, signals)
         even = _with(even, _asymmetry(even, law), grid_spread(signals, even, "inertia"))
@@ -199,9 +207,9 @@ def _estimate(choice: Choice, rig: Rig) -> _Estimate:
 
 def _asymmetry(even: WindowFit, law: WindowFit) -> float:
     """Bias of the even fit by friction, because the motion is not exactly symmetric; from the fitted law."""
-    odd = [name for name in law.unknowns if name in even.rows.friction and (name == "memory" or TERMS[name].odd)]
-    torque = sum((law.value(name) * even.rows.friction[name] for name in odd), np.zeros(len(even.rows.windows)))
-    return float(even.fit.influence[0] @ torque)
+    terms = (name for name in law.friction if name in even.rows.columns)
+    odd = {name: law.value(name) for name in terms if name == "memory" or TERMS[name].odd}
+    return float(even.fit.influence[0] @ even.rows.sum_of(odd))
 
 
 def _with(fit: WindowFit, *more: float) -> WindowFit:
@@ -213,24 +221,22 @@ def _with(fit: WindowFit, *more: float) -> WindowFit:
 
 def _answer(estimate: _Estimate, rig: Rig, signals: Signals) -> Evaluated:
     """Parameters with their budget: type A of both fits, errors beyond the scatter, what rig.toml declares."""
-    law, friction, scale = estimate.law, estimate.friction, estimate.law.scale
-    values = {"inertia": (law.inertia, scale.unit)}
-    if scale.b is None:
-        values["gravity_torque"] = law.value("gravity_torque"), scale.torque_unit
-    units = units_on(linear=scale.linear)
-    values |= {name: (law.value(name), units[name]) for name in scale.unknown}
+    law, friction, equation = estimate.law, estimate.friction, estimate.law.equation
+    values = {"inertia": (law.inertia, equation.unit)}
+    units = units_on(linear=equation.linear)
+    values |= {name: (law.value(name), units[name]) for name in equation.sought[1:]}
     body = [law.unknowns.index(name) for name in values]
     weights = parameter_weights(friction.unknowns)
     values |= {name: (float(own @ friction.values), units[name]) for name, own in weights.items()}
     own = np.array(list(weights.values())).reshape(len(weights), len(friction.unknowns))
     effects = {effect.item.source: effect for effect in law.declared}
     declared = []
-    for item in imperfections(rig, signals, friction.rows, law.a11, law.b):
-        if item.of_noise:
+    for item in errors_of(friction.rows, signals, rig, equation, law.coefficients):
+        if item.of.of_noise:
             continue
         of_body = effects[item.source].shifts[body] / item.std
         of_friction = own @ friction.influence @ item.rows
-        if item.source in OF_THE_ANGLE:
+        if item.of.scales_speed:
             of_friction -= [power_of(name) * values[name][0] for name in weights]
         declared.append(item.on(np.concatenate([of_body, of_friction])))
     scattered = _scatter(law, friction, body, own, signals)
@@ -284,20 +290,18 @@ def _details(estimate: _Estimate, signals: Signals, part: Part) -> Details:
         residual_times=law.rows.windows.centres,
         residuals=law.fit.residuals / (law.rows.windows.half * 32 / 35),
         changing=tuple(estimate.stability.changing),
-        agreement=estimate.stability.agreement(law.scale.carried),
+        agreement=estimate.stability.agreement(law.equation.carried),
     )
 
 
 def _per_swing(estimate: _Estimate, signals: Signals) -> SwingSeries:
     """One inertia per turning point: its even window, less the fitted friction."""
     law, rows = estimate.law, estimate.turning_rows
-    scale, noise = law.scale, law.noise
-    columns = rows.friction | rows.further
-    others = sum((law.value(name) * columns[name] for name in law.unknowns if name in columns), 0.0)
-    known = known_side(rows, scale) - law.value("gravity_torque") * rows.gravity - others
-    values = known / rows.inertia - scale.carried
-    power = (law.a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2
-    sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows.inertia)
+    equation, noise = law.equation, law.noise
+    others = {name: law.value(name) for name in law.unknowns[1:] if name in rows.columns}
+    values = (known_side(rows, equation) - rows.sum_of(others)) / rows["inertia"] - equation.carried
+    power = (law.a11 * noise.angle) ** 2 + (equation.value("wheel") * noise.wheel) ** 2
+    sensor = np.sqrt(CURVATURE_POWER * power * noise.step / rows.windows.half**3) / np.abs(rows["inertia"])
     spread = 1.4826 * median(np.abs(values - median(values))) if len(values) else 0.0
     sides = signals.motion.sides[np.searchsorted(signals.motion.turning_times, rows.windows.centres)]
     return SwingSeries(rows.windows.centres, sides, values, np.maximum(sensor, spread))

@@ -12,20 +12,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from swingid.balance.errors import sensitivities
 from swingid.balance.fits import LAG
 from swingid.balance.identifiability import HOPELESS, require_seen
-from swingid.balance.imperfections import sensitivities
 from swingid.balance.systematics import drift_with_length
-from swingid.balance.together import Run, Together, fit_together, friction_of, known_bodies, unit_of_friction
+from swingid.balance.together import Run, Together, fit_together, friction_of, unit_of_friction
 from swingid.checks.answer import check_sign, identifiability_of
 from swingid.errors import InputError, NotIdentifiableError, UnanswerableError
 from swingid.format import number, percent
+from swingid.model.equation import Coefficient
 from swingid.model.rig import Rig
 from swingid.model.terms import MOTOR_TERMS, units_on
 from swingid.numerics.arrays import Array
 from swingid.preparation.prepared import Part, Prepared
 from swingid.preparation.reference import turns_freely
-from swingid.preparation.scale import Scale, refuse_rates
+from swingid.preparation.scale import equation_of, refuse_rates
 from swingid.preparation.segment import FEWEST_TURNS, spin_down
 from swingid.result.provenance import add_findings, defaults_taken, exact_in_row_one, provenance
 from swingid.result.result import Details, Message, Result
@@ -54,7 +55,7 @@ def momentum_together(
     parts = _parts(prepared)
     runs = [Run.of(*own) for own in zip(names, parts, added, strict=True)]
     _require_scale(prepared[0].rig, runs)
-    found = fit_together(runs, prepared[0].scale, known_bodies(runs))
+    found = fit_together(runs, prepared[0].equation)
     _check(found, prepared[0].rig)
     scattered, notes = _drag_between(found)
     evaluated = _evaluate(found, prepared[0].rig, scattered)
@@ -69,13 +70,13 @@ def coast_down(prepared: Sequence[Prepared], names: Sequence[str]) -> tuple[Resu
     rig = prepared[0].rig
     parts = _parts(prepared)
     if any(len(part.motion.turning_times) >= FEWEST_TURNS for part in parts):
-        Scale.of(rig)  # which raises
+        equation_of(rig)  # which raises
     runs = [Run.of(name, part, Quantity(0.0)) for name, part in zip(names, parts, strict=True)]
     unit = unit_of_friction(runs)
-    friction = tuple(name for name in friction_of(runs) if name != unit.name)
-    found = fit_together(runs, prepared[0].scale, (unit,), friction)
+    friction = tuple(name for name in friction_of(runs) if name != unit)
+    found = fit_together(runs, prepared[0].equation.but(**{unit: Coefficient(1.0)}), friction)
     _check(found, rig)
-    return _result(found, prepared, _evaluate(found, rig, 0.0), []), unit.name
+    return _result(found, prepared, _evaluate(found, rig, 0.0), []), unit
 
 
 def _parts(prepared: Sequence[Prepared]) -> list[Part]:
@@ -88,7 +89,7 @@ def _parts(prepared: Sequence[Prepared]) -> list[Part]:
 def part_of_run(prepared: Prepared) -> Part:
     """The part of a log to use: all of a driven one, of another from its fastest instant to its rest."""
     part = prepared.part(whole=True, few=True)
-    if prepared.rig.drive.kind != "none" or prepared.scale.b:
+    if prepared.rig.drive.kind != "none" or prepared.equation.value("gravity_torque"):
         return part
     start, stop, note = spin_down(part.motion, float(part.log.time[0]), float(part.log.time[-1]))
     log = part.log.segment(start, stop)
@@ -112,7 +113,7 @@ def _check(found: Together, rig: Rig) -> None:
     where = ", ".join(run.name for run in found.runs)
     seen = identifiability_of(law)
     require_seen(seen)
-    if law.scale.drive in ("reaction-wheel", "direct"):
+    if law.equation.drive in ("reaction-wheel", "direct"):
         check_sign(law, where)
     per_volt = law.value("torque_per_volt")
     if per_volt < 0 and -per_volt > DETECTED * law.uncertainty("torque_per_volt"):
@@ -126,7 +127,7 @@ def _check(found: Together, rig: Rig) -> None:
         spread = "more than its value" if law.inertia <= 0 or relative > 1 else percent(relative)
         raise NotIdentifiableError(
             f"{where}: the motion does not determine the inertia (the balance gives {law.inertia:.3g} "
-            f"{law.scale.unit}, uncertain by {spread}); record a wider range of speeds"
+            f"{law.equation.unit}, uncertain by {spread}); record a wider range of speeds"
             + (", or a known body that changes the inertia more." if rig.drive.kind == "none" else ".")
         )
 
@@ -134,8 +135,8 @@ def _check(found: Together, rig: Rig) -> None:
 def _evaluate(found: Together, rig: Rig, drag: float) -> Evaluated:
     """Parameters with their budget."""
     law = found.law
-    units = units_on(linear=law.scale.linear)
-    values = {"inertia": (law.inertia, law.scale.unit)}
+    units = units_on(linear=law.equation.linear)
+    values = {"inertia": (law.inertia, law.equation.unit)}
     values |= {name: (law.value(name), units[name]) for name in law.unknowns[1:]}
     freedom = [scatter_freedom(row, bartlett(LAG), len(law.unknowns)) for row in law.fit.influence]
     freedom[0] = law.freedom
@@ -156,10 +157,7 @@ def _evaluate(found: Together, rig: Rig, drag: float) -> Evaluated:
 def _friction_rows(found: Together) -> Array:
     """The torque of the fitted friction in each row (N m s or N s)."""
     law = found.law
-    rows = np.zeros(len(law.rows.windows))
-    for name in law.friction:
-        rows = rows + law.value(name) * law.rows.friction[name]
-    return rows
+    return law.rows.sum_of({name: law.value(name) for name in law.friction})
 
 
 def _drag_between(found: Together) -> tuple[float, list[Message]]:
@@ -211,9 +209,8 @@ def _motor_notes(found: Together) -> list[Message]:
     law, rig = found.law, found.runs[0].part.rig
     if rig.drive.kind != "motor":
         return []
-    stated = {term.name for term in law.scale.further if term.value is not None}
     notes = []
-    if not stated & {"back_emf"} and "back_emf" not in law.unknowns:
+    if "back_emf" not in law.equation.coefficients:
         text = (
             "viscous is the sum of viscous friction and back-EMF, which have the same regressor: give "
             "drive.motor.back_emf (or torque_constant and resistance), or a log in part of which the bridge is open "
@@ -222,10 +219,10 @@ def _motor_notes(found: Together) -> list[Message]:
         notes.append(Message("back-emf-in-viscous", text))
     if "torque_per_volt" in law.unknowns:
         text = "the scale is "
-        text += "that of axis.gravity_torque" if law.b else "that of the known body"
+        text += "that of axis.gravity_torque" if law.value("gravity_torque") else "that of the known body"
         text += ": inertia, torque per volt and friction are proportional to it."
         notes.append(Message("scale-of-motor", text))
-    products = {name: law.scale.known.get(name, law.value(name)) for name in MOTOR_TERMS}
+    products = {name: law.value(name) for name in MOTOR_TERMS}
     k_over_r, k2_over_r = products.values()
     found_at_all = [name for name in MOTOR_TERMS if name in law.unknowns]
     sure = all(law.uncertainty(name) < WORTH_A_NOTE * abs(law.value(name)) for name in found_at_all)
@@ -256,7 +253,7 @@ def _result(found: Together, prepared: Sequence[Prepared], evaluated: Evaluated,
     ]
     for run in found.runs:
         add_findings(run.part.log, warnings, notes, used=(run.part.start, run.part.stop))
-    evaluated = replace(evaluated, sensitivities=sensitivities(rig, law.rows, law.fit.influence[0]))
+    evaluated = replace(evaluated, sensitivities=sensitivities(law.rows, law.equation, law.fit.influence[0]))
     single = len(prepared) == 1
     return Result(
         method="momentum",

@@ -213,7 +213,7 @@ def answer_of(estimate: Estimate) -> Evaluated:
     """
     setup = estimate.setup
     weights = _sought(estimate.unknowns)
-    units = units_on(linear=setup.scale.linear) | {item.name: item.unit for item in estimate.unknowns.items}
+    units = units_on(linear=setup.equation.linear) | {item.name: item.unit for item in estimate.unknowns.items}
     values = {name: (float(own @ estimate.values), units[name]) for name, own in weights.items()}
     own = np.array(list(weights.values()))
     searched, common = estimate.searched, list(_grid(estimate, weights))
@@ -271,7 +271,7 @@ def details_of(estimate: Estimate, extra: dict[str, float]) -> Details:
         estimates={"all readings": (float(estimate.values[0]), own)} | kinds,
         residual_times=problem.times[~problem.wheel],
         residuals=(fit.residuals * problem.sigma)[~problem.wheel],
-        residual_unit="m" if setup.scale.linear else "rad",
+        residual_unit="m" if setup.equation.linear else "rad",
         extra=extra if balance is None else extra | {"motor_balance_residual": balance.as_stated},
     )
 

@@ -20,7 +20,7 @@ from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.recording.recording import Recording
 
 INPUTS: dict[str, Input] = {"reaction-wheel": "voltage", "direct": "torque", "none": "none"}
@@ -41,7 +41,7 @@ def cramer_rao(
 
     Raises InputError for a rig without inertia or noise, UnanswerableError where the unknowns are not identifiable.
     """
-    scale, source = Scale.of(rig), INPUTS[rig.drive.kind]
+    equation, source = equation_of(rig), INPUTS[rig.drive.kind]
     encoders = Encoders.of(rig)
     noise = Noise(encoders.angle.noise, encoders.wheel.noise, 1 / log.rate)
     if rig.axis.inertia is None or noise.angle == 0.0:
@@ -50,7 +50,7 @@ def cramer_rao(
     duration = float(log.time[-1] - log.time[0])
     problem = problem_of(log, encoders, noise, source, 2 * duration, np.inf)
     # the last two only bound a search, and there is none here
-    unknowns = unknowns_of(rig, scale, law, tuple(free), 1.0, 1.0)
+    unknowns = unknowns_of(rig, equation, law, tuple(free), 1.0, 1.0)
     states = problem.starts if start is None else np.array([start], dtype=np.float64)
     prediction = problem.predict(rig_vector(rig), unknowns.entries(problem.states), states, len(unknowns))
     if not (prediction.finite and np.isfinite(prediction.slopes).all()):

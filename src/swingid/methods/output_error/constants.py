@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from swingid.methods.output_error.axis_motion import GAIN
 from swingid.model import parameters as at
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, stated_at
-from swingid.preparation.scale import Scale
 from swingid.units import Quantity
 
 Places = tuple[tuple[int, float], ...]
@@ -21,18 +21,18 @@ SCALE = "motor_scale"
 """Common relative deviation of all torques of the motor from what is stated."""
 
 
-def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
+def constant_places(rig: Rig, equation: Equation) -> dict[str, Places]:
     """Places of every constant of rig.toml that acts on the motion, by its key; derivatives at the stated values."""
     found: dict[str, Places] = {}
-    if not scale.linear:
+    if not equation.linear:
         found["axis.gravity_torque"] = ((at.B, rig.axis.along.value),)
-    for term, place in zip(scale.further, slots(scale), strict=True):
+    for term, place in zip(equation.further, slots(equation), strict=True):
         if term.value is not None:
             found[term.term.key] = ((place + at.COEFFICIENT, 1.0),)
             found |= {term.term.shift: ((place + at.SHIFT, 1.0),)} if term.shift.std else {}
-    if scale.drive == "direct":
+    if equation.drive == "direct":
         found["log.torque_gain"] = ((GAIN, 1.0 / rig.log.torque_gain.value),)
-    if scale.drive != "reaction-wheel" or rig.drive.motor is None:
+    if equation.drive != "reaction-wheel" or rig.drive.motor is None:
         return found
     motor = rig.drive.motor
     gear, rotor = motor.gear_ratio.value, motor.rotor_inertia.value
@@ -50,14 +50,14 @@ def constant_places(rig: Rig, scale: Scale) -> dict[str, Places]:
     return found
 
 
-def tilt_places(scale: Scale) -> Places:
+def tilt_places(equation: Equation) -> Places:
     """Places that a relative deviation of the cosine of the wheel's tilt moves."""
-    return (at.A11, scale.carried), (at.A12, scale.a12)
+    return (at.A11, equation.carried), (at.A12, equation.value("wheel"))
 
 
-def slots(scale: Scale) -> list[int]:
+def slots(equation: Equation) -> list[int]:
     """First place of the slot of every further term of the rig."""
-    return [at.FIRST_SLOT + at.SLOT * k for k in range(len(scale.further))]
+    return [at.FIRST_SLOT + at.SLOT * k for k in range(len(equation.further))]
 
 
 def constant_value(rig: Rig, key: str) -> tuple[float, float | None]:
@@ -86,13 +86,13 @@ def is_felt(key: str, input: str) -> bool:
     return input == "voltage" or not key.startswith("drive.") or key in INERTIAS
 
 
-def uncertain_constants(rig: Rig, scale: Scale, input: str) -> tuple[str, ...]:
+def uncertain_constants(rig: Rig, equation: Equation, input: str) -> tuple[str, ...]:
     """Keys of the constants that enter and that rig.toml states with an uncertainty; `SCALE` beside any of them.
 
     A motor's constants come from a test against the inertia of its wheel and share its error. They must not determine
     that inertia or another scale reference, so a common scale of the torques is an unknown too.
     """
-    known = [key for key in constant_places(rig, scale) if is_felt(key, input)]
+    known = [key for key in constant_places(rig, equation) if is_felt(key, input)]
     uncertain = tuple(key for key in known if constant_value(rig, key)[1])
     return (*uncertain, SCALE) if uncertain and input == "voltage" else uncertain
 
@@ -107,7 +107,7 @@ def free_name(key: str) -> str:
     return next(name for name, term in TERMS.items() if term.key == key)
 
 
-def unit_of(key: str, scale: Scale) -> str:
+def unit_of(key: str, equation: Equation) -> str:
     """The unit of a constant by its key; what is no coefficient of a term is an angle or a position."""
-    units = {term.key: term.unit_on(linear=scale.linear) or "1" for term in TERMS.values()}
-    return units.get(key, "m" if scale.linear else "rad")
+    units = {term.key: term.unit_on(linear=equation.linear) or "1" for term in TERMS.values()}
+    return units.get(key, "m" if equation.linear else "rad")

@@ -7,17 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from swingid.balance.imperfections import (
-    ANGLE_OFFSET,
-    WHEEL_SCALE,
-    Imperfection,
-    declared_with_rig,
-    imperfections,
-    of_scale,
-    of_sensor,
+from swingid.balance.errors import errors_of
+from swingid.balance.perturbations import (
+    SHAPES,
+    Perturbation,
+    RowError,
+    declared_with_deviations,
+    of_channels,
     propagated,
-    relative,
-    scale_errors,
 )
 from swingid.methods.output_error.constants import (
     SCALE,
@@ -32,21 +29,19 @@ from swingid.methods.output_error.problem import Problem, problem_of
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.solver import inverse_of
+from swingid.model.equation import relative
 from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
-from swingid.numerics.arrays import Array, Bools
-from swingid.preparation.encoders import Channel
+from swingid.numerics.arrays import Array
 from swingid.uncertainty.budget import Declared, stated
 
 
 def declared_effects(setup: Setup, problem: Problem, searched: Searched, influence: Array) -> tuple[Declared, ...]:
     """Change of the unknowns (m,) of a fit per unit of every constant of the rig and every imperfection declared."""
-    rates = searched.fit.prediction.rates
-    sensors = [*_encoders(setup, problem, searched), *_latencies(problem, rates)]
-    sensors += _stated_scales(setup, problem, searched)
-    sensors = [replace(item, rows=item.rows / problem.sigma) for item in sensors if item.std > 0]
-    constants = declared_with_rig(setup.rig, _constants(setup, problem, searched, influence))
-    return (*constants, *propagated(sensors, influence))
+    channels = (one for one in of_channels(setup.rig, problem.encoders) if not one.of_noise)
+    errors = [RowError(one, _error(setup, problem, searched, one) / problem.sigma) for one in channels]
+    constants = declared_with_deviations(setup.rig, _constants(setup, problem, searched, influence))
+    return (*constants, *propagated(errors, influence))
 
 
 def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
@@ -67,11 +62,12 @@ def shift_of_momentum(setup: Setup, searched: Searched) -> float:
     """Change of the momentum balance's inertia where constants and sensors are as estimated, not as stated."""
     windows, found = setup.windows, dict(zip(searched.unknowns.names, searched.fit.values, strict=True))
     shift = 0.0
-    for item in imperfections(setup.rig, setup.consistency.signals, windows.rows, windows.a11, windows.b):
+    signals, values = setup.consistency.signals, windows.coefficients
+    for item in errors_of(windows.rows, signals, setup.rig, windows.equation, values):
         # a constant is added to what is stated of it, an error of a sensor is subtracted from its angles
-        sign = 1.0 if item.constant else -1.0
+        sign = 1.0 if item.of.constant else -1.0
         effect = float(windows.fit.influence[0] @ item.rows) + item.direct
-        shift += sign * effect * float(found.get(item.shared_id or "", 0.0))
+        shift += sign * effect * float(found.get(item.of.shared_id or "", 0.0))
     return shift
 
 
@@ -88,11 +84,11 @@ def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Ar
     sought = {item.places for item in unknowns.items if item.places}
     places: dict[str, Places] = {
         key: own
-        for key, own in constant_places(rig, setup.scale).items()
+        for key, own in constant_places(rig, setup.equation).items()
         if own not in sought and is_felt(key, problem.input)
     }
-    if setup.scale.drive == "reaction-wheel":
-        places[WHEEL_TILT] = tilt_places(setup.scale)
+    if setup.equation.drive == "reaction-wheel":
+        places[WHEEL_TILT] = tilt_places(setup.equation)
     if not places:
         return
     entries = replace(unknowns, items=()).entries(problem.states, list(places.values()))
@@ -110,34 +106,24 @@ def _constant(key: str, std: float | None, shifts: Array) -> Declared:
     return Declared(stated(key, key), std or 0.0, shifts, constant=True)
 
 
-def _encoders(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Imperfection]:
-    """Change of the residuals by the nonlinearity of each encoder, measured = q + α cos q + β sin q."""
-    if setup.rig.axis.kind == "linear":
-        return
-    channels: tuple[tuple[Channel, Bools], ...] = ("angle", ~problem.wheel), ("wheel", problem.wheel)
-    for channel, here in channels if problem.input in ("voltage", "wheel") else channels[:1]:
-        sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
-        for kind, shape in (("cosine", np.cos), ("sine", np.sin)):
-            if not sensor.parts[kind].std:
-                continue
-            effect = np.where(here, shape(problem.measured), 0.0)
-            if channel == "wheel" and problem.input == "wheel" and (std := problem.encoders.wheel.parts[kind].std):
-                wheel = setup.part.log.wheel_angle
-                assert wheel is not None
-                effect = -_other_input(setup, problem, searched, std * shape(wheel)) / std
-            yield of_sensor(problem.encoders, channel, kind, effect)
+def _error(setup: Setup, problem: Problem, searched: Searched, one: Perturbation) -> Array:
+    """Change of the residuals by an error of a channel, per unit.
 
-
-def _stated_scales(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Imperfection]:
-    """Change of the readings where the log shows (1 + ε) q + δ."""
-    for key, std in scale_errors(setup.rig).items():
-        here = problem.wheel if key == WHEEL_SCALE else ~problem.wheel
-        effect = np.where(here, 1.0 if key == ANGLE_OFFSET else problem.measured, 0.0)
-        if key == WHEEL_SCALE and problem.input == "wheel":
-            wheel = setup.part.log.wheel_angle
-            assert wheel is not None
-            effect = -_other_input(setup, problem, searched, std * wheel) / std
-        yield of_scale(key, std, effect)
+    A late wheel as the input is equivalent to an early angle.
+    """
+    of_wheel = one.channel == "wheel"
+    here = problem.wheel if of_wheel else ~problem.wheel
+    if one.shape == "latency":
+        rates = searched.fit.prediction.rates
+        if of_wheel and problem.input == "wheel":
+            return np.where(problem.wheel, 0.0, -rates)
+        return np.where(here, rates, 0.0)
+    shape = SHAPES[one.shape]
+    if of_wheel and problem.input == "wheel":
+        wheel = setup.part.log.wheel_angle
+        assert wheel is not None
+        return -_other_input(setup, problem, searched, one.std * shape(wheel)) / one.std
+    return np.where(here, shape(problem.measured), 0.0)
 
 
 def _other_input(setup: Setup, problem: Problem, searched: Searched, error: Array) -> Array:
@@ -151,13 +137,3 @@ def _other_input(setup: Setup, problem: Problem, searched: Searched, error: Arra
         return np.zeros(len(problem.measured))
     fit = searched.fit
     return again.fitted(searched.unknowns, fit.values, fit.states).outputs - fit.prediction.outputs
-
-
-def _latencies(problem: Problem, rates: Array) -> Iterator[Imperfection]:
-    """A channel read δ later than stated shows q + q' δ; a late wheel as the input is equivalent to an early angle."""
-    late = np.where(problem.wheel, 0.0, rates)
-    if problem.input != "none":
-        yield of_sensor(problem.encoders, "angle", "latency", late)
-    if problem.input in ("voltage", "wheel"):
-        effect = np.where(problem.wheel, rates, 0.0) if problem.input == "voltage" else -late
-        yield of_sensor(problem.encoders, "wheel", "latency", effect)

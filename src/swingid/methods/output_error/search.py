@@ -73,11 +73,11 @@ class Searched:
 
 def first_values(setup: Setup, unknowns: Unknowns) -> Array:
     """Initial values: of the linear fit, of the rig for free constants; friction is at least a little above 0."""
-    windows, scale, fastest = setup.windows, setup.scale, setup.fastest
+    windows, equation, fastest = setup.windows, setup.equation, setup.fastest
     torque = max(abs(windows.value("coulomb")) + abs(windows.value("viscous")) * fastest, 1e-6 * windows.a11 * fastest)
     even = windows.value("offset"), windows.value("viscous_even")
     known = {
-        "inertia": windows.a11 - scale.carried,
+        "inertia": windows.a11 - equation.carried,
         "coulomb": windows.value("coulomb"),
         "coulomb_positive": windows.value("coulomb") + even[0],
         "coulomb_negative": windows.value("coulomb") - even[0],
@@ -89,7 +89,7 @@ def first_values(setup: Setup, unknowns: Unknowns) -> Array:
     least = {"viscous": torque / fastest, "quadratic": torque / fastest**2, "cubic": torque / fastest**3}
     values = []
     for item in unknowns.items:
-        if item.name == "gravity_torque" and scale.b is None:
+        if item.name == "gravity_torque" and equation.seeks("gravity_torque"):
             value = max(windows.value("gravity_torque"), 1e-3 * windows.a11)
         elif item.name == "inertia":
             value = known["inertia"] if known["inertia"] > 0 else 0.1 * abs(windows.a11)
@@ -99,7 +99,7 @@ def first_values(setup: Setup, unknowns: Unknowns) -> Array:
             value = even[0]
         elif not item.is_sought:
             value = 0.0
-        elif item.name in scale.unknown:
+        elif item.name in equation.sought:
             value = windows.value(item.name) if np.isinf(item.low) else max(windows.value(item.name), 0.0)
         elif item.name in FRICTION:
             value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))

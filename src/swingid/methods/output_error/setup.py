@@ -16,10 +16,10 @@ from swingid.methods.output_error.constants import uncertain_constants
 from swingid.methods.output_error.problem import FEWEST_ROWS, Input, Problem, problem_of
 from swingid.methods.output_error.solver import LOSSES
 from swingid.methods.output_error.unknowns import Unknowns, friction_unknowns, unknowns_of
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.prepared import Part, Prepared
-from swingid.preparation.scale import Scale
 from swingid.recording.recording import Recording
 
 MOST_LOST = 1e-3
@@ -69,11 +69,11 @@ class Setup:
         if law != "auto":
             friction_unknowns(law)
         _check_options(loss, starts, segment, prepared.log)
-        rig, scale = prepared.rig, prepared.scale
+        rig, equation = prepared.rig, prepared.equation
         source = input_of(wanted, prepared.log, rig)
         part = prepared.part()
-        _require_resolved(part, scale)
-        found = consistency_check(part.log, rig, part.motion, scale, part.noise, part.encoders)
+        _require_resolved(part, equation)
+        found = consistency_check(part.log, rig, part.motion, equation, part.noise, part.encoders)
         return cls(prepared, part, source, found, RigFileCheck.of(prepared), names, loss, starts, segment)
 
     @property
@@ -82,9 +82,9 @@ class Setup:
         return self.prepared.rig
 
     @property
-    def scale(self) -> Scale:
+    def equation(self) -> Equation:
         """The scale reference."""
-        return self.prepared.scale
+        return self.prepared.equation
 
     @property
     def alternative(self) -> str:
@@ -113,19 +113,19 @@ class Setup:
         """A torque (N m) that no friction of this motion exceeds: three times that of inertia and gravity."""
         speed = self.part.motion.speed
         quickest = float(np.max(np.abs(speed.acceleration(speed.grid))))
-        return 3 * (abs(self.windows.a11) * quickest + abs(self.windows.b))
+        return 3 * (abs(self.windows.a11) * quickest + abs(self.windows.value("gravity_torque")))
 
     @cached_property
     def uncertain(self) -> tuple[tuple[str, ...], dict[str, float]]:
         """Constants and sensors that rig.toml states with an uncertainty, see `unknowns_of`."""
-        readings = _uncertain_readings(self.part.encoders, self.source, rotary=not self.scale.linear)
-        return uncertain_constants(self.rig, self.scale, self.source), readings
+        readings = _uncertain_readings(self.part.encoders, self.source, rotary=not self.equation.linear)
+        return uncertain_constants(self.rig, self.equation, self.source), readings
 
     def unknowns(self, law: str) -> Unknowns:
         """The unknowns with a friction law."""
         more = self.uncertain if self.moves else ((), {})
         resolution = self.part.noise.resolution
-        return unknowns_of(self.rig, self.scale, law, self.free, self.fastest, self.strongest, resolution, *more)
+        return unknowns_of(self.rig, self.equation, law, self.free, self.fastest, self.strongest, resolution, *more)
 
     def problem(self, length: float) -> Problem:
         """The log in segments of about `length` s."""
@@ -159,10 +159,10 @@ def _check_options(loss: str, starts: int, segment: float | None, log: Recording
         )
 
 
-def _require_resolved(part: Part, scale: Scale) -> None:
+def _require_resolved(part: Part, equation: Equation) -> None:
     """Raise UnanswerableError for a torque of the angle with more than `MOST_PERIODS` periods from row to row."""
     fastest = float(np.max(np.abs(part.motion.speed.speed)))
-    for term in scale.further:
+    for term in equation.further:
         periods = fastest * term.order / (2 * np.pi * part.log.rate)
         if periods > MOST_PERIODS:
             raise UnanswerableError(

@@ -19,6 +19,7 @@ from swingid.balance.friction_laws import law_terms
 from swingid.errors import UsageError
 from swingid.methods.output_error import constants
 from swingid.methods.output_error.constants import SCALE, Places, constant_places, constant_value, free_key
+from swingid.model.equation import Equation
 from swingid.model.parameters import (
     A11,
     AXIS_STICKS,
@@ -33,7 +34,6 @@ from swingid.model.parameters import (
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, power_of, units_on
 from swingid.numerics.arrays import Array, Ints
-from swingid.preparation.scale import Scale
 
 Entries = tuple[Ints, Ints, Array]
 
@@ -177,7 +177,7 @@ def friction_unknowns(law: str) -> tuple[str, ...]:
 
 def unknowns_of(
     rig: Rig,
-    scale: Scale,
+    equation: Equation,
     law: str,
     free: Sequence[str],
     fastest: float,
@@ -194,18 +194,18 @@ def unknowns_of(
     estimated with the stated value as prior; readings: the same of the sensors, with the standard deviations.
     Raises UsageError for an unknown law or constant.
     """
-    places = constant_places(rig, scale)
-    units = units_on(linear=scale.linear)
-    items = [Unknown("inertia", scale.unit, 1e-12, np.inf, ((A11, 1.0),))]
-    for name in dict.fromkeys((*(("gravity_torque",) if scale.b is None else ()), *free)):
+    places = constant_places(rig, equation)
+    units = units_on(linear=equation.linear)
+    items = [Unknown("inertia", equation.unit, 1e-12, np.inf, ((A11, 1.0),))]
+    for name in dict.fromkeys((*(("gravity_torque",) if equation.seeks("gravity_torque") else ()), *free)):
         key = free_key(name)
-        kept = {*NEVER_FREE, *(key for term in scale.further for key in (term.term.key, term.term.shift))}
+        kept = {*NEVER_FREE, *(key for term in equation.further for key in (term.term.key, term.term.shift))}
         offered = [other for other in places if other not in kept]
         if key not in offered:
             has = ", ".join(constants.free_name(other) for other in offered)
             raise UsageError(f"{name!r} cannot be free for this rig; choose of {has}.", code="unknown-constant")
-        items.append(Unknown(name, constants.unit_of(key, scale), 0.0, np.inf, places[key]))
-    for term, place in zip(scale.further, constants.slots(scale), strict=True):
+        items.append(Unknown(name, constants.unit_of(key, equation), 0.0, np.inf, places[key]))
+    for term, place in zip(equation.further, constants.slots(equation), strict=True):
         if term.value is None:
             low = -np.inf if term.term.signed else 0.0
             items.append(Unknown(term.name, units[term.name], low, np.inf, ((place + COEFFICIENT, 1.0),)))
@@ -217,41 +217,43 @@ def unknowns_of(
         unit = units["coulomb" if name == "stribeck" else name]
         items.append(Unknown(name, unit, low, high, FRICTION[name]))
     sought = {free_key(item.name) for item in items if item.name not in FRICTION}
-    items += [_about_stated(rig, scale, key, places[key]) for key in uncertain if key in places and key not in sought]
+    items += [
+        _about_stated(rig, equation, key, places[key]) for key in uncertain if key in places and key not in sought
+    ]
     if SCALE in uncertain:
         items.append(Unknown(SCALE, "1", -0.9, FARTHEST * ANY_SCALE, constants.scaled_places(rig), ANY_SCALE))
     for key, std in readings.items():
         unit = "s" if key.endswith("latency") else "rad"
         items.append(Unknown(key, unit, -FARTHEST * std, FARTHEST * std, (), std))
-    if resolution > 0 and not scale.linear and scale.b != 0:
+    if resolution > 0 and not equation.linear and equation.stated.get("gravity_torque") != 0:
         items.append(_zero_within(resolution))
-    return Unknowns(tuple(items), _base(rig, scale, items))
+    return Unknowns(tuple(items), _base(rig, equation, items))
 
 
-def _about_stated(rig: Rig, scale: Scale, key: str, places: Places) -> Unknown:
+def _about_stated(rig: Rig, equation: Equation, key: str, places: Places) -> Unknown:
     """The deviation of a constant from its stated value; a positive constant stays positive."""
     value, std = constant_value(rig, key)
     assert std
     widest = FARTHEST * std
     may_be_negative = all(term.key != key or term.signed for term in TERMS.values())
     low = -widest if value <= 0 or may_be_negative else -min(widest, 0.9 * value)
-    return Unknown(key, constants.unit_of(key, scale), low, widest, places, std)
+    return Unknown(key, constants.unit_of(key, equation), low, widest, places, std)
 
 
-def _base(rig: Rig, scale: Scale, items: list[Unknown]) -> Array:
+def _base(rig: Rig, equation: Equation, items: list[Unknown]) -> Array:
     """The vector of the rig's constants with every unknown at zero (and every deviation from what is stated)."""
-    stated: dict[str, float] = {"axis.inertia": 1.0, "axis.gravity_torque": scale.b or 0.0}
-    for key in constant_places(rig, scale):
+    stated: dict[str, float] = {"axis.inertia": 1.0, "axis.gravity_torque": equation.value("gravity_torque")}
+    for key in constant_places(rig, equation):
         if key.startswith("drive."):
             stated[key] = constant_value(rig, key)[0]
     if rig.drive.motor is not None:
         stated["drive.motor.dead_zone.negative"], stated["drive.motor.dead_zone.positive"] = rig.drive.motor.dead_zone
     if rig.drive.wheel is not None:
         stated[WHEEL_TILT] = math.acos(rig.drive.wheel.along.value)
-    base = vector(stated, scale.drive)
+    base = vector(stated, equation.drive)
     base[A11] -= 1.0
-    for term in scale.further:
-        add_term(base, term.term, scale.known.get(term.name, 0.0), *term.at)
+    for term in equation.further:
+        add_term(base, term.term, equation.value(term.name), *term.at)
     for item in items:
         if item.name == "inertia" or item.name in FRICTION or not item.is_sought:
             continue

@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.choice import choose
+from swingid.balance.errors import errors_of
 from swingid.balance.fits import BASIS, columns_of
 from swingid.balance.identifiability import Identifiability, examine, examine_information
-from swingid.balance.imperfections import Imperfection, imperfections
+from swingid.balance.perturbations import RowError
 from swingid.balance.rows import Rows, Signals, rows_of
 from swingid.balance.windows import law_windows
 from swingid.errors import UnanswerableError
@@ -28,7 +29,7 @@ from swingid.numerics.test_functions import CURVATURE_POWER, superpose
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.recording.recording import Recording
 from swingid.uncertainty.budget import BudgetEntry, Parameter, Scatter, combined, evaluate
 
@@ -72,33 +73,34 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
     rig: what the method will be given; expected: the same with the inertia, friction and gravity torque expected.
     Raises UnanswerableError where the method would find no answer.
     """
-    scale = Scale.of(rig)
+    equation = equation_of(rig)
     seen_log = with_errors(log, rig, np.random.default_rng(0))
     noise = channel_noise(seen_log, rig)
     encoders = Encoders.of(rig)
     moving = find_motion(log.time, seen_log.angle, noise.angle)
-    half = choose(Signals.of(seen_log, rig, moving, encoders), rig, scale, noise).law.half
+    half = choose(Signals.of(seen_log, rig, moving, encoders), rig, equation, noise).law.half
     signals = Signals.of(log, rig, find_motion(log.time, log.angle, noise.angle), encoders).suited(half)
     rows = rows_of(signals, law_windows(signals, half))
-    unknowns, columns = columns_of(rows, scale, BASIS)
+    unknowns, columns = columns_of(rows, equation, BASIS)
     if len(rows.windows) <= 2 * len(unknowns):
         raise UnanswerableError("the motion is too short for its slowest swing.", code="too-short")
     assert expected.axis.inertia is not None
-    a11 = expected.axis.inertia.value + scale.carried
+    a11 = expected.axis.inertia.value + equation.carried
     b = expected.axis.acting_gravity
     gravity = 0.0 if b is None else b.value
-    items = imperfections(rig, signals, rows, a11, gravity)
-    power = ((a11 * noise.angle) ** 2 + (scale.a12 * noise.wheel) ** 2) * noise.step / half**3
+    expecting = equation.stated | {"inertia": a11, "gravity_torque": gravity}
+    items = errors_of(rows, signals, rig, equation, expecting)
+    power = ((a11 * noise.angle) ** 2 + (equation.value("wheel") * noise.wheel) ** 2) * noise.step / half**3
     row_noise = float(np.sqrt(2 * power * CURVATURE_POWER))
     influence, effects = _fit(columns, items, row_noise)
     covariance = _sensors(log, rig, rows, influence, a11, gravity)
-    units = units_on(linear=scale.linear)
+    units = units_on(linear=equation.linear)
     named = [units.get(name, "") for name in unknowns]
     if np.linalg.matrix_rank(covariance, hermitian=True) == len(unknowns):
         seen = examine_information(unknowns, named, np.asarray(np.linalg.inv(covariance), dtype=np.float64))
     else:  # perfect sensors: the regressors alone
         seen = examine(unknowns, named, columns)
-    values = {"inertia": (a11 - scale.carried, units["inertia"])}
+    values = {"inertia": (a11 - equation.carried, units["inertia"])}
     if "gravity_torque" in unknowns:
         values["gravity_torque"] = gravity, units["gravity_torque"]
     count, declared = len(values), []
@@ -106,17 +108,17 @@ def predict(log: Recording, rig: Rig, expected: Rig) -> Prediction:
         declared.append(item.on(effect[:count] / item.std))
     noise_of = Scatter("sensor noise and resolution", covariance[:count, :count], np.full(count, np.inf))
     found = evaluate(values, noise_of, (), declared, relative=rig.axis.model_uncertainty)
-    sensitivity = abs(float(influence[0] @ rows.gravity)) * gravity / a11
+    sensitivity = abs(float(influence[0] @ rows["gravity_torque"])) * gravity / a11
     return Prediction(found.parameters, tuple(found.budget), half, sensitivity, seen)
 
 
-def _fit(columns: Array, items: list[Imperfection], row_noise: float) -> tuple[Array, Array]:
+def _fit(columns: Array, items: list[RowError], row_noise: float) -> tuple[Array, Array]:
     """Influence of the rows (unknowns, rows), and what one standard deviation of each item does (unknowns, items).
 
     Encoder nonlinearities join the unknowns with their standard deviation as prior, as in the method.
     """
     unknowns = columns.shape[1]
-    own = [k for k, item in enumerate(items) if item.calibrates]
+    own = [k for k, item in enumerate(items) if item.of.fitted]
     amplitudes = -np.column_stack([items[k].rows * items[k].std for k in own]) if own else np.empty((len(columns), 0))
     prior = np.hstack([np.zeros((len(own), unknowns)), max(row_noise, 1e-12) * np.eye(len(own))])
     matrix = np.vstack([np.hstack([columns, amplitudes]), prior])

@@ -30,12 +30,12 @@ import numpy as np
 from swingid.balance.fits import LAG, WindowFit, columns_of, fit_with_prior, known_side
 from swingid.balance.motor import SLOW, motor_torque
 from swingid.balance.rows import Rows, Signals, Windows
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
 from swingid.numerics.test_functions import project, project_impulses
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale
 from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 
@@ -84,7 +84,7 @@ class _Column:
     values: Array
 
 
-def extras(fits: list[WindowFit], signals: Signals, scale: Scale, turn: float) -> dict[str, Extra]:
+def extras(fits: list[WindowFit], signals: Signals, equation: Equation, turn: float) -> dict[str, Extra]:
     """Every small quantity of this rig by name, from fits on windows of several lengths.
 
     The value is that of the windows which determine it best; the difference of windows of other lengths is added to its
@@ -94,7 +94,7 @@ def extras(fits: list[WindowFit], signals: Signals, scale: Scale, turn: float) -
     found: dict[str, list[tuple[float, float]]] = {}
     priors: dict[str, float] = {}
     for fit in fits:
-        for one in _fitted(fit, signals, scale, turn):
+        for one in _fitted(fit, signals, equation, turn):
             found.setdefault(one.name, []).append((one.uncertainty, one.value))
             priors[one.name] = one.prior
     return {name: pooled(name, sorted(several), priors[name]) for name, several in found.items()}
@@ -109,11 +109,11 @@ def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
     return size, max(float(np.sqrt(power)) / max(size, 1e-300), both), cosine.identifiable and sine.identifiable
 
 
-def _fitted(fit: WindowFit, signals: Signals, scale: Scale, turn: float) -> Iterator[Extra]:
+def _fitted(fit: WindowFit, signals: Signals, equation: Equation, turn: float) -> Iterator[Extra]:
     """One joint fit of friction, inertia and all extra columns on the windows of `fit`."""
-    more = list(_columns(fit.rows, signals, scale, fit.a11, fit.b, turn))
+    more = list(_columns(fit.rows, signals, equation, fit.a11, fit.value("gravity_torque"), turn))
     solved, error = fit_with_prior(fit, [each.values * each.prior for each in more], ROUNDS)
-    count = len(fit.rows.windows)
+    count = len(fit.rows)
     residuals = solved.residuals[:count]
     data = LinearFit(solved.values, residuals, solved.influence[:, :count], solved.condition)
     from_prior = solved.influence[:, count:] * error
@@ -123,16 +123,16 @@ def _fitted(fit: WindowFit, signals: Signals, scale: Scale, turn: float) -> Iter
         yield Extra(column.name, float(solved.values[k]) * column.prior, spread, column.prior)
 
 
-def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, turn: float) -> Iterator[_Column]:
+def _columns(rows: Rows, signals: Signals, equation: Equation, a11: float, b: float, turn: float) -> Iterator[_Column]:
     windows, nodes = rows.windows, signals.nodes
 
     def integrals(*pairs: tuple[Array, int]) -> Array:
         return project(nodes, list(pairs), windows.centres, windows.half)
 
     if signals.wheel is not None and signals.wheel_rate is not None:
-        yield _Column("latency", PRIOR_LATENCY, -scale.a12 * integrals((signals.wheel_rate, 2))[:, 0])
+        yield _Column("latency", PRIOR_LATENCY, -equation.value("wheel") * integrals((signals.wheel_rate, 2))[:, 0])
         for name, wave in _waves("wheel", signals.wheel / turn):
-            yield _Column(name, PRIOR_ENCODER, -scale.a12 * integrals((wave, 2))[:, 0])
+            yield _Column(name, PRIOR_ENCODER, -equation.value("wheel") * integrals((wave, 2))[:, 0])
     elif signals.torque is not None:
         yield _Column("latency", PRIOR_LATENCY, integrals((signals.torque, 1))[:, 0])
     if signals.linear:
@@ -152,20 +152,22 @@ def _waves(which: str, angle: Array) -> Iterator[tuple[str, Array]]:
         yield f"{which} {k} sine", np.sin(k * angle)
 
 
-def zero_of(fits: list[WindowFit], signals: Signals, scale: Scale) -> Extra | None:
+def zero_of(fits: list[WindowFit], signals: Signals, equation: Equation) -> Extra | None:
     """How far 0 of the angle lies beside hanging (rad, to be taken off the angle); None without gravity.
 
     Estimated jointly with friction that depends on the direction, which has the same frequency; fits: as of `extras`.
     """
-    if not scale.b or signals.linear:
+    if not equation.value("gravity_torque") or signals.linear:
         return None
     found = []
     for fit in fits:
         windows = fit.rows.windows
-        friction = tuple(name for name in fit.unknowns if name in fit.rows.friction)
-        _, columns = columns_of(fit.rows, scale, friction)
+        friction = fit.friction
+        _, columns = columns_of(fit.rows, equation, friction)
         cosine = project(signals.nodes, [(signals.cosine, 0)], windows.centres, windows.half)[:, 0]
-        solved = fit_linear(np.column_stack([columns, -scale.b * cosine]), known_side(fit.rows, scale))
+        solved = fit_linear(
+            np.column_stack([columns, -equation.value("gravity_torque") * cosine]), known_side(fit.rows, equation)
+        )
         found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
     found.sort()
     return pooled("zero", found, PRIOR_ZERO)

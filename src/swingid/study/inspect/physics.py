@@ -9,18 +9,19 @@ from functools import partial
 import numpy as np
 
 from swingid.balance.choice import choose
+from swingid.balance.errors import late_error
 from swingid.balance.fits import WindowFit
-from swingid.balance.imperfections import late_channel
 from swingid.balance.motor import motor_balance
 from swingid.balance.rows import Signals
 from swingid.checks.answer import Fault, check_motor, check_sign
 from swingid.checks.closure import CLOSES, share_left
 from swingid.checks.stated import check_gravity
 from swingid.format import number, percent, plus_minus
+from swingid.model.equation import Equation
 from swingid.model.rig import Rig
 from swingid.preparation.encoders import corrected
 from swingid.preparation.noise import Noise
-from swingid.preparation.scale import Scale, require_channels
+from swingid.preparation.scale import equation_of, require_channels
 from swingid.preparation.zero import HARMLESS, centre_of
 from swingid.recording.inspect import Check, Level
 from swingid.recording.recording import Recording
@@ -56,7 +57,7 @@ class Balance:
 
     used: Recording
     signals: Signals
-    scale: Scale
+    equation: Equation
     noise: Noise
     law: WindowFit
     fits: list[WindowFit]
@@ -69,30 +70,30 @@ class Balance:
 
 def balance_of(log: Recording, rig: Rig, swings: Swings, noise: Noise) -> Balance:
     """The balance on at most MOST_ROWS rows from the middle of the useful part; errors as those of `identify`."""
-    scale = Scale.of(rig)
+    equation = equation_of(rig)
     require_channels(log, rig)
     used, encoders, _ = corrected(log.segment(swings.start, swings.stop), rig)
     if len(used) > MOST_ROWS:
         begin = (len(used) - MOST_ROWS) // 2
         used = used.segment(float(used.time[begin]), float(used.time[begin + MOST_ROWS - 1]))
     motion = swings.motion.within(float(used.time[0]), float(used.time[-1]))
-    choice = choose(Signals.of(used, rig, motion, encoders), rig, scale, noise)
+    choice = choose(Signals.of(used, rig, motion, encoders), rig, equation, noise)
     law = choice.law
     check_sign(law, log.source.path or "the log", live=log.is_live)
-    return Balance(used, choice.signals, scale, noise, law, list(choice.tried.values()))
+    return Balance(used, choice.signals, equation, noise, law, list(choice.tried.values()))
 
 
 def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     """All checks that need the rig, on a balance whose signs are right."""
     found = [_signs(balance, rig), *_model(balance)]
-    fits = [fit for fit in balance.fits if len(fit.rows.windows) >= FEWEST]
+    fits = [fit for fit in balance.fits if len(fit.rows) >= FEWEST]
     found += _wheel(balance, rig)
     turn = rig.log.wheel_scale.value if rig.drive.kind == "reaction-wheel" else 1.0
-    extras = small.extras(fits, balance.signals, balance.scale, turn) if fits else {}
+    extras = small.extras(fits, balance.signals, balance.equation, turn) if fits else {}
     if "zero" in extras:
         centre = centre_of(balance.signals.motion.turning_angles) if rig.drive.kind == "none" else None
         if centre is None:
-            found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals, balance.scale)))
+            found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals, balance.equation)))
         else:
             found.append(_zero(replace(extras["zero"], value=centre[0], uncertainty=centre[1]), None))
     if "latency" in extras:
@@ -107,15 +108,15 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
 
 
 def _signs(balance: Balance, rig: Rig) -> Check:
-    law, scale = balance.law, balance.scale
-    if scale.drive == "none":
+    law, equation = balance.law, balance.equation
+    if equation.drive == "none":
         text = "nothing drives the axis, so no sign can be wrong; the decay gives a positive inertia."
         return Check("signs", "signs", "ok", text)
-    what = "wheel angle" if scale.drive == "reaction-wheel" else "torque"
-    turned = "" if not scale.b else " and gravity pulls towards 0"
-    inertia = plus_minus(law.a11 - scale.carried, law.u, scale.unit)
+    what = "wheel angle" if equation.drive == "reaction-wheel" else "torque"
+    turned = "" if not equation.value("gravity_torque") else " and gravity pulls towards 0"
+    inertia = plus_minus(law.a11 - equation.carried, law.u, equation.unit)
     text = f"{what} and angle have signs that belong together{turned}: the balance gives the inertia {inertia}."
-    return Check("signs", "signs", "ok", text, "", {"inertia": law.a11 - scale.carried, "uncertainty": law.u})
+    return Check("signs", "signs", "ok", text, "", {"inertia": law.a11 - equation.carried, "uncertainty": law.u})
 
 
 def _model(balance: Balance) -> Iterator[Check]:
@@ -152,7 +153,7 @@ def _zero(joint: Extra, alone: Extra | None) -> Check:
 def _gravity(balance: Balance, rig: Rig) -> Iterator[Check]:
     """Whether drive and gravity are of one scale, where the motion determines it; see `checks.stated`."""
     for message in check_gravity(balance.law, balance.fits, balance.signals, rig):
-        drive = "log.torque_gain" if balance.scale.drive == "direct" else "drive.wheel.inertia"
+        drive = "log.torque_gain" if balance.equation.drive == "direct" else "drive.wheel.inertia"
         remedy = f"correct axis.gravity_torque or {drive}, or state the less certain one with its uncertainty"
         yield Check(message.code, "scale", "repair", f"{message.message.rpartition('; ')[0]}.", remedy)
 
@@ -198,7 +199,7 @@ def _latency(latency: Extra, balance: Balance, rig: Rig) -> Check:
     place = "[sensors.wheel]" if wheel else "[sensors]"
     where = "the wheel angle is read {} after the angle" if wheel else "the angle is read {} after the torque acts"
     law, signals = balance.law, balance.signals
-    effect = float(law.fit.influence[0] @ late_channel(signals, law.rows, balance.scale.a12)) * latency.value
+    effect = float(law.fit.influence[0] @ late_error(law.rows, signals, law.coefficients)) * latency.value
     # what the standard uncertainty of the inertia contains is no reason to change the rig file
     level: Level = "repair" if abs(effect) > law.total else "note"
     text += f"; it changes the inertia by {percent(effect / law.a11, sign=True)}"

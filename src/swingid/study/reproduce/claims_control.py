@@ -11,7 +11,7 @@ from swingid.control.backstepping import Backstepping
 from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.model.rig import Rig
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.simulation.twin import Run
 from swingid.study.design.motions import course_of
 from swingid.study.reproduce import published, runs
@@ -179,8 +179,10 @@ def needed_voltage(twin: Rig, reference: Sine) -> float:
     course = course_of(twin, reference, duration, rate)
     assert course.wheel_speed is not None
     assert twin.axis.inertia is not None
-    scale = Scale.of(twin)
-    momentum = scale.a12 * course.wheel_speed + (twin.axis.inertia.value + scale.carried) * course.speed
+    equation = equation_of(twin)
+    momentum = (
+        equation.value("wheel") * course.wheel_speed + (twin.axis.inertia.value + equation.carried) * course.speed
+    )
     momentum -= np.mean(momentum)
     place = int(np.nonzero(np.diff(np.sign(momentum)))[0][0])
     start = (place + momentum[place] / (momentum[place] - momentum[place + 1])) / rate

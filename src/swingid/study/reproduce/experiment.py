@@ -17,7 +17,7 @@ from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array, Bools
 from swingid.pooling.difference import difference
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
 from swingid.simulation.twin import Run
@@ -95,7 +95,7 @@ def _cell(result: Result | str, log: Log) -> Answer:
     inertia = result.inertia
     return runs.answer_of(inertia.value, viscous(result), log) | {
         "u": inertia.standard_uncertainty,
-        "a11": inertia.value + Scale.of(log.rig).carried,
+        "a11": inertia.value + equation_of(log.rig).carried,
         "warnings": [warning.code for warning in result.warnings],
     }
 

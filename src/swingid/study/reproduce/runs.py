@@ -32,7 +32,7 @@ from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import channel_noise
-from swingid.preparation.scale import Scale
+from swingid.preparation.scale import equation_of
 from swingid.recording.recording import Recording
 from swingid.result.result import Result
 from swingid.simulation.twin import Run, simulate_run
@@ -205,7 +205,7 @@ def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> t
     method "energy" gives each pass those of its own. They differ where the nodes' angles do. work: "held" or
     "trapezoid".
     """
-    recording, rig, scale = log.recording, log.rig, Scale.of(log.rig)
+    recording, rig, equation = log.recording, log.rig, equation_of(log.rig)
     noise = channel_noise(recording, rig)
     motion = find_motion(recording.time, recording.angle, noise.angle)
     course = Course.of(recording, rig, motion, noise, Encoders.of(rig))
@@ -214,10 +214,10 @@ def by_letter(log: Log, nodes: Sequence[Nodes] | Nodes, work: str = "held") -> t
     if work == "trapezoid":
         states = replace(states, work=trapezoid_work(recording, rig, course, instants))
     try:
-        fit, _ = printed_fit(replace(states, height=states.height[:, [0, 1, 1, 0]]), rig, scale, course.axis)
+        fit, _ = printed_fit(replace(states, height=states.height[:, [0, 1, 1, 0]]), rig, equation, course.axis)
     except UnanswerableError:
         return math.nan, math.nan
-    return float(fit.values[0]) - scale.carried, float(fit.values[1])
+    return float(fit.values[0]) - equation.carried, float(fit.values[1])
 
 
 def intervals(log: Log) -> list[Nodes]:

@@ -1,0 +1,129 @@
+"""Perturbations as they act on modulated rows, ρ = −Σ c ∫φ ∂f/∂channel s: one rule for every error of a channel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from swingid.balance.motor_on_axis import volts
+from swingid.balance.perturbations import (
+    BENDS,
+    SHAPES,
+    Perturbation,
+    RowError,
+    channel_of,
+    encoder_error,
+    of_channels,
+    of_constants,
+    slopes_by,
+)
+from swingid.balance.rows import Rows, Signals
+from swingid.model.equation import Equation
+from swingid.model.rig import Rig
+from swingid.numerics.arrays import Array
+from swingid.numerics.test_functions import project
+from swingid.preparation.encoders import Channel
+
+
+def errors_of(
+    rows: Rows, signals: Signals, rig: Rig, equation: Equation, values: Mapping[str, float]
+) -> list[RowError]:
+    """All perturbations that are stated with an uncertainty, as they act on these rows; always in the same order.
+
+    values: of all coefficients of the equation by name, stated and fitted.
+    """
+    constants = [constant_error(rows, equation, one) for one in of_constants(equation) if one.std > 0]
+    return [*constants, *channel_errors(rows, signals, of_channels(rig, signals.encoders), values)]
+
+
+def constant_error(rows: Rows, equation: Equation, one: Perturbation) -> RowError:
+    """The error of a constant of the equation: −Σ ∂c/∂constant ∫φ f."""
+    direct = -equation.beside.sources.get(one.source, 0.0)
+    return RowError(one, -rows.sum_of(equation.slopes(one.source)), direct)
+
+
+def sensitivities(rows: Rows, equation: Equation, influence: Array) -> dict[str, float]:
+    """Change of J1 per unit of every constant of the rig, by its key, exact ones too; influence: row of a11."""
+    constants = (one for one in of_constants(equation) if one.constant and one.shared_id)
+    errors = (constant_error(rows, equation, one) for one in constants)
+    return {error.source: float(influence @ error.rows) + error.direct for error in errors}
+
+
+def channel_errors(
+    rows: Rows, signals: Signals, found: Sequence[Perturbation], values: Mapping[str, float]
+) -> list[RowError]:
+    """Errors of channels as they act on these rows.
+
+    An error of the angle enters friction, too: by a multiple of its own columns where it is one of the scale (see
+    `Perturbation.scales_speed`), else negligibly.
+    """
+    slopes = {one.source: [own for own in _slopes(signals, one) if values.get(own[0])] for one in found}
+    _keep(
+        rows,
+        signals,
+        [one for one in found if any((one.source, own[0]) not in rows.kept for own in slopes[one.source])],
+    )
+    none = np.zeros(len(rows))
+    return [
+        RowError(one, -sum((values[name] * rows.kept[one.source, name] for name, *_ in slopes[one.source]), none))
+        for one in found
+    ]
+
+
+def bends(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Array:
+    """Columns (rows, n) of a nonlinearity once per turn of each encoder: cosine and sine of the axis, of the wheel."""
+    turns: list[Channel] = [] if signals.linear else ["angle"]
+    turns += [] if signals.wheel is None else ["wheel"]
+    found = [encoder_error(signals.encoders, channel, shape) for channel in turns for shape in BENDS]
+    return np.array([one.rows for one in channel_errors(rows, signals, found, values)]).reshape(-1, len(rows)).T
+
+
+def late_error(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Array:
+    """Effect on the rows, per s, of a wheel read later than the angle, or of an angle later than the drive acts."""
+    late = encoder_error(signals.encoders, "angle" if signals.wheel is None else "wheel", "latency")
+    return channel_errors(rows, signals, [late], values)[0].rows
+
+
+def _keep(rows: Rows, signals: Signals, found: Sequence[Perturbation]) -> None:
+    """Compute the columns ∫φ ∂f/∂channel s of these errors, which depend neither on values nor on turning points."""
+    keys, shapes = [], []
+    for one in found:
+        error, shift = _at_nodes(signals, one)
+        for name, slope, order in _slopes(signals, one):
+            keys.append((one.source, name))
+            shapes.append((error * slope, order + shift))
+    if keys:
+        columns = project(signals.nodes, shapes, rows.windows.centres, rows.windows.half)
+        rows.kept.update(zip(keys, columns.T, strict=True))
+
+
+def _slopes(signals: Signals, one: Perturbation) -> Iterator[tuple[str, Array | float, int]]:
+    """Terms that depend on the channel of an error, see `slopes_by`."""
+    return slopes_by(_channel(signals, one), signals.angle, signals.further, linear=signals.linear)
+
+
+def _channel(signals: Signals, one: Perturbation) -> str:
+    return channel_of(one, signals.source[1].drive.kind)
+
+
+def _at_nodes(signals: Signals, one: Perturbation) -> tuple[Array, int]:
+    """The error per unit at the nodes, and the further derivative of φ that it meets.
+
+    The rate of a drive that is held is no function of the nodes: ∫φ (−τ') = ∫φ' τ.
+    """
+    if one.shape == "level":
+        assert signals.encoders.level is not None
+        instants = signals.nodes.flat[0].reshape(signals.angle.shape)
+        return signals.encoders.level.unknowns(instants)[one.source].shape, 0
+    channel = _channel(signals, one)
+    if one.shape == "latency" and channel == "wheel":
+        assert signals.wheel_rate is not None
+        return (signals.wheel_rate if one.channel == "wheel" else -signals.wheel_rate), 0
+    if one.shape == "latency":
+        drive = signals.torque if channel == "torque" else signals.nodes.hold(volts(signals.source[0]), 0.0)
+        assert drive is not None
+        return drive, 1
+    values = signals.wheel if channel == "wheel" else signals.angle
+    assert values is not None
+    return SHAPES[one.shape](values), 0

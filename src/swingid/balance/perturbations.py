@@ -1,0 +1,229 @@
+"""What is stated as uncertain of a rig, its sensors and its log: one list of perturbations, the same for every method.
+
+A perturbation is an error of a constant, of which the coefficients of the equation are made, or an error s(t) of a
+channel, measured = true + s. To first order it changes the known side of every row by
+
+    ρ = −Σ ∂c/∂constant ∫φ f        or        ρ = −Σ c ∫φ ∂f/∂channel s
+
+and a linear estimate θ = K y by K ρ. That gives the sensitivity coefficient of every parameter to every perturbation
+without a second fit (type B, JCGM 100 5.1.3). What a method does with φ is its own; the list and the shapes s are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from swingid.model.equation import CLOCK, Equation, deviations, relative
+from swingid.model.rig import Rig
+from swingid.model.terms import RigTerm
+from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Channel, Encoders
+from swingid.uncertainty.budget import Declared, stated
+
+Shape = Literal["", "cosine", "sine", "latency", "scale", "offset", "level"]
+
+SHAPES: dict[str, Callable[[Array], Array]] = {
+    "cosine": np.cos,
+    "sine": np.sin,
+    "scale": lambda q: q,
+    "offset": np.ones_like,
+}
+"""Errors of a channel per unit, as functions of its values: nonlinearity once per turn, scale, zero."""
+
+BENDS: tuple[Shape, ...] = "cosine", "sine"
+"""Parts of a nonlinearity once per turn."""
+
+ANGLE_SCALE, ANGLE_OFFSET, WHEEL_SCALE = "log.angle_scale", "log.angle_offset", "log.wheel_scale"
+"""Scales (errors are relative) and the zero (rad, m) of the logged angles."""
+
+RATE_SCALE = "log.angle_speed_scale"
+"""Scale of a logged rate, and so of its integral."""
+
+OF_THE_ANGLE = (ANGLE_SCALE, RATE_SCALE)
+"""Scales of the angle, which are scales of the speed as well."""
+
+
+@dataclass(frozen=True)
+class Perturbation:
+    """An error of a constant or of a channel: its source, standard deviation, and the physical quantity `shared_id`.
+
+    channel, shape: of an error of a channel, see `SHAPES`; "latency" is its rate, "level" what is unknown of an
+    integrated rate. fitted: whether the method momentum has it as an unknown under its prior, of the mean `mean` in
+    standard deviations; others are propagated. constant, of_time: see `Declared`. of_noise: whether it is a part of
+    the sensor's noise, which is of type A.
+    """
+
+    source: str
+    std: float
+    shared_id: str | None
+    channel: Channel | None = None
+    shape: Shape = ""
+    fitted: bool = False
+    constant: bool = False
+    of_time: bool = False
+    of_noise: bool = False
+    mean: float = 0.0
+
+    @property
+    def scales_speed(self) -> bool:
+        """Whether it is a relative error of the speed, too, which friction depends on."""
+        return self.source in OF_THE_ANGLE
+
+
+@dataclass(frozen=True)
+class RowError:
+    """A perturbation as it acts: its effect ρ on the known side of the rows of a fit, and on J1 directly, per unit."""
+
+    of: Perturbation
+    rows: Array
+    direct: float = 0.0
+
+    @property
+    def source(self) -> str:
+        """Of the perturbation."""
+        return self.of.source
+
+    @property
+    def std(self) -> float:
+        """Of the perturbation."""
+        return self.of.std
+
+    def on(self, slopes: Array) -> Declared:
+        """For the budget; slopes (n,): change per unit of the parameters, the inertia of the whole axis first."""
+        of_parameters = np.append(slopes[:1] + self.direct, slopes[1:])
+        one = self.of
+        return Declared(stated(one.source, one.shared_id), one.std, of_parameters, one.constant, one.of_time)
+
+
+def channel_of(one: Perturbation, drive: str) -> str:
+    """The channel that an error of a channel acts on: an angle that is late is a drive that is early."""
+    if one.shape == "latency" and one.channel == "angle":
+        return {"reaction-wheel": "wheel", "direct": "torque", "motor": "voltage"}[drive]
+    return one.channel or ""
+
+
+def slopes_by(
+    channel: str, angle: Array, further: Iterable[RigTerm], *, linear: bool
+) -> Iterator[tuple[str, Array | float, int]]:
+    """∂f/∂channel of the terms that depend on a channel: name, derivative, order of the time derivative.
+
+    That of friction is left out: of a scale of the angle it is a multiple of its own columns, else negligible.
+    """
+    if channel == "wheel":
+        yield "wheel", 1.0, 2
+    elif channel == "torque":
+        yield "torque", 1.0, 0
+    elif channel == "voltage":
+        yield "torque_per_volt", -1.0, 0
+    else:
+        yield "inertia", 1.0, 2
+        if not linear:
+            yield "gravity_torque", np.cos(angle), 0
+        for term in further:
+            if term.term.is_conservative:
+                yield term.name, term.stiffness(angle), 0
+
+
+def propagated(errors: Iterable[RowError], influence: Array, weights: Array | None = None) -> list[Declared]:
+    """Effects of perturbations on parameters, of which the inertia is the first (JCGM 100 5.1.3).
+
+    influence (n, rows): of the fit; weights (m, n): of the parameters on its unknowns, where these are not the same.
+    """
+    slopes = ((error, influence @ error.rows) for error in errors)
+    return [error.on(own if weights is None else weights @ own) for error, own in slopes]
+
+
+def of_constants(equation: Equation) -> Iterator[Perturbation]:
+    """The constants that the coefficients of an equation are made of, exact ones (std 0) too."""
+    for one in equation.constants:
+        yield Perturbation(
+            one.key, one.std, one.key if one.shared else None, constant=not one.deviation, of_time=one.key == CLOCK
+        )
+
+
+def of_channels(rig: Rig, encoders: Encoders) -> list[Perturbation]:
+    """What is stated as uncertain of the encoders and of the log's columns, always in the same order."""
+    found = [*_nonlinearities(rig, encoders), *_latencies(rig, encoders), *_scales(rig), *_level(encoders)]
+    return [one for one in found if one.std > 0]
+
+
+def encoder_error(encoders: Encoders, channel: Channel, shape: Shape, *, fitted: bool = False) -> Perturbation:
+    """A nonlinearity ("cosine", "sine": measured = q + α cos q + β sin q) or latency (q + q' δ) of an encoder."""
+    sensor, prefix = (encoders.angle, "sensors") if channel == "angle" else (encoders.wheel, "sensors.wheel")
+    if shape == "latency":
+        std, source, shared_id = sensor.latency.std, f"{channel} latency", f"{prefix}.latency"
+    else:
+        std, source = sensor.parts[shape].std, f"{channel} encoder nonlinearity ({shape})"
+        shared_id = f"{prefix}.nonlinearity.{shape}"
+    return Perturbation(source, std or 0.0, shared_id, channel, shape, fitted)
+
+
+def _nonlinearities(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
+    """Once per turn, of each encoder.
+
+    Values stated in the rig file were estimated from data, maybe from these, so their uncertainty is propagated and
+    they are not fitted again: the data would count twice. So a11 has the variance of the joint fit.
+    """
+    turns: tuple[tuple[Channel, bool], ...]
+    turns = ("angle", rig.axis.kind == "rotary"), ("wheel", rig.drive.kind == "reaction-wheel")
+    for channel, there in turns:
+        sensor = encoders.angle if channel == "angle" else encoders.wheel
+        for shape in BENDS if there and sensor.nonlinearity else ():
+            yield encoder_error(encoders, channel, shape, fitted=shape not in sensor.calibrated)
+
+
+def _latencies(rig: Rig, encoders: Encoders) -> Iterator[Perturbation]:
+    """A channel that is read late. A free decay does not depend on it."""
+    if rig.drive.kind != "none":
+        yield encoder_error(encoders, "angle", "latency", fitted=True)
+    if rig.drive.kind == "reaction-wheel":
+        yield encoder_error(encoders, "wheel", "latency", fitted=True)
+
+
+def _scales(rig: Rig) -> Iterator[Perturbation]:
+    """Angles of which the log shows (1 + ε) q + δ."""
+    log = rig.log
+    yield Perturbation(ANGLE_SCALE, relative(log.angle_scale), ANGLE_SCALE, "angle", "scale")
+    yield Perturbation(ANGLE_OFFSET, log.angle_offset.std or 0.0, ANGLE_OFFSET, "angle", "offset")
+    if log.angle_speed is not None:
+        yield Perturbation(RATE_SCALE, relative(log.angle_speed_scale), RATE_SCALE, "angle", "scale")
+    if rig.drive.kind == "reaction-wheel":
+        yield Perturbation(WHEEL_SCALE, relative(log.wheel_scale), WHEEL_SCALE, "wheel", "scale")
+
+
+def _level(encoders: Encoders) -> Iterator[Perturbation]:
+    """What is left of start, bias and random walk of the integral of a rate: errors of the angle that are slow."""
+    level = encoders.level
+    if level is None:
+        return
+    for name, one in level.unknowns(np.zeros(1)).items():
+        mean = one.taken / one.std
+        yield Perturbation(name, one.std, None, "angle", "level", fitted=True, of_noise=True, mean=mean)
+
+
+def declared_with_deviations(rig: Rig, constants: Iterable[Declared]) -> Iterator[Declared]:
+    """Effects of the constants on the parameters, and what follows from them: those of tilts, clock and voltage scale.
+
+    For methods whose rows are not those of equation (I).
+    """
+    found = {one.source.name: one for one in constants}
+    yield from found.values()
+    for key, std, weights in deviations(rig, set(found)):
+        own = [weight * found[source].slopes for source, weight in weights.items()]
+        none = np.zeros(len(next(iter(found.values())).slopes))
+        yield Declared(stated(key, key), std, sum(own, none), of_time=key == CLOCK)
+
+
+def with_deviations(rig: Rig, constants: Iterable[RowError]) -> Iterator[RowError]:
+    """As `declared_with_deviations`, of errors of rows."""
+    found = {one.source: one for one in constants}
+    yield from found.values()
+    for key, std, weights in deviations(rig, set(found)):
+        own = [(weight, found[source]) for source, weight in weights.items()]
+        rows = sum((weight * one.rows for weight, one in own), np.zeros(len(next(iter(found.values())).rows)))
+        direct = sum(weight * one.direct for weight, one in own)
+        yield RowError(Perturbation(key, std, key, of_time=key == CLOCK), rows, direct)

@@ -1,0 +1,250 @@
+"""Equation (I) of a rig as a sum of terms, Σ c f = 0: of each term the coefficient, and what is known of it.
+
+    a11 q1'' + b sin q1 + a12 q2'' − τ + Σ_k c_k f_k(q1, q1') = 0
+
+What differs between rigs is a coefficient, not a branch. One that is known is made of constants of the rig file, so it
+states its derivative by each of them: an error δ of a constant is an error δ ∂c/∂constant of every coefficient that it
+is in. A coefficient without a value is sought. The regressors f are those of `terms`; `wheel` is q2'', `torque` τ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Literal
+
+from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
+from swingid.model.terms import TERMS, RigTerm, motor_terms, rig_terms, stated_at
+from swingid.units import Quantity, time_power
+
+if TYPE_CHECKING:
+    from swingid.model.rig import Rig
+
+CLOCK = "log.clock"
+"""Key of the deviation of the log's clock."""
+
+VOLTAGE_SCALE = "log.voltage_scale"
+"""Key of the volts per logged unit of the voltage."""
+
+GRAVITY = "axis.gravity_torque"
+"""Key of the gravity torque."""
+
+TIME_POWERS = {
+    key: power
+    for key, power in (
+        {one.key: time_power(one.unit) for one in TERMS.values() if one.key} | {"log.torque_gain": -2}
+    ).items()
+    if power
+}
+"""Constants whose unit has a power of the time, with it."""
+
+
+@dataclass(frozen=True)
+class Coefficient:
+    """Of a term: its value, None where it is sought; its derivative by each constant that it is made of, by key."""
+
+    value: float | None = None
+    sources: Mapping[str, float] = field(default_factory=dict)
+
+
+SOUGHT = Coefficient()
+
+
+@dataclass(frozen=True)
+class Constant:
+    """What coefficients are made of: its key, its standard uncertainty (0: exact or none stated).
+
+    deviation: whether it is no constant of the model but a relative deviation of several, of the clock or a tilt.
+    shared: whether it is a quantity of the rig, the same in all its results.
+    """
+
+    key: str
+    std: float
+    deviation: bool = False
+    shared: bool = True
+
+
+@dataclass(frozen=True)
+class Equation:
+    """The coefficients of equation (I) by the names of their terms, the inertia of the whole axis first.
+
+    beside: what of that inertia is not the body's, J2 + Jr of a wheel, N² Jr of a motor on the axis. constants: those
+    that the coefficients are made of. further: the rig's further terms, those of a motor on the axis among them.
+    """
+
+    coefficients: Mapping[str, Coefficient]
+    beside: Coefficient
+    constants: tuple[Constant, ...]
+    linear: bool
+    drive: Literal["reaction-wheel", "direct", "motor", "none"]
+    further: tuple[RigTerm, ...] = ()
+
+    @cached_property
+    def sought(self) -> tuple[str, ...]:
+        """Terms whose coefficients are sought."""
+        return tuple(name for name, one in self.coefficients.items() if one.value is None)
+
+    @cached_property
+    def stated(self) -> dict[str, float]:
+        """Known coefficients by the names of their terms."""
+        return {name: one.value for name, one in self.coefficients.items() if one.value is not None}
+
+    def seeks(self, name: str) -> bool:
+        """Whether the coefficient of a term is sought."""
+        return name in self.sought
+
+    def but(self, **coefficients: Coefficient) -> Equation:
+        """The equation with other coefficients, or with further terms."""
+        return replace(self, coefficients={**self.coefficients, **coefficients})
+
+    def without(self, names: set[str]) -> Equation:
+        """The equation without these terms."""
+        kept = {name: one for name, one in self.coefficients.items() if name not in names}
+        return replace(self, coefficients=kept, further=tuple(one for one in self.further if one.name not in names))
+
+    def slopes(self, key: str) -> dict[str, float]:
+        """Derivatives of the coefficients by a constant, by the names of their terms."""
+        return {name: one.sources[key] for name, one in self.coefficients.items() if key in one.sources}
+
+    def value(self, name: str) -> float:
+        """A known coefficient; 0 where it is sought, and of a term that the rig does not have."""
+        return self.stated.get(name, 0.0)
+
+    @property
+    def carried(self) -> float:
+        """What of the inertia of the axis is not the body's (kg m² or kg)."""
+        return self.beside.value or 0.0
+
+    @property
+    def unit(self) -> str:
+        """Unit of the inertia."""
+        return "kg" if self.linear else "kg m^2"
+
+    @property
+    def torque_unit(self) -> str:
+        """Unit of friction torque or force."""
+        return "N" if self.linear else "N m"
+
+    @classmethod
+    def of(cls, rig: Rig) -> Equation:
+        """The equation of a rig, whether or not anything in it sets the scale (see `preparation.scale.equation_of`)."""
+        found = _Building(rig)
+        further = (*rig_terms(rig), *motor_terms(rig))
+        drive, linear = rig.drive.kind, rig.axis.kind == "linear"
+        return cls(found.coefficients, found.beside, tuple(found.constants), linear, drive, further)
+
+
+class _Building:
+    """The coefficients of a rig while they are collected, with the constants that they are made of."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.coefficients: dict[str, Coefficient] = {"inertia": SOUGHT, "gravity_torque": SOUGHT}
+        self.beside = Coefficient(0.0)
+        self.constants: list[Constant] = []
+        motor = motor_terms(rig)
+        if rig.drive.kind == "reaction-wheel":
+            self._wheel(rig)
+        elif rig.drive.kind == "direct":
+            gain = rig.log.torque_gain
+            self._made_of("log.torque_gain", gain)
+            self.coefficients["torque"] = Coefficient(-1.0, {"log.torque_gain": -1.0 / gain.value})
+        elif rig.drive.kind == "motor":
+            self._reflected(rig)
+        for term in motor:
+            self._further(term)
+        gravity, along = rig.axis.gravity_torque, rig.axis.along.value
+        if not isinstance(gravity, str):
+            self._made_of(GRAVITY, gravity)
+            self.coefficients["gravity_torque"] = Coefficient(gravity.value * along, {GRAVITY: along})
+        for term in rig_terms(rig):
+            self._further(term)
+        self._deviations(rig)
+
+    def _made_of(self, key: str, quantity: Quantity) -> None:
+        self.constants.append(Constant(key, quantity.std or 0.0))
+
+    def _wheel(self, rig: Rig) -> None:
+        """a12 = (J2 + N Jr) cos of the wheel's tilt, and J2 + Jr beside the body."""
+        assert rig.drive.wheel is not None
+        along, motor = rig.drive.wheel.along, rig.drive.motor
+        own, beside = {"drive.wheel.inertia": along.value}, {"drive.wheel.inertia": along.value}
+        self._made_of("drive.wheel.inertia", rig.drive.wheel.inertia)
+        if motor is not None:
+            own["drive.motor.rotor_inertia"] = along.value * motor.gear_ratio.value
+            own["drive.motor.gear_ratio"] = along.value * motor.rotor_inertia.value
+            beside["drive.motor.rotor_inertia"] = along.value
+            self._made_of("drive.motor.rotor_inertia", motor.rotor_inertia)
+            self._made_of("drive.motor.gear_ratio", motor.gear_ratio)
+        own[WHEEL_TILT], beside[WHEEL_TILT] = rig.drive.a12, rig.drive.carried
+        self.constants.append(Constant(WHEEL_TILT, relative(along), deviation=True))
+        self.coefficients["wheel"] = Coefficient(rig.drive.a12, own)
+        self.beside = Coefficient(rig.drive.carried, beside)
+
+    def _reflected(self, rig: Rig) -> None:
+        """N² Jr of a motor on the axis."""
+        motor = rig.drive.motor
+        assert motor is not None
+        gear, rotor = motor.gear_ratio, motor.rotor_inertia
+        self._made_of("drive.motor.rotor_inertia", rotor)
+        self._made_of("drive.motor.gear_ratio", gear)
+        sources = {"drive.motor.rotor_inertia": gear.value**2, "drive.motor.gear_ratio": 2 * gear.value * rotor.value}
+        self.beside = Coefficient(rig.drive.reflected, sources)
+
+    def _further(self, own: RigTerm) -> None:
+        """A further term, and beside one whose shift is uncertain its derivative by the shift."""
+        if own.value is None:
+            self.coefficients[own.name] = SOUGHT
+            return
+        self._made_of(own.term.key, own.value)
+        self.coefficients[own.name] = Coefficient(own.value.value, {own.term.key: 1.0})
+        if own.shift.std:
+            self._made_of(own.term.shift, own.shift)
+            self.coefficients[shifted(own.name)] = Coefficient(0.0, {own.term.shift: own.value.value})
+
+    def _deviations(self, rig: Rig) -> None:
+        """What changes several constants alike: see `deviations`."""
+        keys = {one.key for one in self.constants}
+        for key, std, weights in deviations(rig, keys):
+            self.constants.append(Constant(key, std, deviation=True))
+            for name, one in self.coefficients.items():
+                if any(source in one.sources for source in weights):
+                    change = sum(weight * one.sources.get(source, 0.0) for source, weight in weights.items())
+                    self.coefficients[name] = replace(one, sources={**one.sources, key: change})
+            beside = sum(weight * self.beside.sources.get(source, 0.0) for source, weight in weights.items())
+            if beside:
+                self.beside = replace(self.beside, sources={**self.beside.sources, key: beside})
+
+
+def shifted(name: str) -> str:
+    """Name of the term that is the derivative of another by its shift."""
+    return name + "'"
+
+
+def relative(quantity: Quantity) -> float:
+    """Relative standard uncertainty."""
+    return (quantity.std or 0.0) / quantity.value
+
+
+def deviations(rig: Rig, keys: set[str]) -> Iterator[tuple[str, float, dict[str, float]]]:
+    """Relative deviations of several constants: key, standard uncertainty, equivalent change of each of `keys`.
+
+    None for no keys.
+
+    A tilt is a relative change of the gravity torque. A clock that is fast by c makes all times too long by that share,
+    which is the same as constants with the power n of the time in their unit larger by n c: the gravity torque by
+    −2 c. What they cannot change is the unit of the parameters (`Declared.of_time`). The scale of the voltage is a
+    relative change of the motor's torque per volt.
+    """
+    if not keys:
+        return
+    gravity = rig.axis.gravity_torque
+    if isinstance(gravity, Quantity) and gravity.value:
+        yield AXIS_TILT, relative(rig.axis.along), {GRAVITY: gravity.value} if GRAVITY in keys else {}
+    values = {key: stated_at(rig, key) for key in TIME_POWERS if key in keys}
+    weights = {key: TIME_POWERS[key] * value.value for key, value in values.items() if isinstance(value, Quantity)}
+    yield CLOCK, rig.log.clock.std or 0.0, weights
+    if rig.log.voltage_scale.std and rig.drive.motor is not None:
+        key = "drive.motor.torque_per_volt"
+        volts = {key: rig.drive.motor.torque_per_volt.value} if key in keys else {}
+        yield VOLTAGE_SCALE, relative(rig.log.voltage_scale), volts

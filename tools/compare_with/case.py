@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from compare_with.outcomes import of_command
+from compare_with.rigs import Tree, to_toml
 
 METHODS = ("momentum", "energy", "equation-error", "output-error", "backstepping")
 
@@ -22,10 +23,17 @@ class Case:
     needs_logs: bool = True
 
 
-def command(name: str, *steps: list[str], quick: bool = False, needs_logs: bool = True) -> Case:
-    """A case of commands, run one after the other; `{here}` in an argument is the case's folder."""
+def command(
+    name: str, *steps: list[str], quick: bool = False, needs_logs: bool = True, rig: Tree | None = None
+) -> Case:
+    """A case of commands, run one after the other; `{here}` in an argument is the case's folder.
+
+    rig: is written as `{here}/rig.toml` before.
+    """
 
     def run(folder: Path) -> Any:
+        if rig is not None:
+            (folder / "rig.toml").write_text(to_toml(rig) + "\n", encoding="utf-8")
         return [
             of_command([one.replace("{here}", str(folder)) for one in step], folder, f"out{k}")
             for k, step in enumerate(steps)

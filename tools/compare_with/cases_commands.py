@@ -7,7 +7,7 @@ from typing import Any
 
 from compare_with.case import METHODS, Case, command
 from compare_with.outcomes import JSON, of_command, of_table, of_toml
-from compare_with.rigs import BLANK, PAPER, STATED, changed, to_toml, twin_of
+from compare_with.rigs import BLANK, PAPER, STATED, changed, twin_of
 
 SINE = ["--reference", "sine 0.8 rad 8.5 rad/s"]
 PLAN = """name = "tiny"
@@ -29,13 +29,8 @@ def _log(name: str) -> list[str]:
 
 def _with_rig(name: str, tree: dict[str, Any], *arguments: str, quick: bool = False, needs_logs: bool = False) -> Case:
     """A command on a rig file of its own."""
-
-    def run(folder: Path) -> Any:
-        path = folder / "rig.toml"
-        path.write_text(to_toml(tree) + "\n", encoding="utf-8")
-        return of_command([*arguments, "--rig", str(path), "--json", JSON], folder)
-
-    return Case(name, run, quick, needs_logs)
+    given = [*arguments, "--rig", "{here}/rig.toml", "--json", JSON]
+    return command(name, given, quick=quick, needs_logs=needs_logs, rig=tree)
 
 
 def _campaign(name: str, methods: list[str], quick: bool = False) -> Case:

@@ -7,11 +7,14 @@ from pathlib import Path
 from typing import Any
 
 from compare_with.case import METHODS, Case, command
-from compare_with.logs import Recipe, made, recipes
+from compare_with.logs import recipes
 from compare_with.outcomes import JSON, of_call, of_recording, plain
+from compare_with.recipe import Recipe, made
 from compare_with.rigs import to_toml
 
-ONLINE = ("law-stribeck", "noise", "stated", "direct-stribeck", "free-stribeck", "gravity-unknown", "linear", "pushed")
+ONLINE = ("law-stribeck", "noise", "stated", "direct-stribeck", "free-stribeck", "gravity-unknown", "linear", "pushed",
+          "direct-unknown", "spring", "cogging", "strings")  # fmt: skip
+QUICK_ONLINE = ("law-stribeck", "gravity-unknown", "spring")
 OPTIONS = {
     "energy-printed": ("law-viscous", "energy", ["variant=printed"]),
     "energy-trapezoid": ("law-viscous", "energy", ["variant=printed", "work=trapezoid"]),
@@ -25,16 +28,20 @@ OPTIONS = {
     "output-error-segment": ("law-viscous", "output-error", ["law=viscous", "segment=2"]),
     "backstepping-consistent": ("law-viscous", "backstepping", ["law=consistent"]),
     "backstepping-observers": ("law-viscous", "backstepping", ["velocities=observers"]),
+    "memory-on": ("law-stribeck", "momentum", ["memory=on"]),
+    "memory-off": ("law-stribeck", "momentum", ["memory=off"]),
+    "memory-on-lugre": ("direct-lugre", "momentum", ["memory=on"]),
+    "memory-off-lugre": ("direct-lugre", "momentum", ["memory=off"]),
     "unknown-option": ("law-viscous", "momentum", ["magic=1"]),
 }
+QUICK_OPTIONS = ("memory-on", "memory-off")
 REPAIRS = ("blanks", "clock", "encoders", "calibrate", "latency", "push", "limit", "spikes")
 
 
 def identified(recipe: Recipe, method: str) -> Case:
     """A log by a method, through the command line."""
     arguments = ["identify", recipe.log, "--rig", recipe.rig, "--method", method, "--json", JSON]
-    quick = recipe.quick and (method != "output-error" or recipe.name == "law-viscous")
-    return command(f"twin/{recipe.name}/{method}", arguments, quick=quick)
+    return command(f"twin/{recipe.name}/{method}", arguments, quick=recipe.is_quick(method))
 
 
 def _simulated(recipe: Recipe, folder: Path) -> Any:
@@ -114,18 +121,19 @@ def cases() -> list[Case]:
     found: list[Case] = []
     for recipe in known.values():
         found += [identified(recipe, method) for method in METHODS]
-        found.append(command(f"inspect/{recipe.name}", _inspect(recipe), quick=recipe.quick))
-        found.append(Case(f"read/{recipe.name}", partial(_read, recipe), quick=recipe.quick))
-        found.append(Case(f"simulate/{recipe.name}", partial(_simulated, recipe), recipe.quick, needs_logs=False))
+        found.append(command(f"inspect/{recipe.name}", _inspect(recipe), quick=recipe.is_quick("inspect")))
+        found.append(Case(f"read/{recipe.name}", partial(_read, recipe), recipe.is_quick("read")))
+        quick = recipe.is_quick("simulate")
+        found.append(Case(f"simulate/{recipe.name}", partial(_simulated, recipe), quick, needs_logs=False))
     for name in ONLINE:
         found += [
-            Case(f"online/{name}/{method}", partial(_online, known[name], method), quick=name == "law-stribeck")
+            Case(f"online/{name}/{method}", partial(_online, known[name], method), quick=name in QUICK_ONLINE)
             for method in ("momentum", "energy")
         ]
     for name, (log, method, options) in OPTIONS.items():
         given = [word for option in options for word in ("--option", option)]
         arguments = ["identify", f"logs/{log}.parquet", "--rig", f"logs/{log}.toml", "--method", method]
-        found.append(command(f"option/{name}", [*arguments, *given, "--json", JSON]))
+        found.append(command(f"option/{name}", [*arguments, *given, "--json", JSON], quick=name in QUICK_OPTIONS))
     for repair in REPAIRS:
         for log in ("pushed", "nonlinear-large-untold", "latency-stated", "jitter"):
             arguments = ["identify", f"logs/{log}.parquet", "--rig", f"logs/{log}.toml", "--without-repair", repair]

@@ -72,6 +72,39 @@ LINEAR: Tree = {
 BLANK = {f"drive.motor.{key}": None for key in ("torque_per_volt", "back_emf", "viscous", "coulomb", "dead_zone")}
 """Changes that leave a rig without motor constants."""
 
+SERVO: Tree = {
+    "name": "servo",
+    "axis": {"gravity_torque": 0.4807},
+    "drive": {"kind": "motor", "motor": {"back_emf": 0.0372}},
+    "sensors": {"counts_per_turn": 4096},
+    "log": {},
+}
+SERVO_CONSTANTS = {
+    "axis.inertia": 5e-3,
+    "axis.friction": {"coulomb": 0.009, "viscous": 0.0037},
+    "drive.motor.torque_per_volt": 0.0963,
+}
+"""A motor on the axis, and what identification is not told of it."""
+
+SPINNING: Tree = {
+    "name": "spinning",
+    "axis": {"gravity_torque": 0, "friction": {"coulomb": 2e-4, "viscous": 2e-6, "quadratic": 1.5e-8}},
+    "drive": {"kind": "none"},
+    "sensors": {"counts_per_turn": 64},
+    "log": {},
+}
+GYRO: Tree = {
+    "name": "gyro",
+    "axis": {"gravity_torque": 0.5, "inertia": 0.01, "friction": {"viscous": 4e-4, "coulomb": 3e-4}},
+    "drive": {"kind": "none"},
+    "sensors": {"angle_speed": {"noise": "0.05 deg/s", "resolution": "0.0610352 deg/s", "bias": "0 ± 0.5 deg/s"}},
+    "log": {"angle_speed": "gz"},
+}
+UNTOLD = {"axis.inertia": None, "axis.friction": None}
+BIFILAR = {"axis.bifilar": {"mass": "1.5 ± 0.001 kg", "length": "0.6 ± 0.001 m", "distance": "0.2 ± 0.0005 m",
+                            "upper_distance": 0.3}}  # fmt: skip
+TRIFILAR = {"axis.trifilar": {"mass": "1.5 ± 0.001 kg", "height": 0.6, "radius": "0.12 ± 0.0005 m"}}
+
 
 def changed(tree: Tree, changes: Mapping[str, Any]) -> Tree:
     """The tree with other values at dotted keys; None takes a key away."""

@@ -22,9 +22,10 @@ import warnings
 from pathlib import Path
 from typing import Any
 
-from compare_with import cases_commands, cases_files, cases_real, cases_twin
+from compare_with import cases_commands, cases_files, cases_real, cases_told, cases_twin
 from compare_with.case import Case
-from compare_with.logs import recipes, write_log
+from compare_with.logs import recipes
+from compare_with.recipe import write_log
 
 LIMIT = 120
 """Seconds of this process's work after which a case counts as crashed; of the clock, `PATIENCE` times as many."""
@@ -43,7 +44,7 @@ class Overdue(BaseException):
 
 def chosen(level: str, part: str) -> list[Case]:
     """The cases of a level whose names contain `part`; those that need no logs first."""
-    found = [*cases_commands.cases(), *cases_twin.cases(), *cases_files.cases()]
+    found = [*cases_commands.cases(), *cases_twin.cases(), *cases_told.cases(), *cases_files.cases()]
     if Path("data").exists():
         found += cases_real.cases()
     names = [case.name for case in found]

@@ -439,6 +439,7 @@ def test_a_ring_without_room_is_one_sentence(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(InputError, match="missing, which can't be had") as raised:
         Ring()
     assert raised.value.code == "no-room"
+    assert raised.value.message.endswith("(No such file or directory); name another folder by $SWINGID_MEMORY")
 
 
 def test_a_ring_has_its_room_from_the_beginning(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

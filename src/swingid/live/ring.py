@@ -296,8 +296,9 @@ def _sweep(folder: str) -> None:
 def _no_room(folder: str, error: OSError) -> InputError:
     """The error of a folder that does not take a ring."""
     text = f"a run needs {(START + ROOM) / 1e6:.0f} MB in {folder}, which can't be had ({error.strerror or error}); "
-    text += "raise the limit of a file's size (ulimit -f)" if error.errno == errno.EFBIG else "make room there"
-    return InputError(f"{text}, or name another folder by ${FOLDER}", code="no-room")
+    remedies = {errno.EFBIG: "raise the limit of a file's size (ulimit -f), or ", errno.ENOSPC: "make room there, or "}
+    text += remedies.get(error.errno or 0, "")
+    return InputError(f"{text}name another folder by ${FOLDER}", code="no-room")
 
 
 def _lock(number: int, place: int, *, hold: bool) -> None:

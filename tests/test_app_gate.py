@@ -8,6 +8,8 @@ import pytest
 
 from page_server import asked, served, upgraded
 from swingid.app.gate import HEADERS, Place, host_of
+from swingid.app.server import free_port
+from swingid.errors import UsageError
 
 for package in ("cantools", "cobs", "fastcrc", "mcap"):
     pytest.importorskip(package, reason=f"{package} is not installed: pip install 'swingid[live]'")
@@ -177,3 +179,9 @@ def test_names_are_compared_in_one_spelling():
         assert place.is_ours(name), name
     for name in ("rigpc", "lab.example", "127.0.0.2", "0.0.0.0", ""):
         assert not place.is_ours(name), name
+
+
+@pytest.mark.parametrize("host", ["203.0.113.7", "no such host"])
+def test_a_host_that_is_not_this_machine_is_said(host):
+    with pytest.raises(UsageError, match=rf"^--host {host} is no address of this machine .* give one of its own"):
+        free_port(host, 8080)

@@ -14,7 +14,7 @@ import pytest
 
 from swingid import Recording, Rig
 from swingid.app import task as steps
-from swingid.app.order import WrongFieldError, order_of
+from swingid.app.order import WrongFieldError, order_of, share_of
 from swingid.app.runner import Runner
 from swingid.app.task import StoppedError, Task, View
 from swingid.live.codes import State, StopMode
@@ -216,10 +216,12 @@ WRONG = [
     (SINE, "25", 0, "duration"),
     (SINE, [25], 0, "duration"),
     (SINE, True, 0, "duration"),
+    (SINE, 10**400, 0, "duration"),
     (SINE, 25, None, "until"),
     (SINE, 25, float("nan"), "until"),
     (SINE, 25, -0.01, "until"),
     (SINE, 25, 1.0, "until"),
+    (SINE, 25, share_of(10**400), "until"),
 ]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import socket
+import struct
 import sys
 import threading
 from collections.abc import Iterator
@@ -114,6 +115,15 @@ def test_tcp_carries_the_bytes(listener: socket.socket) -> None:
     assert hello_of(f"tcp://127.0.0.1:{listener.getsockname()[1]}").axis_counts == BOARD.axis_counts
     thread.join(10)
     assert not thread.is_alive()
+
+
+def test_tcp_reset_is_said_in_words(listener: socket.socket) -> None:
+    device = open_device(f"tcp://localhost:{listener.getsockname()[1]}")
+    host = listener.accept()[0]
+    host.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))  # its end is a reset
+    host.close()
+    with pytest.raises(DeviceError, match=r"the device has gone \([^\[\d]+\); check cable"):
+        device.read(5.0)
 
 
 def test_tcp_without_a_device(listener: socket.socket) -> None:

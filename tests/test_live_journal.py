@@ -205,6 +205,15 @@ def test_a_file_without_a_rig_file_inside_is_one_sentence(
     assert "no rig file inside" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("command", ["identify", "compare", "calibrate"])
+def test_a_journal_that_is_not_there_is_said(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from swingid.cli.app import run as swingid
+
+    log = str(tmp_path / "rnu.mcap")
+    assert swingid([command, log]) == 3
+    assert capsys.readouterr().err == f"swingid: {log} does not exist; give the path of a log.\n"
+
+
 def test_a_wrong_sign_in_a_journal_does_not_point_to_log(tmp_path: Path) -> None:
     """Its signs are those of [device] at the run; [log] is not read."""
     path = tmp_path / "run.mcap"

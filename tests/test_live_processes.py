@@ -15,6 +15,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,7 +34,7 @@ from swingid.live.experiment import Done, Order, require_usable
 from swingid.live.processes import Patience, ProcessConductor
 from swingid.live.progress import Progress
 from swingid.live.ring import ROOM, Kind, Reader, Ring, memory
-from swingid.live.session import Reason, Session
+from swingid.live.session import End, Reason, Session
 from swingid.live.worker import Job, link, recorder
 from swingid.recording.recording import Recording
 
@@ -72,6 +73,41 @@ def test_a_reader_that_is_too_slow_loses_the_oldest_and_goes_on() -> None:
         assert reader.lost == ring.head
         ring.write(Kind.SAY, 1.0, b"on")
         assert [record.data for record in reader.read()] == [b"on"]
+    finally:
+        ring.close()
+
+
+def test_a_reader_that_is_too_slow_still_gets_how_the_run_ended() -> None:
+    ring = Ring()
+    try:
+        reader = Reader(ring)
+        for _ in range(3 * ROOM // 100_000):
+            ring.write(Kind.DEVICE, 0.0, bytes(100_000))
+        begin = ring.head
+        ring.write(Kind.DONE, 1.0, b"how")
+        assert [(record.kind, record.data) for record in reader.read()] == [(Kind.DONE, b"how")]
+        assert reader.lost == begin
+        assert reader.read() == []
+    finally:
+        ring.close()
+
+
+def test_records_that_are_written_over_while_they_are_read_are_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    ring = Ring()
+    try:
+        reader, read = Reader(ring), Reader._bytes
+        for _ in range(10):
+            ring.write(Kind.SAY, 0.0, b"old")
+
+        def overtaken(self: Reader, start: int, length: int) -> bytes:
+            if self.lost == 0 and start:
+                for _ in range(ROOM // 100_000):
+                    ring.write(Kind.DEVICE, 0.0, b"\xff" * 100_000)
+            return read(self, start, length)
+
+        monkeypatch.setattr(Reader, "_bytes", overtaken)
+        assert all(record.data == b"old" for record in reader.read())
+        assert reader.lost > 0
     finally:
         ring.close()
 
@@ -347,6 +383,27 @@ def test_any_error_in_the_recorder_is_a_sentence(
             signal.signal(number, was)
 
 
+def test_what_the_recorder_lost_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    ring, out = Ring(), tmp_path / "run.mcap"
+    end = End(Reason.FINISHED, "the reference has come to its end")
+    try:
+        for _ in range(2 * ROOM // 100_000):
+            ring.write(Kind.DEVICE, 0.0, bytes(100_000))
+        ring.write(Kind.DONE, 1.0, pickle.dumps(Done(end)))
+        with pytest.raises(SystemExit, match="bytes came faster than they could be written") as error:
+            recorder(replace(job(), out=str(out)), ring)
+    finally:
+        ring.close()
+    done = Done(end, journal_error=str(error.value))
+    with pytest.raises(InputError, match=r"run\.mcap lacks a part of the run \(\d+ bytes came faster"):
+        require_usable(done, out)
+    done.end = End(Reason.GUARD, "the angle passed its limit")
+    out.touch()
+    with pytest.raises(DeviceError, match=r"run\.mcap holds the run up to there, but for a part \(\d+ bytes"):
+        require_usable(done, out)
+
+
 LIMITED = """
 import sys
 from test_live_processes import RIG, order
@@ -382,6 +439,7 @@ def test_a_ring_without_room_is_one_sentence(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(InputError, match="missing, which can't be had") as raised:
         Ring()
     assert raised.value.code == "no-room"
+    assert raised.value.message.endswith("(No such file or directory); name another folder by $SWINGID_MEMORY")
 
 
 def test_a_ring_has_its_room_from_the_beginning(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from nicegui import ui
 
 from swingid.app.analysis import Analyst
 from swingid.app.log_page import LogPage
-from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of
+from swingid.app.order import DURATION, MOTION, UNTIL, WrongFieldError, order_of, share_of
 from swingid.app.parts import Step, page_frame, ready, said, steps
 from swingid.app.plot import Line, Plot
 from swingid.app.runner import Runner
@@ -189,7 +189,7 @@ class LivePage:
         values: dict[str, Any] = {}
         if kind in ("rehearse", "run"):
             try:
-                order = order_of(fields.motion, fields.duration, _share(fields.until), self.plant)
+                order = order_of(fields.motion, fields.duration, share_of(fields.until), self.plant)
             except WrongFieldError as error:
                 self.inputs[error.field].error = error.message
                 return
@@ -325,11 +325,6 @@ class LivePage:
         with self.report_place:
             result.report_panel()
         await result.identify_all()
-
-
-def _share(percents: object) -> object:
-    """A share out of percents; what is no number stays as it is."""
-    return percents / 100 if isinstance(percents, int | float) else percents
 
 
 def live_page(desk: Desk) -> Callable[[], None]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from swingid.errors import SwingidError, UsageError
@@ -49,10 +50,20 @@ def order_of(motion: object, duration: object, until: object, rig: Rig, *, clear
     return order
 
 
+def share_of(percents: object) -> object:
+    """A share out of percents; what is no number, or too large for one, stays as it is."""
+    try:
+        return percents / 100 if isinstance(percents, int | float) else percents
+    except OverflowError:
+        return percents
+
+
 def _number(field: str, value: object, unit: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise WrongFieldError(f"write a number of {unit}", field=field)
-    return float(value)
+    if not isinstance(value, bool) and isinstance(value, int | float):
+        with suppress(OverflowError):  # a whole number of four hundred digits
+            if math.isfinite(value):
+                return float(value)
+    raise WrongFieldError(f"write a number of {unit}", field=field)
 
 
 def _reference(text: object, rig: Rig) -> Reference:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import signal
 import socket
 from collections.abc import Callable
@@ -22,7 +23,7 @@ GOODBYE = 1
 
 
 def free_port(host: str, wanted: int) -> int:
-    """The wanted port, or the next free one of twenty; UsageError where none is."""
+    """The wanted port, or the next free one of twenty; UsageError where none is, or for a host that is elsewhere."""
     for port in range(wanted, min(wanted + 20, 65536)):
         with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET) as trial:
             trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -30,6 +31,12 @@ def free_port(host: str, wanted: int) -> int:
                 trial.bind((host, port))
             except OSError as error:
                 last = error
+                if error.errno == errno.EADDRNOTAVAIL or isinstance(error, socket.gaierror):
+                    raise UsageError(
+                        f"--host {host} is no address of this machine ({error.strerror}); "
+                        "give one of its own, or 0.0.0.0 for all",
+                        code="bad-address",
+                    ) from None
             else:
                 return port
     text = f"no port from {wanted} to {wanted + 19} of {host} is free ({last.strerror}); give another --port"

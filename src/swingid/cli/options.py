@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from swingid.errors import InputError
 from swingid.methods.table import METHODS
 
 
@@ -20,14 +22,17 @@ def method_name(text: str) -> str:
 def rig_of(rig: str | None, logs: Sequence[str]) -> str:
     """The rig file: as it was given, else that inside the first of the logs that is the journal of a live run.
 
-    Raises typer's error where there is neither.
+    Raises typer's error where there is neither, InputError for a journal that is not there.
     """
     if rig is not None:
         return rig
-    from swingid.model.rig.inside import has_rig
+    from swingid.model.rig.inside import ENDING, has_rig
 
     found = next((log for log in logs if has_rig(log)), None)
     if found is None:
+        for log in logs:
+            if log.lower().endswith(ENDING) and not Path(log).exists():
+                raise InputError(f"{log} does not exist; give the path of a log", code="missing-file")
         raise typer.BadParameter("give a rig file; only the journal of a live run has one inside", param_hint="'--rig'")
     return found
 

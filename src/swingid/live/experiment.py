@@ -271,9 +271,16 @@ def require_usable(done: Done, out: Path | str) -> None:
         remedy = NO_ROOM.get(done.journal_error)
         text = f"{out} could not be written to its end ({done.journal_error}); "
         text += f"{remedy}, and run again" if remedy else f"swingid identify {out} takes the log up to there"
+        if TOO_FAST in done.journal_error:
+            text = f"{out} lacks a part of the run ({done.journal_error}): something floods the link, or this computer "
+            text += f"stood still; swingid identify {out} takes what it holds"
         raise InputError(text, code="cannot-write")
     if end.reason is Reason.HALTED:
         raise DeviceError(f"{end.sentence}: 0 V at once; {kept(done, out)}", code="run-halted")
+
+
+TOO_FAST = "bytes came faster than they could be written"
+"""What a journal's error says where only a part of the run is missing in it."""
 
 
 def kept(done: Done, out: Path | str) -> str:
@@ -281,6 +288,8 @@ def kept(done: Done, out: Path | str) -> str:
     if str(out).endswith(ENDING) and not done.journal_error and not Path(out).exists():
         return "no sample of the run came, so there is no log"
     whole = f"{out} holds the run up to there"
+    if TOO_FAST in done.journal_error:
+        return f"{whole}, but for a part ({done.journal_error})"
     return f"{out} ends before that ({done.journal_error})" if done.journal_error else whole
 
 

@@ -1,9 +1,10 @@
 """Records from one process to others through memory: the writer never waits, a slow reader loses the oldest.
 
 The memory is a header and a ring of bytes. The writer puts a record (kind, time, length, bytes) behind the last one and
-then moves the head; a reader that is behind by more than the ring goes on at the head and counts what it lost. On POSIX
-it is a file without a name, whose descriptor the processes inherit, so nothing is left however they die; on Windows
-the last one removes the file, else the next run. All of it is reserved when it is made.
+then moves the head; a reader that is behind by more than the ring goes on at the head and counts what it lost. Only how
+a run ended (DONE, FAILED) is lost to nobody: where that record begins stands in the header. On POSIX the memory is a
+file without a name, whose descriptor the processes inherit, so nothing is left however they die; on Windows the last
+one removes the file, else the next run. All of it is reserved when it is made.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ _WORD = struct.Struct("<Q")
 _BEAT = struct.Struct("<d")
 _PID = struct.Struct("<I")
 _RECORD = struct.Struct("<BdI")
-HEAD, BEAT, STOP, OVER, PID, WHY, START = 0, 8, 16, 17, 20, 24, 256
+HEAD, BEAT, STOP, OVER, PID, WHY, LAST, START = 0, 8, 16, 17, 20, 24, 256, 264
 
 
 class Role(IntEnum):
@@ -151,6 +152,11 @@ class Ring:
         """Bytes written since the beginning."""
         return int(_WORD.unpack_from(self._map, HEAD)[0])
 
+    @property
+    def last(self) -> int:
+        """Where the record begins that says how the run ended, in bytes since the beginning; 0 before that."""
+        return int(_WORD.unpack_from(self._map, LAST)[0])
+
     def beat(self) -> None:
         """The writer lives."""
         _BEAT.pack_into(self._map, BEAT, time.monotonic())
@@ -184,7 +190,7 @@ class Ring:
         wanted = 2 if mode is StopMode.HARD else 1
         if wanted <= self.stop:
             return
-        words = why.encode()[: START - WHY - 1].decode(errors="ignore").encode()
+        words = why.encode()[: LAST - WHY - 1].decode(errors="ignore").encode()
         self._map[WHY : WHY + 1 + len(words)] = bytes([len(words)]) + words
         self._map[STOP] = wanted
 
@@ -207,6 +213,8 @@ class Ring:
         first = min(len(whole), START + ROOM - place)
         self._map[place : place + first] = whole[:first]
         self._map[START : START + len(whole) - first] = whole[first:]
+        if kind in (Kind.DONE, Kind.FAILED):
+            _WORD.pack_into(self._map, LAST, head)
         _WORD.pack_into(self._map, HEAD, head + len(whole))
         self.beat()
 
@@ -220,17 +228,33 @@ class Reader:
     def read(self) -> list[Record]:
         """All records since the last call."""
         head = self._ring.head
-        if head - self._tail > ROOM - ROOM // 8:
-            self.lost += head - self._tail
-            self._tail = head
-            return []
+        if self._behind():
+            head = self._skip()
         records = []
         while self._tail < head:
             kind, now, length = _RECORD.unpack(self._bytes(self._tail, _RECORD.size))
+            if self._behind():  # written over while it was read
+                head = self._skip()
+                continue
             data = self._bytes(self._tail + _RECORD.size, length)
+            if self._behind():
+                head = self._skip()
+                continue
             self._tail += _RECORD.size + length
             records.append(Record(Kind(kind), now, data))
         return records
+
+    def _behind(self) -> bool:
+        """Whether the writer may be at what is read next."""
+        return self._ring.head - self._tail > ROOM - ROOM // 8
+
+    def _skip(self) -> int:
+        """Go on at the record that says how the run ended, else at the head, which is returned."""
+        head, last = self._ring.head, self._ring.last
+        to = last if last > self._tail else head
+        self.lost += to - self._tail
+        self._tail = to
+        return head
 
     def _bytes(self, start: int, length: int) -> bytes:
         place = START + start % ROOM
@@ -272,8 +296,9 @@ def _sweep(folder: str) -> None:
 def _no_room(folder: str, error: OSError) -> InputError:
     """The error of a folder that does not take a ring."""
     text = f"a run needs {(START + ROOM) / 1e6:.0f} MB in {folder}, which can't be had ({error.strerror or error}); "
-    text += "raise the limit of a file's size (ulimit -f)" if error.errno == errno.EFBIG else "make room there"
-    return InputError(f"{text}, or name another folder by ${FOLDER}", code="no-room")
+    remedies = {errno.EFBIG: "raise the limit of a file's size (ulimit -f), or ", errno.ENOSPC: "make room there, or "}
+    text += remedies.get(error.errno or 0, "")
+    return InputError(f"{text}name another folder by ${FOLDER}", code="no-room")
 
 
 def _lock(number: int, place: int, *, hold: bool) -> None:

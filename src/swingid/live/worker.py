@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from swingid.errors import SwingidError
 from swingid.live.codes import StopMode
 from swingid.live.devices.stream import gone
-from swingid.live.experiment import Conductor, Done, Order, opened
+from swingid.live.experiment import TOO_FAST, Conductor, Done, Order, opened
 from swingid.live.interrupt import stopping
 from swingid.live.journal import Journal, Plan
 from swingid.live.pace import Pace, alone
@@ -156,7 +156,7 @@ def recorder(job: Job, ring: Ring) -> None:
 
 
 def _recorded(job: Job, ring: Ring) -> str:
-    """Keep a run; why writing has stopped, "" where it has not."""
+    """Keep a run; why the journal is not whole, "" where it is."""
     journal = Journal(job.out, job.rig, began=job.began)
     reader, last = Reader(ring), LastSigns(ring)
     over, lost = False, 0
@@ -168,7 +168,7 @@ def _recorded(job: Job, ring: Ring) -> str:
             keep(journal, record)
         if reader.lost > lost:
             lost = reader.lost
-            journal.event("lost", f"{lost} bytes came faster than they could be written")
+            journal.event("lost", f"{lost} {TOO_FAST}")
         if not records:
             journal.tick(time.monotonic())
             time.sleep(POLL)
@@ -177,7 +177,7 @@ def _recorded(job: Job, ring: Ring) -> str:
             journal.event("dead", "the process of the link has died; the firmware gives 0 V without its heartbeat")
     journal.close()
     last.end_orphan()
-    return journal.error
+    return journal.error or (f"{lost} {TOO_FAST}" if lost else "")
 
 
 class LastSigns:

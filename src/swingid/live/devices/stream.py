@@ -78,7 +78,8 @@ def closed_error(address: str) -> UsageError:
 
 def gone(address: str, error: object = "") -> DeviceError:
     """The error of a device that is no longer there."""
-    because = f" ({error})" if str(error) else ""
+    why = (isinstance(error, OSError) and error.strerror) or error
+    because = f" ({why})" if str(why) else ""
     return DeviceError(f"{address}: the device has gone{because}; check cable and supply, connect again", code="gone")
 
 

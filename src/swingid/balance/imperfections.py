@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance.rows import Rows, Signals, shifted
+from swingid.format import time_power
 from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, motor_terms, rig_terms, stated_at, stated_stiffness
@@ -19,7 +20,7 @@ from swingid.numerics.arrays import Array
 from swingid.numerics.test_functions import project
 from swingid.preparation.encoders import Channel, Encoders
 from swingid.uncertainty.budget import Declared, stated
-from swingid.units import Quantity, time_power
+from swingid.units import Quantity
 
 CLOCK = "log.clock"
 """Key of the deviation of the log's clock."""

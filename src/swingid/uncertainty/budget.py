@@ -216,7 +216,8 @@ class Evaluated:
         if not u > 0 or before.standard_uncertainty is None:
             return self
         budget = [*self.budget, BudgetEntry(source, name, u)]
-        after = Parameter.of(before.value, combined(budget, name), before.unit, freedom_of(budget, name))
+        parts = (before.standard_uncertainty, before.degrees_of_freedom), (u, source.degrees_of_freedom)
+        after = Parameter.of(before.value, combined(budget, name), before.unit, effective_freedom(parts))
         share = before.standard_uncertainty / (after.standard_uncertainty or u)
         correlation = {
             one: {other: r if one == other or name not in (one, other) else share * r for other, r in row.items()}

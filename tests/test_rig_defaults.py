@@ -9,9 +9,10 @@ import pytest
 
 import swingid as sw
 from swingid.cli import main
+from swingid.format import time_power
 from swingid.model.rig.drive import cosine
 from swingid.result.provenance import defaults_taken
-from swingid.units import Quantity, time_power
+from swingid.units import Quantity
 from twin_logs import INERTIA, PAPER
 
 UNSTATED = {"log.clock": None, "axis.tilt": None, "axis.model_uncertainty": None, "drive.wheel.tilt": None}

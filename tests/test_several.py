@@ -11,20 +11,20 @@ import pytest
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.pooling.pooling import deviations, outliers, pool
 from swingid.pooling.several import combine, identify_several
-from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.recording.findings import Kind
 from swingid.result.result import Message, Parameter, Result, combined, refusal
 from swingid.uncertainty.budget import BudgetEntry, stated, systematic
 from swingid.uncertainty.budget import scatter as scattering
 from swingid.uncertainty.significance import FAMILY
+from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
 
 BCG = """4 119 11 128; 6 300 29 274; 3 228 11 209; 62 13536 248 12619; 33 5036 47 5761; 180 1361 372 1079; 8 2537 10 619
 505 87886 499 87892; 29 7470 45 7232; 17 1699 65 1600; 186 50448 141 27197; 5 2493 3 2338; 27 16886 29 17825"""
 """Thirteen trials of a vaccine (Colditz et al. 1994), cases and others, vaccinated and not."""
 
 
-def alone(value: float, u: float, name: str = "") -> Estimate:
-    return Estimate(value, {f"scatter of {name or value}": Share(scattering("scatter"), u)})
+def alone(value: float, u: float, name: str = "") -> Uncertain:
+    return Uncertain.of(value, u, scattering("scatter"), f"scatter of {name or value}")
 
 
 def made(value: float, u: float, *shared: tuple[str, float, float], name: str = "run", **more: object) -> Result:
@@ -120,16 +120,17 @@ def test_the_interval_covers(count: int, between: float) -> None:
 
 
 def test_sums_know_what_their_terms_share() -> None:
-    one = Estimate(3.0, {"wheel": Share(stated("wheel", "wheel"), 0.4, 0.2), "a": Share(scattering("a"), 0.1)})
-    other = Estimate(5.0, {"wheel": Share(stated("wheel", "wheel"), 0.5, 0.2), "b": Share(scattering("b"), 0.2)})
-    gap = sum_of([other, one], [1.0, -1.0], constant=1.0)
+    wheel = stated("wheel", "wheel", 0.2)
+    one = Uncertain(3.0, {"wheel": 0.4, "a": 0.1}, {"wheel": wheel, "a": scattering("a")})
+    other = Uncertain(5.0, {"wheel": 0.5, "b": 0.2}, {"wheel": wheel, "b": scattering("b")})
+    gap = 1.0 + weighted_sum([other, one], [1.0, -1.0])
     assert gap.value == 3.0
     assert gap.u == pytest.approx(math.sqrt(0.1**2 + 0.1**2 + 0.2**2))
     matrix = covariance([one, other])
     assert matrix[0, 1] == pytest.approx(0.2)
     assert gap.u**2 == pytest.approx(matrix[0, 0] + matrix[1, 1] - 2 * matrix[0, 1])
-    (wheel,) = (entry for entry in gap.entries("x") if entry.shared_id == "wheel")
-    assert wheel.sensitivity == pytest.approx((0.5 - 0.4) / 0.2)
+    (of_wheel,) = (entry for entry in gap.entries("x") if entry.shared_id == "wheel")
+    assert of_wheel.sensitivity == pytest.approx((0.5 - 0.4) / 0.2)
 
 
 # verdicts
@@ -151,9 +152,9 @@ def test_of_two_logs_both_are_named() -> None:
 
 def test_normalised_deviation_by_hand() -> None:
     """E_n = 0.5 (10.6 - 10) / sqrt(0.3² + 0.4²), what they share left out."""
-    shared = {"wheel": Share(stated("wheel", "wheel"), 5.0, 1.0)}
+    shared = Uncertain.of(0.0, 5.0, stated("wheel", "wheel", 1.0))
     logs = [alone(10.6, 0.3), alone(10.0, 0.4)]
-    both = deviations([Estimate(e.value, e.shares | shared) for e in logs])
+    both = deviations([one + shared for one in logs])
     assert [d.normalised for d in both] == [pytest.approx(0.6), pytest.approx(-0.6)]
 
 

@@ -32,9 +32,9 @@ from swingid.body.twin import inertia_about, rig_about
 from swingid.cli import main
 from swingid.errors import InputError, SwingidError, UnanswerableError, UsageError
 from swingid.numerics.arrays import Array
-from swingid.pooling.shares import covariance
 from swingid.result.result import Message, Parameter, Result, combined
 from swingid.uncertainty.budget import BudgetEntry, scatter, stated
+from swingid.uncertainty.uncertain import covariance
 
 GOLDEN = (1 + math.sqrt(5)) / 2
 ICOSAHEDRON = [[0, 1, GOLDEN], [0, 1, -GOLDEN], [1, GOLDEN, 0], [1, -GOLDEN, 0], [GOLDEN, 0, 1], [-GOLDEN, 0, 1]]

@@ -14,6 +14,7 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import ROUND_HALF_EVEN, Context, Decimal
+from functools import cache
 
 EXACT = Context(prec=400, rounding=ROUND_HALF_EVEN)
 TWO_DIGITS = Context(prec=2, rounding=ROUND_HALF_EVEN)
@@ -122,6 +123,17 @@ def pretty_unit(unit: str) -> str:
     text = unit.replace("**", "^").replace("*", " ").replace("·", " ")
     text = re.sub(r"\^\(?([-+]?\d+)\)?", lambda match: match[1].translate(RAISED), text)
     return re.sub(r"\s+", " ", text).strip()
+
+
+@cache
+def time_power(unit: str) -> int:
+    """Power of the time in an SI unit as parameters have it: −2 of "N m", −1 of "N m s", 0 of "kg m^2"."""
+    over, _, under = unit.partition("/")
+    powers = [0]
+    for side, sign in ((over, 1), (under, -1)):
+        for name, _, power in (factor.partition("^") for factor in side.split()):
+            powers.append(sign * {"N": -2, "s": 1}.get(name, 0) * int(power or 1))
+    return sum(powers)
 
 
 def common_exponent(values: Sequence[float]) -> int:

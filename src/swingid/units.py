@@ -18,6 +18,8 @@ from tokenize import TokenError
 from typing import Any
 
 from swingid.errors import InputError
+from swingid.uncertainty.budget import stated
+from swingid.uncertainty.uncertain import Uncertain
 
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY = re.compile(
@@ -51,6 +53,17 @@ class Quantity:
 
     def __str__(self) -> str:
         return repr(self.value) if self.std is None else f"{self.value!r} ± {self.std!r}"
+
+    @classmethod
+    def of(cls, found: Uncertain) -> Quantity:
+        """What was computed from stated numbers; exact where none of them had an uncertainty."""
+        return cls(found.value, found.u if found.shifts else None)
+
+    def uncertain(self, key: str) -> Uncertain:
+        """The value with its source, whose name and identity is the key, where an uncertainty was stated."""
+        if self.std is None:
+            return Uncertain(self.value)
+        return Uncertain.of(self.value, self.std, stated(key, key, self.std or None))
 
 
 class UnknownScale(Quantity):
@@ -119,30 +132,24 @@ def _is_calculation(text: str) -> bool:
 
 @dataclass(frozen=True)
 class _Factor:
-    """Value in the base units of `unit` (pint), its standard uncertainty, and whether one was stated."""
+    """A number in the base units of `unit` (pint), with a source for each standard uncertainty that was stated."""
 
-    value: float
-    std: float
+    number: Uncertain
     unit: Any
-    stated: bool
 
     def times(self, other: _Factor, power: int = 1) -> _Factor:
-        """Product with a power of another, which is independent of it."""
-        if other.value == 0.0 and power < 0:
+        """Product with a power of another."""
+        if other.number.value == 0.0 and power < 0:
             raise _UnusableError("not-finite", "divides by zero")
-        factor = other.value**power
-        slope = power * other.value ** (power - 1) if power != 1 else 1.0
-        std = math.hypot(self.std * factor, self.value * slope * other.std)
-        return _Factor(self.value * factor, std, self.unit * other.unit**power, self.stated or other.stated)
+        return _Factor(self.number * other.number**power, self.unit * other.unit**power)
 
     def plus(self, other: _Factor, sign: int) -> _Factor:
-        """Sum or difference with another, which is independent of it."""
+        """Sum or difference with another."""
         if self.unit.dimensionality != other.unit.dimensionality:
             raise _UnusableError(
                 "wrong-unit", f"adds {self.unit:~P} and {other.unit:~P}".replace("  ", " pure numbers ")
             )
-        std = math.hypot(self.std, other.std)
-        return _Factor(self.value + sign * other.value, std, self.unit, self.stated or other.stated)
+        return _Factor(self.number + sign * other.number, self.unit)
 
 
 _SI_NAMES = "write units as kg, g, m, mm, s, N, N*m, rad, deg"
@@ -175,11 +182,10 @@ class _Calculation:
             raise _UnusableError(
                 "wrong-unit", f"is {self.shown}, which is {given}, but is expected in {expected or 'no unit'}"
             )
-        factor = float(registry.convert(1.0, found.unit, target))
-        value, std = found.value * factor, found.std * factor
-        if not (math.isfinite(value) and math.isfinite(std)):
+        whole = Quantity.of(found.number * float(registry.convert(1.0, found.unit, target)))
+        if not (math.isfinite(whole.value) and math.isfinite(whole.std or 0.0)):
             raise _UnusableError("not-finite", f"must be finite, not {self.shown}")
-        return Quantity(value, std if found.stated else None)
+        return whole
 
     def _unreadable(self) -> _UnusableError:
         rest = self.text[self.at :][:30]
@@ -213,7 +219,7 @@ class _Calculation:
         exponent = self._took(r" ?(?:\^|\*\*) ?-?[1-9]")
         if exponent is None:
             return found
-        one = _Factor(1.0, 0.0, _registry().parse_units("dimensionless"), stated=False)
+        one = _Factor(Uncertain(1.0), _registry().parse_units("dimensionless"))
         return one.times(found, int(exponent.lstrip("^* ")))
 
     def _atom(self) -> _Factor:
@@ -251,7 +257,7 @@ class _Calculation:
         if float(zero.magnitude) != 0.0:
             raise _UnusableError("wrong-unit", f"is {self.shown}, where {text} has another zero than its base unit")
         factor = float(scaled.magnitude)
-        return _Factor(value * factor, (std or 0.0) * factor, scaled.units, std is not None)
+        return _Factor(Quantity(value, std).uncertain(f"number {self.at}") * factor, scaled.units)
 
 
 def _plain(text: str) -> str:
@@ -349,17 +355,6 @@ def _registry() -> Any:
 
 def _advice(unit: str) -> str:
     return f'write a number, or text like "1.2 ± 0.1{" " + unit if unit else ""}"'
-
-
-@cache
-def time_power(unit: str) -> int:
-    """Power of the time in an SI unit as parameters have it: −2 of "N m", −1 of "N m s", 0 of "kg m^2"."""
-    over, _, under = unit.partition("/")
-    powers = [0]
-    for side, sign in ((over, 1), (under, -1)):
-        for name, _, power in (factor.partition("^") for factor in side.split()):
-            powers.append(sign * {"N": -2, "s": 1}.get(name, 0) * int(power or 1))
-    return sum(powers)
 
 
 def shown(raw: object) -> str:

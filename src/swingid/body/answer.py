@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import textwrap
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -17,10 +17,10 @@ from swingid.body.principal import Principal
 from swingid.errors import UsageError
 from swingid.format import interval, number, percent, plus_minus
 from swingid.numerics.arrays import Array
-from swingid.pooling.shares import Estimate, Share, sum_of
 from swingid.result.data import Message, plain
 from swingid.result.summary import TITLES, WIDTH
 from swingid.uncertainty.budget import BudgetEntry, Parameter, correlation_of, stated
+from swingid.uncertainty.uncertain import Uncertain, weighted_sum
 from swingid.units import Quantity, parse_quantity
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Tensor:
 
     status: Literal["ok", "warning"]
     elements: dict[str, Parameter]
-    sources: tuple[Estimate, ...]
+    sources: tuple[Uncertain, ...]
     covariance: Array
     principal: tuple[Principal, ...]
     axes: tuple[AxisRow, ...]
@@ -51,7 +51,7 @@ class Tensor:
     condition: float
     next_direction: Array
     next_left: float
-    mass: Estimate | None = None
+    mass: Uncertain | None = None
     name: str | None = None
     predictions: tuple[tuple[str, Parameter], ...] = ()
     comparison: Comparison | None = None
@@ -74,23 +74,18 @@ class Tensor:
         if vector.shape != (3,) or not np.isfinite(vector).all() or not np.any(vector):
             raise UsageError("a direction is three numbers that are not all 0, such as 0 0 1", code="bad-direction")
         vector = vector / np.linalg.norm(vector)
-        row = rows_of(vector[None])[0]
-        value = float(row @ [self.elements[name].value for name in NAMES])
-        found = replace(sum_of(self.sources, row), value=value)
+        found = weighted_sum(self.sources, rows_of(vector[None])[0])
         d = parse_quantity(distance, "m", "distance")
         if d.value or d.std:
             if self.mass is None:
                 raise UsageError("the inertia about an axis off the centre of mass needs body.mass", code="no-mass")
-            own = Estimate(d.value, {"prediction": Share(stated("distance", None), d.std or 0.0)})
-            moved = sum_of([found, self.mass, own], [1.0, d.value**2, 2 * self.mass.value * d.value])
-            found = replace(moved, value=value + self.mass.value * d.value**2)
+            found += self.mass * Uncertain.of(d.value, d.std or 0.0, stated("distance", None), "prediction") ** 2
         return found.parameter(UNIT)
 
     def product(self, one: object, other: object) -> Parameter:
         """The element aᵀ J b between two unit vectors, as the products of inertia in another frame."""
         row = row_between(np.asarray(one, dtype=np.float64), np.asarray(other, dtype=np.float64))
-        value = float(row @ [self.elements[name].value for name in NAMES])
-        return replace(sum_of(self.sources, row), value=value).parameter(UNIT)
+        return weighted_sum(self.sources, row).parameter(UNIT)
 
     def to_dict(self) -> dict[str, Any]:
         """Plain data, schema "swingid.tensor/1"."""

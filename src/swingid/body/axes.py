@@ -20,11 +20,12 @@ from swingid.errors import InputError
 from swingid.model.rig.gravity import UNKNOWN_PLACE
 from swingid.numerics.arrays import Array
 from swingid.pooling.runs import GRAVITY, constant
-from swingid.pooling.shares import Estimate, Identity, Share, estimate_of, scatter_covariance, sum_of
 from swingid.result.data import require_scale
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
+from swingid.result.sources import Identity, value_of, values_of
 from swingid.uncertainty.budget import BudgetEntry, Source, scatter, stated
+from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
 from swingid.units import Quantity
 
 TARE = " (tare)"
@@ -83,14 +84,14 @@ class Axis:
 
     name: str
     direction: Array
-    about_axis: Estimate
-    central: Estimate
+    about_axis: Uncertain
+    central: Uncertain
     across: Array
     tilt: float
     mounting: str | None = None
     rotation: float = 0.0
 
-    def tilted(self, tensor: Array) -> Estimate:
+    def tilted(self, tensor: Array) -> Uncertain:
         """The central inertia with the uncertainty of the direction, for a tensor (3, 3).
 
         To first order a change δn of the direction changes the inertia by 2 nᵀ J δn, which is 0 about a principal
@@ -98,19 +99,21 @@ class Axis:
         """
         n, whole = self.direction, tensor + self.across
         gradient = 2 * whole @ n
-        first, second = perpendicular(n)
-        shares = {
-            f"{self.name}: tilt {k}": Share(stated("tilt of the axes", None), float(gradient @ e) * self.tilt)
-            for k, e in enumerate((first, second))
-        }
+        plane = np.stack(perpendicular(n))
+        source = stated("tilt of the axes", None)
+        errors = [
+            Uncertain.of(0.0, float(u), source, f"{self.name}: tilt {k}")
+            for k, u in enumerate(plane @ gradient * self.tilt)
+        ]
         if self.mounting is not None:
             source = stated(f"rotation of the mounting {self.mounting}", f"mounting.{self.mounting}")
             turned = np.cross(np.eye(3), n) @ gradient * self.rotation
-            shares |= {f"mounting {self.mounting} {k}": Share(source, float(u)) for k, u in enumerate(turned)}
-        plane = np.stack([first, second])
+            errors += [
+                Uncertain.of(0.0, float(u), source, f"mounting {self.mounting} {k}") for k, u in enumerate(turned)
+            ]
         bend = self.tilt**2 * (plane @ whole @ plane.T - float(n @ whole @ n) * np.eye(2))
-        shares[f"{self.name}: second order"] = _second_order(bend)
-        return replace(self.central, shares=self.central.shares | {k: s for k, s in shares.items() if s.u})
+        errors.append(_second_order(bend, f"{self.name}: second order"))
+        return sum((one for one in errors if one.u), self.central)
 
 
 def tilt_variances(tensor: Array, tilt: float) -> Array:
@@ -204,9 +207,9 @@ def _logs(result: Result) -> set[str]:
 class _BodyValues:
     """Mass, gravity and centre of mass, one quantity for all axes; None where not stated."""
 
-    mass: Estimate | None
-    gravity: Estimate
-    centre: tuple[Estimate, ...] | None
+    mass: Uncertain | None
+    gravity: Uncertain
+    centre: tuple[Uncertain, ...] | None
 
     @classmethod
     def of(cls, axes: Axes) -> _BodyValues:
@@ -221,21 +224,16 @@ class _BodyValues:
         )  # fmt: skip
 
 
-def shared(quantity: Quantity, key: str) -> Estimate:
+def shared(quantity: Quantity, key: str) -> Uncertain:
     """A stated quantity that is one and the same for all axes."""
-    std = quantity.std or 0.0
-    return Estimate(quantity.value, {key: Share(stated(key, key), std, std)} if std else {})
+    return quantity.uncertain(key) if quantity.std else Uncertain(quantity.value)
 
 
-def _own(quantity: Quantity, key: str, source: str) -> Estimate:
+def _own(quantity: Quantity, key: str, source: str) -> Uncertain:
     """A quantity that is stated of one axis."""
-    std = quantity.std or 0.0
-    return Estimate(quantity.value, {key: Share(stated(source, None), std)} if std else {})
-
-
-def changed(value: float, parts: Sequence[tuple[Estimate, float]]) -> Estimate:
-    """A value with the shares Σ slope · estimate, to first order."""
-    return replace(sum_of([one for one, _ in parts], [slope for _, slope in parts]), value=value)
+    if not quantity.std:
+        return Uncertain(quantity.value)
+    return Uncertain.of(quantity.value, quantity.std, stated(source, None), key)
 
 
 @dataclass(frozen=True)
@@ -251,7 +249,7 @@ class _Reading:
     def table(self) -> AxisTable:
         return self.axes.tables[self.k]
 
-    def inertia(self) -> Estimate:
+    def inertia(self) -> Uncertain:
         """About the axis, less the fixture."""
         name, table = self.axes.names[self.k], self.table
         if self.result is not None:
@@ -262,13 +260,13 @@ class _Reading:
         fixture = self._fixture()
         if fixture is None:
             return whole
-        found = sum_of([whole, fixture[0]], [1.0, -1.0])
+        found = whole - fixture[0]
         if found.value <= 0:
             message = f"{self.axes.place(self.k)}: fixture has no less inertia than the axis with the body; check both"
             raise InputError(message, code="fixture")
         return found
 
-    def _fixture(self) -> tuple[Estimate, Result | None, str] | None:
+    def _fixture(self) -> tuple[Uncertain, Result | None, str] | None:
         """Inertia of the fixture, its result, and how it is called in keys."""
         given = self.table.fixture
         if given is None:
@@ -281,7 +279,7 @@ class _Reading:
         name = f"fixture {given}"
         return _inertia_of(result, self.identities.of(result, name), name), result, name
 
-    def gravity_torque(self) -> Estimate:
+    def gravity_torque(self) -> Uncertain:
         """Of the body about the axis, less the fixture's."""
         given, name = self.table.gravity_torque, self.axes.names[self.k]
         if isinstance(given, Quantity):
@@ -291,9 +289,9 @@ class _Reading:
         fixture = self._fixture()
         if fixture is None or fixture[1] is None:
             return whole
-        return sum_of([whole, self._torque_of(fixture[1], fixture[2])], [1.0, -1.0])
+        return whole - self._torque_of(fixture[1], fixture[2])
 
-    def _torque_of(self, result: Result, name: str) -> Estimate:
+    def _torque_of(self, result: Result, name: str) -> Uncertain:
         """The gravity torque identified in a result, else the one that its rig file states."""
         identity = self.identities.of(result, name)
         found = result.parameters.get("gravity_torque")
@@ -307,40 +305,35 @@ class _Reading:
                 code="missing-key",
             )
         value, std = known
-        entry = BudgetEntry(stated(GRAVITY, GRAVITY), "inertia", std, 1.0)
-        return Estimate(value, {identity(entry): Share(entry.origin, std, std)} if std else {})
+        entry = BudgetEntry(stated(GRAVITY, GRAVITY, std), "inertia", std, 1.0)
+        return Uncertain.of(value, std, entry.origin, identity(entry)) if std else Uncertain(value)
 
 
-def _inertia_of(result: Result, identity: Identity, name: str) -> Estimate:
+def _inertia_of(result: Result, identity: Identity, name: str) -> Uncertain:
     """Inertia with its sources; a result without a budget has one of its own."""
-    found = estimate_of(result, "inertia", identity)
-    if found.shares:
+    found = value_of(result, "inertia", identity)
+    if found.shifts:
         return found
     own = result.inertia
     source = scatter("scatter", own.degrees_of_freedom)
-    return Estimate(own.value, {f"{name}: scatter": Share(source, own.standard_uncertainty or 0.0)})
+    return Uncertain.of(own.value, own.standard_uncertainty or 0.0, source, f"{name}: scatter")
 
 
-def _identified_torque(result: Result, identity: Identity, name: str) -> Estimate:
+def _identified_torque(result: Result, identity: Identity, name: str) -> Uncertain:
     """The gravity torque of a result; its scatter is correlated with that of the inertia as the result states it."""
-    torque = estimate_of(result, "gravity_torque", identity)
-    inertia = estimate_of(result, "inertia", identity)
-    joint = scatter_covariance(result, ("inertia", "gravity_torque"))
-    own = {key: share for key, share in torque.shares.items() if share.source.type == "A"}
-    spread = math.sqrt(sum(share.u**2 for share in own.values()))
-    of_inertia = {key: share for key, share in inertia.shares.items() if share.source.type == "A"}
-    size = math.sqrt(sum(share.u**2 for share in of_inertia.values()))
-    r = 0.0 if joint is None or not size * spread else float(np.clip(joint[0, 1] / (size * spread), -1.0, 1.0))
-    shares = {key: share for key, share in torque.shares.items() if share.source.type == "B"}
-    shares |= {key: replace(share, u=r * spread * share.u / size) for key, share in of_inertia.items() if r}
-    left = scatter(
-        "scatter of the gravity torque", min((s.source.degrees_of_freedom for s in own.values()), default=math.inf)
-    )
-    shares[f"{name}: gravity torque alone"] = Share(left, spread * math.sqrt(1 - r * r))
-    return Estimate(torque.value, shares)
+    inertia, torque = values_of(result, ("inertia", "gravity_torque"), identity).values()
+    both = covariance([inertia.of_type("A"), torque.of_type("A")])
+    size, spread = np.sqrt(np.diag(both)).tolist()
+    r = float(np.clip(both[0, 1] / (size * spread), -1.0, 1.0)) if size * spread else 0.0
+    freedom = min((torque.sources[key].degrees_of_freedom for key in torque.of_type("A").shifts), default=math.inf)
+    alone = scatter("scatter of the gravity torque", freedom)
+    found = torque.of_type("B")
+    if r:
+        found += r * spread / size * replace(inertia.of_type("A"), value=0.0)
+    return found + Uncertain.of(0.0, spread * math.sqrt(1 - r * r), alone, f"{name}: gravity torque alone")
 
 
-def _central(axes: Axes, k: int, about: Estimate, values: _Reading, body: _BodyValues) -> tuple[Estimate, Array]:
+def _central(axes: Axes, k: int, about: Uncertain, values: _Reading, body: _BodyValues) -> tuple[Uncertain, Array]:
     """The inertia about the parallel through the centre of mass, and `across` of the axis."""
     table, name, n = axes.tables[k], axes.names[k], axes.directions[k]
     across = np.zeros((3, 3))
@@ -350,42 +343,36 @@ def _central(axes: Axes, k: int, about: Estimate, values: _Reading, body: _BodyV
     m = mass.value
     if table.distance is not None:
         d = _own(table.distance, f"{name}: distance", "distance of an axis")
-        lever, parts = m * d.value**2, [(mass, d.value**2), (d, 2 * m * d.value)]
-        spread = np.array([[m * d.u**2]])
+        lever, spread = mass * d**2, np.array([[m * d.u**2]])
     elif table.point is not None:
         assert body.centre is not None
         points = [_own(part, f"{name}: point {i}", "place of an axis") for i, part in enumerate(table.point)]
         r = np.array([c.value - p.value for c, p in zip(body.centre, points, strict=True)])
-        off = r - n * float(n @ r)
+        normal = np.eye(3) - np.outer(n, n)
+        off = [weighted_sum((*body.centre, *points), row) for row in np.hstack([normal, -normal])]
+        lever = mass * sum((one**2 for one in off), Uncertain(0.0))
         across = m * (float(r @ r) * np.eye(3) - np.outer(r, r))
-        lever = m * float(off @ off)
-        parts = [(mass, float(off @ off))]
-        parts += [(c, 2 * m * float(o)) for c, o in zip(body.centre, off, strict=True)]
-        parts += [(p, -2 * m * float(o)) for p, o in zip(points, off, strict=True)]
         plane = np.stack(perpendicular(n))
         both = np.diag([c.u**2 + p.u**2 for c, p in zip(body.centre, points, strict=True)])
         spread = m * plane @ both @ plane.T
     else:
         b, g = values.gravity_torque(), body.gravity
-        weight = m * g.value**2
-        lever = b.value**2 / weight
-        parts = [(b, 2 * b.value / weight), (mass, -lever / m), (g, -2 * lever / g.value)]
-        spread = np.array([[b.u**2 / weight]])
-    central = changed(about.value - lever, [(about, 1.0), *((one, -slope) for one, slope in parts)])
+        lever, spread = b**2 / mass / g**2, np.array([[b.u**2 / (m * g.value**2)]])
+    central = about - lever
     if central.value <= 0:
         raise InputError(
-            f"{axes.place(k)}: m d^2 = {lever:.4g} kg m^2 is more than the inertia about the axis, "
+            f"{axes.place(k)}: m d^2 = {lever.value:.4g} kg m^2 is more than the inertia about the axis, "
             f"{about.value:.4g} kg m^2; check mass, units and the distance of the centre of mass",
             code="parallel-axis",
         )
-    further = _second_order(spread)
-    return replace(central, shares=central.shares | ({f"{name}: lever": further} if further.u else {})), across
+    further = _second_order(spread, f"{name}: lever")
+    return (central + further if further.u else central), across
 
 
-def _second_order(spread: Array) -> Share:
-    """Share of a quadratic form of normal quantities with mean tr A and variance 2 tr A², about 0."""
+def _second_order(spread: Array, key: str) -> Uncertain:
+    """Error by a quadratic form of normal quantities with mean tr A and variance 2 tr A², about 0."""
     u = math.sqrt(2 * float(np.sum(spread * spread)) + float(np.trace(spread)) ** 2)
-    return Share(Source(SECOND_ORDER, "B"), u)
+    return Uncertain.of(0.0, u, Source(SECOND_ORDER, "B"), key)
 
 
 def perpendicular(n: Array) -> tuple[Array, Array]:

@@ -18,9 +18,9 @@ import numpy as np
 from swingid.body.axes import Axis
 from swingid.body.directions import matrix_of, rows_of
 from swingid.numerics.arrays import Array
-from swingid.pooling.shares import Estimate, covariance, sum_of
 from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.significance import family_level
+from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
 
 PASSES = 4
 """Passes over the tensor in the uncertainty of the directions; its change moves weights only, so two suffice."""
@@ -64,11 +64,11 @@ class Fit:
     residuals with `freedom` degrees of freedom, 0 of six axes.
     """
 
-    elements: tuple[Estimate, ...]
+    elements: tuple[Uncertain, ...]
     values: Array
     covariance: Array
     reducible: Array
-    measured: tuple[Estimate, ...]
+    measured: tuple[Uncertain, ...]
     residuals: Array
     chi_square: float
     freedom: int
@@ -88,7 +88,7 @@ def fit(axes: Sequence[Axis], common: frozenset[str] = frozenset()) -> Fit:
         measured = [axis.tilted(matrix_of(values)) for axis in axes]
         gain = gain_of(rows, measured, common)
         values = gain @ y
-    elements = tuple(sum_of(measured, weights) for weights in gain)
+    elements = tuple(weighted_sum(measured, weights) for weights in gain)
     whole = covariance(elements)
     own = covariance([_without(one, common) for one in elements])
     residuals = y - rows @ values
@@ -98,9 +98,9 @@ def fit(axes: Sequence[Axis], common: frozenset[str] = frozenset()) -> Fit:
     return Fit(elements, values, whole, own, tuple(measured), residuals, chi_square, freedom)
 
 
-def gain_of(rows: Array, measured: Sequence[Estimate], common: frozenset[str]) -> Array:
+def gain_of(rows: Array, measured: Sequence[Uncertain], common: frozenset[str]) -> Array:
     """G (6, n) with x = G y, for rows (n, 6) of rank 6; constants of `common` that all axes have are not weighed."""
-    everywhere = frozenset(key for key in common if all(key in one.shares for one in measured))
+    everywhere = frozenset(key for key in common if all(key in one.shifts for one in measured))
     matrix = covariance([_without(one, everywhere) for one in measured]) + floor(measured)
     scale = np.sqrt(np.diag(matrix))
     root = np.linalg.cholesky(matrix / np.outer(scale, scale))
@@ -109,7 +109,7 @@ def gain_of(rows: Array, measured: Sequence[Estimate], common: frozenset[str]) -
     return found
 
 
-def floor(measured: Sequence[Estimate]) -> Array:
+def floor(measured: Sequence[Uncertain]) -> Array:
     """Variance of the rounding of the values, (n, n): no axis is better than that."""
     found: Array = np.diag([max((1e-9 * one.value) ** 2, 1e-300) for one in measured])
     return found
@@ -128,7 +128,7 @@ def deviations(axes: Sequence[Axis], found: Fit, common: frozenset[str]) -> list
             continue
         measured = [found.measured[j] for j in others]
         weights = rows[k] @ gain_of(rest, measured, common)
-        gap = sum_of([own, *measured], [1.0, *(-weights)])
+        gap = own - weighted_sum(measured, weights)
         result.append(Deviation(k, gap.value, math.hypot(gap.u, 1e-9 * own.value)))
     return result
 
@@ -142,8 +142,8 @@ def disagreeing(tested: Sequence[Deviation | None]) -> Deviation | None:
     return worst if abs(worst.normalised) > family_level(len(known)) else None
 
 
-def _without(estimate: Estimate, keys: frozenset[str]) -> Estimate:
-    return Estimate(estimate.value, {key: share for key, share in estimate.shares.items() if key not in keys})
+def _without(value: Uncertain, keys: frozenset[str]) -> Uncertain:
+    return value.only(lambda key: key not in keys)
 
 
 def _chi_square(residuals: Array, spread: Array, freedom: int) -> tuple[float, int]:

@@ -14,8 +14,8 @@ from swingid.body.directions import elements_of, matrix_of, rows_of
 from swingid.errors import UnanswerableError
 from swingid.format import number, plus_minus
 from swingid.numerics.arrays import Array
-from swingid.pooling.shares import Estimate, sum_of
 from swingid.uncertainty.significance import DETECTED
+from swingid.uncertainty.uncertain import Uncertain, weighted_sum
 
 THIN = 1e-6
 """Least second moment of the closest tensor over the largest: a thin body is at the edge, where none has a density."""
@@ -29,13 +29,13 @@ def second_moments(matrix: Array) -> Array:
     return found
 
 
-def least_second_moment(matrix: Array, elements: tuple[Estimate, ...]) -> Estimate:
+def least_second_moment(matrix: Array, elements: tuple[Uncertain, ...]) -> Uncertain:
     """The least ∫ (e·x)² dm over directions e, negative where no body has the tensor."""
     _, vectors = np.linalg.eigh(second_moments(matrix))
-    return sum_of(elements, 0.5 * TRACE - rows_of(vectors[:, :1].T)[0])
+    return weighted_sum(elements, 0.5 * TRACE - rows_of(vectors[:, :1].T)[0])
 
 
-def require_physical(matrix: Array, elements: tuple[Estimate, ...], hint: str) -> bool:
+def require_physical(matrix: Array, elements: tuple[Uncertain, ...], hint: str) -> bool:
     """Whether a body can have the tensor; False where it cannot, within the uncertainty.
 
     Raises UnanswerableError where the triangle inequality is violated beyond it. hint: what to check.

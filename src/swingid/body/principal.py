@@ -15,9 +15,9 @@ import numpy as np
 
 from swingid.body.directions import row_between, rows_of
 from swingid.numerics.arrays import Array
-from swingid.pooling.shares import Estimate, sum_of
 from swingid.uncertainty.budget import Parameter
 from swingid.uncertainty.significance import DETECTED
+from swingid.uncertainty.uncertain import Uncertain, weighted_sum
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Principal:
     together: tuple[int, ...] = ()
 
 
-def principal(matrix: Array, elements: Sequence[Estimate], unit: str) -> tuple[Principal, ...]:
+def principal(matrix: Array, elements: Sequence[Uncertain], unit: str) -> tuple[Principal, ...]:
     """Principal moments of a tensor (3, 3), the largest first; `elements` give the uncertainty."""
     moments, vectors = np.linalg.eigh(matrix)
     moments, axes = moments[::-1], vectors[:, ::-1].T
     axes = np.array([axis * (1.0 if axis[np.argmax(np.abs(axis))] > 0 else -1.0) for axis in axes])
-    own = [replace(sum_of(elements, row), value=float(m)) for row, m in zip(rows_of(axes), moments, strict=True)]
+    own = [weighted_sum(elements, row) for row in rows_of(axes)]
     alike = [[_alike(own[i], own[j]) or i == j for j in range(3)] for i in range(3)]
     if alike[0][1] and alike[1][2]:
         alike = [[True] * 3] * 3
@@ -46,7 +46,7 @@ def principal(matrix: Array, elements: Sequence[Estimate], unit: str) -> tuple[P
     for k in range(3):
         together = tuple(j for j in range(3) if j != k and alike[k][j])
         angles = [
-            sum_of(elements, row_between(axes[j], axes[k])).u / abs(moments[k] - moments[j])
+            weighted_sum(elements, row_between(axes[j], axes[k])).u / abs(moments[k] - moments[j])
             for j in range(3)
             if j != k and j not in together
         ]
@@ -55,13 +55,13 @@ def principal(matrix: Array, elements: Sequence[Estimate], unit: str) -> tuple[P
     return tuple(found)
 
 
-def _alike(one: Estimate, other: Estimate) -> bool:
+def _alike(one: Uncertain, other: Uncertain) -> bool:
     """Whether two moments are not distinguishable; two equal ones differ by 2.5 u in the mean, for they are sorted."""
-    gap = sum_of([one, other], [1.0, -1.0])
+    gap = one - other
     return abs(gap.value) <= DETECTED * gap.u
 
 
-def _hull(k: int, together: Sequence[int], own: Sequence[Estimate], unit: str) -> Parameter:
+def _hull(k: int, together: Sequence[int], own: Sequence[Uncertain], unit: str) -> Parameter:
     """The moment with its interval, or with the hull of those it is not distinguishable from."""
     found = own[k].parameter(unit)
     ends = [own[j].parameter(unit).interval95 for j in (k, *together)]

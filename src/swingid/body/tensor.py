@@ -144,7 +144,7 @@ def _require_seen(found: Fit, axes: Axes) -> None:
 
 def _variances(read: Sequence[Axis], matrix: Array, common: frozenset[str]) -> Array:
     """Variance of one more measurement about each direction tried: median of the axes' own, and of their tilts."""
-    own = [sum(share.u**2 for key, share in axis.central.shares.items() if key not in common) for axis in read]
+    own = [axis.central.only(lambda key: key not in common).u ** 2 for axis in read]
     tilt = float(np.median([axis.tilt for axis in read]))
     floor = (1e-9 * float(np.trace(matrix))) ** 2
     found: Array = float(np.median(own)) + tilt_variances(matrix, tilt) + floor

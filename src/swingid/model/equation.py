@@ -14,9 +14,10 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
+from swingid.format import time_power
 from swingid.model.parameters import AXIS_TILT, WHEEL_TILT
 from swingid.model.terms import TERMS, RigTerm, motor_terms, rig_terms, stated_at
-from swingid.units import Quantity, time_power
+from swingid.units import Quantity
 
 if TYPE_CHECKING:
     from swingid.model.rig import Rig

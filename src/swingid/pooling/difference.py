@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.format import plus_minus
 from swingid.pooling.known_body import scaled_by_body
 from swingid.pooling.runs import Runs, calibrated
-from swingid.pooling.shares import Estimate, Share, covariance, scatter_covariance, sum_of
 from swingid.result.result import Message, Result
+from swingid.result.sources import is_correlated
 from swingid.uncertainty.budget import Parameter, correlation_of, stated
+from swingid.uncertainty.uncertain import Uncertain, covariance
 from swingid.units import Quantity, parse_quantity
 
 HOPELESS = 0.3
@@ -53,15 +52,15 @@ def difference(
     if runs.tare.ratios and known is not None:
         return _scaled(runs, known, mass, distance)
     body = _body(runs, mass, distance)
-    first, second = runs.estimates("inertia")
-    about_axis = sum_of([second, first], [1.0, -1.0])
+    with_gravity = all(GRAVITY_TORQUE in result.parameters for result in (runs.tare, runs.loaded))
+    first, second = runs.values("inertia", *([GRAVITY_TORQUE] if with_gravity else []))
+    about_axis = second["inertia"] - first["inertia"]
     _require_seen(about_axis, runs, calibrating=known is not None)
     estimates = {"inertia": about_axis}
     if body is not None:
         estimates = {"inertia": _about_own_centre(about_axis, *body, runs.unit), "inertia_about_axis": about_axis}
-    if all(GRAVITY_TORQUE in result.parameters for result in (runs.tare, runs.loaded)):
-        pair = runs.estimates(GRAVITY_TORQUE)
-        estimates[GRAVITY_TORQUE] = sum_of([pair[1], pair[0]], [1.0, -1.0])
+    if with_gravity:
+        estimates[GRAVITY_TORQUE] = second[GRAVITY_TORQUE] - first[GRAVITY_TORQUE]
     warnings = [
         Message(m.code, f"{name}: {m.message}", m.kind)
         for result, name in zip((runs.tare, runs.loaded), runs.names, strict=True)
@@ -73,10 +72,10 @@ def difference(
     budget = [entry for name, estimate in estimates.items() for entry in estimate.entries(name)]
     if known is not None:
         what = _quantity(known, "kg" if runs.unit == "kg" else "kg*m^2", "known")
-        target = Estimate(what.value, {"known": _share("inertia of the known body", 1.0, what)})
+        target = _known(what)
         if body is not None:  # J_e = J_c + m d²
-            target = _moved(target, 1.0, *body)
-        scaled, doubts, words = calibrated(runs, (first, second), target)
+            target += _steiner(*body)
+        scaled, doubts, words = calibrated(runs, (first["inertia"], second["inertia"]), target)
         for name, (estimate, unit) in scaled.items():
             estimates[name], parameters[name] = estimate, estimate.parameter(unit)
             # what cancels leaves its rounding behind
@@ -99,11 +98,11 @@ def difference(
 def _scaled(runs: Runs, known: GIVEN, mass: GIVEN | None, distance: GIVEN | None) -> Result:
     """Results of ratios on the scale of a known body, whose inertia is about the axis unless mass and distance say."""
     what = _quantity(known, "kg*m^2", "known")
-    target = Estimate(what.value, {"known": _share("inertia of the known body", 1.0, what)})
+    target = _known(what)
     if (mass is None) != (distance is None):
         raise UsageError("mass and distance go together; give both or none.", code="mass-and-distance")
     if mass is not None and distance is not None:
-        target = _moved(target, 1.0, _quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance"))
+        target += _steiner(_quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance"))
     found, notes = scaled_by_body(runs, target)
     found["inertia"] = target, "kg m^2"
     warnings = [
@@ -123,33 +122,11 @@ def _scaled(runs: Runs, known: GIVEN, mass: GIVEN | None, distance: GIVEN | None
     )
 
 
-def _correlation(estimates: dict[str, Estimate], runs: Runs) -> dict[str, dict[str, float]]:
-    """Correlation coefficients; without those of the gravity torque where a run does not give its own.
-
-    All but the gravity torque are sums of the two inertias and of given quantities. With it they are correlated by what
-    rig.toml states, and by the scatter of each run.
-    """
-    names = [name for name in estimates if name != GRAVITY_TORQUE]
-    matrix = covariance([estimates[name] for name in names])
-    own = [scatter_covariance(run, ("inertia", GRAVITY_TORQUE)) for run in (runs.tare, runs.loaded)]
-    if GRAVITY_TORQUE in estimates and all(found is not None for found in own):
-        gravity = estimates[GRAVITY_TORQUE]
-        cross = covariance([one.of_type_b for one in (*(estimates[name] for name in names), gravity)])[-1]
-        for run, found, sign in zip(runs.estimates("inertia"), own, (-1.0, 1.0), strict=True):
-            assert found is not None
-            cross[:-1] += [sign * _gain(estimates[name], run) * found[0, 1] for name in names]
-        cross[-1] = gravity.u**2
-        matrix = np.block([[matrix, cross[:-1, None]], [cross[None, :]]])
-        names.append(GRAVITY_TORQUE)
-    return correlation_of(names, matrix)
-
-
-def _gain(estimate: Estimate, run: Estimate) -> float:
-    """Factor of the inertia of a run in an estimate, by a source of that run alone."""
-    for key, share in run.shares.items():
-        if share.u and share.source.type == "A":
-            return estimate.shares[key].u / share.u if key in estimate.shares else 0.0
-    return 0.0
+def _correlation(estimates: dict[str, Uncertain], runs: Runs) -> dict[str, dict[str, float]]:
+    """Correlation coefficients; without those of the gravity torque where a run does not give its own."""
+    known = all(is_correlated(run, ("inertia", GRAVITY_TORQUE)) for run in (runs.tare, runs.loaded))
+    names = [name for name in estimates if known or name != GRAVITY_TORQUE]
+    return correlation_of(names, covariance([estimates[name] for name in names]))
 
 
 def _quantity(given: GIVEN, unit: str, key: str) -> Quantity:
@@ -174,7 +151,7 @@ def _body(runs: Runs, mass: GIVEN | None, distance: GIVEN | None) -> tuple[Quant
     return _quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance")
 
 
-def _require_seen(found: Estimate, runs: Runs, *, calibrating: bool) -> None:
+def _require_seen(found: Uncertain, runs: Runs, *, calibrating: bool) -> None:
     """Raise where the difference is not significant, or where the results are swapped.
 
     A known body may calibrate a scale that is too uncertain to measure it.
@@ -193,14 +170,21 @@ def _require_seen(found: Estimate, runs: Runs, *, calibrating: bool) -> None:
         )
 
 
-def _share(source: str, slope: float, quantity: Quantity) -> Share:
-    std = quantity.std or 0.0
-    return Share(stated(source, source), slope * std, std or None)
+def _known(inertia: Quantity) -> Uncertain:
+    """The inertia of the known body."""
+    name = "inertia of the known body"
+    return Uncertain.of(inertia.value, inertia.std or 0.0, stated(name, name, inertia.std or None))
 
 
-def _about_own_centre(about_axis: Estimate, mass: Quantity, distance: Quantity, unit: str) -> Estimate:
+def _steiner(mass: Quantity, distance: Quantity) -> Uncertain:
+    """Mass times squared distance (Huygens–Steiner), with the sources that matter."""
+    found = mass.uncertain("body.mass") * distance.uncertain("body.distance") ** 2
+    return found.only(lambda key: found.shifts[key] != 0.0)
+
+
+def _about_own_centre(about_axis: Uncertain, mass: Quantity, distance: Quantity, unit: str) -> Uncertain:
     """J_c = J_e − m d²."""
-    found = _moved(about_axis, -1.0, mass, distance)
+    found = about_axis - _steiner(mass, distance)
     if found.value <= 0:
         moved = plus_minus(about_axis.value - found.value, None, unit)
         raise InputError(
@@ -211,18 +195,7 @@ def _about_own_centre(about_axis: Estimate, mass: Quantity, distance: Quantity, 
     return found
 
 
-def _moved(inertia: Estimate, sign: float, mass: Quantity, distance: Quantity) -> Estimate:
-    """The inertia plus `sign` m d² (Huygens–Steiner)."""
-    m, d = mass.value, distance.value
-    shares = {
-        "body.mass": _share("body.mass", sign * d**2, mass),
-        "body.distance": _share("body.distance", sign * 2 * m * d, distance),
-    }
-    shares = {key: share for key, share in shares.items() if share.u}
-    return Estimate(inertia.value + sign * m * d**2, inertia.shares | shares)
-
-
-def _parameters(estimates: dict[str, Estimate], runs: Runs) -> dict[str, Parameter]:
+def _parameters(estimates: dict[str, Uncertain], runs: Runs) -> dict[str, Parameter]:
     """Unknown uncertainty where one of the runs has none."""
     found = {}
     for name, estimate in estimates.items():

@@ -15,11 +15,12 @@ import numpy as np
 
 from swingid.numerics.arrays import Array
 from swingid.pooling.pooling import BETWEEN, Pooled
-from swingid.pooling.shares import Estimate, Share, covariance, scatter_covariance, sum_of
 from swingid.result.result import Result
+from swingid.result.sources import is_correlated, values_of
 from swingid.uncertainty.budget import correlation_of
 from swingid.uncertainty.budget import scatter as scatter_source
 from swingid.uncertainty.significance import FAMILY
+from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
 
 PAIR = ("inertia", "gravity_torque")
 SCATTER = "scatter of the logs, inertia and gravity torque together"
@@ -36,14 +37,14 @@ class Pairs:
 
     values: Array
     own: Array
-    type_b: list[Estimate]
+    type_b: list[Uncertain]
 
     @classmethod
-    def of(cls, results: Sequence[Result], estimates: dict[str, list[Estimate]]) -> Pairs:
+    def of(cls, results: Sequence[Result], estimates: dict[str, list[Uncertain]]) -> Pairs:
         """From the results and the estimates of each of the two parameters, per log."""
         flat = [estimates[name][k] for k in range(len(results)) for name in PAIR]
         own = [_own_covariance(result, estimates[PAIR[0]][k]) for k, result in enumerate(results)]
-        return cls(np.array([e.value for e in flat]).reshape(-1, 2), np.array(own), [e.of_type_b for e in flat])
+        return cls(np.array([e.value for e in flat]).reshape(-1, 2), np.array(own), [e.of_type("B") for e in flat])
 
     def gains(self, used: Sequence[int]) -> Array:
         """Weights (2, 2 n) of all values in the common pair of the logs `used`, least squares by type A."""
@@ -74,8 +75,8 @@ class Pairs:
         return {one: {other: float(matrix[i, j]) for j, other in enumerate(PAIR)} for i, one in enumerate(PAIR)}
 
 
-def pool_pair(pairs: Pairs) -> dict[str, Pooled]:
-    """Pooled inertia and gravity torque.
+def pool_pair(pairs: Pairs, between_them: str = BETWEEN) -> dict[str, Pooled]:
+    """Pooled inertia and gravity torque; between_them: name of the scatter between the logs.
 
     Where the logs scatter more than their covariances explain, all type A covariances are scaled by the Birge ratio
     (Birge 1932, Phys. Rev. 40, 207): along the direction that a log hardly determines, additive scatter
@@ -87,14 +88,14 @@ def pool_pair(pairs: Pairs) -> dict[str, Pooled]:
     excess, freedom = _excess(pairs, gains), 2 * (count - 1)
     pooled = {}
     for i, name in enumerate(PAIR):
-        estimate = sum_of(pairs.type_b, gains[i])
-        shares = estimate.shares | {SCATTER: Share(scatter_source(SCATTER), math.sqrt(scatter[i, i]))}
+        estimate = weighted_sum(pairs.type_b, gains[i])
+        estimate += Uncertain.of(0.0, math.sqrt(scatter[i, i]), scatter_source(SCATTER))
+        between, effective = math.sqrt(excess * scatter[i, i]), math.inf
         if excess > 0:
-            shares[BETWEEN] = Share(scatter_source(BETWEEN, freedom), math.sqrt(excess * scatter[i, i]))
-        estimate = Estimate(estimate.value, shares)
-        effective = freedom * (estimate.u / shares[BETWEEN].u) ** 4 if excess > 0 else math.inf
+            estimate += Uncertain.of(0.0, between, scatter_source(between_them, freedom))
+            effective = freedom * (estimate.u / between) ** 4
         weights = np.array([gains[i, 2 * k + i] for k in range(count)])
-        pooled[name] = Pooled(estimate, weights, shares[BETWEEN].u if excess > 0 else 0.0, effective)
+        pooled[name] = Pooled(estimate, weights, between, effective)
     return pooled
 
 
@@ -110,17 +111,17 @@ def correlation(
     gains = np.zeros((count, len(names), len(names)))  # of the common values to those of each log
     for i, one in enumerate(pooled.values()):
         gains[:, i, i] = one.weights
-    own = [scatter_covariance(result, [name for name in names if name in result.parameters]) for result in results]
-    if len(names) < 2 or any(matrix is None for matrix in own):
+    given = [[name for name in names if name in result.parameters] for result in results]
+    if len(names) < 2 or not all(map(is_correlated, results, given)):
         return {}
-    matrix = covariance([one.estimate.of_type_b for one in pooled.values()])
+    matrix = covariance([one.estimate.of_type("B") for one in pooled.values()])
     at = [names.index(name) for name in PAIR] if pairs is not None else []
     together = np.zeros((2, 0)) if pairs is None else pairs.gains(range(count))
     spread = 1.0 if pairs is None else 1.0 + _excess(pairs, together)
-    for k, (result, of_log) in enumerate(zip(results, own, strict=True)):
+    for k, (result, here) in enumerate(zip(results, given, strict=True)):
         within = np.zeros_like(matrix)
-        there = [j for j, name in enumerate(names) if name in result.parameters]
-        within[np.ix_(there, there)] = of_log
+        there = [names.index(name) for name in here]
+        within[np.ix_(there, there)] = covariance([one.of_type("A") for one in values_of(result, here).values()])
         if pairs is not None:
             gains[k][np.ix_(at, at)] = together[:, 2 * k : 2 * k + 2]
             within[np.ix_(at, at)] = pairs.own[k] * spread
@@ -145,15 +146,14 @@ def outlying_pair(pairs: Pairs) -> tuple[int, float] | None:
     return (worst, far[worst]) if far[worst] > 1 else None
 
 
-def _own_covariance(result: Result, inertia: Estimate) -> Array:
+def _own_covariance(result: Result, inertia: Uncertain) -> Array:
     """Type A covariance of the pair in one log.
 
     Entries of the inertia's budget beside the scatter (drift, disagreement, grid) widen the whole matrix, because a
     wrong balance moves the pair along the direction that this log hardly determines.
     """
     matrix = np.array([[result.covariance[one][other] for other in PAIR] for one in PAIR])
-    whole = sum(share.u**2 for share in inertia.shares.values() if share.source.type == "A")
-    widened: Array = matrix * max(1.0, whole / max(matrix[0, 0], 1e-300))
+    widened: Array = matrix * max(1.0, inertia.of_type("A").u ** 2 / max(matrix[0, 0], 1e-300))
     return widened
 
 

@@ -10,8 +10,8 @@ from swingid.errors import InputError, UnanswerableError
 from swingid.format import percent
 from swingid.model.terms import TERMS
 from swingid.pooling.runs import Runs
-from swingid.pooling.shares import Estimate, sum_of
 from swingid.result.result import Message
+from swingid.uncertainty.uncertain import Uncertain
 
 GROWS = {"suspension_stiffness": "the stiffness of strings grows with the mass that hangs on them; weigh it instead"}
 """Constants that a body changes by being there, and what to do."""
@@ -34,7 +34,7 @@ def reference_in(runs: Runs) -> str:
     return over if under == "inertia" else under
 
 
-def scaled_by_body(runs: Runs, known: Estimate) -> tuple[dict[str, tuple[Estimate, str]], list[Message]]:
+def scaled_by_body(runs: Runs, known: Uncertain) -> tuple[dict[str, tuple[Uncertain, str]], list[Message]]:
     """X and the inertias of both runs with their units, by name, and notes.
 
     known: the inertia of the body about the axis. Raises UnanswerableError where the difference is lost in its
@@ -43,27 +43,23 @@ def scaled_by_body(runs: Runs, known: Estimate) -> tuple[dict[str, tuple[Estimat
     name, unit = reference_in(runs), "kg m^2"
     if name in GROWS:
         raise UnanswerableError(f"a known body gives no scale here: {GROWS[name]}.", code="no-scale")
-    one, two = (_inertia(estimate, runs.tare.leading) for estimate in runs.estimates(runs.tare.leading))
-    apart = sum_of([two, one], [1.0, -1.0])
+    leading = runs.tare.leading
+    ratios = [values[leading] for values in runs.values(leading)]
+    one, two = ratios if leading.startswith("inertia/") else [1 / ratio for ratio in ratios]
+    apart = two - one
     if apart.value <= 0 or apart.u > HOPELESS * apart.value:
         raise UnanswerableError(
-            f"the body changes {runs.tare.leading} by less than its uncertainty, or the wrong way; check which result "
+            f"the body changes {leading} by less than its uncertainty, or the wrong way; check which result "
             "is which, or add a body of more inertia.",
             code="difference-lost",
         )
-    size = known.value / apart.value
-    scale = sum_of([known, apart], [1 / apart.value, -size / apart.value], size)
-    found = {name: (scale, TERMS[name].unit if name in TERMS else "N m")}
-    for run, own in (("tare", one), ("loaded", two)):
-        found[f"{run}_inertia"] = sum_of([own, scale], [size, own.value], -own.value * size), unit
+    scale = known / apart
+    found = {
+        name: (scale, TERMS[name].unit if name in TERMS else "N m"),
+        "tare_inertia": (one * scale, unit),
+        "loaded_inertia": (two * scale, unit),
+    }
     text = f"the body is {percent(known.value / found['tare_inertia'][0].value)} of the inertia without it"
     if name == WEIGHED:
         text += "; the gravity torque is taken as equal in both runs, so the body's centre must be on the axis"
     return found, [Message("scale-by-body", f"{text}.")]
-
-
-def _inertia(ratio: Estimate, leading: str) -> Estimate:
-    """The inertia in units of X, from X/J or J/X; linear propagation."""
-    if leading.startswith("inertia/"):
-        return ratio
-    return sum_of([ratio], [-(ratio.value**-2)], 2 / ratio.value)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,12 +11,11 @@ import numpy as np
 from swingid.errors import SwingidError
 from swingid.format import percent
 from swingid.pooling.joint import PAIR, Pairs, is_joint, outlying_pair
-from swingid.pooling.pooling import BETWEEN, Pooled, outliers, pool
+from swingid.pooling.pooling import Pooled, outliers, pool
 from swingid.pooling.several import SINGLE, common_result, conditioning, estimates_of, pool_all
-from swingid.pooling.shares import Estimate, sum_of
 from swingid.result.result import Details, Message, Result, SwingSeries
-from swingid.uncertainty.budget import BudgetEntry, Parameter, systematic
-from swingid.uncertainty.freedom import effective_freedom
+from swingid.uncertainty.budget import Evaluated, systematic
+from swingid.uncertainty.uncertain import Uncertain, weighted_sum
 
 BETWEEN_PARTS = "scatter between the parts"
 
@@ -93,50 +91,30 @@ def combine_parts(parts: Sequence[Part]) -> Result:
 
 def _pooled(results: Sequence[Result], pairs: Pairs | None) -> dict[str, Pooled]:
     """Inertia and gravity torque of all parts, friction of those with the commonest law."""
-    pooled = pool_all(_estimates(results, "per-log"), pairs)
+    pooled = pool_all(_estimates(results, "per-log"), pairs, BETWEEN_PARTS)
     laws = [tuple(name for name in result.parameters if name not in PAIR) for result in results]
     law = Counter(laws).most_common(1)[0][0]
     alike = np.array([own == law for own in laws])
     estimates = _estimates([result for result, same in zip(results, alike, strict=True) if same], "shared")
     for name, each in estimates.items():
         if name not in PAIR:
-            one = pool(each)
+            one = pool(each, BETWEEN_PARTS)
             weights = np.zeros(len(results))
             weights[alike] = one.weights
             pooled[name] = replace(one, weights=weights)
-    return {name: _renamed(one) for name, one in pooled.items()}
+    return pooled
 
 
-def _renamed(pooled: Pooled) -> Pooled:
-    """With the scatter between logs called that between parts."""
-    share = pooled.estimate.shares.get(BETWEEN)
-    if share is None:
-        return pooled
-    own = replace(share, source=replace(share.source, name=BETWEEN_PARTS))
-    return replace(pooled, estimate=replace(pooled.estimate, shares=pooled.estimate.shares | {BETWEEN: own}))
-
-
-def _estimates(results: Sequence[Result], friction: str) -> dict[str, list[Estimate]]:
+def _estimates(results: Sequence[Result], friction: str) -> dict[str, list[Uncertain]]:
     return estimates_of(results, friction, scatter_is_shared=results[0].method not in AVERAGE_OUT)
 
 
 def _with_averaging(common: Result, smear: float) -> Result:
     """With the effect of averaging rows on the inertia: anywhere within ± smear (GUM 4.3.7)."""
-    inertia = common.inertia
-    own = inertia.standard_uncertainty
-    if smear == 0.0 or own is None:
-        return common
-    more = float(abs(inertia.value) * smear / 3**0.5)
-    entry = BudgetEntry(systematic(AVERAGED, "rectangular"), "inertia", more)
-    freedom = effective_freedom(((own, inertia.degrees_of_freedom), (more, math.inf)))
-    whole = Parameter.of(inertia.value, math.hypot(own, more), inertia.unit, freedom)
-    less = own / math.hypot(own, more)
-    table = {
-        one: {other: r * (less if (one == "inertia") != (other == "inertia") else 1.0) for other, r in row.items()}
-        for one, row in common.correlation.items()
-    }
-    parameters = common.parameters | {"inertia": whole}
-    return replace(common, budget=(*common.budget, entry), parameters=parameters, correlation=table)
+    more = float(abs(common.inertia.value) * smear / 3**0.5)
+    found = Evaluated(common.parameters, list(common.budget), common.correlation)
+    found = found.widened(systematic(AVERAGED, "rectangular"), "inertia", more)
+    return replace(common, budget=tuple(found.budget), parameters=found.parameters, correlation=found.correlation)
 
 
 def _messages(results: Sequence[Result], count: int, *, settled: bool) -> tuple[list[Message], list[Message]]:
@@ -193,8 +171,8 @@ def _inconsistent(kept: Sequence[tuple[Part, Result]], pairs: Pairs | None) -> l
     return [Message("parts-disagree", text)]
 
 
-def _mean(estimates: Sequence[Estimate]) -> Estimate:
-    return estimates[0] if len(estimates) == 1 else sum_of(estimates, pool(estimates).weights)
+def _mean(estimates: Sequence[Uncertain]) -> Uncertain:
+    return estimates[0] if len(estimates) == 1 else weighted_sum(estimates, pool(estimates).weights)
 
 
 def _note(parts: Sequence[Part], kept: Sequence[tuple[Part, Result]], pooled: dict[str, Pooled]) -> Message:

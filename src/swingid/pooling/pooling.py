@@ -14,14 +14,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from swingid.numerics.arrays import Array
-from swingid.pooling.shares import Estimate, Share, covariance, sum_of
 from swingid.uncertainty.budget import Parameter, scatter
 from swingid.uncertainty.significance import family_level
+from swingid.uncertainty.uncertain import Uncertain, covariance, weighted_sum
 
 BETWEEN = "scatter between the logs"
 
@@ -30,7 +30,7 @@ BETWEEN = "scatter between the logs"
 class Pooled:
     """Common value of n logs: its estimate, the weights (n,), standard deviation τ between logs, degrees of freedom."""
 
-    estimate: Estimate
+    estimate: Uncertain
     weights: Array
     between: float
     freedom: float
@@ -40,11 +40,11 @@ class Pooled:
         return Parameter.of(self.estimate.value, self.estimate.u, unit, self.freedom)
 
 
-def pool(estimates: Sequence[Estimate]) -> Pooled:
-    """Pool the estimates of one parameter from several logs (at least one).
+def pool(estimates: Sequence[Uncertain], between_them: str = BETWEEN) -> Pooled:
+    """Pool the estimates of one parameter from several logs (at least one); between_them: name of their scatter.
 
-    Weights are 1/(u_i² + τ²): u_i is what log i has on its own (type A), with what the type B shares of log i exceed
-    the least such share among the logs, so that a log that depends more on a constant than the others has less weight.
+    Weights are 1/(u_i² + τ²): u_i is what log i has on its own (type A), with what the type B shifts of log i exceed
+    the least such shift among the logs, so that a log that depends more on a constant than the others has less weight.
     """
     whole = covariance(estimates)
     values = np.array([estimate.value for estimate in estimates])
@@ -52,34 +52,29 @@ def pool(estimates: Sequence[Estimate]) -> Pooled:
     between = _between(values, own, whole)
     weights = 1 / (own + between)
     weights = weights / weights.sum()
-    pooled = sum_of(estimates, weights)
+    pooled = weighted_sum(estimates, weights)
     if between == 0:
         return Pooled(pooled, weights, 0.0, pooled.freedom)
     extra = math.sqrt(between * float(weights @ weights))
-    pooled = replace(pooled, shares=pooled.shares | {BETWEEN: Share(scatter(BETWEEN, len(values) - 1), extra)})
+    pooled += Uncertain.of(0.0, extra, scatter(between_them, len(values) - 1))
     # τ is known from these logs alone, so what averages out over them has n − 1 degrees of freedom
     averaged = between + np.array([_alone(estimates, k) for k in range(len(values))])
     share = float(weights**2 @ averaged) / pooled.u**2
     return Pooled(pooled, weights, math.sqrt(between), (len(values) - 1) / share**2)
 
 
-def _alone(estimates: Sequence[Estimate], k: int) -> float:
+def _alone(estimates: Sequence[Uncertain], k: int) -> float:
     """Variance of log k by sources that no other log has."""
-    others = {key for j, estimate in enumerate(estimates) if j != k for key in estimate.shares}
-    return sum(share.u**2 for key, share in estimates[k].shares.items() if key not in others)
+    others = {key for j, estimate in enumerate(estimates) if j != k for key in estimate.shifts}
+    return estimates[k].only(lambda key: key not in others).u ** 2
 
 
-def _weight_variances(estimates: Sequence[Estimate]) -> Array:
+def _weight_variances(estimates: Sequence[Uncertain]) -> Array:
     """Variance from which the weights follow, (n,), never zero."""
-    counts: dict[str, int] = {}
-    for estimate in estimates:
-        for key in estimate.shares:
-            counts[key] = counts.get(key, 0) + 1
-    common = [key for key, count in counts.items() if count == len(estimates)]
-    least = {key: min(abs(estimate.shares[key].u) for estimate in estimates) for key in common}
+    common = [key for key in estimates[0].shifts if all(key in estimate.shifts for estimate in estimates)]
+    least = {key: min(abs(estimate.shifts[key]) for estimate in estimates) for key in common}
     variances = [
-        sum((abs(share.u) - least.get(key, 0.0)) ** 2 for key, share in estimate.shares.items())
-        for estimate in estimates
+        sum((abs(shift) - least.get(key, 0.0)) ** 2 for key, shift in estimate.shifts.items()) for estimate in estimates
     ]
     # below the rounding of a value no log is better than another
     floor = (1e-9 * max(abs(estimate.value) for estimate in estimates)) ** 2
@@ -125,7 +120,7 @@ class Deviation:
         return self.value / (2 * self.u) if self.u > 0 else math.copysign(math.inf, self.value)
 
 
-def deviations(estimates: Sequence[Estimate]) -> list[Deviation]:
+def deviations(estimates: Sequence[Uncertain]) -> list[Deviation]:
     """Each log against the pooled value of the others (leave one out), common sources cancelled.
 
     The uncertainties are without the scatter between logs, which is tested here.
@@ -136,15 +131,14 @@ def deviations(estimates: Sequence[Estimate]) -> list[Deviation]:
     found = []
     for k, estimate in enumerate(estimates):
         others = [other for j, other in enumerate(estimates) if j != k]
-        rest = sum_of(others, pool(others).weights)
-        gap = sum_of([estimate, rest], [1.0, -1.0])
+        gap = estimate - weighted_sum(others, pool(others).weights)
         floor = 1e-9 * abs(estimate.value)
         u = math.hypot(gap.u, floor)
         found.append(Deviation(k, gap.value, u, abs(gap.value) > limit * u))
     return found
 
 
-def outliers(estimates: Sequence[Estimate]) -> list[Deviation]:
+def outliers(estimates: Sequence[Uncertain]) -> list[Deviation]:
     """The logs that disagree with the rest, the worst first: it is taken out and the others are tested again.
 
     Of two logs that disagree both are returned, for nothing shows which is right. So are all where no majority agrees.

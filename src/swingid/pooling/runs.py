@@ -14,12 +14,13 @@ from pathlib import Path
 
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import percent
-from swingid.pooling.shares import Estimate, by_source, estimate_of, sum_of
 from swingid.result.data import require_scale
 from swingid.result.file import load_result
 from swingid.result.result import Message, Result
+from swingid.result.sources import values_of
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE_FACTOR
+from swingid.uncertainty.uncertain import Uncertain
 
 GRAVITY = "axis.gravity_torque"
 
@@ -54,13 +55,13 @@ class Runs:
         apart, notes = _constants_apart(first, second, names)
         return cls(first, second, names, frozenset(apart), tuple(notes))
 
-    def estimates(self, parameter: str) -> tuple[Estimate, Estimate]:
-        """Of a parameter of both runs; shared constants have one identity, everything else two."""
+    def values(self, *names: str) -> tuple[dict[str, Uncertain], dict[str, Uncertain]]:
+        """Parameters of both runs; shared constants have one identity, everything else two."""
         tare, loaded = (
             replace(result, budget=tuple(self._labelled(entry, run) for entry in result.budget))
             for result, run in ((self.tare, "tare"), (self.loaded, "loaded"))
         )
-        return estimate_of(tare, parameter, by_source), estimate_of(loaded, parameter, by_source)
+        return values_of(tare, names), values_of(loaded, names)
 
     def _labelled(self, entry: BudgetEntry, run: str) -> BudgetEntry:
         """With the run in the name of a source that is its own; without the sign of its effect a shared one is, too."""
@@ -198,8 +199,8 @@ class Lever:
 
 
 def calibrated(
-    runs: Runs, inertias: tuple[Estimate, Estimate], known: Estimate
-) -> tuple[dict[str, tuple[Estimate, str]], list[Message], list[Message]]:
+    runs: Runs, inertias: tuple[Uncertain, Uncertain], known: Uncertain
+) -> tuple[dict[str, tuple[Uncertain, str]], list[Message], list[Message]]:
     """The scale corrected so that the difference of the `inertias` (tare, loaded) is the `known` one.
 
     Returns values with their units by name; warnings and notes. Raises UnanswerableError where the results do not state
@@ -214,21 +215,18 @@ def calibrated(
             "drive both runs away from resonance.",
             code="no-scale",
         )
-    delta = sum_of([known, loaded, tare], [1 / reach, -1 / reach, 1 / reach])
-    own = Estimate(delta.value, {key: share for key, share in delta.shares.items() if key not in lever.parts})
-    corrected = {
-        "tare_inertia": sum_of([tare, delta], [1.0, lever.slopes[0]]),
-        "loaded_inertia": sum_of([loaded, delta], [1.0, lever.slopes[1]]),
-    }
+    delta = (known - loaded + tare) / reach
+    own = delta.only(lambda key: key not in lever.parts)
     found = {
-        "scale_factor": (Estimate(1 + own.value, own.shares), ""),
-        lever.parameter: (sum_of([own], [lever.size], lever.value), lever.unit),
-        **{name: (estimate, runs.unit) for name, estimate in corrected.items()},
+        "scale_factor": (1 + own, ""),
+        lever.parameter: (lever.value + lever.size * own, lever.unit),
+        "tare_inertia": (tare + lever.slopes[0] * delta, runs.unit),
+        "loaded_inertia": (loaded + lever.slopes[1] * delta, runs.unit),
     }
     return found, *_size_of(lever, own)
 
 
-def _size_of(lever: Lever, delta: Estimate) -> tuple[list[Message], list[Message]]:
+def _size_of(lever: Lever, delta: Uncertain) -> tuple[list[Message], list[Message]]:
     """The size of the correction, as a note, or as a warning where it is more than its uncertainties explain."""
     size = f"{percent(delta.value, sign=True)} ± {percent(delta.u)}"
     stated = f"stated to {percent(lever.stated)}" if lever.stated else "taken as exact"

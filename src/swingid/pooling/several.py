@@ -9,14 +9,15 @@ from pathlib import PurePath
 from swingid.errors import NotIdentifiableError, SwingidError, UnanswerableError, UsageError
 from swingid.format import percent, plus_minus
 from swingid.pooling.joint import PAIR, Pairs, correlation, is_joint, outlying_pair, pool_pair
-from swingid.pooling.pooling import Pooled, outliers, pool
-from swingid.pooling.shares import Estimate, Identity, estimate_of
+from swingid.pooling.pooling import BETWEEN, Pooled, outliers, pool
 from swingid.progress import tracked
 from swingid.recording.findings import Kind
 from swingid.recording.large import LargeLog
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
+from swingid.result.sources import Identity, value_of
 from swingid.uncertainty.budget import BudgetEntry, Parameter
+from swingid.uncertainty.uncertain import Uncertain
 
 Log = Recording | LargeLog
 Identify = Callable[[Log], Result]
@@ -133,10 +134,12 @@ def _pooled(
     return common, warnings, notes
 
 
-def pool_all(estimates: Mapping[str, list[Estimate]], pairs: Pairs | None) -> dict[str, Pooled]:
-    """Each parameter pooled, inertia and gravity torque together where there are `pairs`."""
-    pooled = {name: pool(each) for name, each in estimates.items()}
-    return pooled if pairs is None else pooled | pool_pair(pairs)
+def pool_all(
+    estimates: Mapping[str, list[Uncertain]], pairs: Pairs | None, between: str = BETWEEN
+) -> dict[str, Pooled]:
+    """Each parameter pooled, inertia and gravity torque together where there are `pairs`; between: as in `pool`."""
+    pooled = {name: pool(each, between) for name, each in estimates.items()}
+    return pooled if pairs is None else pooled | pool_pair(pairs, between)
 
 
 def common_result(results: Sequence[Result], pooled: Mapping[str, Pooled], pairs: Pairs | None) -> Result:
@@ -161,13 +164,13 @@ def common_result(results: Sequence[Result], pooled: Mapping[str, Pooled], pairs
 
 def estimates_of(
     results: Sequence[Result], friction: str, *, scatter_is_shared: bool = False
-) -> dict[str, list[Estimate]]:
+) -> dict[str, list[Uncertain]]:
     """Estimates, per log, of every parameter that all logs give with an uncertainty and that is to be pooled.
 
     scatter_is_shared: the scatter of the logs does not average out.
     """
     return {
-        name: [estimate_of(result, name, _identity(k, scatter_is_shared)) for k, result in enumerate(results)]
+        name: [value_of(result, name, _identity(k, scatter_is_shared)) for k, result in enumerate(results)]
         for name in results[0].parameters
         if (friction == "shared" or name in PAIR)
         and all(any(entry.parameter == name for entry in result.budget) for result in results)
@@ -298,14 +301,14 @@ def pair_disagreement(pairs: Pairs, names: Sequence[str]) -> list[Message]:
 
 
 def _disagreements(
-    estimates: Mapping[str, list[Estimate]], names: Sequence[str], parameters: Mapping[str, Parameter]
+    estimates: Mapping[str, list[Uncertain]], names: Sequence[str], parameters: Mapping[str, Parameter]
 ) -> list[str]:
     """One sentence for each parameter in which logs disagree with the rest."""
     found = [_disagreement(name, each, names, parameters[name].unit) for name, each in estimates.items()]
     return [text for text in found if text]
 
 
-def _disagreement(parameter: str, estimates: list[Estimate], names: Sequence[str], unit: str) -> str:
+def _disagreement(parameter: str, estimates: list[Uncertain], names: Sequence[str], unit: str) -> str:
     """One sentence on the logs that disagree in a parameter, "" where none does."""
     named = outliers(estimates)
     if not named:

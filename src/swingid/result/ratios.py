@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.format import pretty_unit
+from swingid.format import pretty_unit, time_power
 from swingid.model.terms import TERMS
 from swingid.numerics.arrays import Array
 from swingid.result.data import Details, Message
 from swingid.result.result import Result
 from swingid.uncertainty.budget import BudgetEntry, Parameter, combined, correlation_of, freedom_of, stated
 from swingid.uncertainty.freedom import effective_freedom
-from swingid.units import Quantity, time_power
+from swingid.units import Quantity
 
 OVER_INERTIA = {
     "N m": "rad/s^2",

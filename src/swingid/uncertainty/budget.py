@@ -14,9 +14,9 @@ from typing import Any, Literal
 import numpy as np
 
 from swingid.errors import UnanswerableError, missing_package
+from swingid.format import time_power
 from swingid.numerics.arrays import Array
 from swingid.uncertainty.freedom import coverage_factor, effective_freedom
-from swingid.units import time_power
 
 Distribution = Literal["normal", "rectangular"]
 
@@ -32,7 +32,8 @@ class Source:
     type: "A", evaluated from the data, or "B", otherwise (JCGM 100 4.2, 4.3): what rig.toml states. shared_id: the
     physical quantity, equal in all results of one rig. averages_over_logs: whether it is independent between logs, as
     scatter is; drift, disagreement and grid come from motion, friction and sensors, which are equal in logs of one
-    rig. degrees_of_freedom: of its standard uncertainty; infinite for stated or bounded ones (G.4.2, G.4.3).
+    rig. degrees_of_freedom: of its standard uncertainty; infinite for stated or bounded ones (G.4.2, G.4.3). std: the
+    standard uncertainty in the source's own unit, None where only its effect on a value is known.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Source:
     averages_over_logs: bool = False
     degrees_of_freedom: float = math.inf
     distribution: Distribution = "normal"
+    std: float | None = field(default=None, compare=False)
 
 
 def scatter(name: str, degrees_of_freedom: float = math.inf) -> Source:
@@ -53,9 +55,9 @@ def systematic(name: str, distribution: Distribution = "normal") -> Source:
     return Source(name, "A", distribution=distribution)
 
 
-def stated(name: str, shared_id: str | None) -> Source:
+def stated(name: str, shared_id: str | None, std: float | None = None) -> Source:
     """Source of a constant or an imperfection that the rig file states, of type B."""
-    return Source(name, "B", shared_id)
+    return Source(name, "B", shared_id, std=std)
 
 
 @dataclass(frozen=True)
@@ -214,7 +216,8 @@ class Evaluated:
         if not u > 0 or before.standard_uncertainty is None:
             return self
         budget = [*self.budget, BudgetEntry(source, name, u)]
-        after = Parameter.of(before.value, combined(budget, name), before.unit, freedom_of(budget, name))
+        parts = (before.standard_uncertainty, before.degrees_of_freedom), (u, source.degrees_of_freedom)
+        after = Parameter.of(before.value, combined(budget, name), before.unit, effective_freedom(parts))
         share = before.standard_uncertainty / (after.standard_uncertainty or u)
         correlation = {
             one: {other: r if one == other or name not in (one, other) else share * r for other, r in row.items()}

@@ -9,6 +9,7 @@ from pydantic import ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from swingid.model.rig.fields import read_quantity, refuse
+from swingid.uncertainty.uncertain import Uncertain
 from swingid.units import Quantity
 
 UNKNOWN_PLACE = Quantity(9.80665, 0.015)
@@ -54,10 +55,10 @@ def weighed(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str, obj
             factors["g"] = Quantity(normal_gravity(latitude), NORMAL_GRAVITY)
     except PydanticCustomError:
         return raw
-    found = [*factors.values()] if "g" in factors else [*factors.values(), UNKNOWN_PLACE]
-    value = math.prod(one.value for one in found)
-    if any(one.value < 0 for one in found) or not math.isfinite(value):
+    factors.setdefault("g", UNKNOWN_PLACE)
+    found = Uncertain(1.0)
+    for key, factor in factors.items():
+        found *= factor.uncertain(key)
+    if any(one.value < 0 for one in factors.values()) or not math.isfinite(found.value):
         return raw
-    relative = math.hypot(*(one.std / one.value for one in found if one.std is not None and one.value))
-    exact = all(one.std is None for one in found)
-    return {**raw, "gravity_torque": Quantity(value, None if exact else value * relative)}
+    return {**raw, "gravity_torque": Quantity.of(found)}

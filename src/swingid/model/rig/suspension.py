@@ -92,19 +92,12 @@ class _Strings(Table):
             refuse("out-of-range", f"is {given.value:g} m, too short for these distances", key)
         found: dict[str, Any] = {"shape": shape, "height": h, "stiffness": "unknown"}
         if isinstance(self.mass, Quantity):
-            g = self.free_fall
-            kappa = self.mass.value * g.value * upper.value * lower.value / h
-            # relative sensitivities of κ to the lengths; ln h = ½ ln(L² − (R − r)²)
-            of_given = given.value**2 / square
-            of_apart = 0.0 if self.height else apart / square
-            parts = [(self.mass, 1.0 / self.mass.value), (g, 1.0 / g.value), (given, of_given / given.value)]
-            if same:
-                parts.append((lower, 2.0 / lower.value))
-            else:
-                parts += [(upper, 1 / upper.value + of_apart), (lower, 1 / lower.value - of_apart)]
-            exact = all(one.std is None for one, _ in parts)
-            spread = math.hypot(*(slope * (one.std or 0.0) for one, slope in parts))
-            found["stiffness"] = Quantity(kappa, None if exact else kappa * spread)
+            r = lower.uncertain("lower")
+            above = r if same else upper.uncertain("upper")
+            long = given.uncertain(key)
+            high = long if self.height else (long**2 - (above - r) ** 2) ** 0.5
+            kappa = self.mass.uncertain("mass") * self.free_fall.uncertain("g") * above * r / high
+            found["stiffness"] = Quantity.of(kappa)
         return found
 
 

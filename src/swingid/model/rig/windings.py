@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 from pydantic import ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from swingid.model.rig.fields import read_quantity, refuse
+from swingid.uncertainty.uncertain import Uncertain
 from swingid.units import Quantity
 
 POWERS: dict[str, dict[str, int]] = {
@@ -52,7 +52,8 @@ def of_windings(raw: Mapping[str, object], info: ValidationInfo) -> Mapping[str,
 
 def _product(factors: Mapping[str, Quantity], powers: Mapping[str, int]) -> Quantity:
     """Product of powers of independent quantities; exact where all of them are."""
-    own = {key: one for key, one in factors.items() if key in powers}
-    value = math.prod(one.value ** powers[key] for key, one in own.items())
-    relative = math.hypot(*(powers[key] * (one.std or 0.0) / one.value for key, one in own.items()))
-    return Quantity(value, None if all(one.std is None for one in own.values()) else abs(value) * relative)
+    found = Uncertain(1.0)
+    for key, one in factors.items():
+        if key in powers:
+            found *= one.uncertain(key) ** powers[key]
+    return Quantity.of(found)

@@ -14,10 +14,10 @@ from swingid.identification import identify
 from swingid.methods.table import METHODS
 from swingid.model.rig import Rig
 from swingid.numerics.cache import kept_kernels
-from swingid.pooling.shares import Identity, estimate_of, sum_of
 from swingid.progress import tracked
 from swingid.recording.recording import Recording
 from swingid.result.result import Message, Result, refusal
+from swingid.result.sources import Identity, value_of
 from swingid.study.output import NO_BREAK, WIDTH, Study, aligned
 from swingid.uncertainty.significance import DIFFERS
 
@@ -251,7 +251,7 @@ def deviation(a: Result, b: Result) -> float | None:
     """
     if a.main.standard_uncertainty is None or b.main.standard_uncertainty is None:
         return None
-    gap = sum_of((estimate_of(a, a.leading, _source("a")), estimate_of(b, b.leading, _source("b"))), (1.0, -1.0))
+    gap = value_of(a, a.leading, _source("a")) - value_of(b, b.leading, _source("b"))
     return gap.value / gap.u if gap.u > 0 else None
 
 

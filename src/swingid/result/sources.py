@@ -1,0 +1,59 @@
+"""Parameters of a result as values with sources, for what is computed from one result or several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from itertools import combinations
+
+from swingid.result.data import ResultData
+from swingid.uncertainty.budget import BudgetEntry
+from swingid.uncertainty.uncertain import Uncertain
+
+Identity = Callable[[BudgetEntry], str]
+"""From an entry of a result's budget to the identity of its source among all results that are combined."""
+
+
+def by_source(entry: BudgetEntry) -> str:
+    """Identity of what a result states: the physical quantity, else the source's name."""
+    return entry.shared_id or entry.source
+
+
+def values_of(result: ResultData, names: Iterable[str], identity: Identity = by_source) -> dict[str, Uncertain]:
+    """Parameters with the sources of their budgets; their scatter is correlated as the result states.
+
+    Sources of type A are each parameter's own. What the correlation of two parameters has beyond the sources of type B
+    that they share is one of their scatter, the first source of type A.
+    """
+    values = {name: value_of(result, name, identity) for name in names}
+    scatter = {name: next((k for k in one.shifts if one.sources[k].type == "A"), "") for name, one in values.items()}
+    found = {}
+    for one, other in combinations(values, 2):
+        a, b = (values[name].shifts.get(scatter[name], 0.0) for name in (one, other))
+        if not a * b or not is_correlated(result, (one, other)):
+            continue
+        u = [result.parameters[name].standard_uncertainty or 0.0 for name in (one, other)]
+        shared = sum(shift * values[other].shifts.get(key, 0.0) for key, shift in values[one].shifts.items())
+        found[scatter[one], scatter[other]] = (result.correlation[one][other] * u[0] * u[1] - shared) / (a * b)
+    return {name: replace(one, correlations=found) for name, one in values.items()}
+
+
+def value_of(result: ResultData, name: str, identity: Identity = by_source) -> Uncertain:
+    """A parameter with the sources of its budget."""
+    found = Uncertain(result.parameters[name].value)
+    for k, entry in enumerate(entry for entry in result.budget if entry.parameter == name):
+        key, shift, source = identity(entry), entry.standard_uncertainty, entry.origin
+        if entry.sensitivity:
+            source = replace(source, std=shift / abs(entry.sensitivity))
+            shift = math.copysign(shift, entry.sensitivity)
+        if entry.type == "A":
+            key = f"{name}: {key}"
+        # two entries of one identity in one budget are two quantities
+        found += Uncertain.of(0.0, shift, source, key if key not in found.shifts else f"{key} #{k}")
+    return found
+
+
+def is_correlated(result: ResultData, names: Iterable[str]) -> bool:
+    """Whether the result states how these parameters are correlated."""
+    return all(name in result.correlation for name in names)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -28,25 +28,23 @@ from swingid.methods.output_error.constants import (
     is_felt,
     tilt_places,
 )
-from swingid.methods.output_error.problem import Problem, problem_of
+from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import inverse_of
+from swingid.methods.output_error.unknowns import entries_of
 from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
-from swingid.numerics.arrays import Array, Bools
+from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Channel
 from swingid.uncertainty.budget import Declared, stated
 
 
-def declared_effects(setup: Setup, problem: Problem, searched: Searched, influence: Array) -> tuple[Declared, ...]:
+def declared_effects(setup: Setup, searched: Searched) -> tuple[Declared, ...]:
     """Change of the unknowns (m,) of a fit per unit of every constant of the rig and every imperfection declared."""
-    rates = searched.fit.prediction.rates
-    sensors = [*_encoders(setup, problem, searched), *_latencies(problem, rates)]
-    sensors += _stated_scales(setup, problem, searched)
-    sensors = [replace(item, rows=item.rows / problem.sigma) for item in sensors if item.std > 0]
-    constants = declared_with_rig(setup.rig, _constants(setup, problem, searched, influence))
-    return (*constants, *propagated(sensors, influence))
+    influence = searched.fit.influence / searched.problem.sigma
+    sensors = (*_encoders(setup, searched), *_latencies(searched), *_stated_scales(setup, searched))
+    constants = declared_with_rig(setup.rig, _constants(setup, searched, influence))
+    return (*constants, *propagated((item for item in sensors if item.std > 0), influence))
 
 
 def constants_found(searched: Searched, rig: Rig) -> dict[str, float]:
@@ -75,16 +73,15 @@ def shift_of_momentum(setup: Setup, searched: Searched) -> float:
     return shift
 
 
-def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Array) -> Iterator[Declared]:
+def _constants(setup: Setup, searched: Searched, influence: Array) -> Iterator[Declared]:
     """dθ/dc of the stated value of a constant c: −K ∂y/∂c where it is taken as exact (implicit function theorem).
 
     A stated value that is a prior has the influence N⁻¹/std², with N the matrix of the normal equations.
     """
-    unknowns, fit, rig = searched.unknowns, searched.fit, setup.rig
-    inverse = inverse_of(fit.reduced)
+    problem, unknowns, fit, rig = searched.problem, searched.unknowns, searched.fit, setup.rig
     for k, item in enumerate(unknowns.items):
         if item.places and not item.is_sought and item.name != SCALE:
-            yield _constant(item.name, item.std, inverse[:, k] * unknowns.power[k])
+            yield _constant(item.name, item.std, fit.inverse[:, k] * unknowns.power[k])
     sought = {item.places for item in unknowns.items if item.places}
     places: dict[str, Places] = {
         key: own
@@ -95,11 +92,10 @@ def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Ar
         places[WHEEL_TILT] = tilt_places(setup.scale)
     if not places:
         return
-    entries = replace(unknowns, items=()).entries(problem.states, list(places.values()))
+    entries = entries_of(list(places.values()), problem.states)
     p = unknowns.vector(fit.values)
     slopes = problem.predict(p, entries, fit.states, len(places), same=fit.prediction).slopes
-    shifts = -(influence / problem.sigma) @ slopes[:, problem.states :]
-    for key, shift in zip(places, shifts.T, strict=True):
+    for key, shift in zip(places, -(influence @ slopes[:, problem.states :]).T, strict=True):
         if key == WHEEL_TILT and rig.drive.wheel is not None:
             yield Declared(stated(key, key), relative(rig.drive.wheel.along), shift)
         else:
@@ -110,51 +106,53 @@ def _constant(key: str, std: float | None, shifts: Array) -> Declared:
     return Declared(stated(key, key), std or 0.0, shifts, constant=True)
 
 
-def _encoders(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Imperfection]:
-    """Change of the residuals by the nonlinearity of each encoder, measured = q + α cos q + β sin q."""
+def _encoders(setup: Setup, searched: Searched) -> Iterator[Imperfection]:
+    """Change of the readings by the nonlinearity of each encoder, measured = q + α cos q + β sin q."""
+    encoders, channels = searched.problem.encoders, list[Channel](["angle", "wheel"])
     if setup.rig.axis.kind == "linear":
         return
-    channels: tuple[tuple[Channel, Bools], ...] = ("angle", ~problem.wheel), ("wheel", problem.wheel)
-    for channel, here in channels if problem.input in ("voltage", "wheel") else channels[:1]:
-        sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
+    for channel in channels if searched.problem.input in ("voltage", "wheel") else channels[:1]:
+        sensor = encoders.angle if channel == "angle" else encoders.wheel
         for kind, shape in (("cosine", np.cos), ("sine", np.sin)):
-            if not sensor.parts[kind].std:
-                continue
-            effect = np.where(here, shape(problem.measured), 0.0)
-            if channel == "wheel" and problem.input == "wheel" and (std := problem.encoders.wheel.parts[kind].std):
-                wheel = setup.part.log.wheel_angle
-                assert wheel is not None
-                effect = -_other_input(setup, problem, searched, std * shape(wheel)) / std
-            yield of_sensor(problem.encoders, channel, kind, effect)
+            if std := sensor.parts[kind].std:
+                yield of_sensor(encoders, channel, kind, _error(setup, searched, channel, shape, std))
 
 
-def _stated_scales(setup: Setup, problem: Problem, searched: Searched) -> Iterator[Imperfection]:
+def _stated_scales(setup: Setup, searched: Searched) -> Iterator[Imperfection]:
     """Change of the readings where the log shows (1 + ε) q + δ."""
     for key, std in scale_errors(setup.rig).items():
-        here = problem.wheel if key == WHEEL_SCALE else ~problem.wheel
-        effect = np.where(here, 1.0 if key == ANGLE_OFFSET else problem.measured, 0.0)
-        if key == WHEEL_SCALE and problem.input == "wheel":
-            wheel = setup.part.log.wheel_angle
-            assert wheel is not None
-            effect = -_other_input(setup, problem, searched, std * wheel) / std
-        yield of_scale(key, std, effect)
+        shape = np.ones_like if key == ANGLE_OFFSET else np.asarray
+        yield of_scale(key, std, _error(setup, searched, "wheel" if key == WHEEL_SCALE else "angle", shape, std))
 
 
-def _other_input(setup: Setup, problem: Problem, searched: Searched, error: Array) -> Array:
+def _error(setup: Setup, searched: Searched, channel: Channel, shape: Callable[[Array], Array], std: float) -> Array:
+    """Change of the readings (r,) per unit of an error that is a function of the angle of a channel.
+
+    An error of the wheel as the input, of the standard deviation `std`, is equivalent to the change of the prediction
+    with the opposite sign.
+    """
+    problem, wheel = searched.problem, setup.part.log.wheel_angle
+    if channel == "wheel" and problem.input == "wheel":
+        assert wheel is not None
+        return -_other_input(setup, searched, std * shape(wheel)) / std
+    return np.where(problem.wheel if channel == "wheel" else ~problem.wheel, shape(problem.measured), 0.0)
+
+
+def _other_input(setup: Setup, searched: Searched, error: Array) -> Array:
     """Change of the predicted readings for an error (rows,) of the measured wheel, which is the input."""
-    log = setup.part.log
+    log, problem, fit = setup.part.log, searched.problem, searched.fit
     assert log.wheel_angle is not None
     other = replace(log, wheel_angle=log.wheel_angle + error)
     length = float(np.max(np.diff(problem.knots[np.append(problem.bounds[:-1], problem.bounds[-1] - 1)])))
     again = problem_of(other, problem.encoders, setup.part.noise, "wheel", length, np.inf)
     if len(again.measured) != len(problem.measured):
         return np.zeros(len(problem.measured))
-    fit = searched.fit
-    return again.fitted(searched.unknowns, fit.values, fit.states).outputs - fit.prediction.outputs
+    return again.moved(searched.unknowns, fit.values, fit.states).outputs - fit.prediction.outputs
 
 
-def _latencies(problem: Problem, rates: Array) -> Iterator[Imperfection]:
+def _latencies(searched: Searched) -> Iterator[Imperfection]:
     """A channel read δ later than stated shows q + q' δ; a late wheel as the input is equivalent to an early angle."""
+    problem, rates = searched.problem, searched.fit.prediction.rates
     late = np.where(problem.wheel, 0.0, rates)
     if problem.input != "none":
         yield of_sensor(problem.encoders, "angle", "latency", late)

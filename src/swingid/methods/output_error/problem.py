@@ -1,13 +1,10 @@
-"""The log as an output-error problem: segments, knots, readings, and their prediction.
-
-Multiple shooting without continuity conditions: every segment has initial values of its own, so errors do not grow over
-a long or unstable motion, and the work is proportional to the length of the log.
-"""
+"""The log as an output-error problem: segments, knots, readings, and their prediction by the equations of motion."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Literal
 
@@ -30,6 +27,7 @@ from swingid.model.motion import LONGEST
 from swingid.model.parameters import SIZE, STATIC_N, STATIC_P, STRIBECK_SPEED
 from swingid.model.sticking import BEGIN_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
+from swingid.numerics.shooting import Prediction, Shooting
 from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
@@ -52,22 +50,11 @@ NO_PEAKS = np.empty(0)
 
 NO_ENTRIES: Entries = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
 
+LEAP = 0.4
+"""Least ratio of the inertia after a step of a search to that before; its inverse is the greatest."""
+
 FEWEST_ROWS = 12
 """Least number of rows of a segment; shorter ones are excluded."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Angles at the readings (r,), their rates and their derivatives (r, m); finite: whether the motion stayed so.
-
-    steps: those of `motor_steps`, and the first of each segment, where a voltage is the input.
-    """
-
-    outputs: Array
-    rates: Array
-    slopes: Array
-    finite: bool
-    steps: tuple[Array, Ints] | None = None
 
 
 @dataclass(frozen=True)
@@ -112,7 +99,6 @@ class Problem:
         p (SIZE,), or (SIZE + 1,) with the gain of the torque as the last, which multiplies the torque. same: a
         prediction of the same motion, whose steps are used again.
         """
-        count = len(self.measured)
         courses, gain = self.courses, float(p[GAIN]) if len(p) > GAIN else 1.0
         if gain != 1.0:
             courses = courses.copy()
@@ -120,14 +106,26 @@ class Problem:
             places, columns, weights = entries
             # the kernel's derivative by the gain is the torque that it is given
             entries = places, columns, np.where(places == GAIN, weights / gain, weights)
-        found = np.zeros(count), np.zeros(count), np.zeros((count, self.states + unknowns))
         if self.input == "voltage":
             steps = self._steps(p, states) if same is None else same.steps
-            if steps is not None:
-                read_with_slopes(further_kernel(p), steps, p, entries, NO_PEAKS, *found)
-            return Prediction(*found, finite=steps is not None, steps=steps)
+            return self._read(steps, p, entries, NO_PEAKS, self.states + unknowns)
+        outputs, rates, slopes = found = self._room(self.states + unknowns)
         finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
-        return Prediction(*found, finite=bool(finite))
+        return Prediction(outputs, slopes, bool(finite), rates)
+
+    def _room(self, columns: int) -> tuple[Array, Array, Array]:
+        """Zeros for outputs and rates (r,) and slopes (r, columns)."""
+        count = len(self.measured)
+        return np.zeros(count), np.zeros(count), np.zeros((count, columns))
+
+    def _read(
+        self, steps: tuple[Array, Ints] | None, p: Array, entries: Entries, peaks: Array, columns: int
+    ) -> Prediction:
+        """Readings and derivatives along the steps of a motion under the voltage; not finite without steps."""
+        outputs, rates, slopes = found = self._room(columns)
+        if steps is not None:
+            read_with_slopes(further_kernel(p), steps, p, entries, peaks, *found)
+        return Prediction(outputs, slopes, steps is not None, rates, steps)
 
     def with_peaks(
         self, p: Array, entries: Entries, states: Array, unknowns: int, same: Prediction, peaks: Array
@@ -136,16 +134,14 @@ class Problem:
 
         same: a prediction of this motion; peaks (k,): their speeds (rad/s). One column of slopes is left at the end.
         """
-        count, first = len(self.measured), self.states + unknowns
-        slopes = np.zeros((count, first + len(peaks) + 1))
+        first = self.states + unknowns
         if same.steps is not None:
             places, columns = np.arange(SIZE, SIZE + len(peaks)), np.arange(first, first + len(peaks))
             more = places, columns, np.ones(len(peaks))
             both = [np.concatenate(pair) for pair in zip(entries, more, strict=True)]
-            found = np.zeros(count), np.zeros(count), slopes
-            read_with_slopes(further_kernel(p), same.steps, p, (both[0], both[1], both[2]), peaks, *found)
-            return Prediction(*found, finite=True, steps=same.steps)
+            return self._read(same.steps, p, (both[0], both[1], both[2]), peaks, first + len(peaks) + 1)
         bare = self.predict(p, entries, states, unknowns)
+        slopes = np.zeros((len(bare.slopes), first + len(peaks) + 1))
         slopes[:, :first] = bare.slopes
         for k, peak in enumerate(peaks):
             own = p.copy()
@@ -170,6 +166,31 @@ class Problem:
             room *= 4
         return None
 
+    def shooting(self, unknowns: Unknowns, loss: str = "linear") -> Shooting:
+        """Least squares of these readings; `loss`: one of `LOSSES`."""
+        low, high = unknowns.bounds
+
+        def nearest(values: Array, before: Array) -> Array:
+            found: Array = np.clip(values, low, high)
+            # the inertia, the first of the unknowns, takes no leaps
+            found[:1] = np.clip(found[:1], before[:1] * LEAP, before[:1] / LEAP)
+            return found
+
+        return Shooting(
+            self.measured,
+            self.sigma,
+            self.rows,
+            self.starts,
+            partial(self.fitted, unknowns),
+            (low, high),
+            unknowns.power,
+            nearest,
+            partial(self.moved, unknowns),
+            # under a voltage the motion is a step of its own, along which the sensitivities follow
+            self.input == "voltage",
+            loss,
+        )
+
     def fitted(self, unknowns: Unknowns, values: Array, states: Array, same: Prediction | None = None) -> Prediction:
         """Readings and their derivatives for values (m,) of the unknowns; same: the motion, where it is known."""
         entries = unknowns.entries(self.states)
@@ -178,15 +199,13 @@ class Problem:
 
     def moved(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
         """The same readings without their derivatives (r, 0)."""
-        p = unknowns.vector(values)
+        p, none = unknowns.vector(values), np.empty((len(self.measured), 0))
         if self.input == "voltage":
             steps = self._steps(p, states)
-            found = (self.measured, self.measured) if steps is None else read_along(*steps)
-            none = np.empty((len(self.measured), 0))
-            prediction = Prediction(*found, slopes=none, finite=steps is not None, steps=steps)
+            outputs, rates = (self.measured, self.measured) if steps is None else read_along(*steps)
+            prediction = Prediction(outputs, none, steps is not None, rates, steps)
         else:
-            prediction = self.predict(p, NO_ENTRIES, states, 0)
-            prediction = replace(prediction, slopes=prediction.slopes[:, :0])
+            prediction = replace(self.predict(p, NO_ENTRIES, states, 0), slopes=none)
         return as_read(prediction, self, unknowns.names, values)
 
     def part(self, chosen: list[int], most: int = 1 << 62) -> Problem:

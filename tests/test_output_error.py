@@ -31,7 +31,7 @@ from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
 from swingid.numerics import gauss_newton
 from swingid.numerics.gauss_newton import fit_at, solve
-from swingid.numerics.shooting import SINGULAR, Fit, Reduced, Shooting, eliminated, loss_of
+from swingid.numerics.shooting import SINGULAR, Fit, Reduced, Shooting, loss_of
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import Scale
@@ -170,7 +170,8 @@ def test_eliminating_initial_values_solves_the_whole_system(viscous_log, damping
     damped = np.hstack([np.diag(np.sqrt(damping) * sizes), np.zeros((2 * segments, m))])
     right = np.concatenate([residuals * root, np.zeros(2 * segments)])
     solution = np.linalg.lstsq(np.vstack([whole, damped]), right, rcond=None)[0]
-    reduced = eliminated(2, problem.shooting(unknowns).grams(slopes, residuals, weights), damping)
+    shooting = problem.shooting(unknowns)
+    reduced = shooting.reduced(shooting.grams(slopes, residuals, weights), damping=damping)
     step = np.linalg.solve(reduced.matrix, reduced.right)
     assert step == pytest.approx(solution[2 * segments :], rel=1e-9)
     assert reduced.states(step).ravel() == pytest.approx(solution[: 2 * segments], rel=1e-8, abs=1e-12)
@@ -220,15 +221,17 @@ def test_a_motion_is_read_as_with_its_sensitivities(viscous_log):
     assert np.array_equal(whole.rates, bare.rates)
 
 
-def test_products_of_a_channel_are_those_with_the_other_left_out(viscous_log):
+def test_a_fit_that_leans_on_some_readings_is_that_with_less_weight_on_the_others(viscous_log):
     problem, unknowns = problem_and_unknowns(viscous_log, GIVEN, "voltage", "viscous")
     values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
     fit = fit_at(problem.shooting(unknowns), values, problem.starts)
     first = problem.times < problem.times[problem.rows[2]]
     for chosen in (problem.wheel, first):
-        slopes, weights = fit.prediction.slopes, chosen.astype(float)
-        expected = fit.shooting.grams(slopes, fit.residuals, weights)
-        assert fit.grams_among(chosen) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        for mostly, other in zip((chosen, ~chosen), fit.leaning(chosen, 0.01), strict=True):
+            weights = np.where(mostly, 1.0, 0.01)
+            expected = fit.shooting.grams(fit.prediction.slopes, fit.residuals, weights)
+            assert np.array_equal(other.weights, weights)
+            assert other.reduced.grams == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def test_an_unknown_without_effect_stays_where_it_is():

@@ -78,7 +78,7 @@ def test_the_place_of_the_grid_moves_the_answer_as_the_budget_says(source):
         coarse = replace(problem, measured=(np.rint(problem.measured / grids + place) - place) * grids)
         fit = solve(coarse.shooting(unknowns), begin, problem.starts)
         found.append(fit.values[0])
-    told = np.sqrt(grid_covariance(Searched(coarse, unknowns, fit, 1, 1, {}), noise)[0, 0])
+    told = np.sqrt(grid_covariance(Searched(coarse, unknowns, fit), noise)[0, 0])
     achieved = np.sqrt(np.mean((np.array(found) - INERTIA) ** 2))
     assert told == pytest.approx(achieved, rel=0.25)
 

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from swingid.numerics.arrays import Array, Bools, Ints
-from swingid.numerics.regression import SINGLE
+from swingid.numerics.regression import gram
 
 LOSSES = ("linear", "huber", "soft_l1")
 
@@ -85,17 +85,30 @@ class Shooting:
 
     def grams(self, slopes: Array, residuals: Array, weights: Array) -> Array:
         """Weighted products of all columns and the residuals (k, s + m + 1, s + m + 1), segment by segment."""
-        weighted, scale = bool(np.any(weights != 1.0)), 1 / self.sigma
-        parts = (slice(first, last) for first, last in pairwise(self.rows))
-        return np.array([_gram(slopes[k], residuals[k], scale[k], weights[k] if weighted else None) for k in parts])
+        found = []
+        for first, last in pairwise(self.rows):
+            own = slice(first, last)
+            root = np.sqrt(weights[own])
+            rows = np.column_stack([slopes[own] * (root / self.sigma[own])[:, None], residuals[own] * root])
+            found.append(gram(rows.T))
+        return np.array(found)
 
     def reduced(self, grams: Array, values: Array | None = None, damping: float = SINGULAR) -> Reduced:
-        """Normal equations of products `grams` without initial values; with the prior at `values` (m,) where given."""
-        found = eliminated(self.states, grams, damping)
-        if values is None:
-            return found
-        matrix, right = found.matrix + np.diag(self.power), found.right - self.power * values
-        return replace(found, matrix=matrix, right=right)
+        """Normal equations of products `grams` without initial values; with the prior at `values` (m,) where given.
+
+        damping: of the step of the initial values, relative.
+        """
+        s, m = self.states, grams.shape[1] - self.states - 1
+        own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
+        # where a speed is 0 throughout, a combination of its initial values has no effect, and the block is singular
+        sizes = np.diagonal(own, axis1=1, axis2=2)
+        own = own + np.eye(s) * (damping * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
+        held = np.linalg.solve(own, grams[:, :s, s:])
+        left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
+        matrix, right = left[:, :m], left[:, m]
+        if values is not None:
+            matrix, right = matrix + np.diag(self.power), right - self.power * values
+        return Reduced(matrix, right, own, cross, right_own, grams)
 
 
 @dataclass(frozen=True)
@@ -189,24 +202,16 @@ class Fit:
         """Sums (m, groups) of what the residuals of each group of readings contribute; labels (r,): the groups."""
         return np.array([np.bincount(labels, row) for row in self.influence * self.residuals])
 
-    def grams_among(self, chosen: Bools) -> Array:
-        """The products over the readings where `chosen` (r,) alone."""
-        result, slopes, sigma = self.reduced.grams.copy(), self.prediction.slopes, self.shooting.sigma
-        for k, (first, last) in enumerate(pairwise(self.shooting.rows)):
-            if not chosen[first:last].all():
-                own = first + np.flatnonzero(chosen[first:last])
-                result[k] = _gram(slopes[own], self.residuals[own], 1 / sigma[own], self.weights[own])
-        return result
-
     def leaning(self, chosen: Bools, less: float) -> tuple[Fit, Fit]:
         """The same point with weight `less` on the readings that are not `chosen` (r,), and on those that are."""
-        own, whole = self.grams_among(chosen), self.reduced.grams
+        whole, shooting = self.reduced.grams, self.shooting
+        own = shooting.grams(self.prediction.slopes, self.residuals, self.weights * chosen)
         pairs = ((chosen, own + less * (whole - own)), (~chosen, whole - own + less * own))
         first, second = (
             replace(
                 self,
                 weights=self.weights * np.where(mostly, 1.0, less),
-                reduced=self.shooting.reduced(grams, self.values),
+                reduced=shooting.reduced(grams, self.values),
             )
             for mostly, grams in pairs
         )
@@ -218,10 +223,10 @@ class Fit:
         states = self.reduced.states(step)
         both = np.column_stack([states, np.broadcast_to(step, (len(states), len(step)))])
         change, grams = np.empty(len(self.residuals)), self.reduced.grams.copy()
-        for own, gram, (first, last) in zip(both, grams, pairwise(self.shooting.rows), strict=True):
+        for own, products, (first, last) in zip(both, grams, pairwise(self.shooting.rows), strict=True):
             np.matmul(self.prediction.slopes[first:last], own, out=change[first:last])
-            gram[:-1, -1] -= gram[:-1, :-1] @ own
-            gram[-1] = gram[:, -1]
+            products[:-1, -1] -= products[:-1, :-1] @ own
+            products[-1] = products[:, -1]
         return replace(
             self,
             values=values,
@@ -230,35 +235,6 @@ class Fit:
             residuals=self.residuals - change / self.shooting.sigma,
             reduced=self.shooting.reduced(grams, values),
         )
-
-
-def _gram(slopes: Array, residuals: Array, scale: Array, weights: Array | None) -> Array:
-    """Products (m + 1, m + 1) of the scaled columns and the residuals."""
-    m = slopes.shape[1]
-    size = max(SINGLE // (m + 1) ** 2, 1)
-    result, part = np.zeros((m + 1, m + 1)), np.empty((min(size, len(slopes)), m + 1))
-    for first in range(0, len(slopes), size):
-        rows = slice(first, first + size)
-        own = part[: len(residuals[rows])]
-        np.multiply(slopes[rows], scale[rows, None], out=own[:, :m])
-        own[:, m] = residuals[rows]
-        result += (own if weights is None else own * weights[rows, None]).T @ own
-    return result
-
-
-def eliminated(s: int, grams: Array, damping: float = SINGULAR) -> Reduced:
-    """Normal equations without the s initial values of each segment, of products as of `Shooting.grams`.
-
-    damping: of the step of the initial values, relative.
-    """
-    m = grams.shape[1] - s - 1
-    own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
-    # where a speed is 0 throughout, a combination of its initial values has no effect, and the block is singular
-    sizes = np.diagonal(own, axis1=1, axis2=2)
-    own = own + np.eye(s) * (damping * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
-    held = np.linalg.solve(own, grams[:, :s, s:])
-    left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
-    return Reduced(left[:, :m], left[:, m], own, cross, right_own, grams)
 
 
 def widened(white: Array, robust: Array) -> tuple[Array, Array]:

@@ -16,8 +16,11 @@ from swingid.errors import UnanswerableError
 from swingid.methods.output_error.answer import answer_of, details_of, estimate_of, type_a
 from swingid.methods.output_error.checks import check_fit, is_poor, left_of_channels
 from swingid.methods.output_error.declared import constants_found
-from swingid.methods.output_error.search import RICHEST, Searched, Start, best_start, choose_law, first_values, search
+from swingid.methods.output_error.problem import Problem
+from swingid.methods.output_error.search import RICHEST, Searched, best_start, choose_law, first_values, search
 from swingid.methods.output_error.setup import Setup
+from swingid.methods.output_error.unknowns import Unknowns
+from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import CLOSE, solve, solve_from
 from swingid.preparation.prepared import Prepared
 from swingid.result.result import Result
@@ -119,23 +122,17 @@ def _rough_fit(setup: Setup, law: str, *, near: bool) -> Searched:
     tried: list[Searched] = []
     while True:
         problem = setup.problem(length)
-        start = Start(values) if tried else best_start(problem, unknowns, values, setup.loss, setup.starts)
-        if not tried and start.starts > 1 and near:
-            found = search(problem, unknowns, start, setup.loss, near=True)
-            if not (unknowns.zero_bound(found.fit.values) or is_poor(found)):
-                return replace(found, law=law)
-        found = search(problem, unknowns, start, setup.loss)
-        if not tried and (unknowns.zero_bound(found.fit.values) or is_poor(found)):
-            # a zero offset of more than a step counts where it alone makes the model explain the log
-            other = search(problem, unknowns.with_zero_of(None), Start(values), setup.loss)
-            found = found if is_poor(other) else other
-        tried.append(found)
+        if tried:
+            found = search(problem, unknowns, values, setup.loss)
+        else:
+            found = _first_search(setup, problem, unknowns, values, near=near)
+        tried.append(replace(found, law=law))
         # where the search does not converge the segments are far too long
         length /= 2 if found.fit.converged else 4
         if setup.segment is not None or not is_poor(found) or length * setup.part.log.rate < SHORTEST:
             break
     if len(tried) == 1:
-        return replace(found, law=law)
+        return tried[0]
     spread = np.array([type_a(setup, found) for found in tried])
     best = int(np.argmin(np.where(np.isfinite(spread), spread, np.inf)))
     found = tried[best]
@@ -144,7 +141,20 @@ def _rough_fit(setup: Setup, law: str, *, near: bool) -> Searched:
         # of the same readings, so the variance of the difference is that of the variances (Hausman 1978)
         change = float(found.fit.values[0] - tried[best - 1].fit.values[0])
         drift = dark_uncertainty(change, float(spread[best - 1] ** 2 - spread[best] ** 2), float(spread[best]))
-    return replace(found, law=law, drift=drift)
+    return replace(found, drift=drift)
+
+
+def _first_search(setup: Setup, problem: Problem, unknowns: Unknowns, values: Array, *, near: bool) -> Searched:
+    """A search on segments of the given length from the best of several starts."""
+    begin, agreeing = best_start(problem, unknowns, values, setup.loss, setup.starts)
+    for how in (True, False) if near and setup.starts > 1 else (False,):
+        found = search(problem, unknowns, begin, setup.loss, near=how)
+        found = replace(found, starts=setup.starts, agreeing=agreeing)
+        if not (unknowns.zero_bound(found.fit.values) or is_poor(found)):
+            return found
+    # a zero offset of more than a step counts where it alone makes the model explain the log
+    other = search(problem, unknowns.with_zero_of(None), values, setup.loss)
+    return found if is_poor(other) else other
 
 
 def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
@@ -159,7 +169,7 @@ def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
     else:
         fit = solve(shooting, begin, rough.fit.states)
     if not np.isfinite(fit.cost):  # values by a linear change of the motion, which may have a negative friction
-        fit = search(problem, unknowns, Start(first_values(setup, unknowns)), setup.loss).fit
+        fit = search(problem, unknowns, first_values(setup, unknowns), setup.loss).fit
     spread = choice.spread if law == "auto" else 0.0
     return replace(rough, unknowns=unknowns, fit=fit, candidates=choice.candidates, law=choice.law, spread=spread)
 

@@ -7,12 +7,12 @@ far from it, are tried on a few segments, so that a better minimum elsewhere is 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
-from swingid.balance.friction_laws import DIRECTIONS, LAWS
+from swingid.balance.friction_laws import DIRECTIONS, LAWS, law_terms
 from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
@@ -58,19 +58,20 @@ PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 
 @dataclass(frozen=True)
 class Searched:
-    """The fit of a problem, how many of its starts ended at its inertia, and the laws with their BIC above the best.
+    """The fit of a problem, and how it was found.
 
-    law: the friction law. near: see `search`. spread: standard deviation of the inertia over these laws by their
-    likelihoods; 0 where one law is given. drift: change of the inertia since segments of twice the length, where these
-    were shortened.
+    starts, agreeing: starts of the search, and how many ended at this inertia. candidates: laws tried with their BIC
+    above the best. law: the friction law. near: see `search`. spread: standard deviation of the inertia over these laws
+    by their likelihoods; 0 where one law is given. drift: change of the inertia since segments of twice the length,
+    where these were shortened.
     """
 
     problem: Problem
     unknowns: Unknowns
     fit: Fit
-    starts: int
-    agreeing: int
-    candidates: dict[str, float]
+    starts: int = 1
+    agreeing: int = 1
+    candidates: dict[str, float] = field(default_factory=dict)
     law: str = ""
     near: bool = False
     spread: float = 0.0
@@ -115,19 +116,13 @@ def first_values(setup: Setup, unknowns: Unknowns) -> Array:
     return np.array(values)
 
 
-@dataclass(frozen=True)
-class Start:
-    """Values (m,) to fit all segments from: those of the best of `starts` starts; `agreeing`: how many ended there."""
+def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> tuple[Array, int]:
+    """Values (m,) to fit all segments from, and how many starts ended there: the best of several, on a few segments.
 
-    values: Array
-    starts: int = 1
-    agreeing: int = 1
-
-
-def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> Start:
-    """The best of several starts, `values` (m,) and `starts` − 1 off it, tried on a few segments."""
+    The starts are `values` and `starts` − 1 off it.
+    """
     if starts == 1:
-        return Start(values)
+        return values, 1
     chosen = list(np.unique(np.linspace(0, len(problem.bounds) - 2, FEW).astype(int)))
     some = problem.part(chosen).shooting(unknowns, loss)
     tried = [solve(some, values, some.starts, ROUGH)]
@@ -142,23 +137,23 @@ def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, s
     best = min(tried, key=lambda fit: fit.cost)
     spread = SAME * abs(best.values[0])
     agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)
-    return Start(best.values if np.isfinite(best.cost) else values, starts, agreeing)
+    return best.values if np.isfinite(best.cost) else values, agreeing
 
 
-def search(problem: Problem, unknowns: Unknowns, start: Start, loss: str, *, near: bool = False) -> Searched:
+def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, *, near: bool = False) -> Searched:
     """Rough fit of all segments.
 
     near: first steps as from values that are nearly the best: where the model explains the log, that takes fewer.
     """
     shooting = problem.shooting(unknowns, loss)
     if near:
-        values = np.clip(start.values, *unknowns.bounds)
+        values = np.clip(values, *unknowns.bounds)
         here = fit_at(shooting, values, first_states(problem, unknowns, values, loss))
         motion = float(np.std(problem.measured[~problem.wheel] / problem.sigma[~problem.wheel]))
         fit = solve_near(here, NEAR, STRAIGHT * motion / np.sqrt(len(here.residuals)))
     else:
-        fit = solve(shooting, start.values, problem.starts, NEAR)
-    return Searched(problem, unknowns, fit, start.starts, start.agreeing, {}, near=near)
+        fit = solve(shooting, values, problem.starts, NEAR)
+    return Searched(problem, unknowns, fit, near=near)
 
 
 def first_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str) -> Array:
@@ -218,9 +213,6 @@ class _Trial:
     states: Callable[[], Array]
 
 
-_NO_TRIAL = _Trial(np.inf, np.inf, {}, np.inf, lambda: np.empty(0))
-
-
 def choose_law(rough: Searched, independent: float, fastest: float, law: str) -> Choice:
     """Choose the friction law of least Bayesian information criterion; with a `law` other than "auto" only its values.
 
@@ -233,14 +225,15 @@ def choose_law(rough: Searched, independent: float, fastest: float, law: str) ->
     for number, columns in enumerate(_columns(rough, [share * fastest for share in PEAKS])):
         for odd in LAWS:
             for direction in DIRECTIONS:
-                if law not in ("auto", odd + direction) or (number > 0 and "stribeck" not in LAWS[odd]):
+                name = odd + direction
+                if law not in ("auto", name) or (number > 0 and "stribeck" not in LAWS[odd]):
                     continue
                 if law == "auto" and direction.endswith("dependent") and "viscous" not in LAWS[odd]:
                     # viscous friction by direction is the same law as that with a viscous term
                     continue
-                trial = _try(columns, odd + direction, independent, forced=law != "auto")
-                if trial is not None and trial.bayes < tried.get(odd + direction, _NO_TRIAL).bayes:
-                    tried[odd + direction] = trial
+                trial = _try(columns, name, independent, forced=law != "auto")
+                if trial is not None and (name not in tried or trial.bayes < tried[name].bayes):
+                    tried[name] = trial
     ranked = sorted(tried, key=lambda name: tried[name].bayes)
     least = min(trial.akaike for trial in tried.values())
     weights = np.exp([-0.5 * (trial.akaike - least) for trial in tried.values()])
@@ -293,26 +286,20 @@ def _states_with(reduced: Reduced, places: list[int], step: Array) -> Array:
 
 def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Trial | None:
     """Criteria and values of a law; None where a coefficient is significantly negative, unless forced."""
-    odd, _, direction = law.partition(", ")
-    wanted = list(LAWS[odd])
-    if direction:
-        wanted.append("offset" if direction == "offset" or "coulomb" not in wanted else "coulomb_positive")
-    if direction.startswith("direction"):
-        wanted.append("viscous_positive")
-        if "viscous" not in wanted:
-            wanted.append("viscous")
-    missing = set(wanted) - set(columns.names)
-    if missing:
-        raise ValueError(f"no column of {', '.join(sorted(missing))}, which the law {law!r} has")
-    n = len(columns.names)
-    own = [k for k, name in enumerate(columns.names) if name in wanted or name not in FRICTION]
+    terms, n = law_terms(law), len(columns.names)
+    directed = "viscous_even" in terms
+    # of two coefficients by direction one is a term, and the difference another
+    other = {"viscous_even": "viscous_positive"}
+    if directed and "coulomb" in terms:
+        other["offset"] = "coulomb_positive"
+    wanted = {other.get(term, term) for term in terms} | ({"viscous"} if directed else set())
+    body = [k for k, name in enumerate(columns.names) if name not in FRICTION]
+    own = sorted([*body, *(columns.names.index(name) for name in wanted)])
     # residual of the law: the present one plus what the terms that it lacks contribute now
     blend = np.zeros((n + 1, len(own) + 1))
+    blend[:, -1] = np.append(columns.values, 1.0)
+    blend[own, -1] = 0.0
     blend[own, np.arange(len(own))] = 1.0
-    blend[n, -1] = 1.0
-    for k in range(n):
-        if k not in own:
-            blend[k, -1] = columns.values[k]
     gram = blend.T @ columns.gram @ blend
     inner, right, total = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
     scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
@@ -322,9 +309,7 @@ def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _T
     values = columns.values[own] + change
     spread = np.sqrt(np.maximum(np.diag(inverse) * lost / independent, 0.0))
     for k, value, u in zip(own, values, spread, strict=True):
-        free = (
-            columns.names[k] in ("offset", "coulomb_positive", "viscous_positive") or columns.names[k] not in FRICTION
-        )
+        free = k in body or columns.names[k] in ("offset", "coulomb_positive", "viscous_positive")
         if not free and value < -2 * u and law != "viscous" and not forced:
             return None
     count = len(friction_unknowns(law))

@@ -27,7 +27,7 @@ from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
 from swingid.methods.output_error import method
 from swingid.methods.output_error import problem as problems
-from swingid.methods.output_error.problem import problem_of
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
 from swingid.numerics import gauss_newton
 from swingid.numerics.gauss_newton import fit_at, solve

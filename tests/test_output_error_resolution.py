@@ -11,8 +11,8 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.identification import identify
 from swingid.methods.output_error.answer import grid_covariance
-from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.search import Searched
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import ZERO, unknowns_of
 from swingid.numerics.gauss_newton import solve
 from swingid.preparation.encoders import Encoders

@@ -20,7 +20,8 @@ from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import noise_of, number
-from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem, problem_of
+from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import Unknowns
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.methods.output_error.problem import Input, problem_of
+from swingid.methods.output_error.problem import Input
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import unknowns_of
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig

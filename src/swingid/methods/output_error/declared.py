@@ -28,8 +28,8 @@ from swingid.methods.output_error.constants import (
     is_felt,
     tilt_places,
 )
-from swingid.methods.output_error.problem import problem_of
 from swingid.methods.output_error.search import Searched
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import entries_of
 from swingid.model.parameters import WHEEL_TILT

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +14,8 @@ from swingid.balance.rows import Signals
 from swingid.checks.angle_scale import check_angle_scale, scale_at, search_scale
 from swingid.errors import UnanswerableError
 from swingid.identification import identify
-from swingid.methods.output_error.problem import Prediction
-from swingid.methods.output_error.solver import solve
+from swingid.numerics.gauss_newton import solve
+from swingid.numerics.shooting import Prediction, Shooting
 from swingid.preparation.prepared import prepare
 from swingid.recording.recording import Recording
 
@@ -130,11 +129,17 @@ def test_magnets_that_a_scale_does_not_describe_are_none(logs):
 def test_sensitivities_whose_squares_overflow_are_a_motion_that_diverges():
     """As of degrees that are stated for radians; they were no system of equations that can be solved."""
     slopes, none = np.full((8, 3), 1e200), np.zeros(8)
-    prediction = Prediction(outputs=none, slopes=slopes, rates=none, finite=True)
-    problem = SimpleNamespace(
-        measured=none + 1, sigma=none + 1, states=1, rows=np.array([0, 8]), fitted=lambda *_: prediction
+    prediction, bounds, states = Prediction(none, slopes), (np.full(2, -1.0), np.full(2, 1.0)), np.zeros((1, 1))
+    shooting = Shooting(
+        none + 1,
+        none + 1,
+        np.array([0, 8]),
+        states,
+        lambda *_: prediction,
+        bounds,
+        np.zeros(2),
+        lambda values, _: values,
     )
-    unknowns = SimpleNamespace(power=np.zeros(2), bounds=(np.full(2, -1.0), np.full(2, 1.0)), names=("inertia", "b"))
-    found = solve(problem, unknowns, np.zeros(2), np.zeros((1, 1)), "linear")
+    found = solve(shooting, np.zeros(2), states)
     assert not np.isfinite(found.cost)
     assert not found.converged

@@ -25,11 +25,13 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.identification import identify
-from swingid.methods.output_error import method, solver
+from swingid.methods.output_error import method
 from swingid.methods.output_error import problem as problems
-from swingid.methods.output_error.problem import problem_of
-from swingid.methods.output_error.solver import SINGULAR, eliminated, loss_of, reduce, solve
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import friction_unknowns, unknowns_of
+from swingid.numerics import gauss_newton
+from swingid.numerics.gauss_newton import fit_at, solve
+from swingid.numerics.shooting import SINGULAR, Fit, Reduced, Shooting, loss_of
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import equation_of
@@ -168,7 +170,8 @@ def test_eliminating_initial_values_solves_the_whole_system(viscous_log, damping
     damped = np.hstack([np.diag(np.sqrt(damping) * sizes), np.zeros((2 * segments, m))])
     right = np.concatenate([residuals * root, np.zeros(2 * segments)])
     solution = np.linalg.lstsq(np.vstack([whole, damped]), right, rcond=None)[0]
-    reduced = eliminated(2, reduce(problem, slopes, residuals, weights).grams, damping)
+    shooting = problem.shooting(unknowns)
+    reduced = shooting.reduced(shooting.grams(slopes, residuals, weights), damping=damping)
     step = np.linalg.solve(reduced.matrix, reduced.right)
     assert step == pytest.approx(solution[2 * segments :], rel=1e-9)
     assert reduced.states(step).ravel() == pytest.approx(solution[: 2 * segments], rel=1e-8, abs=1e-12)
@@ -200,10 +203,10 @@ def test_a_slow_log_does_not_count_as_one_whose_friction_changes_all_the_time(vi
 def test_a_step_that_is_left_is_taken_linearly(viscous_log):
     problem, unknowns = problem_and_unknowns(viscous_log.segment(3.0, 9.0), GIVEN, "voltage", "viscous")
     values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
-    fit = solve(problem, unknowns, values, problem.starts, "linear")
+    fit = solve(problem.shooting(unknowns), values, problem.starts)
     near = fit.values * (1 + 1e-5)
-    moved = solver._stepped(fit, problem, unknowns, near)
-    again = solver._at(problem, unknowns, near, moved.states, "linear")
+    moved = fit.moved(near)
+    again = fit_at(fit.shooting, near, moved.states)
     change = np.abs(again.residuals - fit.residuals).max()
     assert change > 0.01
     assert np.abs(moved.residuals - again.residuals).max() < 1e-3 * change
@@ -218,23 +221,26 @@ def test_a_motion_is_read_as_with_its_sensitivities(viscous_log):
     assert np.array_equal(whole.rates, bare.rates)
 
 
-def test_products_of_a_channel_are_those_with_the_other_left_out(viscous_log):
+def test_a_fit_that_leans_on_some_readings_is_that_with_less_weight_on_the_others(viscous_log):
     problem, unknowns = problem_and_unknowns(viscous_log, GIVEN, "voltage", "viscous")
     values = np.array([INERTIA, 1.144e-3, 0.0])[: len(unknowns)]
-    fit = solver._at(problem, unknowns, values, problem.starts, "linear")
+    fit = fit_at(problem.shooting(unknowns), values, problem.starts)
     first = problem.times < problem.times[problem.rows[2]]
     for chosen in (problem.wheel, first):
-        slopes, weights = fit.prediction.slopes, chosen.astype(float)
-        expected = solver.grams_of(problem, slopes, fit.residuals, weights)
-        assert solver.grams_among(problem, fit, chosen) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+        for mostly, other in zip((chosen, ~chosen), fit.leaning(chosen, 0.01), strict=True):
+            weights = np.where(mostly, 1.0, 0.01)
+            expected = fit.shooting.grams(fit.prediction.slopes, fit.residuals, weights)
+            assert np.array_equal(other.weights, weights)
+            assert other.reduced.grams == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def test_an_unknown_without_effect_stays_where_it_is():
     matrix, right = np.diag([2.0, 0.0]), np.array([1.0, 0.0])
-    reduced = solver.Reduced(matrix, right, np.eye(2)[None], np.zeros((1, 2, 2)), np.zeros((1, 2)), np.zeros((1, 5, 5)))
-    none = np.zeros(1)
-    fit = solver.Fit(np.zeros(2), np.zeros((1, 2)), None, none, none, 1.0, reduced, converged=False)
-    step, promised = solver._step(fit, reduced, np.full(2, -9.0), np.full(2, 9.0), 1e-12)
+    reduced = Reduced(matrix, right, np.eye(2)[None], np.zeros((1, 2, 2)), np.zeros((1, 2)), np.zeros((1, 5, 5)))
+    none, bounds = np.zeros(1), (np.full(2, -9.0), np.full(2, 9.0))
+    shooting = Shooting(none, none, np.array([0, 1]), np.zeros((1, 2)), None, bounds, np.zeros(2), None)
+    fit = Fit(shooting, np.zeros(2), np.zeros((1, 2)), None, none, none, 1.0, reduced)
+    step, promised = gauss_newton._step(fit, reduced, 1e-12)
     assert step == pytest.approx([0.5, 0.0], abs=1e-6)
     assert step[1] == 0.0
     assert promised == pytest.approx(0.5)
@@ -243,16 +249,16 @@ def test_an_unknown_without_effect_stays_where_it_is():
 def test_a_motion_whose_slopes_overflow_in_products_counts_as_divergent(viscous_log, monkeypatch):
     problem, unknowns = problem_and_unknowns(viscous_log, GIVEN, "wheel", "coulomb + viscous")
     values = np.array([INERTIA, 1e-3, 1e-3])
-    assert np.isfinite(solve(problem, unknowns, values, problem.starts, "linear").cost)
+    assert np.isfinite(solve(problem.shooting(unknowns), values, problem.starts).cost)
 
     fitted = type(problem).fitted
 
-    def steep(self, unknowns, values, states):
-        prediction = fitted(self, unknowns, values, states)
+    def steep(self, unknowns, values, states, same=None):
+        prediction = fitted(self, unknowns, values, states, same)
         return replace(prediction, slopes=1e200 * prediction.slopes)
 
     monkeypatch.setattr(type(problem), "fitted", steep)
-    assert solve(problem, unknowns, values, problem.starts, "linear").cost == np.inf
+    assert solve(problem.shooting(unknowns), values, problem.starts).cost == np.inf
 
 
 def test_robust_losses_are_quadratic_within_and_linear_beyond():

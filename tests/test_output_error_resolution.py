@@ -11,9 +11,10 @@ from swingid.control.compensator import Compensator
 from swingid.control.references import Sine
 from swingid.identification import identify
 from swingid.methods.output_error.answer import grid_covariance
-from swingid.methods.output_error.problem import problem_of
-from swingid.methods.output_error.solver import influence_of, solve
+from swingid.methods.output_error.search import Searched
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import ZERO, unknowns_of
+from swingid.numerics.gauss_newton import solve
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import channel_noise
 from swingid.preparation.scale import equation_of
@@ -75,10 +76,9 @@ def test_the_place_of_the_grid_moves_the_answer_as_the_budget_says(source):
     for place in np.arange(16) / 16:
         grids = np.where(problem.wheel, noise.wheel_resolution, step)
         coarse = replace(problem, measured=(np.rint(problem.measured / grids + place) - place) * grids)
-        fit = solve(coarse, unknowns, begin, problem.starts, "linear")
+        fit = solve(coarse.shooting(unknowns), begin, problem.starts)
         found.append(fit.values[0])
-    influence = influence_of(coarse, fit.prediction.slopes, fit.weights, fit.reduced)
-    told = np.sqrt(grid_covariance(coarse, fit, influence, noise)[0, 0])
+    told = np.sqrt(grid_covariance(Searched(coarse, unknowns, fit), noise)[0, 0])
     achieved = np.sqrt(np.mean((np.array(found) - INERTIA) ** 2))
     assert told == pytest.approx(achieved, rel=0.25)
 

@@ -20,13 +20,17 @@ from swingid.balance.windows import law_windows
 from swingid.checks.answer import check_sign
 from swingid.errors import InputError, UnanswerableError
 from swingid.format import noise_of, number
-from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem, problem_of
+from swingid.methods.output_error.problem import NO_ENTRIES, Input, Problem
+from swingid.methods.output_error.segments import problem_of
+from swingid.methods.output_error.unknowns import Unknowns
 from swingid.model.equation import Equation
 from swingid.model.parameters import constants as rig_constants
 from swingid.model.parameters import vector
 from swingid.model.rig import Rig
 from swingid.model.terms import TERMS, further_terms, values_by_key
+from swingid.numerics import shooting
 from swingid.numerics.arrays import Array
+from swingid.numerics.gauss_newton import LEAST, STALLED, solve
 from swingid.preparation.noise import Noise
 from swingid.preparation.prepared import Part, Prepared, prepare
 from swingid.preparation.scale import refuse_motor
@@ -42,9 +46,6 @@ SCHEMA = "swingid.validate/1"
 
 POOR = 95.0
 """Fit one swing ahead, in per cent, below which a log contradicts the model."""
-
-STEPS = 8
-"""Gauss–Newton steps towards the initial values of the free run; three do."""
 
 HEADINGS = ("log", "driven by", "free run", "one swing ahead", "its error, RMS", "sensor noise")
 
@@ -202,10 +203,11 @@ def _of_log(prepared: Prepared, p: Array, wanted: Literal["voltage", "wheel"] | 
     ]
     if not len(runs[0].measured):
         raise UnanswerableError(f"{name} has no stretch of rows long enough to predict.", code="too-short")
-    free = _readings(runs[0], p, _estimated_starts(runs[0], p))
+    fit = solve(runs[0].shooting(Unknowns((), p)), np.empty(0), runs[0].starts, STALLED, LEAST)
+    free = _outputs(fit.prediction)
     # half a swing more at either end, for a speed smoothed at the end of its rows is a worse one
     around = prepared.log.segment(part.start - half_period, part.stop + half_period)
-    swing = _readings(runs[1], p, _measured_starts(runs[1], around, noise))
+    swing = _outputs(runs[1].predict(p, NO_ENTRIES, _measured_starts(runs[1], around, noise), 0))
     axis, steps = ~runs[0].wheel, ~runs[1].wheel
     time = runs[0].times[axis]
     # segments too short to predict are left out of either; what both hold is compared
@@ -214,9 +216,8 @@ def _of_log(prepared: Prepared, p: Array, wanted: Literal["voltage", "wheel"] | 
     return Prediction(name, source, time[mine], measured, free[axis][mine], swing[steps][others], noise.angle)
 
 
-def _readings(problem: Problem, p: Array, starts: Array) -> Array:
-    found = problem.predict(p, NO_ENTRIES, starts, 0)
-    return found.outputs if found.finite else np.full(len(problem.measured), np.nan)
+def _outputs(found: shooting.Prediction) -> Array:
+    return found.outputs if found.finite else np.full(len(found.outputs), np.nan)
 
 
 def _measured_starts(problem: Problem, log: Recording, noise: Noise) -> Array:
@@ -230,24 +231,6 @@ def _measured_starts(problem: Problem, log: Recording, noise: Noise) -> Array:
         speed = smooth_speed(log.time + sensor.latency.value, values, sigma)
         columns += [speed.angle_at(instants), speed.at(instants)]
     return np.column_stack(columns)
-
-
-def _estimated_starts(problem: Problem, p: Array) -> Array:
-    """Initial values of every segment by least squares, Gauss–Newton from those that the angles show."""
-    starts = problem.starts.copy()
-    best, cost = starts.copy(), np.inf
-    for _ in range(STEPS):
-        found = problem.predict(p, NO_ENTRIES, starts, 0)
-        left = (problem.measured - found.outputs) / problem.sigma
-        now = float(left @ left) if found.finite and np.isfinite(left).all() else np.inf
-        if not now < cost * (1 - 1e-9):
-            break
-        best, cost = starts.copy(), now
-        for k in range(len(starts)):
-            rows = slice(problem.rows[k], problem.rows[k + 1])
-            slopes = found.slopes[rows] / problem.sigma[rows, None]
-            starts[k] += np.linalg.lstsq(slopes, left[rows], rcond=None)[0]
-    return best
 
 
 def _rms(error: Array) -> float:

@@ -27,7 +27,7 @@ from swingid.calibration.motor.constants import (
     late_wheel,
 )
 from swingid.calibration.motor.free_swing import RATIO, free_swing
-from swingid.calibration.motor.output_error import USUAL_STEPS, OutputFit, fit_output
+from swingid.calibration.motor.output_error import OutputFit, fit_output
 from swingid.calibration.outcome import Found, result_of
 from swingid.errors import InputError
 from swingid.model.rig import Rig
@@ -119,7 +119,7 @@ def calibrate(logs: Recording | Sequence[Recording], rig: Rig) -> Calibration:
     free = rig.drive.wheel is None
     kinds = ["free swing" if free else kind_of(log, rig) for log in several]
     turn = len(kinds) - kinds.count("free swing")
-    with stepwise(len(several) + (BALANCES + USUAL_STEPS * (1 + (turn > 1)) if turn else 0)):
+    with stepwise(len(several) + (BALANCES + 1 + (turn > 1) if turn else 0)):
         return _calibrated(read, kinds, rig)
 
 

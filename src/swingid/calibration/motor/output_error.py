@@ -6,7 +6,7 @@ a second, each with its own angle and speed at the start, do not (multiple shoot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -16,15 +16,14 @@ from swingid.calibration.motor.channels import GAP, WheelLog
 from swingid.calibration.motor.products import COUNT, COUPLING, allowed
 from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
 from swingid.numerics.arrays import Array, Bools, Ints
+from swingid.numerics.gauss_newton import LEAST, STALLED, solve
+from swingid.numerics.shooting import Fit, Prediction, Shooting, widened
 from swingid.progress import stepped
 
 SHOT = 1.0
 """Length of a shot in s: some time constants of a damped wheel."""
 
-FEWEST_ROWS, MOST_STEPS = 20, 30
-
-USUAL_STEPS = 8
-"""Steps of Gauss–Newton that are counted as progress; most fits end sooner."""
+FEWEST_ROWS = 20
 
 FEWEST_SPARE = 2
 """Shots beyond the number of products from which on the scores of shots are used instead of those of blocks."""
@@ -68,22 +67,26 @@ class Shot:
 class OutputFit:
     """Products (7,) that the simulated angles fit best, with the covariance (7, 7) of the free ones.
 
-    levels: root mean square of the residuals of each log (rad). influence: derivative of the products to every logged
-    angle, per shot (see `shift`).
+    fit: of the free products and the initial values of the shots. levels: root mean square of the residuals of each
+    log (rad).
     """
 
     values: Array
     covariance: Array
     free: Bools
     shots: tuple[Shot, ...]
-    starts: tuple[Array, ...]
+    fit: Fit
     levels: Array
-    influence: tuple[Array, ...]
+
+    @property
+    def starts(self) -> Array:
+        """Angle and speed of the wheel at the begin of each shot (shots, 2)."""
+        return self.fit.states
 
     def shift(self, changes: Sequence[Array]) -> Array:
         """Change of the products (7,) when the logged angle of each shot changes by `changes` (rad)."""
         result = np.zeros(COUNT)
-        result[self.free] = sum((k @ c for k, c in zip(self.influence, changes, strict=True)), 0.0)
+        result[self.free] = self.fit.effect(np.concatenate(changes))
         return result
 
 
@@ -136,128 +139,74 @@ def _cuts(time: Array, speed: Array) -> Ints:
 
 
 def fit_output(logs: Sequence[WheelLog], start: Array, free: Bools) -> OutputFit:
-    """Refine the free products from `start` by Gauss–Newton with halved steps; requires a `start` near the estimate."""
+    """Refine the free products from `start`; requires a `start` near the estimate.
+
+    Every log has the weight of its residuals, once these are known.
+    """
     shots = [shot for place, log in enumerate(logs) for shot in _shots(place, log)]
-    weights = np.array([1 / max(log.noise.wheel, 1e-12) for log in logs])
-    values, starts = _descend(shots, start.copy(), [shot.start for shot in shots], free, weights)
-    parts = _reduced(shots, values, starts, free)
-    left = [[part.left for part, shot in zip(parts, shots, strict=True) if shot.log == k] for k in range(len(logs))]
-    levels = np.array([float(np.sqrt(np.mean(np.concatenate(own or [np.zeros(1)]) ** 2))) for own in left])
+    states = np.array([shot.start for shot in shots])
+    levels = np.array([max(log.noise.wheel, 1e-12) for log in logs])
+    fit = solve(_shooting(shots, levels, states, start, free), start[free], states, STALLED, LEAST)
+    stepped()
+    levels = _levels(fit, shots, len(logs))
     if len(logs) > 1:
-        weights = 1 / np.maximum(levels, 1e-12)
-        values, starts = _descend(shots, values, starts, free, weights)
-        parts = _reduced(shots, values, starts, free)
-    return _fitted(shots, parts, values, starts, free, weights, levels)
+        shooting = _shooting(shots, np.maximum(levels, 1e-12), states, start, free)
+        fit = solve(shooting, fit.values, fit.states, STALLED, LEAST)
+        stepped()
+        levels = _levels(fit, shots, len(logs))
+    values, covariance = start.copy(), np.zeros((COUNT, COUNT))
+    values[free], covariance[np.ix_(free, free)] = fit.values, _covariance(fit, shots)
+    return OutputFit(values, covariance, free, tuple(shots), fit, levels)
 
 
-@dataclass(frozen=True)
-class _Part:
-    """One shot with its start eliminated: residuals, derivatives to the free products, change of the start."""
+def _shooting(shots: list[Shot], levels: Array, states: Array, start: Array, free: Bools) -> Shooting:
+    """Least squares of the shots with the free products; levels (logs,): standard deviation of the readings (rad)."""
 
-    left: Array
-    slopes: Array
-    follow: Callable[[Array], Array]
+    def whole(values: Array) -> Array:
+        products = start.copy()
+        products[free] = values
+        return products
 
+    def simulate(values: Array, states: Array, same: Prediction | None) -> Prediction:
+        if same is not None:
+            return same
+        found = [shot.simulated(whole(values), state) for shot, state in zip(shots, states, strict=True)]
+        outputs, slopes = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return Prediction(outputs, np.hstack([slopes[:, COUNT:], slopes[:, :COUNT][:, free]]))
 
-def _reduced(shots: list[Shot], values: Array, starts: list[Array], free: Bools) -> list[_Part]:
-    return [_part(shot, values, start, free) for shot, start in zip(shots, starts, strict=True)]
-
-
-def _part(shot: Shot, values: Array, start: Array, free: Bools) -> _Part:
-    angles, slopes = shot.simulated(values, start)
-    left = shot.wheel - angles
-    own = slopes[:, COUNT:]
-    q, r = np.linalg.qr(own)
-    inverse = np.linalg.pinv(r)
-    wanted = slopes[:, :COUNT][:, free]
-
-    def follow(step: Array) -> Array:
-        result: Array = inverse @ (q.T @ (left - wanted @ step))
-        return result
-
-    return _Part(left - q @ (q.T @ left), wanted - q @ (q.T @ wanted), follow)
-
-
-def _loss(shots: list[Shot], values: Array, starts: list[Array], weights: Array) -> float:
-    total = 0.0
-    for shot, start in zip(shots, starts, strict=True):
-        left = shot.wheel - shot.simulated(values, start)[0]
-        total += float(left @ left) * weights[shot.log] ** 2
-    return total
+    sizes = [len(shot.wheel) for shot in shots]
+    anything = np.full(np.count_nonzero(free), np.inf)
+    return Shooting(
+        np.concatenate([shot.wheel for shot in shots]),
+        np.repeat(levels[[shot.log for shot in shots]], sizes),
+        np.concatenate([[0], np.cumsum(sizes)]),
+        states,
+        simulate,
+        (-anything, anything),
+        np.zeros(len(anything)),
+        # what is physical of one product depends on the others
+        lambda values, _: allowed(whole(values), free)[free],
+    )
 
 
-def _descend(
-    shots: list[Shot], values: Array, starts: list[Array], free: Bools, weights: Array
-) -> tuple[Array, list[Array]]:
-    """Gauss–Newton over products and starts, with halved steps while the sum of squares does not fall."""
-    least = _loss(shots, values, starts, weights)
-    for k in range(MOST_STEPS):
-        stepped(int(k < USUAL_STEPS))
-        parts = _reduced(shots, values, starts, free)
-        step, _ = _solve(shots, parts, weights)
-        for _ in range(10):
-            tried = values.copy()
-            tried[free] += step
-            tried = allowed(tried, free)
-            taken = tried[free] - values[free]
-            follow = [x + part.follow(taken) for x, part in zip(starts, parts, strict=True)]
-            now = _loss(shots, tried, follow, weights)
-            if now <= least:
-                break
-            step = step / 2
-        else:
-            break
-        gained, values, starts, least = least - now, tried, follow, now
-        if gained <= 1e-9 * least:
-            break
-    stepped(max(USUAL_STEPS - 1 - k, 0))
-    return values, starts
+def _levels(fit: Fit, shots: list[Shot], count: int) -> Array:
+    """Root mean square of the residuals of each of `count` logs, rad; 0 without shots."""
+    place = np.repeat([shot.log for shot in shots], np.diff(fit.shooting.rows))
+    squares = np.bincount(place, (fit.residuals * fit.shooting.sigma) ** 2, minlength=count)
+    result: Array = np.sqrt(squares / np.maximum(np.bincount(place, minlength=count), 1))
+    return result
 
 
-def _solve(shots: list[Shot], parts: list[_Part], weights: Array) -> tuple[Array, Array]:
-    """Gauss–Newton's step and the inverse of the information matrix."""
-    slopes = np.concatenate([weights[s.log] * p.slopes for s, p in zip(shots, parts, strict=True)])
-    left = np.concatenate([weights[s.log] * p.left for s, p in zip(shots, parts, strict=True)])
-    scale = np.linalg.norm(slopes, axis=0)
-    scale[scale == 0] = 1.0
-    q, r = np.linalg.qr(slopes / scale)
-    inverse = np.linalg.pinv(r, rcond=1e-12) / scale[:, None]
-    return inverse @ (q.T @ left), inverse @ inverse.T
+def _covariance(fit: Fit, shots: list[Shot]) -> Array:
+    """Covariance from the Jacobian, and from the scatter of the scores where that is larger (cluster-robust).
 
-
-def _fitted(
-    shots: list[Shot],
-    parts: list[_Part],
-    values: Array,
-    starts: list[Array],
-    free: Bools,
-    weights: Array,
-    levels: Array,
-) -> OutputFit:
-    """Covariance from the Jacobian, and from the scatter of the scores where that is larger (cluster-robust)."""
-    _, inverse = _solve(shots, parts, weights)
-    own = [weights[shot.log] ** 2 for shot in shots]
-    count = sum(len(part.left) for part in parts)
-    spare = max(count - len(inverse) - 2 * len(parts), 1)
-    variance = sum(w * float(p.left @ p.left) for w, p in zip(own, parts, strict=True)) / spare
-    scores, taken = _scores(shots, parts, own)
-    clusters = len(scores) / max(len(scores) - len(inverse) - taken, 1)
-    robust = inverse @ (scores.T @ scores) @ inverse * clusters
-    classical = variance * inverse
-    widen = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(classical), 1e-300), 1.0))
-    covariance = np.zeros((COUNT, COUNT))
-    covariance[np.ix_(free, free)] = classical * np.outer(widen, widen)
-    influence = tuple(w * inverse @ p.slopes.T for w, p in zip(own, parts, strict=True))
-    return OutputFit(values, covariance, free, tuple(shots), tuple(starts), levels, influence)
-
-
-def _scores(shots: list[Shot], parts: list[_Part], weights: list[float]) -> tuple[Array, int]:
-    """Scores (clusters, free) of shots, or of blocks of shots where those are few; and unknowns fitted beside."""
-    if len(parts) > parts[0].slopes.shape[1] + FEWEST_SPARE:
-        return np.array([w * p.slopes.T @ p.left for w, p in zip(weights, parts, strict=True)]), 0
-    found = []
-    for shot, part, weight in zip(shots, parts, weights, strict=True):
-        blocks = max(round(float(shot.steps.sum()) / BLOCK), 1)
-        rows = zip(np.array_split(part.slopes, blocks), np.array_split(part.left, blocks), strict=True)
-        found += [weight * slopes.T @ left for slopes, left in rows]
-    return np.array(found), 2 * len(parts)
+    Clusters are the shots, or blocks of these where they are few.
+    """
+    count, used = len(fit.values), 0
+    blocks = [1] * len(shots)
+    if len(shots) <= count + FEWEST_SPARE:
+        blocks, used = [max(round(float(shot.steps.sum()) / BLOCK), 1) for shot in shots], fit.states.size
+    parts = [len(part) for shot, own in zip(shots, blocks, strict=True) for part in np.array_split(shot.wheel, own)]
+    scores = fit.scores(np.repeat(np.arange(len(parts)), parts))
+    robust = scores @ scores.T * (len(parts) / max(len(parts) - count - used, 1))
+    return widened(fit.white(), robust)[0]

@@ -13,16 +13,15 @@ from swingid.checks.consistency import DISAGREES
 from swingid.checks.rig_file import CONFLICT
 from swingid.methods.output_error.constants import SCALE
 from swingid.methods.output_error.declared import declared_effects, shift_of_momentum
-from swingid.methods.output_error.problem import Problem
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import Fit, eliminated, grams_among, influence_of, informed, inverse_of
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns
 from swingid.model.friction import static_curve
 from swingid.model.parameters import COULOMB_N, STATIC_N
 from swingid.model.terms import units_on
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import NEIGHBOURS, block_covariance
+from swingid.numerics.shooting import widened
 from swingid.preparation.noise import Noise
 from swingid.result.result import Details, FrictionCurve
 from swingid.uncertainty.budget import Declared, Evaluated, Scatter, Source, evaluate, systematic
@@ -46,7 +45,7 @@ CURVE_KNOTS = 12
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fit with its uncertainties: influence K (m, r) of the readings; covariance (m, m) of type A.
+    """A fit with its uncertainties: covariance (m, m) of type A.
 
     freedom: degrees of freedom of that of the inertia. declared: change of the values (m,) per unit of every constant
     or imperfection. kinds: inertia, standard uncertainty and dark uncertainty where some of the readings have less
@@ -55,9 +54,7 @@ class Estimate:
     """
 
     setup: Setup
-    problem: Problem
     searched: Searched
-    influence: Array
     covariance: Array
     freedom: float
     declared: tuple[Declared, ...]
@@ -81,62 +78,55 @@ class Estimate:
         return self.searched.fit.values
 
 
-def estimate_of(setup: Setup, problem: Problem, searched: Searched) -> Estimate:
+def estimate_of(setup: Setup, searched: Searched) -> Estimate:
     """Covariance of a fit, effects of every constant of the rig, and consistency of parts of the readings."""
     fit = searched.fit
-    influence, covariance, freedom = _type_a(setup, problem, fit)
-    declared = declared_effects(setup, problem, searched, influence)
+    covariance, freedom = _type_a(setup, searched)
+    declared = declared_effects(setup, searched)
     grid, zero = np.zeros_like(covariance), np.zeros(len(covariance))
     if setup.part.log.averaged == 1:
-        grid = grid_covariance(problem, fit, influence, setup.part.noise)
+        grid = grid_covariance(searched, setup.part.noise)
     if (k := searched.unknowns.zero) is not None:
-        zero = np.abs(inverse_of(fit.reduced)[:, k] * np.sqrt(searched.unknowns.power[k]))
-    kinds = _kinds(searched, problem, influence, covariance)
-    return Estimate(setup, problem, searched, influence, covariance, freedom, declared, kinds, grid, zero)
+        zero = np.abs(fit.inverse[:, k] * np.sqrt(searched.unknowns.power[k]))
+    kinds = _kinds(searched, covariance)
+    return Estimate(setup, searched, covariance, freedom, declared, kinds, grid, zero)
 
 
-def type_a(setup: Setup, problem: Problem, searched: Searched) -> float:
+def type_a(setup: Setup, searched: Searched) -> float:
     """Standard uncertainty of a fit's inertia from scatter and disagreement; infinite where its motion diverges."""
     if not np.isfinite(searched.fit.cost):
         return np.inf
-    influence, covariance, _ = _type_a(setup, problem, searched.fit)
-    gaps = [gap for _, _, gap in _kinds(searched, problem, influence, covariance).values()]
+    covariance, _ = _type_a(setup, searched)
+    gaps = [gap for _, _, gap in _kinds(searched, covariance).values()]
     return float(np.sqrt(covariance[0, 0] + np.sum(np.square(gaps))))
 
 
-def _type_a(setup: Setup, problem: Problem, fit: Fit) -> tuple[Array, Array, float]:
-    """Influence, covariance and degrees of freedom of the first value's variance.
+def _type_a(setup: Setup, searched: Searched) -> tuple[Array, float]:
+    """Covariance, and degrees of freedom of the first value's variance.
 
     The covariance is that of white noise of the sensors, but no less than the scatter of the residuals over half swings
     (Newey–West): correlated residuals (an encoder's grid, a model that is not quite right) count as often as they
     repeat. Degrees of freedom: many for white noise, those of the half swings for the rest.
     """
-    influence, residuals = influence_of(problem, fit.prediction.slopes, fit.weights, fit.reduced), fit.residuals
-    turning = setup.part.motion.turning_times
-    freedom = max(len(residuals) - len(influence) - problem.states * (len(problem.rows) - 1), 1)
-    size = max(1.0, float(residuals @ residuals) / freedom)
-    white: Array = influence @ influence.T * size
+    problem, fit, turning = searched.problem, searched.fit, setup.part.motion.turning_times
+    white, count = fit.white(least=1.0), len(fit.values)
     blocks = np.searchsorted(turning, problem.times)
-    segment = np.searchsorted(problem.rows, np.arange(len(residuals)), side="right")
+    segment = np.searchsorted(problem.rows, np.arange(len(problem.times)), side="right")
     _, label = np.unique(segment * (len(turning) + 1) + blocks, return_inverse=True)
-    scores = np.array([np.bincount(label, row) for row in influence * residuals])
-    robust = block_covariance(scores, len(influence))
-    floor = np.maximum(np.diag(white), 1e-300)
-    stretch = np.sqrt(np.maximum(np.diag(robust) / floor, 1.0))
-    weights = np.sqrt(np.bincount(label, influence[0] ** 2))
-    beyond = (white[0, 0] * (stretch[0] ** 2 - 1)) ** 0.5, scatter_freedom(weights, NEIGHBOURS, len(influence))
-    covariance = white * np.outer(stretch, stretch)
-    return influence, covariance, effective_freedom(((white[0, 0] ** 0.5, freedom), beyond))
+    covariance, stretch = widened(white, block_covariance(fit.scores(label), count))
+    weights = np.sqrt(np.bincount(label, fit.influence[0] ** 2))
+    beyond = (white[0, 0] * (stretch[0] ** 2 - 1)) ** 0.5, scatter_freedom(weights, NEIGHBOURS, count)
+    return covariance, effective_freedom(((white[0, 0] ** 0.5, fit.freedom), beyond))
 
 
-def grid_covariance(problem: Problem, fit: Fit, influence: Array, noise: Noise) -> Array:
+def grid_covariance(searched: Searched, noise: Noise) -> Array:
     """Covariance (m, m) of the unknowns over the grid phase of each encoder, whose errors repeat with the motion.
 
     The predicted angles are rounded on a grid that is shifted by eighths of its step; noise beside the grid is drawn
     once, and makes the rounding errors white, which the scatter of the residuals contains.
     """
-    draws = np.random.default_rng(0)
-    total = np.zeros((len(influence), len(influence)))
+    draws, problem, fit = np.random.default_rng(0), searched.problem, searched.fit
+    total = np.zeros((len(fit.values), len(fit.values)))
     channels = ((~problem.wheel, noise.angle, noise.resolution), (problem.wheel, noise.wheel, noise.wheel_resolution))
     for here, sigma, step in channels:
         if step == 0.0 or not here.any():
@@ -145,39 +135,31 @@ def grid_covariance(problem: Problem, fit: Fit, influence: Array, noise: Noise) 
         angles = fit.prediction.outputs[here] + white * draws.standard_normal(int(np.count_nonzero(here)))
         shifted = angles / step + np.arange(PHASES)[:, None] / PHASES
         errors = (np.round(shifted) - shifted) * step / problem.sigma[here]
-        effects = errors @ influence[:, here].T
+        effects = errors @ fit.influence[:, here].T
         total += effects.T @ effects / PHASES
     return total
 
 
-def _kinds(
-    searched: Searched, problem: Problem, influence: Array, covariance: Array
-) -> dict[str, tuple[float, float, float]]:
+def _kinds(searched: Searched, covariance: Array) -> dict[str, tuple[float, float, float]]:
     """The inertia with weight `LESS` on one channel or one half of the log: one Gauss–Newton step from the estimate."""
-    fit = searched.fit
+    problem, fit = searched.problem, searched.fit
     middle = problem.times[problem.rows[(len(problem.rows) - 1) // 2]]
     pairs = [(("mostly its first half", "mostly its second half"), problem.times < middle)]
     if len(problem.rows) < 3:
         pairs = []
     if problem.input == "voltage":
         pairs.append((("mostly the angle", "mostly the wheel"), ~problem.wheel))
-    groups = {}
-    for (one, another), here in pairs:
-        own, whole = grams_among(problem, fit, here), fit.reduced.grams
-        groups[one] = here, own + LESS**2 * (whole - own)
-        groups[another] = ~here, whole - own + LESS**2 * own
-    ratio = covariance[0, 0] / max(float(influence[0] @ influence[0]), 1e-300)
-    found, first = {}, np.eye(1, len(influence))
-    for name, (mostly, grams) in groups.items():
-        weights = fit.weights * np.where(mostly, 1.0, LESS**2)
-        reduced = informed(eliminated(problem.states, grams), searched.unknowns, fit.values)
-        other = influence_of(problem, fit.prediction.slopes, weights, reduced, first)[0]
-        shift = float(inverse_of(reduced)[0] @ reduced.right)
-        # the priors too, whose errors have their own standard uncertainties, have another influence
-        prior = (inverse_of(reduced)[0] - inverse_of(fit.reduced)[0]) * np.sqrt(searched.unknowns.power)
-        variance = float((other - influence[0]) @ (other - influence[0])) * ratio + float(prior @ prior)
-        dark = dark_uncertainty(shift, variance, float(np.sqrt(covariance[0, 0])))
-        found[name] = float(fit.values[0]) + shift, float(np.sqrt(other @ other * ratio)), dark
+    ratio = covariance[0, 0] / max(float(fit.influence[0] @ fit.influence[0]), 1e-300)
+    found, first = {}, np.eye(1, len(fit.values))
+    for names, here in pairs:
+        for name, other in zip(names, fit.leaning(here, LESS**2), strict=True):
+            influence, shift = other.influence_on(first)[0], float(other.left[0])
+            # the priors too, whose errors have their own standard uncertainties, have another influence
+            prior = (other.inverse[0] - fit.inverse[0]) * np.sqrt(searched.unknowns.power)
+            apart = influence - fit.influence[0]
+            variance = float(apart @ apart) * ratio + float(prior @ prior)
+            dark = dark_uncertainty(shift, variance, float(np.sqrt(covariance[0, 0])))
+            found[name] = float(fit.values[0]) + shift, float(np.sqrt(influence @ influence * ratio)), dark
     return found
 
 
@@ -191,8 +173,8 @@ def prior_conflict(estimate: Estimate) -> float:
     """
     unknowns, fit = estimate.unknowns, estimate.searched.fit
     stated = [k for k, item in enumerate(unknowns.items) if item.places and not item.is_sought and item.name != SCALE]
-    inverse = inverse_of(fit.reduced)
-    ratio = float(estimate.covariance[0, 0]) / max(float(estimate.influence[0] @ estimate.influence[0]), 1e-300)
+    inverse = fit.inverse
+    ratio = float(estimate.covariance[0, 0]) / max(float(fit.influence[0] @ fit.influence[0]), 1e-300)
     u, found = math.sqrt(max(float(inverse[0, 0]), 0.0)), 0.0
     for k in stated:
         power = float(unknowns.power[k])
@@ -259,7 +241,7 @@ def _sought(unknowns: Unknowns) -> dict[str, Array]:
 
 def details_of(estimate: Estimate, extra: dict[str, float]) -> Details:
     """What the report draws; the residuals are those of the axis' angle, in rad (m). extra: more shares."""
-    fit, problem, setup = estimate.searched.fit, estimate.problem, estimate.setup
+    fit, problem, setup = estimate.searched.fit, estimate.searched.problem, estimate.setup
     kinds = {name: (value, u) for name, (value, u, _) in estimate.kinds.items()}
     own, balance = float(np.sqrt(estimate.covariance[0, 0])), setup.consistency.balance
     return Details(
@@ -278,7 +260,7 @@ def details_of(estimate: Estimate, extra: dict[str, float]) -> Details:
 
 def _friction_curve(estimate: Estimate) -> FrictionCurve:
     """The fitted law up to the highest speed, with uncertainties of type A."""
-    unknowns, values, problem = estimate.unknowns, estimate.values, estimate.problem
+    unknowns, values, problem = estimate.unknowns, estimate.values, estimate.searched.problem
     p = unknowns.vector(values)
     fastest = float(np.max(np.abs(estimate.searched.fit.prediction.rates[~problem.wheel])))
     side = fastest * np.linspace(0, 1, CURVE_KNOTS) ** 1.5

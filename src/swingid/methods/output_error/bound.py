@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from swingid.errors import InputError, UnanswerableError
-from swingid.methods.output_error.problem import Input, problem_of
-from swingid.methods.output_error.solver import reduce
+from swingid.methods.output_error.problem import Input
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import unknowns_of
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
@@ -57,8 +57,8 @@ def cramer_rao(
         raise UnanswerableError(
             "the simulated motion under the log's voltage diverges; check the rig's constants.", code="not-finite"
         )
-    count = len(problem.measured)
-    information = reduce(problem, prediction.slopes, np.zeros(count), np.ones(count)).matrix
+    shooting, count = problem.shooting(unknowns), len(problem.measured)
+    information = shooting.reduced(shooting.grams(prediction.slopes, np.zeros(count), np.ones(count))).matrix
     size = np.sqrt(np.maximum(np.diag(information), 1e-300))
     scaled = information / np.outer(size, size)
     if np.linalg.eigvalsh(scaled)[0] < SINGULAR:

@@ -14,10 +14,8 @@ from swingid.format import number, percent
 from swingid.methods.output_error.answer import Estimate
 from swingid.methods.output_error.constants import SCALE, constant_value
 from swingid.methods.output_error.declared import shift_of_momentum
-from swingid.methods.output_error.problem import Problem
 from swingid.methods.output_error.search import Searched
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import Fit, inverse_of
 from swingid.methods.output_error.unknowns import FRICTION, ZERO, Unknowns
 from swingid.numerics.arrays import Bools
 from swingid.result.provenance import exact_constants
@@ -138,50 +136,50 @@ def _require_identifiable(estimate: Estimate) -> None:
         )
 
 
-def misfit(fit: Fit, unknowns: Unknowns, problem: Problem) -> dict[str, tuple[float, float]]:
+def misfit(searched: Searched) -> dict[str, tuple[float, float]]:
     """Residual (rms, rad or m) of each channel, and what noise, jitter and the input's nonlinearity explain of it."""
-    found = {}
-    for channel, (here, left) in _left(fit, problem).items():
+    problem, fit, found = searched.problem, searched.fit, {}
+    for channel, (here, left) in _left(searched).items():
         sensor = problem.encoders.angle if channel == "angle" else problem.encoders.wheel
         rate = float(np.sqrt(np.mean(fit.prediction.rates[here] ** 2)))
         # a nonlinearity that is no unknown, and that of the wheel as input, which enters the prediction
         key = f"sensors.{'' if channel == 'angle' else 'wheel.'}nonlinearity."
-        own = 0.0 if any(name.startswith(key) for name in unknowns.names) else sensor.nonlinearity
+        own = 0.0 if any(name.startswith(key) for name in searched.unknowns.names) else sensor.nonlinearity
         of_input = problem.encoders.wheel.nonlinearity if problem.input == "wheel" else 0.0
         parts = (problem.sigma[here][0], own, of_input, sensor.jitter * rate)
         found[channel] = left, float(np.sqrt(np.sum(np.square(parts))))
     return found
 
 
-def _left(fit: Fit, problem: Problem) -> dict[str, tuple[Bools, float]]:
+def _left(searched: Searched) -> dict[str, tuple[Bools, float]]:
     """Readings of each channel, and their residual (rms, rad or m)."""
-    channels = {"angle": ~problem.wheel, "wheel": problem.wheel}
-    residuals = fit.residuals * problem.sigma
+    wheel, residuals = searched.problem.wheel, searched.fit.residuals * searched.problem.sigma
+    channels = {"angle": ~wheel, "wheel": wheel}
     return {
         name: (here, float(np.sqrt(np.mean(residuals[here] ** 2)))) for name, here in channels.items() if here.any()
     }
 
 
-def left_of_channels(fit: Fit, problem: Problem) -> dict[str, float]:
+def left_of_channels(searched: Searched) -> dict[str, float]:
     """Residual (rms) of each channel as a share of its motion."""
     return {
-        f"{name}_left": left / max(float(np.std(problem.measured[here])), 1e-300)
-        for name, (here, left) in _left(fit, problem).items()
+        f"{name}_left": left / max(float(np.std(searched.problem.measured[here])), 1e-300)
+        for name, (here, left) in _left(searched).items()
     }
 
 
-def is_poor(found: Searched, problem: Problem) -> bool:
+def is_poor(found: Searched) -> bool:
     """Whether a residual is above what the sensors explain, or the motion diverges."""
     if not np.isfinite(found.fit.cost):
         return True
-    return max(left / expected for left, expected in misfit(found.fit, found.unknowns, problem).values()) > POOR
+    return max(left / expected for left, expected in misfit(found).values()) > POOR
 
 
 def _excess(estimate: Estimate) -> str:
     """How far residuals are above what the sensors explain, "" where they are not."""
     shares = [
         f"{left / expected:.3g} times for the {channel}"
-        for channel, (left, expected) in misfit(estimate.searched.fit, estimate.unknowns, estimate.problem).items()
+        for channel, (left, expected) in misfit(estimate.searched).items()
         if left > POOR * expected
     ]
     return f"the residuals are above what the sensors explain ({', '.join(shares)})" if shares else ""
@@ -208,8 +206,7 @@ def _not_converged(estimate: Estimate) -> list[Message]:
     Friction terms that are hardly identifiable give a flat valley, in which slow convergence does no harm.
     """
     fit = estimate.searched.fit
-    step = float(inverse_of(fit.reduced)[0] @ fit.reduced.right)
-    if fit.converged or abs(step) < SETTLED * np.sqrt(estimate.covariance[0, 0]):
+    if fit.converged or abs(float(fit.left[0])) < SETTLED * np.sqrt(estimate.covariance[0, 0]):
         return []
     text = "the search for the least squares did not converge; take fewer unknowns or a simpler friction law."
     return [Message("not-converged", text)]
@@ -241,8 +238,8 @@ def _conditioning(seen: Identifiability, unknowns: Unknowns) -> Message:
 
 
 def _search_note(estimate: Estimate) -> Message:
-    searched, segments = estimate.searched, len(estimate.problem.rows) - 1
-    text = f"{segments} segment{'s' if segments > 1 else ''} of {len(estimate.problem.measured) // segments} readings"
+    searched, segments = estimate.searched, len(estimate.searched.problem.rows) - 1
+    text = f"{segments} segment{'s' if segments > 1 else ''} of {len(searched.problem.measured) // segments} readings"
     text += ", each with initial values of its own"
     if searched.starts > 1:
         text += f"; {searched.agreeing} of {searched.starts} starts ended at the same inertia"
@@ -251,7 +248,7 @@ def _search_note(estimate: Estimate) -> Message:
 
 def _zero_note(estimate: Estimate) -> list[Message]:
     """A note where the zero offset of the angle is larger than a step of its grid."""
-    zero, problem = estimate.unknowns.zero, estimate.problem
+    zero, problem = estimate.unknowns.zero, estimate.searched.problem
     if zero is None or abs(estimate.values[zero]) < OUTSIDE * problem.sigma[~problem.wheel][0]:
         return []
     text = f"the angle has a zero offset of {number(estimate.values[zero], 'rad')} from where the body hangs; it was "

@@ -25,10 +25,10 @@ from swingid.methods.output_error.constants import (
     is_felt,
     tilt_places,
 )
-from swingid.methods.output_error.problem import Problem, problem_of
 from swingid.methods.output_error.search import Searched
+from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import inverse_of
+from swingid.methods.output_error.unknowns import entries_of
 from swingid.model.equation import relative
 from swingid.model.parameters import WHEEL_TILT
 from swingid.model.rig import Rig
@@ -36,11 +36,12 @@ from swingid.numerics.arrays import Array
 from swingid.uncertainty.budget import Declared, stated
 
 
-def declared_effects(setup: Setup, problem: Problem, searched: Searched, influence: Array) -> tuple[Declared, ...]:
+def declared_effects(setup: Setup, searched: Searched) -> tuple[Declared, ...]:
     """Change of the unknowns (m,) of a fit per unit of every constant of the rig and every imperfection declared."""
-    channels = (one for one in of_channels(setup.rig, problem.encoders) if not one.of_noise)
-    errors = [RowError(one, _error(setup, problem, searched, one) / problem.sigma) for one in channels]
-    constants = declared_with_deviations(setup.rig, _constants(setup, problem, searched, influence))
+    influence = searched.fit.influence / searched.problem.sigma
+    channels = (one for one in of_channels(setup.rig, searched.problem.encoders) if not one.of_noise)
+    errors = (RowError(one, _error(setup, searched, one)) for one in channels)
+    constants = declared_with_deviations(setup.rig, _constants(setup, searched, influence))
     return (*constants, *propagated(errors, influence))
 
 
@@ -71,16 +72,15 @@ def shift_of_momentum(setup: Setup, searched: Searched) -> float:
     return shift
 
 
-def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Array) -> Iterator[Declared]:
+def _constants(setup: Setup, searched: Searched, influence: Array) -> Iterator[Declared]:
     """dθ/dc of the stated value of a constant c: −K ∂y/∂c where it is taken as exact (implicit function theorem).
 
     A stated value that is a prior has the influence N⁻¹/std², with N the matrix of the normal equations.
     """
-    unknowns, fit, rig = searched.unknowns, searched.fit, setup.rig
-    inverse = inverse_of(fit.reduced)
+    problem, unknowns, fit, rig = searched.problem, searched.unknowns, searched.fit, setup.rig
     for k, item in enumerate(unknowns.items):
         if item.places and not item.is_sought and item.name != SCALE:
-            yield _constant(item.name, item.std, inverse[:, k] * unknowns.power[k])
+            yield _constant(item.name, item.std, fit.inverse[:, k] * unknowns.power[k])
     sought = {item.places for item in unknowns.items if item.places}
     places: dict[str, Places] = {
         key: own
@@ -91,11 +91,10 @@ def _constants(setup: Setup, problem: Problem, searched: Searched, influence: Ar
         places[WHEEL_TILT] = tilt_places(setup.equation)
     if not places:
         return
-    entries = replace(unknowns, items=()).entries(problem.states, list(places.values()))
+    entries = entries_of(list(places.values()), problem.states)
     p = unknowns.vector(fit.values)
     slopes = problem.predict(p, entries, fit.states, len(places), same=fit.prediction).slopes
-    shifts = -(influence / problem.sigma) @ slopes[:, problem.states :]
-    for key, shift in zip(places, shifts.T, strict=True):
+    for key, shift in zip(places, -(influence @ slopes[:, problem.states :]).T, strict=True):
         if key == WHEEL_TILT and rig.drive.wheel is not None:
             yield Declared(stated(key, key), relative(rig.drive.wheel.along), shift)
         else:
@@ -106,34 +105,31 @@ def _constant(key: str, std: float | None, shifts: Array) -> Declared:
     return Declared(stated(key, key), std or 0.0, shifts, constant=True)
 
 
-def _error(setup: Setup, problem: Problem, searched: Searched, one: Perturbation) -> Array:
-    """Change of the residuals by an error of a channel, per unit.
+def _error(setup: Setup, searched: Searched, one: Perturbation) -> Array:
+    """Change of the readings (r,) by an error of a channel, per unit.
 
-    A late wheel as the input is equivalent to an early angle.
+    An error of the wheel as the input is equivalent to the change of the prediction with the opposite sign: a late one
+    to an early angle.
     """
-    of_wheel = one.channel == "wheel"
-    here = problem.wheel if of_wheel else ~problem.wheel
+    problem, wheel, of_wheel = searched.problem, setup.part.log.wheel_angle, one.channel == "wheel"
+    here, is_input = problem.wheel if of_wheel else ~problem.wheel, of_wheel and problem.input == "wheel"
     if one.shape == "latency":
         rates = searched.fit.prediction.rates
-        if of_wheel and problem.input == "wheel":
-            return np.where(problem.wheel, 0.0, -rates)
-        return np.where(here, rates, 0.0)
+        return np.where(problem.wheel, 0.0, -rates) if is_input else np.where(here, rates, 0.0)
     shape = SHAPES[one.shape]
-    if of_wheel and problem.input == "wheel":
-        wheel = setup.part.log.wheel_angle
+    if is_input:
         assert wheel is not None
-        return -_other_input(setup, problem, searched, one.std * shape(wheel)) / one.std
+        return -_other_input(setup, searched, one.std * shape(wheel)) / one.std
     return np.where(here, shape(problem.measured), 0.0)
 
 
-def _other_input(setup: Setup, problem: Problem, searched: Searched, error: Array) -> Array:
+def _other_input(setup: Setup, searched: Searched, error: Array) -> Array:
     """Change of the predicted readings for an error (rows,) of the measured wheel, which is the input."""
-    log = setup.part.log
+    log, problem, fit = setup.part.log, searched.problem, searched.fit
     assert log.wheel_angle is not None
     other = replace(log, wheel_angle=log.wheel_angle + error)
     length = float(np.max(np.diff(problem.knots[np.append(problem.bounds[:-1], problem.bounds[-1] - 1)])))
     again = problem_of(other, problem.encoders, setup.part.noise, "wheel", length, np.inf)
     if len(again.measured) != len(problem.measured):
         return np.zeros(len(problem.measured))
-    fit = searched.fit
-    return again.fitted(searched.unknowns, fit.values, fit.states).outputs - fit.prediction.outputs
+    return again.moved(searched.unknowns, fit.values, fit.states).outputs - fit.prediction.outputs

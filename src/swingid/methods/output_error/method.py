@@ -17,9 +17,11 @@ from swingid.methods.output_error.answer import answer_of, details_of, estimate_
 from swingid.methods.output_error.checks import check_fit, is_poor, left_of_channels
 from swingid.methods.output_error.declared import constants_found
 from swingid.methods.output_error.problem import Problem
-from swingid.methods.output_error.search import RICHEST, Searched, Start, best_start, choose_law, first_values, search
+from swingid.methods.output_error.search import RICHEST, Searched, best_start, choose_law, first_values, search
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import CLOSE, solve, solve_from
+from swingid.methods.output_error.unknowns import Unknowns
+from swingid.numerics.arrays import Array
+from swingid.numerics.gauss_newton import CLOSE, solve, solve_from
 from swingid.preparation.prepared import Prepared
 from swingid.result.result import Result
 from swingid.uncertainty.dark import dark_uncertainty
@@ -75,41 +77,39 @@ def output_error(
         setup.part,
         warnings,
         [setup.part.note, *notes],
-        details_of(estimate, left_of_channels(searched.fit, estimate.problem)),
+        details_of(estimate, left_of_channels(searched)),
         options,
         more={"constants_found": found} if found else {},
     )
 
 
-def _best_fit(setup: Setup, law: str) -> tuple[Setup, Problem, Searched]:
-    """The fit with its segments and setup. Raises UnanswerableError where its simulated motion diverges.
+def _best_fit(setup: Setup, law: str) -> tuple[Setup, Searched]:
+    """The fit and its setup. Raises UnanswerableError where its simulated motion diverges.
 
     What rig.toml states with an uncertainty is estimated only where the model then explains the log: with a wrong model
     it would compensate for what the model lacks.
     """
-    problem, found = _fit(setup, law)
-    if any(setup.uncertain) and is_poor(found, problem):
+    found = _fit(setup, law)
+    if any(setup.uncertain) and is_poor(found):
         setup = replace(setup, moves=False)
-        problem, found = _fit(setup, law)
+        found = _fit(setup, law)
     if not np.isfinite(found.fit.cost):
         raise UnanswerableError(
             f"no parameters make the model follow this log: with the friction law {found.law!r} the simulated motion "
             f"diverges; take {setup.alternative}, or correct the rig file.",
             code="poor-fit",
         )
-    return setup, problem, found
+    return setup, found
 
 
-def _fit(setup: Setup, law: str) -> tuple[Problem, Searched]:
+def _fit(setup: Setup, law: str) -> Searched:
     # Stribeck's peak has minima of its own, so its speed is sought about a motion without it
     peaked = "stribeck" in law
-    problem, rough = _rough_fit(setup, RICHEST if law == "auto" or peaked else law, near=not peaked)
-    if not np.isfinite(rough.fit.cost):
-        return problem, rough
-    return problem, _final_fit(setup, problem, rough, law)
+    rough = _rough_fit(setup, RICHEST if law == "auto" or peaked else law, near=not peaked)
+    return _final_fit(setup, rough, law) if np.isfinite(rough.fit.cost) else rough
 
 
-def _rough_fit(setup: Setup, law: str, *, near: bool) -> tuple[Problem, Searched]:
+def _rough_fit(setup: Setup, law: str, *, near: bool) -> Searched:
     """A first fit, on segments of the given length, or of one that suits.
 
     With a model that is not quite the rig's the simulation drifts away from the log over a long segment. Where the fit
@@ -119,57 +119,64 @@ def _rough_fit(setup: Setup, law: str, *, near: bool) -> tuple[Problem, Searched
     unknowns = setup.unknowns(law)
     values = first_values(setup, unknowns)
     length = SWINGS * setup.part.motion.half_period if setup.segment is None else setup.segment
-    tried: list[tuple[Problem, Searched]] = []
+    tried: list[Searched] = []
     while True:
         problem = setup.problem(length)
-        start = Start(values) if tried else best_start(problem, unknowns, values, setup.loss, setup.starts)
-        if not tried and start.starts > 1 and near:
-            found = search(problem, unknowns, start, setup.loss, near=True)
-            if not (unknowns.zero_bound(found.fit.values) or is_poor(found, problem)):
-                return problem, replace(found, law=law)
-        found = search(problem, unknowns, start, setup.loss)
-        if not tried and (unknowns.zero_bound(found.fit.values) or is_poor(found, problem)):
-            # a zero offset of more than a step counts where it alone makes the model explain the log
-            other = search(problem, unknowns.with_zero_of(None), Start(values), setup.loss)
-            found = found if is_poor(other, problem) else other
-        tried.append((problem, found))
+        if tried:
+            found = search(problem, unknowns, values, setup.loss)
+        else:
+            found = _first_search(setup, problem, unknowns, values, near=near)
+        tried.append(replace(found, law=law))
         # where the search does not converge the segments are far too long
         length /= 2 if found.fit.converged else 4
-        if setup.segment is not None or not is_poor(found, problem) or length * setup.part.log.rate < SHORTEST:
+        if setup.segment is not None or not is_poor(found) or length * setup.part.log.rate < SHORTEST:
             break
     if len(tried) == 1:
-        return problem, replace(found, law=law)
-    spread = np.array([type_a(setup, problem, found) for problem, found in tried])
+        return tried[0]
+    spread = np.array([type_a(setup, found) for found in tried])
     best = int(np.argmin(np.where(np.isfinite(spread), spread, np.inf)))
-    problem, found = tried[best]
+    found = tried[best]
     drift = 0.0
     if best > 0 and np.isfinite(spread[best - 1]):
         # of the same readings, so the variance of the difference is that of the variances (Hausman 1978)
-        change = float(found.fit.values[0] - tried[best - 1][1].fit.values[0])
+        change = float(found.fit.values[0] - tried[best - 1].fit.values[0])
         drift = dark_uncertainty(change, float(spread[best - 1] ** 2 - spread[best] ** 2), float(spread[best]))
-    return problem, replace(found, law=law, drift=drift)
+    return replace(found, drift=drift)
 
 
-def _final_fit(setup: Setup, problem: Problem, rough: Searched, law: str) -> Searched:
+def _first_search(setup: Setup, problem: Problem, unknowns: Unknowns, values: Array, *, near: bool) -> Searched:
+    """A search on segments of the given length from the best of several starts."""
+    begin, agreeing = best_start(problem, unknowns, values, setup.loss, setup.starts)
+    for how in (True, False) if near and setup.starts > 1 else (False,):
+        found = search(problem, unknowns, begin, setup.loss, near=how)
+        found = replace(found, starts=setup.starts, agreeing=agreeing)
+        if not (unknowns.zero_bound(found.fit.values) or is_poor(found)):
+            return found
+    # a zero offset of more than a step counts where it alone makes the model explain the log
+    other = search(problem, unknowns.with_zero_of(None), values, setup.loss)
+    return found if is_poor(other) else other
+
+
+def _final_fit(setup: Setup, rough: Searched, law: str) -> Searched:
     """The fit with the given law, or with the law of least Bayesian information criterion."""
     if rough.law == law:
-        return replace(rough, fit=solve_from(rough.fit, problem, rough.unknowns, setup.loss))
-    choice = choose_law(problem, rough.unknowns, rough.fit, _independent(problem, rough), setup.fastest, law)
+        return replace(rough, fit=solve_from(rough.fit))
+    problem, choice = rough.problem, choose_law(rough, _independent(rough), setup.fastest, law)
     unknowns = setup.unknowns(choice.law).with_zero_of(rough.unknowns)
-    begin = np.array([choice.values[name] for name in unknowns.names])
+    begin, shooting = np.array([choice.values[name] for name in unknowns.names]), problem.shooting(unknowns, setup.loss)
     if rough.near and "stribeck" not in choice.law:  # whose peak is not linear in its speed
-        fit = solve(problem, unknowns, begin, choice.states, setup.loss, damping=CLOSE)
+        fit = solve(shooting, begin, choice.states, damping=CLOSE)
     else:
-        fit = solve(problem, unknowns, begin, rough.fit.states, setup.loss)
+        fit = solve(shooting, begin, rough.fit.states)
     if not np.isfinite(fit.cost):  # values by a linear change of the motion, which may have a negative friction
-        fit = search(problem, unknowns, Start(first_values(setup, unknowns)), setup.loss).fit
+        fit = search(problem, unknowns, first_values(setup, unknowns), setup.loss).fit
     spread = choice.spread if law == "auto" else 0.0
     return replace(rough, unknowns=unknowns, fit=fit, candidates=choice.candidates, law=choice.law, spread=spread)
 
 
-def _independent(problem: Problem, found: Searched) -> float:
+def _independent(found: Searched) -> float:
     """Effective number of independent readings: fewer where residuals of neighbours are correlated."""
-    total, runs = 0.0, np.zeros(len(SHARES))
+    problem, total, runs = found.problem, 0.0, np.zeros(len(SHARES))
     for first, last in zip(problem.rows[:-1], problem.rows[1:], strict=True):
         for channel in (False, True):
             own = found.fit.residuals[first:last][problem.wheel[first:last] == channel]

@@ -1,24 +1,17 @@
-"""The log as an output-error problem: segments, knots, readings, and their prediction.
-
-Multiple shooting without continuity conditions: every segment has initial values of its own, so errors do not grow over
-a long or unstable motion, and the work is proportional to the length of the log.
-"""
+"""Readings of a log in segments, and their prediction by the equations of motion."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from swingid.errors import UnanswerableError
-from swingid.methods.output_error.axis_motion import COURSES, GAIN, SPEED, TORQUE, WHEEL, axis_motion
+from swingid.methods.output_error.axis_motion import GAIN, TORQUE, axis_motion
 from swingid.methods.output_error.motor_motion import (
     FIELDS,
-    READ_ANGLE,
-    READ_WHEEL,
     motor_steps,
     read_along,
     read_with_slopes,
@@ -30,16 +23,10 @@ from swingid.model.motion import LONGEST
 from swingid.model.parameters import SIZE, STATIC_N, STATIC_P, STRIBECK_SPEED
 from swingid.model.sticking import BEGIN_KERNEL
 from swingid.numerics.arrays import Array, Bools, Ints
-from swingid.numerics.spline import local_cubic, spline_at, spline_slopes
+from swingid.numerics.shooting import Prediction, Shooting
 from swingid.preparation.encoders import Encoders
-from swingid.preparation.noise import Noise
-from swingid.preparation.speed import smooth_speed
-from swingid.recording.recording import Recording
 
 Input = Literal["voltage", "wheel", "torque", "none"]
-
-_Channel = tuple[Array, float, float]
-"""Values, latency (s), standard deviation of the noise."""
 
 LONGEST_STEP = 2e-3
 """Longest step (s) of the axis' integration; with 20 rad/s its error is 1e-9 of the motion."""
@@ -52,22 +39,8 @@ NO_PEAKS = np.empty(0)
 
 NO_ENTRIES: Entries = (np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0))
 
-FEWEST_ROWS = 12
-"""Least number of rows of a segment; shorter ones are excluded."""
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Angles at the readings (r,), their rates and their derivatives (r, m); finite: whether the motion stayed so.
-
-    steps: those of `motor_steps`, and the first of each segment, where a voltage is the input.
-    """
-
-    outputs: Array
-    rates: Array
-    slopes: Array
-    finite: bool
-    steps: tuple[Array, Ints] | None = None
+LEAP = 0.4
+"""Least ratio of the inertia after a step of a search to that before; its inverse is the greatest."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +85,6 @@ class Problem:
         p (SIZE,), or (SIZE + 1,) with the gain of the torque as the last, which multiplies the torque. same: a
         prediction of the same motion, whose steps are used again.
         """
-        count = len(self.measured)
         courses, gain = self.courses, float(p[GAIN]) if len(p) > GAIN else 1.0
         if gain != 1.0:
             courses = courses.copy()
@@ -120,14 +92,26 @@ class Problem:
             places, columns, weights = entries
             # the kernel's derivative by the gain is the torque that it is given
             entries = places, columns, np.where(places == GAIN, weights / gain, weights)
-        found = np.zeros(count), np.zeros(count), np.zeros((count, self.states + unknowns))
         if self.input == "voltage":
             steps = self._steps(p, states) if same is None else same.steps
-            if steps is not None:
-                read_with_slopes(further_kernel(p), steps, p, entries, NO_PEAKS, *found)
-            return Prediction(*found, finite=steps is not None, steps=steps)
+            return self._read(steps, p, entries, NO_PEAKS, self.states + unknowns)
+        outputs, rates, slopes = found = self._room(self.states + unknowns)
         finite = axis_motion(self.knots, courses, self.flags, self.bounds, states, p, entries, longest, found)
-        return Prediction(*found, finite=bool(finite))
+        return Prediction(outputs, slopes, bool(finite), rates)
+
+    def _room(self, columns: int) -> tuple[Array, Array, Array]:
+        """Zeros for outputs and rates (r,) and slopes (r, columns)."""
+        count = len(self.measured)
+        return np.zeros(count), np.zeros(count), np.zeros((count, columns))
+
+    def _read(
+        self, steps: tuple[Array, Ints] | None, p: Array, entries: Entries, peaks: Array, columns: int
+    ) -> Prediction:
+        """Readings and derivatives along the steps of a motion under the voltage; not finite without steps."""
+        outputs, rates, slopes = found = self._room(columns)
+        if steps is not None:
+            read_with_slopes(further_kernel(p), steps, p, entries, peaks, *found)
+        return Prediction(outputs, slopes, steps is not None, rates, steps)
 
     def with_peaks(
         self, p: Array, entries: Entries, states: Array, unknowns: int, same: Prediction, peaks: Array
@@ -136,16 +120,14 @@ class Problem:
 
         same: a prediction of this motion; peaks (k,): their speeds (rad/s). One column of slopes is left at the end.
         """
-        count, first = len(self.measured), self.states + unknowns
-        slopes = np.zeros((count, first + len(peaks) + 1))
+        first = self.states + unknowns
         if same.steps is not None:
             places, columns = np.arange(SIZE, SIZE + len(peaks)), np.arange(first, first + len(peaks))
             more = places, columns, np.ones(len(peaks))
             both = [np.concatenate(pair) for pair in zip(entries, more, strict=True)]
-            found = np.zeros(count), np.zeros(count), slopes
-            read_with_slopes(further_kernel(p), same.steps, p, (both[0], both[1], both[2]), peaks, *found)
-            return Prediction(*found, finite=True, steps=same.steps)
+            return self._read(same.steps, p, (both[0], both[1], both[2]), peaks, first + len(peaks) + 1)
         bare = self.predict(p, entries, states, unknowns)
+        slopes = np.zeros((len(bare.slopes), first + len(peaks) + 1))
         slopes[:, :first] = bare.slopes
         for k, peak in enumerate(peaks):
             own = p.copy()
@@ -170,6 +152,31 @@ class Problem:
             room *= 4
         return None
 
+    def shooting(self, unknowns: Unknowns, loss: str = "linear") -> Shooting:
+        """Least squares of these readings; `loss`: one of `LOSSES`."""
+        low, high = unknowns.bounds
+
+        def nearest(values: Array, before: Array) -> Array:
+            found: Array = np.clip(values, low, high)
+            # the inertia, the first of the unknowns, takes no leaps
+            found[:1] = np.clip(found[:1], before[:1] * LEAP, before[:1] / LEAP)
+            return found
+
+        return Shooting(
+            self.measured,
+            self.sigma,
+            self.rows,
+            self.starts,
+            partial(self.fitted, unknowns),
+            (low, high),
+            unknowns.power,
+            nearest,
+            partial(self.moved, unknowns),
+            # under a voltage the motion is a step of its own, along which the sensitivities follow
+            self.input == "voltage",
+            loss,
+        )
+
     def fitted(self, unknowns: Unknowns, values: Array, states: Array, same: Prediction | None = None) -> Prediction:
         """Readings and their derivatives for values (m,) of the unknowns; same: the motion, where it is known."""
         entries = unknowns.entries(self.states)
@@ -178,15 +185,13 @@ class Problem:
 
     def moved(self, unknowns: Unknowns, values: Array, states: Array) -> Prediction:
         """The same readings without their derivatives (r, 0)."""
-        p = unknowns.vector(values)
+        p, none = unknowns.vector(values), np.empty((len(self.measured), 0))
         if self.input == "voltage":
             steps = self._steps(p, states)
-            found = (self.measured, self.measured) if steps is None else read_along(*steps)
-            none = np.empty((len(self.measured), 0))
-            prediction = Prediction(*found, slopes=none, finite=steps is not None, steps=steps)
+            outputs, rates = (self.measured, self.measured) if steps is None else read_along(*steps)
+            prediction = Prediction(outputs, none, steps is not None, rates, steps)
         else:
-            prediction = self.predict(p, NO_ENTRIES, states, 0)
-            prediction = replace(prediction, slopes=prediction.slopes[:, :0])
+            prediction = replace(self.predict(p, NO_ENTRIES, states, 0), slopes=none)
         return as_read(prediction, self, unknowns.names, values)
 
     def part(self, chosen: list[int], most: int = 1 << 62) -> Problem:
@@ -198,8 +203,8 @@ class Problem:
         rows = np.concatenate([np.arange(self.rows[s], self.rows[s] + n) for s, n in zip(chosen, lengths, strict=True)])
         of_knots = {name: getattr(self, name)[knots] for name in ("knots", "flags", "commands", "courses")}
         of_rows = {name: getattr(self, name)[rows] for name in ("measured", "wheel", "sigma", "times")}
-        bounds = _edges([end - self.bounds[s] for s, end in zip(chosen, ends, strict=True)])
-        return replace(self, bounds=bounds, rows=_edges(lengths), starts=self.starts[chosen], **of_knots, **of_rows)
+        bounds = ends_of([end - self.bounds[s] for s, end in zip(chosen, ends, strict=True)])
+        return replace(self, bounds=bounds, rows=ends_of(lengths), starts=self.starts[chosen], **of_knots, **of_rows)
 
 
 def as_read(prediction: Prediction, problem: Problem, names: Sequence[str], values: Array) -> Prediction:
@@ -237,164 +242,6 @@ def _effect(name: str, value: float, angle: Array, rate: Array, time: Array) -> 
     return value * shape, shape
 
 
-def _edges(lengths: list[int]) -> Ints:
+def ends_of(lengths: list[int]) -> Ints:
+    """Ends of parts of these lengths, from 0 on (k + 1,)."""
     return np.concatenate([[0], np.cumsum(np.array(lengths, dtype=np.int64))])
-
-
-def problem_of(
-    log: Recording, encoders: Encoders, noise: Noise, source: Input, length: float, longest_gap: float
-) -> Problem:
-    """Cut a log into segments of about `length` s, also where rows are missing for more than `longest_gap` s.
-
-    A held voltage or torque acts from its stamp; angles are read their declared latency after theirs. Raises
-    UnanswerableError where no segment has rows enough.
-    """
-    channels = [(log.angle, encoders.angle.latency.value, noise.angle)]
-    if source == "voltage":
-        assert log.wheel_angle is not None
-        channels.append((log.wheel_angle, encoders.wheel.latency.value, noise.wheel))
-    drives = _Drives.of(log, source, encoders.wheel.latency.value, noise)
-    parts = [_segment(log.time, channels, slice(*cut), drives) for cut in _cuts(log.time, length, longest_gap)]
-    if not parts:
-        raise UnanswerableError(
-            f"no stretch of the log without a gap holds {FEWEST_ROWS} rows, as many as its initial values need; record "
-            "with fewer gaps or a higher rate.",
-            code="too-short",
-        )
-    knots, flags, measured, wheel, times = (np.concatenate([part[i] for part in parts]) for i in range(5))
-    bounds = _edges([len(part[0]) for part in parts])
-    commands, courses = drives.at(knots, bounds)
-    # angles without noise get 1e-8 of their range
-    sigma = [max(spread, 1e-8 * float(np.ptp(values))) for values, _, spread in channels]
-    return Problem(
-        source,
-        knots,
-        flags,
-        bounds,
-        _edges([len(part[2]) for part in parts]),
-        commands,
-        courses,
-        measured,
-        wheel,
-        np.where(wheel, sigma[-1], sigma[0]),
-        times,
-        _starts(log, channels, [part[0][0] for part in parts], length),
-        encoders,
-    )
-
-
-def _cuts(time: Array, length: float, longest_gap: float) -> list[tuple[int, int]]:
-    """First row and row after the last of each segment: runs without a gap, each cut into equal parts."""
-    breaks = np.nonzero(np.diff(time) > longest_gap)[0] + 1
-    cuts = []
-    for first, last in zip([0, *breaks], [*breaks, len(time)], strict=True):
-        count = max(1, round((time[last - 1] - time[first]) / length)) if last > first else 1
-        edges = np.searchsorted(time[first:last], np.linspace(time[first], time[last - 1], count + 1)[1:-1]) + first
-        for begin, end in zip([first, *edges], [*edges, last], strict=True):
-            if end - begin >= FEWEST_ROWS:
-                cuts.append((int(begin), int(end)))
-    return cuts
-
-
-def _segment(
-    time: Array, channels: list[_Channel], rows: slice, drives: _Drives
-) -> tuple[Array, Ints, Array, Bools, Array]:
-    """Knots and flags of one segment; its measured values, which are the wheel's, and their instants."""
-    readings = [time[rows] + late for _, late, _ in channels]
-    begin, end = min(r[0] for r in readings), max(r[-1] for r in readings)
-    inside = drives.times[(drives.times > begin) & (drives.times < end)]
-    values = np.concatenate([values[rows] for values, _, _ in channels])
-    first = readings[0]
-    if all(np.array_equal(first, one) for one in readings[1:]) and np.array_equal(first[1:-1], inside):
-        count = len(readings)
-        order = np.arange(count * len(first)).reshape(count, -1).T.ravel()
-        wheel = np.tile([False, True][:count], len(first))
-        return first, np.full(len(first), (1 << count) - 1), values[order], wheel, np.repeat(first, count)
-    knots = np.unique(np.concatenate([*readings, inside]))
-    flags = np.zeros(len(knots), dtype=np.int64)
-    for bit, instants in zip((READ_ANGLE, READ_WHEEL), readings, strict=False):
-        flags[np.searchsorted(knots, instants)] |= bit
-    times = np.concatenate(readings)
-    wheel = np.repeat([False, True][: len(readings)], [len(r) for r in readings])
-    order = np.argsort(times, kind="stable")
-    return knots, flags, values[order], wheel[order], times[order]
-
-
-@dataclass(frozen=True)
-class _Drives:
-    """The input: held values from `times` on, or cubics through values at `times`."""
-
-    times: Array
-    held: Array | None
-    cubics: tuple[tuple[Array, Array, Array] | None, ...]
-
-    @classmethod
-    def of(cls, log: Recording, source: Input, wheel_late: float, noise: Noise) -> _Drives:
-        if source == "wheel":
-            assert log.wheel_angle is not None
-            times = log.time + wheel_late
-            wheel = (times, log.wheel_angle, spline_slopes(times, log.wheel_angle))
-            speed = smooth_speed(times, log.wheel_angle, noise.wheel)
-            smooth = (speed.grid, speed.speed, spline_slopes(speed.grid, speed.speed))
-            return cls(times, None, (wheel, smooth, None))
-        if source == "none":
-            return cls(log.time, None, (None, None, None))
-        values = log.voltage if source == "voltage" else log.torque
-        assert values is not None
-        if source == "torque" and not log.drive_held:
-            return cls(log.time, None, (None, None, (log.time, values, spline_slopes(log.time, values))))
-        if not log.drive_held:
-            # a measured value holds for half a row before and after it
-            times, values = _without_gaps(log.time, values)
-            return cls(np.append(times[0], (times[1:] + times[:-1]) / 2), values, (None, None, None))
-        return cls(*_without_gaps(log.time, values), (None, None, None))
-
-    def at(self, knots: Array, bounds: Ints) -> tuple[Array, Array]:
-        """Commands from each knot on, and the cubics between knots; the wheel's angle counts from a segment's start."""
-        commands = np.zeros(len(knots))
-        if self.held is not None:
-            before = np.searchsorted(self.times, knots, side="right") - 1
-            commands = self.held[np.clip(before, 0, len(self.held) - 1)]
-        courses = np.zeros((len(knots), COURSES, 4))
-        courses[:, TORQUE, 0] = commands
-        steps = np.append(np.diff(knots), 0.0)
-        # after a segment's last knot nothing is computed
-        steps[bounds[1:] - 1] = 0.5 * float(np.median(steps))
-        for which, cubic in zip((WHEEL, SPEED, TORQUE), self.cubics, strict=True):
-            if cubic is not None:
-                courses[:, which] = _cubics(cubic, knots, steps)
-        for first, last in pairwise(bounds):
-            courses[first:last, WHEEL, 0] -= courses[first, WHEEL, 0]
-        return commands, courses
-
-
-def _cubics(cubic: tuple[Array, Array, Array], knots: Array, steps: Array) -> Array:
-    """Coefficients (n, 4) of the spline's cubic from each knot on, over `steps` (s)."""
-    values, slopes = spline_at(*cubic, knots, 0), spline_at(*cubic, knots, 1)
-    ends, end_slopes = spline_at(*cubic, knots + steps, 0), spline_at(*cubic, knots + steps, 1)
-    rise = (ends - values) / steps
-    return np.column_stack(
-        [values, slopes, (3 * rise - 2 * slopes - end_slopes) / steps, (slopes + end_slopes - 2 * rise) / steps**2]
-    )
-
-
-def _without_gaps(time: Array, values: Array) -> tuple[Array, Array]:
-    """Instants and held values, with those of lost rows put on a straight line."""
-    steps = np.diff(time)
-    step = float(np.median(steps))
-    lost = np.rint(steps / step).astype(np.int64) - 1
-    if not np.any(lost > 0):
-        return time, values
-    times = [time]
-    for k in np.nonzero(lost > 0)[0]:
-        times.append(time[k] + steps[k] * np.arange(1, lost[k] + 1) / (lost[k] + 1))
-    every = np.sort(np.concatenate(times))
-    return every, np.interp(every, time, values)
-
-
-def _starts(log: Recording, channels: list[_Channel], instants: list[float], length: float) -> Array:
-    """Angle and speed of each channel at the segments' starts, from local cubics."""
-    width = max(8.0 / log.rate, min(0.03 * length, 0.03))
-    at = np.array(instants)
-    states = np.column_stack([local_cubic(log.time + late, values, at, width) for values, late, _ in channels])
-    return states if np.isfinite(states).all() else np.nan_to_num(states)

@@ -7,18 +7,19 @@ far from it, are tried on a few segments, so that a better minimum elsewhere is 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
-from swingid.balance.friction_laws import DIRECTIONS, LAWS
+from swingid.balance.friction_laws import DIRECTIONS, LAWS, law_terms
 from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
-from swingid.methods.output_error.solver import SAME, Fit, Reduced, reduce, solve, solve_near, stepped_states
-from swingid.methods.output_error.unknowns import FRICTION, Unknowns, friction_unknowns
+from swingid.methods.output_error.unknowns import FRICTION, Unknowns, entries_of, friction_unknowns
 from swingid.numerics.arrays import Array
+from swingid.numerics.gauss_newton import SAME, fit_at, solve, solve_near
+from swingid.numerics.shooting import Fit, Reduced
 
 OFF = ((1.6, 3.0), (0.6, 0.3))
 """Factors of inertia and friction of the other starts."""
@@ -28,6 +29,10 @@ FEW = 2
 
 ROUGH, NEAR = 1e-3, 1e-4
 """Termination (see `solve`) of the search from several starts, and of the first fit of all segments."""
+
+STRAIGHT = 0.02
+"""Square of a change of the angles over the motion, in standard deviations of the mean of all readings, up to which the
+change is linear in the unknowns."""
 
 HEAD, HEAD_KNOTS = 0.1, 40
 """Share of a segment, and fewest knots, from which its initial values are estimated first."""
@@ -53,18 +58,20 @@ PEAKS = (0.01, 0.025, 0.06, 0.13, 0.3)
 
 @dataclass(frozen=True)
 class Searched:
-    """The fit, how many of its starts ended at its inertia, and the laws tried with their BIC above the best.
+    """The fit of a problem, and how it was found.
 
-    law: the friction law. near: see `search`. spread: standard deviation of the inertia over these laws by their
-    likelihoods; 0 where one law is given. drift: change of the inertia since segments of twice the length, where these
-    were shortened.
+    starts, agreeing: starts of the search, and how many ended at this inertia. candidates: laws tried with their BIC
+    above the best. law: the friction law. near: see `search`. spread: standard deviation of the inertia over these laws
+    by their likelihoods; 0 where one law is given. drift: change of the inertia since segments of twice the length,
+    where these were shortened.
     """
 
+    problem: Problem
     unknowns: Unknowns
     fit: Fit
-    starts: int
-    agreeing: int
-    candidates: dict[str, float]
+    starts: int = 1
+    agreeing: int = 1
+    candidates: dict[str, float] = field(default_factory=dict)
     law: str = ""
     near: bool = False
     spread: float = 0.0
@@ -109,22 +116,16 @@ def first_values(setup: Setup, unknowns: Unknowns) -> Array:
     return np.array(values)
 
 
-@dataclass(frozen=True)
-class Start:
-    """Values (m,) to fit all segments from: those of the best of `starts` starts; `agreeing`: how many ended there."""
+def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> tuple[Array, int]:
+    """Values (m,) to fit all segments from, and how many starts ended there: the best of several, on a few segments.
 
-    values: Array
-    starts: int = 1
-    agreeing: int = 1
-
-
-def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, starts: int) -> Start:
-    """The best of several starts, `values` (m,) and `starts` − 1 off it, tried on a few segments."""
+    The starts are `values` and `starts` − 1 off it.
+    """
     if starts == 1:
-        return Start(values)
+        return values, 1
     chosen = list(np.unique(np.linspace(0, len(problem.bounds) - 2, FEW).astype(int)))
-    some = problem.part(chosen)
-    tried = [solve(some, unknowns, values, some.starts, loss, ROUGH)]
+    some = problem.part(chosen).shooting(unknowns, loss)
+    tried = [solve(some, values, some.starts, ROUGH)]
     for k in range(starts - 1):
         inertia, friction = OFF[k % len(OFF)]
         power = 1 + k // len(OFF)
@@ -132,24 +133,27 @@ def best_start(problem: Problem, unknowns: Unknowns, values: Array, loss: str, s
             inertia**power if name == "inertia" else friction**power if name in FRICTION else 1.0
             for name in unknowns.names
         ]
-        tried.append(solve(some, unknowns, values * factors, some.starts, loss, ROUGH, known=tried[0]))
+        tried.append(solve(some, values * factors, some.starts, ROUGH, known=tried[0]))
     best = min(tried, key=lambda fit: fit.cost)
     spread = SAME * abs(best.values[0])
     agreeing = sum(abs(fit.values[0] - best.values[0]) < spread for fit in tried)
-    return Start(best.values if np.isfinite(best.cost) else values, starts, agreeing)
+    return best.values if np.isfinite(best.cost) else values, agreeing
 
 
-def search(problem: Problem, unknowns: Unknowns, start: Start, loss: str, *, near: bool = False) -> Searched:
+def search(problem: Problem, unknowns: Unknowns, values: Array, loss: str, *, near: bool = False) -> Searched:
     """Rough fit of all segments.
 
     near: first steps as from values that are nearly the best: where the model explains the log, that takes fewer.
     """
+    shooting = problem.shooting(unknowns, loss)
     if near:
-        states = first_states(problem, unknowns, start.values, loss)
-        fit = solve_near(problem, unknowns, start.values, states, loss, NEAR)
+        values = np.clip(values, *unknowns.bounds)
+        here = fit_at(shooting, values, first_states(problem, unknowns, values, loss))
+        motion = float(np.std(problem.measured[~problem.wheel] / problem.sigma[~problem.wheel]))
+        fit = solve_near(here, NEAR, STRAIGHT * motion / np.sqrt(len(here.residuals)))
     else:
-        fit = solve(problem, unknowns, start.values, problem.starts, loss, NEAR)
-    return Searched(unknowns, fit, start.starts, start.agreeing, {}, near=near)
+        fit = solve(shooting, values, problem.starts, NEAR)
+    return Searched(problem, unknowns, fit, near=near)
 
 
 def first_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str) -> Array:
@@ -161,9 +165,12 @@ def first_states(problem: Problem, unknowns: Unknowns, values: Array, loss: str)
     most = max(int(HEAD * longest), HEAD_KNOTS)
     if most > longest // 2:
         return problem.starts
-    low, high = unknowns.bounds
     heads = problem.part(list(range(len(problem.starts))), most)
-    return stepped_states(heads, unknowns, np.clip(values, low, high), loss)
+    found = fit_at(heads.shooting(unknowns, loss), values, heads.starts)
+    if not np.isfinite(found.cost):
+        return problem.starts
+    states = problem.starts + found.reduced.states(np.zeros(len(values)))
+    return states if np.isfinite(states).all() else problem.starts
 
 
 @dataclass(frozen=True)
@@ -206,29 +213,27 @@ class _Trial:
     states: Callable[[], Array]
 
 
-_NO_TRIAL = _Trial(np.inf, np.inf, {}, np.inf, lambda: np.empty(0))
-
-
-def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: float, fastest: float, law: str) -> Choice:
+def choose_law(rough: Searched, independent: float, fastest: float, law: str) -> Choice:
     """Choose the friction law of least Bayesian information criterion; with a `law` other than "auto" only its values.
 
-    unknowns, fit: those of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
+    rough: the fit of `RICHEST`. Every law is compared about the motion of that fit, to first order, so that only
     the best one is fitted again. independent: effective number of independent readings. The spread is that of the
     inertia over all laws with Akaike's weights (Burnham and Anderson 2002, 4.3), which do not favour the smaller laws:
     what their variances are above that of the best law, and their distances from it.
     """
     tried: dict[str, _Trial] = {}
-    for number, columns in enumerate(_columns(problem, unknowns, fit, [share * fastest for share in PEAKS])):
+    for number, columns in enumerate(_columns(rough, [share * fastest for share in PEAKS])):
         for odd in LAWS:
             for direction in DIRECTIONS:
-                if law not in ("auto", odd + direction) or (number > 0 and "stribeck" not in LAWS[odd]):
+                name = odd + direction
+                if law not in ("auto", name) or (number > 0 and "stribeck" not in LAWS[odd]):
                     continue
                 if law == "auto" and direction.endswith("dependent") and "viscous" not in LAWS[odd]:
                     # viscous friction by direction is the same law as that with a viscous term
                     continue
-                trial = _try(columns, odd + direction, independent, forced=law != "auto")
-                if trial is not None and trial.bayes < tried.get(odd + direction, _NO_TRIAL).bayes:
-                    tried[odd + direction] = trial
+                trial = _try(columns, name, independent, forced=law != "auto")
+                if trial is not None and (name not in tried or trial.bayes < tried[name].bayes):
+                    tried[name] = trial
     ranked = sorted(tried, key=lambda name: tried[name].bayes)
     least = min(trial.akaike for trial in tried.values())
     weights = np.exp([-0.5 * (trial.akaike - least) for trial in tried.values()])
@@ -237,23 +242,23 @@ def choose_law(problem: Problem, unknowns: Unknowns, fit: Fit, independent: floa
     more = np.array([trial.variance for trial in tried.values()]) - best.variance
     spread = float(np.sqrt(max(weights @ (off**2 + more) / weights.sum(), 0.0)))
     scores = {name: tried[name].bayes - best.bayes for name in ranked} if law == "auto" else {}
-    return Choice(ranked[0], best.values, fit.states + best.states(), scores, spread)
+    return Choice(ranked[0], best.values, rough.fit.states + best.states(), scores, spread)
 
 
-def _columns(problem: Problem, unknowns: Unknowns, fit: Fit, peaks: list[float]) -> Iterator[_Columns]:
+def _columns(rough: Searched, peaks: list[float]) -> Iterator[_Columns]:
     """For each Stribeck speed of `peaks`; they have one motion, as the height of the peak is 0 in it."""
+    problem, unknowns, fit = rough.problem, rough.unknowns, rough.fit
     p = unknowns.vector(fit.values)
     body = tuple(k for k, name in enumerate(unknowns.names) if name not in FRICTION)
     own, at = [unknowns.names[k] for k in body], dict(zip(unknowns.names, fit.values, strict=True))
     names = (*own, *(name for name in FRICTION_TERMS if name != "stribeck"))
     places = [unknowns.items[k].places for k in body] + [FRICTION[name] for name in names[len(own) :]]
-    bare, s = Unknowns((), unknowns.base), problem.states
-    entries, same = bare.entries(s, places), fit.prediction
-    prediction = problem.with_peaks(p, entries, fit.states, len(places), same, np.array(peaks))
+    entries = entries_of(places, problem.states)
+    prediction = problem.with_peaks(p, entries, fit.states, len(places), fit.prediction, np.array(peaks))
     prediction = as_read(prediction, problem, names, np.array([at.get(name, 0.0) for name in names]))
     extended = prediction.slopes
     extended[:, -1] = problem.sigma * fit.residuals
-    reduced = reduce(problem, extended, fit.residuals, fit.weights)
+    reduced = fit.shooting.reduced(fit.shooting.grams(extended, fit.residuals, fit.weights))
     gram = reduced.matrix.copy()
     for column, k in enumerate(body):
         if (power := unknowns.power[k]) > 0:
@@ -281,26 +286,20 @@ def _states_with(reduced: Reduced, places: list[int], step: Array) -> Array:
 
 def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _Trial | None:
     """Criteria and values of a law; None where a coefficient is significantly negative, unless forced."""
-    odd, _, direction = law.partition(", ")
-    wanted = list(LAWS[odd])
-    if direction:
-        wanted.append("offset" if direction == "offset" or "coulomb" not in wanted else "coulomb_positive")
-    if direction.startswith("direction"):
-        wanted.append("viscous_positive")
-        if "viscous" not in wanted:
-            wanted.append("viscous")
-    missing = set(wanted) - set(columns.names)
-    if missing:
-        raise ValueError(f"no column of {', '.join(sorted(missing))}, which the law {law!r} has")
-    n = len(columns.names)
-    own = [k for k, name in enumerate(columns.names) if name in wanted or name not in FRICTION]
+    terms, n = law_terms(law), len(columns.names)
+    directed = "viscous_even" in terms
+    # of two coefficients by direction one is a term, and the difference another
+    other = {"viscous_even": "viscous_positive"}
+    if directed and "coulomb" in terms:
+        other["offset"] = "coulomb_positive"
+    wanted = {other.get(term, term) for term in terms} | ({"viscous"} if directed else set())
+    body = [k for k, name in enumerate(columns.names) if name not in FRICTION]
+    own = sorted([*body, *(columns.names.index(name) for name in wanted)])
     # residual of the law: the present one plus what the terms that it lacks contribute now
     blend = np.zeros((n + 1, len(own) + 1))
+    blend[:, -1] = np.append(columns.values, 1.0)
+    blend[own, -1] = 0.0
     blend[own, np.arange(len(own))] = 1.0
-    blend[n, -1] = 1.0
-    for k in range(n):
-        if k not in own:
-            blend[k, -1] = columns.values[k]
     gram = blend.T @ columns.gram @ blend
     inner, right, total = gram[:-1, :-1], gram[:-1, -1], gram[-1, -1]
     scale = 1 / np.sqrt(np.maximum(np.diag(inner), 1e-300))
@@ -310,9 +309,7 @@ def _try(columns: _Columns, law: str, independent: float, *, forced: bool) -> _T
     values = columns.values[own] + change
     spread = np.sqrt(np.maximum(np.diag(inverse) * lost / independent, 0.0))
     for k, value, u in zip(own, values, spread, strict=True):
-        free = (
-            columns.names[k] in ("offset", "coulomb_positive", "viscous_positive") or columns.names[k] not in FRICTION
-        )
+        free = k in body or columns.names[k] in ("offset", "coulomb_positive", "viscous_positive")
         if not free and value < -2 * u and law != "viscous" and not forced:
             return None
     count = len(friction_unknowns(law))

@@ -13,11 +13,12 @@ from swingid.checks.consistency import Consistency, consistency_check
 from swingid.checks.rig_file import RigFileCheck
 from swingid.errors import InputError, UnanswerableError, UsageError
 from swingid.methods.output_error.constants import uncertain_constants
-from swingid.methods.output_error.problem import FEWEST_ROWS, Input, Problem, problem_of
-from swingid.methods.output_error.solver import LOSSES
+from swingid.methods.output_error.problem import Input, Problem
+from swingid.methods.output_error.segments import FEWEST_ROWS, problem_of
 from swingid.methods.output_error.unknowns import Unknowns, friction_unknowns, unknowns_of
 from swingid.model.equation import Equation
 from swingid.model.rig import Rig
+from swingid.numerics.shooting import LOSSES
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.prepared import Part, Prepared
 from swingid.recording.recording import Recording

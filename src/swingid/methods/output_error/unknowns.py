@@ -124,26 +124,13 @@ class Unknowns:
         return replace(self, items=tuple(items))
 
     @cached_property
-    def _plain(self) -> dict[int, Entries]:
-        """`entries` without more, by the number of states."""
-        return {}
+    def _entries(self) -> Entries:
+        return entries_of([item.places for item in self.items], 0)
 
-    def entries(self, states: int, more: Sequence[Places] = ()) -> Entries:
-        """(place, column, weight) of every unknown, then of `more`; columns count from `states`."""
-        if not more:
-            if states not in self._plain:
-                self._plain[states] = self._entries(states, ())
-            return self._plain[states]
-        return self._entries(states, more)
-
-    def _entries(self, states: int, more: Sequence[Places]) -> Entries:
-        flat = [
-            (place, states + column, weight)
-            for column, places in enumerate([*(item.places for item in self.items), *more])
-            for place, weight in places
-        ]
-        places, columns, weights = zip(*flat, strict=True)
-        return np.array(places, dtype=np.int64), np.array(columns, dtype=np.int64), np.array(weights, dtype=np.float64)
+    def entries(self, states: int) -> Entries:
+        """Every place that an unknown moves, see `entries_of`; columns count from `states`."""
+        places, columns, weights = self._entries
+        return places, states + columns, weights
 
     def vector(self, values: Array) -> Array:
         """The rig's vector for values of the unknowns, and the gain of the torque after it (SIZE + 1,)."""
@@ -153,6 +140,13 @@ class Unknowns:
                 p[place] += weight * value
         p[AXIS_STICKS] = can_stick(p[:SIZE])
         return p
+
+
+def entries_of(moved: Sequence[Places], first: int) -> Entries:
+    """(place, column, weight) of every place of the vector that a column moves; columns count from `first`."""
+    flat = [(place, first + k, weight) for k, places in enumerate(moved) for place, weight in places]
+    places, columns, weights = zip(*flat, strict=True) if flat else ((), (), ())
+    return np.array(places, np.int64), np.array(columns, np.int64), np.array(weights, np.float64)
 
 
 def _zero_within(width: float) -> Unknown:

@@ -1,6 +1,6 @@
 """Equation (II), the motor's balance, on modulating functions: an independent check of the reading of the wheel angle.
 
-a12 ∫φ'' q1 + a22 ∫φ'' q2 = N ∫φ (M(u, q2') − f2 N q2' − f3 sgn q2')
+    a12 ∫φ'' q1 + a22 ∫φ'' q2 = N ∫φ (M(u, q2') − f2 N q2' − f3 sgn q2')
 
 While the wheel rests, friction is any torque up to f3, and the balance is determined only to within that.
 """
@@ -12,27 +12,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from swingid.balance import wheel_equation as at
+from swingid.balance.wheel_equation import WheelRows
 from swingid.balance.windows import law_windows
 from swingid.format import left
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import Motor
 from swingid.numerics.arrays import Array, Bools
-from swingid.numerics.quadrature import GaussNodes
-from swingid.numerics.spline import spline_at, spline_slopes
-from swingid.numerics.test_functions import CURVATURE_POWER, project
-from swingid.preparation.speed import smooth_speed
+from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
 from swingid.uncertainty.significance import INDICATED
 
 if TYPE_CHECKING:
     from swingid.balance.rows import Signals, Windows
-    from swingid.numerics.blocks import BlockNodes
     from swingid.preparation.noise import Noise
 
-
-SLOW = 4.0
-"""Standard deviations of the wheel's speed below which it is not distinguishable from rest."""
 
 RESTLESS = 0.05
 """Share of the typical row that friction at rest may be in a window that determines the motor's constants."""
@@ -103,10 +98,10 @@ class FreeBalance:
 
 @dataclass(frozen=True)
 class _Reading:
-    """Equation (II) under one reading of the channels, one value per window.
+    """Equation (II), per a22, under one reading of the channels, one value per window.
 
-    inertial: left side; driven: right side, with friction at rest 0; open: bound of friction at rest, ±. free:
-    derivatives of the right side by c1 (relative), f2 and f3 (windows, 3).
+    inertial: left side; driven: right side, with friction at rest 0; open: bound of friction at rest, ±. free: columns
+    (windows, n) of what is free on the right side.
     """
 
     inertial: Array
@@ -121,7 +116,7 @@ class _Reading:
         return float(np.sqrt(unexplained / self._power))
 
     def refitted(self, used: Bools, expected: float) -> float:
-        """Relative residual with c1, f2 and f3 fitted on the windows `used`; noise included.
+        """Relative residual with `free` fitted on the windows `used`; noise included.
 
         At least that by noise (`expected` as above): few windows with noise only do not distinguish the readings.
         """
@@ -152,79 +147,83 @@ def motor_drag(motor: Motor, wheel_speed: Array) -> Array:
 
 def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, noise: Noise) -> MotorBalance | None:
     """Residuals of equation (II) on `windows` over the first swings; None without voltage or motor constants."""
-    motor, wheel = rig.drive.motor, signals.wheel
-    if motor is None or wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
+    motor = rig.drive.motor
+    if motor is None or signals.wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
         return None
-    turning = signals.motion.turning_times
-    nodes = signals.nodes.until(turning[SWINGS]) if len(turning) > SWINGS else signals.nodes
-    blocks, stamps = len(nodes.rows) - 1, nodes.stamps
-    windows = windows.select(windows.centres + windows.half <= nodes.time[-1])
-    assert signals.wheel_values is not None
-    speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
-    # the dead zone is not linear, so the torque is computed row by row, held in between, and then gathered into blocks
-    middles, late = (stamps[1:] + stamps[:-1]) / 2, signals.encoders.angle.latency.value
-    wheel_speed, voltage = speed.at(middles), _voltage(log, late, middles, held=log.drive_held)
+    wheel, values = WheelRows.of(signals, windows, noise, SWINGS), at.products_of(rig)
     is_relative = rig.log.wheel_angle_is == "relative"
     sign = -1.0 if is_relative else 1.0
-    other_speed = wheel_speed + sign * signals.motion.speed.at(middles)
-    # speeds that are not distinguishable from rest
-    slow, other_slow = SLOW * speed.noise, SLOW * float(np.hypot(speed.noise, signals.motion.speed.noise))
-    terms = np.stack([*_terms(motor, voltage, wheel_speed, slow), *_terms(motor, voltage, other_speed, other_slow)])
-    columns = [(signals.angle[:blocks], 2), (wheel[:blocks], 2), *((x, 0) for x in nodes.held(terms))]
-    part = project(nodes, columns, windows.centres, windows.half)
-    a12, a22 = rig.drive.a12, rig.drive.a22
-    angle, turn = part[:, 0], part[:, 1]
-    stated = _Reading(a12 * angle + a22 * turn, part[:, 2], part[:, 3], part[:, 4:7])
-    other = _Reading(a12 * angle + a22 * (turn + sign * angle), part[:, 7], part[:, 8], part[:, 9:12])
-    # residual of equation (II) by white noise of the angles alone
-    power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
-    expected = power * CURVATURE_POWER * float(np.mean(windows.half**-3.0))
+    voltage = wheel.voltage(held=log.drive_held)
+    sides = [_sides(values, voltage, *turning) for turning in ((wheel.rate, wheel.slow), wheel.otherwise(sign))]
+    parts = np.hsplit(wheel.integrals(np.vstack(sides)), 2)
+    stated, other = (
+        _Reading(inertial, part[:, 0], part[:, -1], part[:, 1:-1])
+        for inertial, part in zip(_inertial(wheel, values, sign), parts, strict=True)
+    )
+    expected = _expected(wheel, values, noise)
     used = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
     enough = int(np.count_nonzero(used)) >= FEWEST_ROWS
 
     def under(voltage: Array) -> float:
-        driven = _terms(motor, voltage, wheel_speed, slow)[0]
-        against = project(nodes, [(nodes.held(driven[None])[0], 0)], windows.centres, windows.half)[:, 0]
-        return replace(stated, driven=against).residual(expected)
+        driven = _sides(values, voltage, wheel.rate, wheel.slow)[:1]
+        return replace(stated, driven=wheel.integrals(driven)[:, 0]).residual(expected)
 
     as_stated = stated.residual(expected)
     # the readings differ by half a row, from which a latency of it is not distinguishable
     unsure = max(signals.encoders.angle.latency.std or 0.0, signals.encoders.wheel.latency.std or 0.0)
-    explained = INDICATED * _by_constants(rig, stated, wheel_speed, nodes, windows)
+    explained = INDICATED * _by_constants(rig, stated)
     checked = as_stated > max(FINE, explained) and INDICATED * unsure < noise.step / 2
     return MotorBalance(
         as_stated=as_stated,
         otherwise=other.residual(expected),
         turned=under(-voltage) if as_stated > GOOD else np.inf,
         held=log.drive_held,
-        held_otherwise=under(_voltage(log, late, middles, held=not log.drive_held)) if checked else np.inf,
+        held_otherwise=under(wheel.voltage(held=not log.drive_held)) if checked else np.inf,
         is_relative=is_relative,
         refitted=stated.refitted(used, expected) if enough else None,
         refitted_otherwise=other.refitted(used, expected) if enough else None,
-        rests=float(np.mean(np.abs(wheel_speed) < slow)),
+        rests=float(np.mean(np.abs(wheel.rate) < wheel.slow)),
     )
 
 
-def _by_constants(rig: Rig, reading: _Reading, rate: Array, nodes: BlockNodes, windows: Windows) -> float:
+def _sides(values: Array, voltage: Array, rate: Array, slow: float) -> Array:
+    """Between the rows (5, rows − 1): right side of (II) and its derivatives, and the bound of friction at rest."""
+    rests = (np.abs(rate) < slow).astype(np.float64)
+    return np.vstack([at.right_side(values, voltage, rate, np.sign(rate) * (1.0 - rests)), values[at.COULOMB] * rests])
+
+
+def _inertial(wheel: WheelRows, values: Array, sign: float) -> tuple[Array, Array]:
+    """Left side of (II) per a22 on the windows: as stated, and with `sign` q1 added to the wheel's angle."""
+    angle, turn = wheel.accelerations()
+    own = values[at.COUPLING] * angle + turn
+    return own, own + sign * angle
+
+
+def _expected(wheel: WheelRows, values: Array, noise: Noise) -> float:
+    """Mean square of the left side, per a22, by white noise of the angles alone."""
+    power = (float(values[at.COUPLING] * noise.angle) ** 2 + noise.wheel**2) * noise.step
+    return power * CURVATURE_POWER * float(np.mean(wheel.windows.half**-3.0))
+
+
+def _by_constants(rig: Rig, reading: _Reading) -> float:
     """Relative residual of (II), one standard deviation, by the stated uncertainties of its constants.
 
-    rate: the wheel's speed between the rows, rad/s. The interval contains such a residual, whatever its cause.
+    The interval contains such a residual, whatever its cause.
     """
     motor, wheel = rig.drive.motor, rig.drive.wheel
     assert motor is not None
-    gear = motor.gear_ratio.value
-    drag = np.stack([rate, np.sign(rate)])
-    by_rate, by_sign = project(nodes, [(x, 0) for x in nodes.held(drag)], windows.centres, windows.half).T
-    emf = gear * motor.efficiency.value * by_rate
+    assert wheel is not None
+    by_gain, by_rate, by_sign = reading.free.T
+    gear, eta, volt = motor.gear_ratio.value, motor.efficiency, motor.torque_per_volt
+    scale, (gain, *_) = gear / rig.drive.a22, at.products_of(rig)
     effects = [
-        (motor.torque_per_volt, reading.free[:, 0] / motor.torque_per_volt.value),
-        (motor.efficiency, reading.free[:, 0] / motor.efficiency.value),
-        (motor.back_emf, emf),
-        (motor.viscous, gear**2 * by_rate),
-        (motor.coulomb, gear * by_sign),
+        (volt, gain / volt.value * by_gain),
+        (eta, gain / eta.value * by_gain),
+        (motor.back_emf, scale * eta.value * by_rate),
+        (motor.viscous, scale * gear * by_rate),
+        (motor.coulomb, scale * by_sign),
+        (wheel.inertia, reading.inertial / wheel.inertia.value),
     ]
-    if wheel is not None:
-        effects.append((wheel.inertia, reading.inertial / wheel.inertia.value))
     parts = [(quantity.std or 0.0) ** 2 * float(np.mean(effect**2)) for quantity, effect in effects]
     return float(np.sqrt(sum(parts) / max(float(np.mean(reading.inertial**2)), 1e-300)))
 
@@ -235,58 +234,27 @@ def free_balance(rig: Rig, signals: Signals, noise: Noise) -> FreeBalance | None
     Its right side is then k u − d q2' − f sgn q2' − h sgn u − c (a dead zone acts as h and c). Windows in which the
     wheel rests determine nothing. None without voltage, and with too few windows.
     """
-    log, wheel = signals.source[0], signals.wheel
-    if wheel is None or signals.wheel_values is None or log.voltage is None or not np.any(np.diff(log.voltage)):
+    log = signals.source[0]
+    if signals.wheel is None or log.voltage is None or not np.any(np.diff(log.voltage)):
         return None
-    turning = signals.motion.turning_times
-    nodes = signals.nodes.until(turning[SWINGS]) if len(turning) > SWINGS else signals.nodes
-    blocks, stamps = len(nodes.rows) - 1, nodes.stamps
-    windows = law_windows(signals, QUARTER * signals.motion.half_period)
-    windows = windows.select(windows.centres + windows.half <= nodes.time[-1])
-    if len(windows) < FEWEST_ROWS:
+    wheel = WheelRows.of(signals, law_windows(signals, QUARTER * signals.motion.half_period), noise, SWINGS)
+    if len(wheel.windows) < FEWEST_ROWS:
         return None
-    speed = smooth_speed(stamps, signals.wheel_values[: len(stamps)], noise.wheel, spacing=1.5)
-    middles, late = (stamps[1:] + stamps[:-1]) / 2, signals.encoders.angle.latency.value
-    rate, voltage = speed.at(middles), _voltage(log, late, middles, held=log.drive_held)
     sign = -1.0 if rig.log.wheel_angle_is == "relative" else 1.0
-    other = rate + sign * signals.motion.speed.at(middles)
-    slow, other_slow = SLOW * speed.noise, SLOW * float(np.hypot(speed.noise, signals.motion.speed.noise))
-    shared = np.stack([voltage, np.sign(voltage), np.ones_like(voltage)])
-    own = np.stack([rate, np.sign(rate), np.abs(rate) < slow, other, np.sign(other), np.abs(other) < other_slow])
-    held = nodes.held(np.vstack([shared, own]))
-    columns = [(signals.angle[:blocks], 2), (wheel[:blocks], 2), *((x, 0) for x in held)]
-    part = project(nodes, columns, windows.centres, windows.half)
-    used = np.maximum(part[:, 7], part[:, 10]) < RESTLESS * windows.half
+    voltage = wheel.voltage(held=log.drive_held)
+    shared = [voltage, np.sign(voltage), np.ones_like(voltage)]
+    readings = [
+        np.stack([*shared, rate, np.sign(rate), np.abs(rate) < slow])
+        for rate, slow in ((wheel.rate, wheel.slow), wheel.otherwise(sign))
+    ]
+    parts = np.hsplit(wheel.integrals(np.vstack(readings)), 2)
+    used = np.maximum(*(part[:, -1] for part in parts)) < RESTLESS * wheel.windows.half
     if np.count_nonzero(used) < FEWEST_ROWS:
         return None
-    a12, a22, (angle, turn) = rig.drive.a12, rig.drive.a22, part[:, :2].T
-    none = np.zeros(len(windows))
-    power = ((a12 * noise.angle) ** 2 + (a22 * noise.wheel) ** 2) * noise.step
-    expected = power * CURVATURE_POWER * float(np.mean(windows.half**-3.0))
-    readings = (
-        _Reading(a12 * angle + a22 * moved, none, none, np.hstack([part[:, 2:5], part[:, k : k + 2]]))
-        for moved, k in ((turn, 5), (turn + sign * angle, 8))
-    )
-    return FreeBalance(*(one.refitted(used, expected) for one in readings))
-
-
-def _voltage(log: Recording, late: float, middles: Array, *, held: bool) -> Array:
-    """The voltage between the rows, on the clock of the angle: one that is read `late` (s) meets a later voltage."""
-    assert log.voltage is not None
-    count = len(middles)
-    if held:
-        moved = log.voltage[:, None] if late == 0.0 else GaussNodes(log.time, 2).hold(log.voltage, late)
-        means: Array = moved[:count].mean(axis=1)
-        return means
-    return spline_at(log.time, log.voltage, spline_slopes(log.time, log.voltage), middles + late, 0)
-
-
-def _terms(motor: Motor, voltage: Array, rate: Array, slow: float) -> tuple[Array, ...]:
-    """Between the rows: right side of (II), bound of friction at rest, and derivatives of the side by c1, f2, f3."""
-    gear, coulomb = motor.gear_ratio.value, motor.coulomb.value
-    rests = (np.abs(rate) < slow).astype(np.float64)
-    direction: Array = np.sign(rate) * (1.0 - rests)
-    torque = motor_torque(motor, voltage, rate)
-    strength: Array = motor.efficiency.value * motor.torque_per_volt.value * voltage * (torque != 0.0)
-    driven: Array = gear * (torque - motor.viscous.value * gear * rate - coulomb * direction)
-    return driven, gear * coulomb * rests, gear * strength, rate, direction
+    values, none = at.products_of(rig), np.zeros(len(wheel.windows))
+    expected = _expected(wheel, values, noise)
+    found = [
+        _Reading(inertial, none, none, part[:, :-1]).refitted(used, expected)
+        for inertial, part in zip(_inertial(wheel, values, sign), parts, strict=True)
+    ]
+    return FreeBalance(*found)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.calibration.motor import products as at
+from swingid.balance import wheel_equation as at
 from swingid.calibration.motor.balance import BalanceFit, Separation
 from swingid.calibration.motor.channels import WheelLog
 from swingid.calibration.motor.output_error import OutputFit

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.calibration.motor import products as at
+from swingid.balance import wheel_equation as at
 from swingid.calibration.motor.balance import BalanceFit, Separation, fit_balance, separate
 from swingid.calibration.motor.channels import Kind as LogKind
 from swingid.calibration.motor.channels import WheelLog, kind_of

@@ -7,18 +7,21 @@ While the wheel rests, friction is any torque up to f3, and the balance is deter
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from swingid.balance import wheel_equation as at
+from swingid.balance.imperfections import relative
 from swingid.balance.wheel_equation import WheelRows
 from swingid.balance.windows import law_windows
 from swingid.format import left
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import Motor
 from swingid.numerics.arrays import Array, Bools
+from swingid.numerics.regression import fit_linear
 from swingid.numerics.test_functions import CURVATURE_POWER
 from swingid.recording.recording import Recording
 from swingid.result.result import Message
@@ -86,47 +89,36 @@ class MotorBalance:
 
 
 @dataclass(frozen=True)
-class FreeBalance:
-    """Relative residuals of equation (II) with all constants of the motor fitted: wheel angle as stated, and otherwise.
-
-    At least those by the sensors' noise.
-    """
-
-    as_stated: float
-    otherwise: float
-
-
-@dataclass(frozen=True)
 class _Reading:
     """Equation (II), per a22, under one reading of the channels, one value per window.
 
-    inertial: left side; driven: right side, with friction at rest 0; open: bound of friction at rest, ±. free: columns
-    (windows, n) of what is free on the right side.
+    inertial: left side, of which noise of the angles gives the mean square `expected`; driven: right side, with
+    friction at rest 0; open: bound of friction at rest, ±; free: columns (windows, n) of what may be fitted.
     """
 
     inertial: Array
+    expected: float
     driven: Array
     open: Array
     free: Array
 
-    def residual(self, expected: float) -> float:
-        """Residual relative to the left side; `expected`: mean square of it by noise alone."""
+    def residual(self) -> float:
+        """Residual relative to the left side, beyond what noise leaves."""
         left = np.maximum(np.abs(self.inertial - self.driven) - self.open, 0.0)
-        unexplained = max(float(np.mean(left**2)) - 2 * expected, 0.0)
-        return float(np.sqrt(unexplained / self._power))
+        unexplained = max(float(np.mean(left**2)) - 2 * self.expected, 0.0)
+        return float(np.sqrt(unexplained / self.power))
 
-    def refitted(self, used: Bools, expected: float) -> float:
+    def refitted(self, used: Bools) -> float:
         """Relative residual with `free` fitted on the windows `used`; noise included.
 
-        At least that by noise (`expected` as above): few windows with noise only do not distinguish the readings.
+        At least that by noise: few windows with noise only do not distinguish the readings.
         """
-        missing, free = (self.inertial - self.driven)[used], self.free[used]
-        free = free / np.maximum(np.sqrt(np.mean(free**2, axis=0)), 1e-300)
-        left = missing - free @ np.linalg.lstsq(free, missing, rcond=1e-10)[0]
-        return float(np.sqrt(max(float(np.mean(left**2)), 2 * expected) / self._power))
+        left = fit_linear(self.free[used], (self.inertial - self.driven)[used]).residuals
+        return float(np.sqrt(max(float(np.mean(left**2)), 2 * self.expected) / self.power))
 
     @property
-    def _power(self) -> float:
+    def power(self) -> float:
+        """Mean square of the left side."""
         return max(float(np.mean(self.inertial**2)), 1e-300)
 
 
@@ -151,58 +143,81 @@ def motor_balance(log: Recording, rig: Rig, signals: Signals, windows: Windows, 
     if motor is None or signals.wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
         return None
     wheel, values = WheelRows.of(signals, windows, noise, SWINGS), at.products_of(rig)
-    is_relative = rig.log.wheel_angle_is == "relative"
-    sign = -1.0 if is_relative else 1.0
     voltage = wheel.voltage(held=log.drive_held)
-    sides = [_sides(values, voltage, *turning) for turning in ((wheel.rate, wheel.slow), wheel.otherwise(sign))]
-    parts = np.hsplit(wheel.integrals(np.vstack(sides)), 2)
-    stated, other = (
-        _Reading(inertial, part[:, 0], part[:, -1], part[:, 1:-1])
-        for inertial, part in zip(_inertial(wheel, values, sign), parts, strict=True)
-    )
-    expected = _expected(wheel, values, noise)
-    used = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
-    enough = int(np.count_nonzero(used)) >= FEWEST_ROWS
+
+    def side(rate: Array, slow: float, voltage: Array = voltage) -> Array:
+        rests = (np.abs(rate) < slow).astype(np.float64)
+        driven, *free = at.right_side(values, voltage, rate, np.sign(rate) * (1.0 - rests))
+        return np.stack([driven, values[at.COULOMB] * rests, *free])
 
     def under(voltage: Array) -> float:
-        driven = _sides(values, voltage, wheel.rate, wheel.slow)[:1]
-        return replace(stated, driven=wheel.integrals(driven)[:, 0]).residual(expected)
+        driven = wheel.integrals(side(wheel.rate, wheel.slow, voltage)[:1])[:, 0]
+        return replace(stated, driven=driven).residual()
 
-    as_stated = stated.residual(expected)
+    stated, other = _readings(wheel, rig, noise, side)
+    used = np.maximum(stated.open, other.open) < RESTLESS * np.sqrt(np.mean(stated.inertial**2))
+    enough = int(np.count_nonzero(used)) >= FEWEST_ROWS
+    as_stated = stated.residual()
     # the readings differ by half a row, from which a latency of it is not distinguishable
     unsure = max(signals.encoders.angle.latency.std or 0.0, signals.encoders.wheel.latency.std or 0.0)
     explained = INDICATED * _by_constants(rig, stated)
     checked = as_stated > max(FINE, explained) and INDICATED * unsure < noise.step / 2
     return MotorBalance(
         as_stated=as_stated,
-        otherwise=other.residual(expected),
+        otherwise=other.residual(),
         turned=under(-voltage) if as_stated > GOOD else np.inf,
         held=log.drive_held,
         held_otherwise=under(wheel.voltage(held=not log.drive_held)) if checked else np.inf,
-        is_relative=is_relative,
-        refitted=stated.refitted(used, expected) if enough else None,
-        refitted_otherwise=other.refitted(used, expected) if enough else None,
+        is_relative=rig.log.wheel_angle_is == "relative",
+        refitted=stated.refitted(used) if enough else None,
+        refitted_otherwise=other.refitted(used) if enough else None,
         rests=float(np.mean(np.abs(wheel.rate) < wheel.slow)),
     )
 
 
-def _sides(values: Array, voltage: Array, rate: Array, slow: float) -> Array:
-    """Between the rows (5, rows − 1): right side of (II) and its derivatives, and the bound of friction at rest."""
-    rests = (np.abs(rate) < slow).astype(np.float64)
-    return np.vstack([at.right_side(values, voltage, rate, np.sign(rate) * (1.0 - rests)), values[at.COULOMB] * rests])
+def free_balance(rig: Rig, signals: Signals, noise: Noise) -> MotorBalance | None:
+    """The first two residuals over the first swings, with all constants of the motor fitted and noise included.
+
+    The right side of (II) is then k u − d q2' − f sgn q2' − h sgn u − c (a dead zone acts as h and c). Windows in
+    which the wheel rests determine nothing. None without voltage, and with too few windows.
+    """
+    log = signals.source[0]
+    if signals.wheel is None or log.voltage is None or not np.any(np.diff(log.voltage)):
+        return None
+    wheel = WheelRows.of(signals, law_windows(signals, QUARTER * signals.motion.half_period), noise, SWINGS)
+    if len(wheel.windows) < FEWEST_ROWS:
+        return None
+    voltage, one = wheel.voltage(held=log.drive_held), np.ones_like(wheel.rate)
+
+    def side(rate: Array, slow: float) -> Array:
+        return np.stack([0.0 * one, np.abs(rate) < slow, voltage, np.sign(voltage), one, rate, np.sign(rate)])
+
+    readings = _readings(wheel, rig, noise, side)
+    used = np.maximum(*(one.open for one in readings)) < RESTLESS * wheel.windows.half
+    if np.count_nonzero(used) < FEWEST_ROWS:
+        return None
+    as_stated, otherwise = (one.refitted(used) for one in readings)
+    return MotorBalance(as_stated, otherwise, np.inf, rig.log.wheel_angle_is == "relative")
 
 
-def _inertial(wheel: WheelRows, values: Array, sign: float) -> tuple[Array, Array]:
-    """Left side of (II) per a22 on the windows: as stated, and with `sign` q1 added to the wheel's angle."""
-    angle, turn = wheel.accelerations()
-    own = values[at.COUPLING] * angle + turn
-    return own, own + sign * angle
+def _readings(
+    wheel: WheelRows, rig: Rig, noise: Noise, side: Callable[[Array, float], Array]
+) -> tuple[_Reading, _Reading]:
+    """Equation (II) with the wheel's angle as stated and read the other way.
 
-
-def _expected(wheel: WheelRows, values: Array, noise: Noise) -> float:
-    """Mean square of the left side, per a22, by white noise of the angles alone."""
-    power = (float(values[at.COUPLING] * noise.angle) ** 2 + noise.wheel**2) * noise.step
-    return power * CURVATURE_POWER * float(np.mean(wheel.windows.half**-3.0))
+    side (2 + n, rows − 1): right side, bound of friction at rest and free columns at a speed (rad/s) of the wheel,
+    which is not distinguishable from rest below another.
+    """
+    coupling = float(at.products_of(rig)[at.COUPLING])
+    sign = -1.0 if rig.log.wheel_angle_is == "relative" else 1.0
+    stated, other = np.split(wheel.integrals(np.vstack([side(*wheel.turning()), side(*wheel.turning(sign))])).T, 2)
+    inertial, angle = wheel.inertial(coupling)
+    power = ((coupling * noise.angle) ** 2 + noise.wheel**2) * noise.step
+    expected = power * CURVATURE_POWER * float(np.mean(wheel.windows.half**-3.0))
+    return (
+        _Reading(inertial, expected, stated[0], stated[1], stated[2:].T),
+        _Reading(inertial + sign * angle, expected, other[0], other[1], other[2:].T),
+    )
 
 
 def _by_constants(rig: Rig, reading: _Reading) -> float:
@@ -213,48 +228,13 @@ def _by_constants(rig: Rig, reading: _Reading) -> float:
     motor, wheel = rig.drive.motor, rig.drive.wheel
     assert motor is not None
     assert wheel is not None
-    by_gain, by_rate, by_sign = reading.free.T
-    gear, eta, volt = motor.gear_ratio.value, motor.efficiency, motor.torque_per_volt
-    scale, (gain, *_) = gear / rig.drive.a22, at.products_of(rig)
-    effects = [
-        (volt, gain / volt.value * by_gain),
-        (eta, gain / eta.value * by_gain),
-        (motor.back_emf, scale * eta.value * by_rate),
-        (motor.viscous, scale * gear * by_rate),
-        (motor.coulomb, scale * by_sign),
-        (wheel.inertia, reading.inertial / wheel.inertia.value),
+    gear, eta = motor.gear_ratio.value, motor.efficiency.value
+    scale, gain = gear / rig.drive.a22, at.products_of(rig)[at.GAIN]
+    sizes = [
+        gain * np.hypot(relative(motor.torque_per_volt), relative(motor.efficiency)),
+        scale * np.hypot(eta * (motor.back_emf.std or 0.0), gear * (motor.viscous.std or 0.0)),
+        scale * (motor.coulomb.std or 0.0),
+        relative(wheel.inertia),
     ]
-    parts = [(quantity.std or 0.0) ** 2 * float(np.mean(effect**2)) for quantity, effect in effects]
-    return float(np.sqrt(sum(parts) / max(float(np.mean(reading.inertial**2)), 1e-300)))
-
-
-def free_balance(rig: Rig, signals: Signals, noise: Noise) -> FreeBalance | None:
-    """Residuals of equation (II) over the first swings with all constants of the motor fitted, for both readings.
-
-    Its right side is then k u − d q2' − f sgn q2' − h sgn u − c (a dead zone acts as h and c). Windows in which the
-    wheel rests determine nothing. None without voltage, and with too few windows.
-    """
-    log = signals.source[0]
-    if signals.wheel is None or log.voltage is None or not np.any(np.diff(log.voltage)):
-        return None
-    wheel = WheelRows.of(signals, law_windows(signals, QUARTER * signals.motion.half_period), noise, SWINGS)
-    if len(wheel.windows) < FEWEST_ROWS:
-        return None
-    sign = -1.0 if rig.log.wheel_angle_is == "relative" else 1.0
-    voltage = wheel.voltage(held=log.drive_held)
-    shared = [voltage, np.sign(voltage), np.ones_like(voltage)]
-    readings = [
-        np.stack([*shared, rate, np.sign(rate), np.abs(rate) < slow])
-        for rate, slow in ((wheel.rate, wheel.slow), wheel.otherwise(sign))
-    ]
-    parts = np.hsplit(wheel.integrals(np.vstack(readings)), 2)
-    used = np.maximum(*(part[:, -1] for part in parts)) < RESTLESS * wheel.windows.half
-    if np.count_nonzero(used) < FEWEST_ROWS:
-        return None
-    values, none = at.products_of(rig), np.zeros(len(wheel.windows))
-    expected = _expected(wheel, values, noise)
-    found = [
-        _Reading(inertial, none, none, part[:, :-1]).refitted(used, expected)
-        for inertial, part in zip(_inertial(wheel, values, sign), parts, strict=True)
-    ]
-    return FreeBalance(*found)
+    effects = np.column_stack([reading.free, reading.inertial]) * sizes
+    return float(np.sqrt(np.mean(np.sum(effects**2, axis=1)) / reading.power))

@@ -135,9 +135,11 @@ class WheelRows:
         """Speed of the wheel (rad/s) that is not distinguishable from rest."""
         return SLOW * self.speed.noise
 
-    def otherwise(self, sign: float) -> tuple[Array, float]:
-        """The wheel's speed, and what is not distinguishable from rest, if `sign` q1 is to be added to its angle."""
+    def turning(self, sign: float = 0.0) -> tuple[Array, float]:
+        """The wheel's speed and what is not distinguishable from rest, where `sign` q1 is to be added to its angle."""
         axis = self.signals.motion.speed
+        if not sign:
+            return self.rate, self.slow
         return self.rate + sign * axis.at(self.middles), SLOW * float(np.hypot(self.speed.noise, axis.noise))
 
     def voltage(self, *, held: bool, late: float | None = None) -> Array:
@@ -154,13 +156,13 @@ class WheelRows:
             return means
         return spline_at(log.time, log.voltage, spline_slopes(log.time, log.voltage), self.middles + late, 0)
 
-    def accelerations(self) -> tuple[Array, Array]:
-        """∫φ q1'' and ∫φ q2'' on the windows."""
+    def inertial(self, coupling: float) -> tuple[Array, Array]:
+        """∫φ (q2'' + ρ q1'') on the windows, with ρ = `coupling`, and ∫φ q1''."""
         blocks, wheel = len(self.nodes.rows) - 1, self.signals.wheel
         assert wheel is not None
         columns = [(self.signals.angle[:blocks], 2), (wheel[:blocks], 2)]
         angle, turn = project(self.nodes, columns, self.windows.centres, self.windows.half).T
-        return angle, turn
+        return coupling * angle + turn, angle
 
     def integrals(self, between: Array) -> Array:
         """∫φ x (windows, n) of signals (n, rows − 1) that are constant between the rows.

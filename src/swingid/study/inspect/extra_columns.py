@@ -188,8 +188,7 @@ def voltage_latency(
     wheel = replace(wheel, windows=windows.select(kept < RESTING * windows.half))
     if len(wheel.windows) < FEWEST:
         return None
-    angle, turn = wheel.accelerations()
-    inertial = values[at.COUPLING] * angle + turn
+    inertial, _ = wheel.inertial(values[at.COUPLING])
     late, found = signals.encoders.angle.latency.value, 0.0
     for _ in range(STEPS):
         voltage = wheel.voltage(held=log.drive_held, late=late + found)

@@ -10,7 +10,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from motor_logs import BLANK, PAPER, TRUE, clamped, given, multisine
-from swingid.calibration.motor.products import COUPLING, products_of
+from swingid.balance.wheel_equation import COUPLING, products_of
 from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
 from swingid.cli.app import run
 from swingid.model.rig import Rig

@@ -23,7 +23,7 @@ def reading(rng: np.random.Generator, missing: float) -> float:
     driven = free @ [1.0, 0.5, 0.2]
     left_out = missing * rng.standard_normal(FEWEST_ROWS)
     inertial = driven + left_out + NOISE * rng.standard_normal(FEWEST_ROWS)
-    return _Reading(inertial, driven, np.zeros(FEWEST_ROWS), free).refitted(EVERY, NOISE**2)
+    return _Reading(inertial, NOISE**2, driven, np.zeros(FEWEST_ROWS), free).refitted(EVERY)
 
 
 def ratios(missing: float) -> np.ndarray:

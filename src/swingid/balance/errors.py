@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -69,6 +69,19 @@ def channel_errors(
         RowError(one, -sum((values[name] * rows.kept[one.source, name] for name, *_ in slopes[one.source]), none))
         for one in found
     ]
+
+
+def shaped_errors(
+    rows: Rows, signals: Signals, channel: str, shapes: Iterable[Array], values: Mapping[str, float]
+) -> Array:
+    """Effects (rows, n) of errors of a channel, "angle" or "wheel", that are given at the nodes."""
+    found = slopes_by(channel, signals.angle, signals.further, linear=signals.linear)
+    slopes, each = [own for own in found if values.get(own[0])], list(shapes)
+    columns = [(shape * slope, order) for shape in each for _, slope, order in slopes]
+    parts = project(signals.nodes, columns, rows.windows.centres, rows.windows.half)
+    own = np.array([values[name] for name, *_ in slopes])
+    result: Array = -parts.reshape(len(rows), len(each), len(slopes)) @ own
+    return result
 
 
 def bends(rows: Rows, signals: Signals, values: Mapping[str, float]) -> Array:

@@ -182,7 +182,7 @@ def prepare(
     """Decide what is corrected in a log and excluded from it, and do it.
 
     unbroken: the longest run of rows without an excluded part, for methods that proceed from row to row.
-    together: for one fit to several logs, which may have a motor on the axis; scaled_elsewhere: see `scale.equation_of`.
+    together: for one fit to several logs, which may have a motor on the axis; scaled_elsewhere: see `equation_of`.
     Raises InputError where the log lacks what the rig's drive needs, UnanswerableError without a scale reference.
     """
     if not together:

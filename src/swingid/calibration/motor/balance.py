@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from swingid.balance import wheel_equation as at
 from swingid.balance.rows import Windows
-from swingid.calibration.motor import products as at
 from swingid.calibration.motor.channels import IDLE, WheelLog
 from swingid.errors import UnanswerableError
 from swingid.model.rig import Rig
@@ -47,6 +47,9 @@ NEARLY = 3.0
 
 KNOWN = 1 / 3
 """Relative standard uncertainty of gain and damping above which the log is refused."""
+
+BRANCHED = [at.GAIN, at.EMF, at.POSITIVE, at.NEGATIVE, at.COULOMB]
+"""Products whose columns depend on the branches; those of the others are exact integrals of the angles."""
 
 SIDES = {at.POSITIVE: "positive", at.NEGATIVE: "negative"}
 
@@ -95,19 +98,10 @@ class LogRows:
 
     def columns(self, values: Array) -> Array:
         """Columns (w, 7) of the balance with the branches that `values` give."""
-        branch = at.branches(values, self.voltage, self.speed)
-        above, below = (branch > 0).astype(float), (branch < 0).astype(float)
-        signals = [
-            self.voltage * (branch != 0),
-            self.speed * (branch == 0),
-            -above,
-            below,
-            -(np.sign(self.speed) - above + below),
-        ]
-        columns = [(signal, 0) for signal in signals]
-        part = project(self.log.nodes, columns, self.windows.centres, self.windows.half)
+        signals = at.regressors(values, self.voltage, self.speed, np.sign(self.speed))
+        columns = [(signals[k], 0) for k in BRANCHED]
         result = np.empty((len(self.target), at.COUNT))
-        result[:, [at.GAIN, at.EMF, at.POSITIVE, at.NEGATIVE, at.COULOMB]] = part
+        result[:, BRANCHED] = project(self.log.nodes, columns, self.windows.centres, self.windows.half)
         result[:, [at.DAMPING, at.COUPLING]] = self.fixed
         return result
 

@@ -11,7 +11,7 @@ import numpy as np
 from swingid.errors import InputError, UnanswerableError
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.quadrature import GaussNodes
+from swingid.numerics.quadrature import GaussNodes, held_between
 from swingid.preparation.encoders import Encoders, moved
 from swingid.preparation.motion import FEWEST_ROWS
 from swingid.preparation.noise import Noise, channel_noise
@@ -134,12 +134,10 @@ class WheelLog:
 
         Missing rows are interpolated linearly.
         """
-        rise = np.diff(self.voltage)
-        if not self.held:
-            return self.voltage[:-1] + rise / 2
-        steps = np.maximum(np.round(np.diff(self.nodes.time) / self.noise.step), 1)
-        result: Array = self.voltage[:-1] + rise * (steps - 1) / (2 * steps)
-        return result
+        if self.held:
+            return held_between(self.nodes.time, self.voltage)
+        means: Array = self.voltage[:-1] + np.diff(self.voltage) / 2
+        return means
 
     def voltage_at_nodes(self) -> Array:
         """Voltage at the Gauss nodes: held from row to row, or a spline through measured values."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from swingid.calibration.motor import products as at
+from swingid.balance import wheel_equation as at
+from swingid.balance.imperfections import Imperfection, of_sensor
 from swingid.calibration.motor.balance import BalanceFit, Separation
 from swingid.calibration.motor.channels import WheelLog
 from swingid.calibration.motor.output_error import OutputFit
@@ -16,8 +17,9 @@ from swingid.errors import InputError
 from swingid.model.rig import Rig
 from swingid.model.terms import FRICTION_KEYS
 from swingid.numerics.arrays import Array
+from swingid.preparation.encoders import Channel
 from swingid.result.result import Message
-from swingid.uncertainty.budget import Declared, Evaluated, Parameter, Scatter, evaluate, stated, systematic
+from swingid.uncertainty.budget import Declared, Evaluated, Parameter, Scatter, evaluate, systematic
 from swingid.uncertainty.dark import dark_uncertainty
 from swingid.uncertainty.significance import INDICATED
 from swingid.units import Quantity
@@ -37,6 +39,15 @@ UNITS = {
 }
 """Everything that a calibration can give: first the products that equation (II) contains, then the constants of
 rig.toml."""
+
+Error = Callable[[Array, Array], Array]
+"""An error of an angle, by the angle (rad) and the time (s) of its rows."""
+
+ERRORS: dict[str, Error] = {"latency": np.gradient, "cosine": lambda q, _: np.cos(q), "sine": lambda q, _: np.sin(q)}
+"""Error by an imperfection of an encoder, per unit, by its kind as of `of_sensor`."""
+
+NO_ROWS = np.zeros(0)
+"""Output error has no rows of a balance on which an imperfection would act."""
 
 MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb")
 
@@ -101,18 +112,15 @@ def evaluated(
 def declared_changes(fit: OutputFit, logs: list[WheelLog], split: Separation, to: Conversion) -> list[Declared]:
     """Every declared uncertainty of the rig, and its effect on the constants."""
     base = to.constants(fit.values)
-    shifts = list(_stated(fit, split, to))
-    for source, shared, std, changes in _sensors(fit, logs):
-        shifts.append((source, shared, std, to.constants(fit.values + fit.shift(changes))))
-    return [Declared(stated(source, shared), std, (found - base) / std) for source, shared, std, found in shifts]
+    sensors = ((item, to.constants(fit.values + change)) for item, change in _sensors(fit, logs))
+    return [item.on((found - base) / item.std) for item, found in (*_stated(fit, split, to), *sensors)]
 
 
-Shift = tuple[str, str, float, Array]
-"""Source, shared id and standard uncertainty of a declared quantity, and the constants with it off by that much."""
+def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[tuple[Imperfection, Array]]:
+    """Constants of the rig that were not found, and all constants of `UNITS` with each off by one standard deviation.
 
-
-def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[Shift]:
-    """Constants of the rig: wheel, rotor and gear, which turn accelerations into torques; products that were held."""
+    Wheel, rotor and gear turn accelerations into torques; others are in products that were held.
+    """
     motor, wheel = to.rig.drive.motor, to.rig.drive.wheel
     assert motor is not None
     assert wheel is not None
@@ -132,7 +140,7 @@ def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[Shift
         if place is not None:
             change = float(at.products_of(other)[place] - at.products_of(to.rig)[place])
             values = values + _shift_by(fit, place, change)
-        yield key, key, known.std, to.constants(values, other)
+        yield Imperfection(key, known.std, NO_ROWS, 0.0, key), to.constants(values, other)
 
 
 def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
@@ -143,37 +151,29 @@ def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
     return result
 
 
-def _sensors(fit: OutputFit, logs: list[WheelLog]) -> Iterator[tuple[str, str, float, list[Array]]]:
-    """Declared imperfections of the encoders (as in `Shift`), as changes of the logged wheel angle of every shot."""
-    encoders = logs[0].encoders
-    of_wheel = (encoders.wheel, "wheel", "sensors.wheel", lambda error: [error(s.wheel, s.time) for s in fit.shots])
-    of_angle = (encoders.angle, "angle", "sensors", lambda error: _by_axis(fit, error))
-    for sensor, channel, key, changes in (of_wheel, of_angle):
-        if channel == "angle" and all(log.kind == "clamped" for log in logs):
-            return
-        if late := sensor.latency.std:
-            yield (
-                f"{channel} latency",
-                f"{key}.latency",
-                late,
-                changes(lambda q, t, late=late: late * np.gradient(q, t)),
-            )
-        for name, wave in (("cosine", np.cos), ("sine", np.sin)):
-            if size := sensor.parts[name].std:
-                effect = changes(lambda q, _, size=size, wave=wave: size * wave(q))
-                yield f"{channel} encoder nonlinearity ({name})", f"{key}.nonlinearity.{name}", size, effect
+def _sensors(fit: OutputFit, logs: list[WheelLog]) -> Iterator[tuple[Imperfection, Array]]:
+    """Declared imperfections of the encoders, and the change of all products by one standard deviation of each."""
+    still = all(log.kind == "clamped" for log in logs)
+    channels: dict[Channel, Callable[[OutputFit, Error, float], list[Array]]] = {"wheel": by_wheel, "angle": _by_axis}
+    for channel, changes in channels.items():
+        if still and channel == "angle":
+            continue
+        for kind, error in ERRORS.items():
+            item = of_sensor(logs[0].encoders, channel, kind, NO_ROWS)
+            if item.std:
+                yield item, fit.shift(changes(fit, error, item.std))
 
 
-def late_wheel(fit: OutputFit, late: float) -> list[Array]:
-    """Change of the logged wheel angle of every shot when it is read `late` (s) after its stamp: q' δ."""
-    return [late * np.gradient(shot.wheel, shot.time) for shot in fit.shots]
+def by_wheel(fit: OutputFit, error: Error, size: float) -> list[Array]:
+    """`size` times an error of the wheel's angle as a change of the logged angle of every shot."""
+    return [size * error(shot.wheel, shot.time) for shot in fit.shots]
 
 
-def _by_axis(fit: OutputFit, error: Callable[[Array, Array], Array]) -> list[Array]:
-    """An error of the axis' angle, of (angle, time), as a change of the wheel's: minus its effect on the simulation."""
+def _by_axis(fit: OutputFit, error: Error, size: float) -> list[Array]:
+    """`size` times an error of the axis' angle as a change of the wheel's: minus its effect on the simulation."""
     result = []
     for shot, start in zip(fit.shots, fit.starts, strict=True):
-        other = shot.simulated(fit.values, start, shot.angle - error(shot.angle, shot.time))[0]
+        other = shot.simulated(fit.values, start, shot.angle - size * error(shot.angle, shot.time))[0]
         result.append(shot.simulated(fit.values, start)[0] - other)
     return result
 

@@ -14,17 +14,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.calibration.motor import products as at
+from swingid.balance import wheel_equation as at
 from swingid.calibration.motor.balance import BalanceFit, Separation, fit_balance, separate
 from swingid.calibration.motor.channels import Kind as LogKind
 from swingid.calibration.motor.channels import WheelLog, kind_of
 from swingid.calibration.motor.constants import (
     UNITS,
     Conversion,
+    by_wheel,
     calibrated_rig,
     declared_changes,
     evaluated,
-    late_wheel,
 )
 from swingid.calibration.motor.free_swing import RATIO, free_swing
 from swingid.calibration.motor.output_error import OutputFit, fit_output
@@ -218,7 +218,7 @@ def _delay(fit: OutputFit, encoders: Encoders) -> list[Message]:
     """The effect of a delay between voltage and wheel angle, where the rig states no uncertainty of it."""
     if encoders.wheel.latency.std is not None:
         return []
-    change = float(fit.shift(late_wheel(fit, 1e-3))[at.GAIN] / fit.values[at.GAIN])
+    change = float(fit.shift(by_wheel(fit, np.gradient, 1e-3))[at.GAIN] / fit.values[at.GAIN])
     text = (
         "taken as exact: the time between voltage and wheel angle; 1 ms more would change motor.gain by about "
         f"{100 * change:+.2g} % (state sensors.wheel.latency with its uncertainty)."

@@ -12,8 +12,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from swingid.balance.wheel_equation import COUNT, COUPLING, allowed
 from swingid.calibration.motor.channels import GAP, WheelLog
-from swingid.calibration.motor.products import COUNT, COUPLING, allowed
 from swingid.calibration.motor.wheel_motion import STATES, simulate_wheel
 from swingid.numerics.arrays import Array, Bools, Ints
 from swingid.numerics.gauss_newton import LEAST, STALLED, solve

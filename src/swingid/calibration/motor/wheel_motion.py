@@ -5,7 +5,7 @@ the sign of q2' stay. The measured axis enters as straight lines between its sam
 the wheel by −ρ times as much, so that q2 follows −ρ q1 exactly from sample to sample. Events are a stop or reversal
 of the wheel, which may stick there, and the edges of the dead zone. At an edge M is continuous, so sensitivities pass
 unchanged; at a reversal the acceleration jumps from a to a', and the sensitivity of the speed is multiplied by
-a'/a (the saltation of the flow); while a wheel sticks it is 0. Products as in `products`, per a22.
+a'/a (the saltation of the flow); while a wheel sticks it is 0. Products as in `balance.wheel_equation`, per a22.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 
-from swingid.calibration.motor.products import COULOMB, COUNT, COUPLING, DAMPING, EMF, GAIN, NEGATIVE, POSITIVE
+from swingid.balance.wheel_equation import COULOMB, COUNT, COUPLING, DAMPING, EMF, GAIN, NEGATIVE, POSITIVE
 from swingid.numerics.arrays import Array
 from swingid.numerics.compiled import njit, njit_called, njit_helper
 

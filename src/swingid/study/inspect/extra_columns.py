@@ -23,20 +23,20 @@ show when friction jumps; there both sides are left out.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from swingid.balance.fits import LAG, WindowFit, columns_of, fit_with_prior, known_side
-from swingid.balance.motor import SLOW, motor_torque
-from swingid.balance.rows import Rows, Signals, Windows
-from swingid.model.equation import Equation
+from swingid.balance import wheel_equation as at
+from swingid.balance.errors import late_error, shaped_errors
+from swingid.balance.fits import LAG, WindowFit, fit_with_prior
+from swingid.balance.rows import Signals, Windows
+from swingid.balance.wheel_equation import WheelRows
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
 from swingid.numerics.regression import LinearFit, fit_linear
-from swingid.numerics.test_functions import project, project_impulses
+from swingid.numerics.test_functions import project_impulses
 from swingid.preparation.noise import Noise
-from swingid.preparation.speed import smooth_speed
 from swingid.recording.recording import Recording
 
 PRIOR_LATENCY = 0.01
@@ -84,7 +84,7 @@ class _Column:
     values: Array
 
 
-def extras(fits: list[WindowFit], signals: Signals, equation: Equation, turn: float) -> dict[str, Extra]:
+def extras(fits: list[WindowFit], signals: Signals, turn: float) -> dict[str, Extra]:
     """Every small quantity of this rig by name, from fits on windows of several lengths.
 
     The value is that of the windows which determine it best; the difference of windows of other lengths is added to its
@@ -94,7 +94,7 @@ def extras(fits: list[WindowFit], signals: Signals, equation: Equation, turn: fl
     found: dict[str, list[tuple[float, float]]] = {}
     priors: dict[str, float] = {}
     for fit in fits:
-        for one in _fitted(fit, signals, equation, turn):
+        for one in _fitted(fit, signals, turn):
             found.setdefault(one.name, []).append((one.uncertainty, one.value))
             priors[one.name] = one.prior
     return {name: pooled(name, sorted(several), priors[name]) for name, several in found.items()}
@@ -109,9 +109,9 @@ def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
     return size, max(float(np.sqrt(power)) / max(size, 1e-300), both), cosine.identifiable and sine.identifiable
 
 
-def _fitted(fit: WindowFit, signals: Signals, equation: Equation, turn: float) -> Iterator[Extra]:
+def _fitted(fit: WindowFit, signals: Signals, turn: float) -> Iterator[Extra]:
     """One joint fit of friction, inertia and all extra columns on the windows of `fit`."""
-    more = list(_columns(fit.rows, signals, equation, fit.a11, fit.value("gravity_torque"), turn))
+    more = list(_columns(fit, signals, turn))
     solved, error = fit_with_prior(fit, [each.values * each.prior for each in more], ROUNDS)
     count = len(fit.rows)
     residuals = solved.residuals[:count]
@@ -123,51 +123,40 @@ def _fitted(fit: WindowFit, signals: Signals, equation: Equation, turn: float) -
         yield Extra(column.name, float(solved.values[k]) * column.prior, spread, column.prior)
 
 
-def _columns(rows: Rows, signals: Signals, equation: Equation, a11: float, b: float, turn: float) -> Iterator[_Column]:
-    windows, nodes = rows.windows, signals.nodes
-
-    def integrals(*pairs: tuple[Array, int]) -> Array:
-        return project(nodes, list(pairs), windows.centres, windows.half)
-
-    if signals.wheel is not None and signals.wheel_rate is not None:
-        yield _Column("latency", PRIOR_LATENCY, -equation.value("wheel") * integrals((signals.wheel_rate, 2))[:, 0])
-        for name, wave in _waves("wheel", signals.wheel / turn):
-            yield _Column(name, PRIOR_ENCODER, -equation.value("wheel") * integrals((wave, 2))[:, 0])
-    elif signals.torque is not None:
-        yield _Column("latency", PRIOR_LATENCY, integrals((signals.torque, 1))[:, 0])
+def _columns(fit: WindowFit, signals: Signals, turn: float) -> Iterator[_Column]:
+    rows, values = fit.rows, fit.coefficients
+    if signals.wheel is not None or signals.torque is not None:
+        yield _Column("latency", PRIOR_LATENCY, late_error(rows, signals, values))
+    if signals.wheel is not None:
+        waves = _waves("wheel", signals.wheel / turn)
+        for name, own in zip(waves, shaped_errors(rows, signals, "wheel", waves.values(), values).T, strict=True):
+            yield _Column(name, PRIOR_ENCODER, own)
     if signals.linear:
         return
-    cosine = signals.cosine
-    if b:
-        yield _Column("zero", PRIOR_ZERO, -b * integrals((cosine, 0))[:, 0])
-    for name, wave in _waves("angle", signals.angle):
-        part = integrals((wave, 2), (wave * cosine, 0))
-        yield _Column(name, PRIOR_ENCODER, -(a11 * part[:, 0] + b * part[:, 1]))
+    waves = _waves("angle", signals.angle)
+    if values["gravity_torque"]:
+        waves = {"zero": np.ones_like(signals.angle), **waves}
+    for name, own in zip(waves, shaped_errors(rows, signals, "angle", waves.values(), values).T, strict=True):
+        yield _Column(name, PRIOR_ZERO if name == "zero" else PRIOR_ENCODER, own)
 
 
-def _waves(which: str, angle: Array) -> Iterator[tuple[str, Array]]:
+def _waves(which: str, angle: Array) -> dict[str, Array]:
     """Encoder nonlinearity once and twice per turn, by name."""
-    for k in (1, 2):
-        yield f"{which} {k} cosine", np.cos(k * angle)
-        yield f"{which} {k} sine", np.sin(k * angle)
+    shapes = (("cosine", np.cos), ("sine", np.sin))
+    return {f"{which} {k} {name}": shape(k * angle) for k in (1, 2) for name, shape in shapes}
 
 
-def zero_of(fits: list[WindowFit], signals: Signals, equation: Equation) -> Extra | None:
+def zero_of(fits: list[WindowFit], signals: Signals) -> Extra | None:
     """How far 0 of the angle lies beside hanging (rad, to be taken off the angle); None without gravity.
 
     Estimated jointly with friction that depends on the direction, which has the same frequency; fits: as of `extras`.
     """
-    if not equation.value("gravity_torque") or signals.linear:
+    if not fits[0].equation.value("gravity_torque") or signals.linear:
         return None
     found = []
     for fit in fits:
-        windows = fit.rows.windows
-        friction = fit.friction
-        _, columns = columns_of(fit.rows, equation, friction)
-        cosine = project(signals.nodes, [(signals.cosine, 0)], windows.centres, windows.half)[:, 0]
-        solved = fit_linear(
-            np.column_stack([columns, -equation.value("gravity_torque") * cosine]), known_side(fit.rows, equation)
-        )
+        (zero,) = shaped_errors(fit.rows, signals, "angle", [np.ones_like(signals.angle)], fit.coefficients).T
+        solved = fit_linear(np.column_stack([fit.columns, zero]), fit.known)
         found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
     found.sort()
     return pooled("zero", found, PRIOR_ZERO)
@@ -188,36 +177,25 @@ def voltage_latency(
     None without voltage or motor constants, where the wheel rests too often, and where equation (II) does not close.
     """
     motor = rig.drive.motor
-    if motor is None or signals.wheel is None or signals.wheel_values is None or log.voltage is None:
+    if motor is None or signals.wheel is None or log.voltage is None or motor.torque_per_volt.value == 0:
         return None
-    if motor.torque_per_volt.value == 0:
-        return None
-    nodes, stamps = signals.nodes, signals.nodes.stamps
-    speed = smooth_speed(stamps, signals.wheel_values, noise.wheel, spacing=1.5)
-    middles = (stamps[1:] + stamps[:-1]) / 2
-    rate = speed.at(middles)
-    rests = _about_rests(stamps, rate, SLOW * speed.noise, speed.half_width)
+    wheel, values = WheelRows.of(signals, windows, noise), at.products_of(rig)
+    rests, axis = _about_rests(wheel), signals.motion.speed
     turns = 1.0 - rests
-    axis = signals.motion.speed
-    resting = rests * (rig.drive.a12 * axis.acceleration(middles) + rig.drive.a22 * speed.acceleration(middles))
-    kept = project(nodes, [(nodes.held(rests[None])[0], 0)], windows.centres, windows.half)[:, 0]
-    windows = windows.select(kept < RESTING * windows.half)
-    if len(windows) < FEWEST:
+    coupled = values[at.COUPLING] * axis.acceleration(wheel.middles)
+    resting = rests * (coupled + wheel.speed.acceleration(wheel.middles))
+    kept = wheel.integrals(rests[None])[:, 0]
+    wheel = replace(wheel, windows=windows.select(kept < RESTING * windows.half))
+    if len(wheel.windows) < FEWEST:
         return None
-    part = project(nodes, [(signals.angle, 2), (signals.wheel, 2)], windows.centres, windows.half)
-    inertial = rig.drive.a12 * part[:, 0] + rig.drive.a22 * part[:, 1]
-    gear, gain = motor.gear_ratio.value, motor.efficiency.value * motor.torque_per_volt.value
-    direction = np.sign(rate) * turns
-    friction = gear * (motor.viscous.value * gear * rate + motor.coulomb.value * direction)
+    inertial, _ = wheel.inertial(values[at.COUPLING])
     late, found = signals.encoders.angle.latency.value, 0.0
     for _ in range(STEPS):
-        voltage = _held_between(log, late + found)
-        torque = motor_torque(motor, voltage, rate)
-        active = (torque != 0.0) * turns
-        driven = resting + turns * (gear * torque - friction)
-        terms = np.stack([driven, gear * gain * voltage * active, turns * rate, direction])
-        columns = project(nodes, [(x, 0) for x in nodes.held(terms)], windows.centres, windows.half)
-        steps = gear * gain * _steps(log, late + found, active, windows)
+        voltage = wheel.voltage(held=log.drive_held, late=late + found)
+        driven, *free = turns * at.right_side(values, voltage, wheel.rate, np.sign(wheel.rate))
+        columns = wheel.integrals(np.stack([resting + driven, *free]))
+        active = (at.branches(values, voltage, wheel.rate) != 0.0) * turns
+        steps = values[at.GAIN] * _steps(log, late + found, active, wheel.windows)
         solved = fit_linear(np.column_stack([steps, columns[:, 1:]]), inertial - columns[:, 0])
         found += float(solved.values[0])
     if float(np.std(solved.residuals)) > GOOD * float(np.std(inertial)):
@@ -225,24 +203,15 @@ def voltage_latency(
     return found, float(np.sqrt(solved.covariance(LAG)[0, 0]))
 
 
-def _about_rests(stamps: Array, rate: Array, slow: float, reach: float) -> Array:
-    """1 between rows at which the wheel rests or turns around, and within `reach` (s), where its speed is smoothed."""
-    slow_here = np.abs(rate) < slow
+def _about_rests(wheel: WheelRows) -> Array:
+    """1 between rows at which the wheel rests or turns around, and as far from there as its speed is smoothed."""
+    stamps, rate, reach = wheel.nodes.stamps, wheel.rate, wheel.speed.half_width
+    slow_here = np.abs(rate) < wheel.slow
     slow_here[1:] |= rate[1:] * rate[:-1] <= 0
     counted = np.append(0, np.cumsum(slow_here))
     first = np.searchsorted(stamps, stamps[:-1] - reach)
     last = np.minimum(np.searchsorted(stamps, stamps[1:] + reach), len(rate))
     result: Array = (counted[last] > counted[first]).astype(np.float64)
-    return result
-
-
-def _held_between(log: Recording, late: float) -> Array:
-    """Mean voltage between the rows, `late` (s) after them."""
-    assert log.voltage is not None
-    steps = np.diff(log.time)
-    means = log.voltage[:-1] if log.drive_held else (log.voltage[1:] + log.voltage[:-1]) / 2
-    whole = np.append(0.0, np.cumsum(means * steps))
-    result: Array = np.diff(np.interp(log.time + late, log.time, whole)) / steps
     return result
 
 

@@ -89,11 +89,11 @@ def check_physics(balance: Balance, rig: Rig) -> list[Check]:
     fits = [fit for fit in balance.fits if len(fit.rows) >= FEWEST]
     found += _wheel(balance, rig)
     turn = rig.log.wheel_scale.value if rig.drive.kind == "reaction-wheel" else 1.0
-    extras = small.extras(fits, balance.signals, balance.equation, turn) if fits else {}
+    extras = small.extras(fits, balance.signals, turn) if fits else {}
     if "zero" in extras:
         centre = centre_of(balance.signals.motion.turning_angles) if rig.drive.kind == "none" else None
         if centre is None:
-            found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals, balance.equation)))
+            found.append(_zero(extras["zero"], small.zero_of(fits, balance.signals)))
         else:
             found.append(_zero(replace(extras["zero"], value=centre[0], uncertainty=centre[1]), None))
     if "latency" in extras:

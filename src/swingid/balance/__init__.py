@@ -1,1 +1,1 @@
-"""The balance of terms on modulating functions: rows, windows, fits, friction, declared imperfections."""
+"""The balance of terms on modulating functions: rows, windows, fits, friction, stated errors."""

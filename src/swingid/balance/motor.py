@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from swingid.balance import wheel_equation as at
-from swingid.balance.imperfections import relative
 from swingid.balance.wheel_equation import WheelRows
 from swingid.balance.windows import law_windows
 from swingid.format import left
+from swingid.model.equation import relative
 from swingid.model.rig import Rig
 from swingid.model.rig.drive import Motor
 from swingid.numerics.arrays import Array, Bools

@@ -73,6 +73,10 @@ class Perturbation:
         """Whether it is a relative error of the speed, too, which friction depends on."""
         return self.source in OF_THE_ANGLE
 
+    def on(self, slopes: Array) -> Declared:
+        """For the budget; slopes (n,): change per unit of the parameters."""
+        return Declared(stated(self.source, self.shared_id), self.std, slopes, self.constant, self.of_time)
+
 
 @dataclass(frozen=True)
 class RowError:
@@ -94,9 +98,7 @@ class RowError:
 
     def on(self, slopes: Array) -> Declared:
         """For the budget; slopes (n,): change per unit of the parameters, the inertia of the whole axis first."""
-        of_parameters = np.append(slopes[:1] + self.direct, slopes[1:])
-        one = self.of
-        return Declared(stated(one.source, one.shared_id), one.std, of_parameters, one.constant, one.of_time)
+        return self.of.on(np.append(slopes[:1] + self.direct, slopes[1:]))
 
 
 def channel_of(one: Perturbation, drive: str) -> str:

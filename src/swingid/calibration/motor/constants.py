@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from swingid.balance import wheel_equation as at
-from swingid.balance.imperfections import Imperfection, of_sensor
+from swingid.balance.perturbations import BENDS, SHAPES, Perturbation, Shape, encoder_error
 from swingid.calibration.motor.balance import BalanceFit, Separation
 from swingid.calibration.motor.channels import WheelLog
 from swingid.calibration.motor.output_error import OutputFit
@@ -43,11 +43,14 @@ rig.toml."""
 Error = Callable[[Array, Array], Array]
 """An error of an angle, by the angle (rad) and the time (s) of its rows."""
 
-ERRORS: dict[str, Error] = {"latency": np.gradient, "cosine": lambda q, _: np.cos(q), "sine": lambda q, _: np.sin(q)}
-"""Error by an imperfection of an encoder, per unit, by its kind as of `of_sensor`."""
 
-NO_ROWS = np.zeros(0)
-"""Output error has no rows of a balance on which an imperfection would act."""
+def _by_angle(shape: Shape) -> Error:
+    """An error that is a function of the angle alone."""
+    return lambda angle, _: SHAPES[shape](angle)
+
+
+ERRORS: dict[Shape, Error] = {"latency": np.gradient, **{shape: _by_angle(shape) for shape in BENDS}}
+"""Error of an encoder, per unit, by its shape."""
 
 MOTOR = ("torque_per_volt", "back_emf", "viscous", "coulomb")
 
@@ -116,7 +119,7 @@ def declared_changes(fit: OutputFit, logs: list[WheelLog], split: Separation, to
     return [item.on((found - base) / item.std) for item, found in (*_stated(fit, split, to), *sensors)]
 
 
-def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[tuple[Imperfection, Array]]:
+def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[tuple[Perturbation, Array]]:
     """Constants of the rig that were not found, and all constants of `UNITS` with each off by one standard deviation.
 
     Wheel, rotor and gear turn accelerations into torques; others are in products that were held.
@@ -140,7 +143,7 @@ def _stated(fit: OutputFit, split: Separation, to: Conversion) -> Iterator[tuple
         if place is not None:
             change = float(at.products_of(other)[place] - at.products_of(to.rig)[place])
             values = values + _shift_by(fit, place, change)
-        yield Imperfection(key, known.std, NO_ROWS, 0.0, key), to.constants(values, other)
+        yield Perturbation(key, known.std, key), to.constants(values, other)
 
 
 def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
@@ -151,15 +154,15 @@ def _shift_by(fit: OutputFit, place: int, change: float) -> Array:
     return result
 
 
-def _sensors(fit: OutputFit, logs: list[WheelLog]) -> Iterator[tuple[Imperfection, Array]]:
-    """Declared imperfections of the encoders, and the change of all products by one standard deviation of each."""
+def _sensors(fit: OutputFit, logs: list[WheelLog]) -> Iterator[tuple[Perturbation, Array]]:
+    """Stated errors of the encoders, and the change of all products by one standard deviation of each."""
     still = all(log.kind == "clamped" for log in logs)
     channels: dict[Channel, Callable[[OutputFit, Error, float], list[Array]]] = {"wheel": by_wheel, "angle": _by_axis}
     for channel, changes in channels.items():
         if still and channel == "angle":
             continue
-        for kind, error in ERRORS.items():
-            item = of_sensor(logs[0].encoders, channel, kind, NO_ROWS)
+        for shape, error in ERRORS.items():
+            item = encoder_error(logs[0].encoders, channel, shape)
             if item.std:
                 yield item, fit.shift(changes(fit, error, item.std))
 

@@ -1,7 +1,7 @@
-"""Effects of every constant and declared imperfection on the known side of the energy balance.
+"""Effects of every constant and stated error on the known side of the energy balance.
 
 The estimate is linear in the known side, so an effect per unit at the nodes, times the influence of the nodes, is a
-sensitivity coefficient, without a second fit (GUM 5.1.3). As `balance.imperfections`, for energies.
+sensitivity coefficient, without a second fit (GUM 5.1.3). As `balance.errors`, for energies.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SLOPES: dict[str, Callable[[Array], Array]] = {
 
 
 def effects(rig: Rig, course: Course, states: States, equation: Equation, fit: NodeFit, b: float) -> list[RowError]:
-    """All constants that the balance uses (std 0 where they count as exact) and all imperfections declared.
+    """All constants that the balance uses (std 0 where they count as exact) and all errors that are stated.
 
     The rows of an `RowError` are here the nodes, flattened, in joules per unit of the source. b: gravity
     torque, as known or as identified.

@@ -10,7 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from swingid.uncertainty.budget import correlation_of, scatter, stated, systematic
+from swingid.result.ratios import Ratio, transformed
+from swingid.result.result import Result
+from swingid.result.sources import values_of
+from swingid.uncertainty.budget import Declared, Scatter, correlation_of, evaluate, scatter, stated, systematic
 from swingid.uncertainty.uncertain import Uncertain, covariance, first_order, weighted_sum
 from swingid.units import Quantity
 
@@ -182,3 +185,45 @@ def test_a_lever_of_zero_has_an_uncertain_gravity_torque(lever: float) -> None:
     torque = rig.axis.gravity_torque
     assert isinstance(torque, Quantity)
     assert torque.std == pytest.approx(math.hypot(lever * 9.81 * 0.01, 0.5 * 9.81 * 0.001, 0.5 * lever * 0.01))
+
+
+def _fitted() -> tuple[Result, np.ndarray]:
+    """A result of three parameters whose scatter is correlated, with a constant, and an error of each of two alone."""
+    values = {"inertia": (2.0, "kg m^2"), "gravity_torque": (8.0, "N m"), "viscous": (0.5, "N m s")}
+    own = np.array([[4e-4, 1.5e-3, -2e-5], [1.5e-3, 6.4e-3, 0.0], [-2e-5, 0.0, 1e-4]])
+    slopes = np.array([2.0, 8.0, 0.5])
+    found = evaluate(
+        values,
+        Scatter("scatter", own, np.array([9.0, 9.0, 7.0])),
+        [(systematic("drift"), "inertia", 3e-3), (systematic("drift"), "gravity_torque", 4e-3)],
+        [Declared(stated("scale", "scale"), 0.01, slopes)],
+    )
+    whole = own + np.diag([9e-6, 16e-6, 0.0]) + 1e-4 * np.outer(slopes, slopes)
+    made = Result("m", "ok", found.parameters, budget=tuple(found.budget), correlation=found.correlation)
+    return made, whole
+
+
+def test_parameters_of_a_result_have_its_covariance() -> None:
+    result, whole = _fitted()
+    values = values_of(result, result.parameters)
+    assert np.allclose(covariance(list(values.values())), whole, rtol=1e-9)
+    for name, one in values.items():
+        assert one.entries(name) == [entry for entry in result.budget if entry.parameter == name]
+        assert one.parameter(result[name].unit).standard_uncertainty == pytest.approx(result[name].standard_uncertainty)
+    bare = values_of(Result("m", "ok", result.parameters, budget=result.budget), ("inertia", "gravity_torque"))
+    assert covariance(list(bare.values()))[0, 1] == pytest.approx(1e-4 * 16.0)
+
+
+def test_a_ratio_has_what_the_covariance_leaves_of_it() -> None:
+    """b/J: the scale cancels, of the scatter its correlation leaves little; u² = g V gᵀ, in the budget by source."""
+    result, whole = _fitted()
+    ratio = transformed(result, [Ratio("b/J", "1/s^2", {"gravity_torque": 1, "inertia": -1})])
+    slopes = np.array([-8.0 / 4, 1 / 2, 0.0])
+    assert ratio["b/J"].value == 4.0
+    assert ratio["b/J"].standard_uncertainty == pytest.approx(math.sqrt(slopes @ whole @ slopes))
+    parts = {entry.source: entry for entry in ratio.budget}
+    assert list(parts) == ["scale", "drift", "scatter"]
+    assert parts["scale"].standard_uncertainty == pytest.approx(0.0, abs=1e-15)
+    assert parts["drift"].standard_uncertainty == pytest.approx(math.hypot(2 * 3e-3, 4e-3 / 2))
+    left = 4 * 4e-4 + 6.4e-3 / 4 - 2 * 1.5e-3
+    assert parts["scatter"].standard_uncertainty == pytest.approx(math.sqrt(left))

@@ -61,11 +61,7 @@ def difference(
         estimates = {"inertia": _about_own_centre(about_axis, *body, runs.unit), "inertia_about_axis": about_axis}
     if with_gravity:
         estimates[GRAVITY_TORQUE] = second[GRAVITY_TORQUE] - first[GRAVITY_TORQUE]
-    warnings = [
-        Message(m.code, f"{name}: {m.message}", m.kind)
-        for result, name in zip((runs.tare, runs.loaded), runs.names, strict=True)
-        for m in result.warnings
-    ]
+    warnings = _of_runs(runs)
     notes = [Message("difference", f"{runs.names[1]} less {runs.names[0]}.")]
     notes += [*_exact(mass=body and body[0], distance=body and body[1]), *_exact_in(runs), *runs.notes]
     parameters = _parameters(estimates, runs)
@@ -105,11 +101,7 @@ def _scaled(runs: Runs, known: GIVEN, mass: GIVEN | None, distance: GIVEN | None
         target += _steiner(_quantity(mass, "kg", "mass"), _quantity(distance, "m", "distance"))
     found, notes = scaled_by_body(runs, target)
     found["inertia"] = target, "kg m^2"
-    warnings = [
-        Message(m.code, f"{name}: {m.message}", m.kind)
-        for result, name in zip((runs.tare, runs.loaded), runs.names, strict=True)
-        for m in result.warnings
-    ]
+    warnings = _of_runs(runs)
     return Result(
         method="difference",
         status="warning" if warnings else "ok",
@@ -203,6 +195,15 @@ def _parameters(estimates: dict[str, Uncertain], runs: Runs) -> dict[str, Parame
         known = all(parameter.standard_uncertainty is not None for parameter in pair)
         found[name] = Parameter.of(estimate.value, estimate.u if known else None, pair[0].unit, estimate.freedom)
     return found
+
+
+def _of_runs(runs: Runs) -> list[Message]:
+    """The warnings of both runs, each with the name of its run."""
+    return [
+        Message(m.code, f"{name}: {m.message}", m.kind)
+        for result, name in zip((runs.tare, runs.loaded), runs.names, strict=True)
+        for m in result.warnings
+    ]
 
 
 def _exact_in(runs: Runs) -> list[Message]:

@@ -21,6 +21,7 @@ from swingid.result.sources import values_of
 from swingid.uncertainty.budget import BudgetEntry
 from swingid.uncertainty.freedom import COVERAGE_FACTOR
 from swingid.uncertainty.uncertain import Uncertain
+from swingid.units import Quantity
 
 GRAVITY = "axis.gravity_torque"
 
@@ -248,16 +249,15 @@ def find_lever(runs: Runs) -> Lever:
         pair, known = _slopes(runs, key), constant(runs.tare, key)
         if pair is None or known is None or not known[0] or (key == GRAVITY and key in runs.apart):
             continue
-        value, std = known
-        size, stated = value, std / value
+        stated = Quantity(*known).uncertain(key)
+        size = stated.value
         if key == TORQUE:
-            eta = constant(runs.tare, EFFICIENCY) or (1.0, 0.0)
-            stated = math.hypot(stated, eta[1] / eta[0])
+            stated *= Quantity(*(constant(runs.tare, EFFICIENCY) or (1.0,))).uncertain(EFFICIENCY)
         elif key == WHEEL:
-            rotor, gear = constant(runs.tare, ROTOR) or (0.0, 0.0), constant(runs.tare, GEAR) or (1.0, 0.0)
-            size = value + gear[0] * rotor[0]
-            stated = math.hypot(std, gear[0] * rotor[1], rotor[0] * gear[1]) / size
-        return Lever(key, *words, value, size, (size * pair[0], size * pair[1]), stated)
+            rotor, gear = constant(runs.tare, ROTOR) or (0.0,), constant(runs.tare, GEAR) or (1.0,)
+            stated += Quantity(*gear).uncertain(GEAR) * Quantity(*rotor).uncertain(ROTOR)
+            size = stated.value
+        return Lever(key, *words, known[0], size, (size * pair[0], size * pair[1]), stated.u / stated.value)
     raise UnanswerableError(
         f"{runs.names[0]} and {runs.names[1]} do not state their scale reference, so a known body calibrates nothing; "
         "identify both again, with an uncertainty of drive.wheel.inertia in the rig file.",

@@ -1,7 +1,7 @@
 """From a result in units of an unknown constant to ratios that do not depend on it, or to the scale of a stated one.
 
-Every new parameter is y = C Π x_k^n_k of the old ones. Its standard uncertainty is that of linear propagation (JCGM 100
-5.2) with the joint covariance of the old ones: y/J, not y, is what such a log determines best.
+Every new parameter is y = C Π x_k^n_k of the old ones with their joint covariance: y/J, not y, is what such a log
+determines best.
 """
 
 from __future__ import annotations
@@ -18,8 +18,9 @@ from swingid.model.terms import TERMS
 from swingid.numerics.arrays import Array
 from swingid.result.data import Details, Message
 from swingid.result.result import Result
-from swingid.uncertainty.budget import BudgetEntry, Parameter, combined, correlation_of, freedom_of, stated
-from swingid.uncertainty.freedom import effective_freedom
+from swingid.result.sources import values_of
+from swingid.uncertainty.budget import BudgetEntry, Parameter, correlation_of
+from swingid.uncertainty.uncertain import Uncertain, covariance
 from swingid.units import Quantity
 
 OVER_INERTIA = {
@@ -51,19 +52,12 @@ class Ratio:
     powers: Mapping[str, int]
     by: tuple[str, Quantity] | None = None
 
-    def value(self, old: Mapping[str, Parameter]) -> float:
-        """Its value."""
-        factor = 1.0 if self.by is None else self.by[1].value
-        return factor * math.prod(old[name].value ** power for name, power in self.powers.items())
-
-    def slopes(self, old: Mapping[str, Parameter]) -> dict[str, float]:
-        """Its derivatives to the old parameters."""
-        factor = 1.0 if self.by is None else self.by[1].value
-        found = {}
+    def of(self, old: Mapping[str, Uncertain]) -> Uncertain:
+        """Its value, from the old parameters."""
+        found = Uncertain(1.0)
         for name, power in self.powers.items():
-            rest = math.prod(old[other].value ** n for other, n in self.powers.items() if other != name)
-            found[name] = factor * power * old[name].value ** (power - 1) * rest
-        return found
+            found *= old[name] ** power
+        return found if self.by is None else found * self.by[1].uncertain(self.by[0])
 
 
 def over_inertia(result: Result, reference: str) -> list[Ratio]:
@@ -114,100 +108,36 @@ def _units(reference: str, *, linear: bool) -> str:
 
 def transformed(result: Result, ratios: list[Ratio]) -> Result:
     """The result with these parameters in the place of its own; their budget, correlation and degrees of freedom."""
-    old = result.parameters
-    ratios = [ratio for ratio in ratios if all(math.isfinite(old[name].value) for name in ratio.powers)]
-    whole = _covariance(result)
-    budget: list[BudgetEntry] = []
-    for ratio in ratios:
-        budget += _entries(ratio, result, whole)
-    parameters = {}
-    for ratio in ratios:
-        known = all(old[name].standard_uncertainty is not None for name in ratio.powers)
-        u = combined(budget, ratio.name) if known else None
-        parameters[ratio.name] = Parameter.of(ratio.value(old), u, ratio.unit, freedom_of(budget, ratio.name))
-    sure = [ratio for ratio in ratios if parameters[ratio.name].standard_uncertainty is not None]
+    old, values = result.parameters, values_of(result, result.parameters)
+    ratios = [ratio for ratio in ratios if all(math.isfinite(values[name].value) for name in ratio.powers)]
+    found = {ratio.name: ratio.of(values) for ratio in ratios}
+    known = [r for r in ratios if all(old[name].standard_uncertainty is not None for name in r.powers)]
+    sure = {ratio.name: found[ratio.name] for ratio in known}
     return replace(
         result,
-        parameters=parameters,
-        budget=tuple(budget),
-        correlation=_correlation(sure, result, whole),
+        parameters={
+            ratio.name: found[ratio.name].parameter(ratio.unit)
+            if ratio.name in sure
+            else Parameter.of(found[ratio.name].value, None, ratio.unit)
+            for ratio in ratios
+        },
+        budget=tuple(entry for name, one in found.items() for entry in _ordered(one.entries(name), result.budget)),
+        correlation=correlation_of(list(sure), covariance(list(sure.values()))),
         covariance={},
         sensitivities={},
     )
 
 
-def _covariance(result: Result) -> tuple[list[str], Array]:
-    """Names of the parameters with a known uncertainty, and their whole covariance."""
-    names = [name for name, one in result.parameters.items() if one.standard_uncertainty is not None]
-    u = np.array([result.parameters[name].standard_uncertainty for name in names], dtype=np.float64)
-    table = result.correlation
-    matrix = np.array([[table.get(a, {}).get(b, float(a == b)) for b in names] for a in names])
-    return names, matrix.reshape(len(names), len(names)) * np.outer(u, u)
+def _ordered(entries: list[BudgetEntry], old: tuple[BudgetEntry, ...]) -> list[BudgetEntry]:
+    """What was stated, errors of single parameters, scatter, each in the order of the old budget; then what is new."""
+    places = {(entry.source, entry.shared_id): k for k, entry in reversed(list(enumerate(old)))}
 
+    def place(entry: BudgetEntry) -> tuple[bool, int, int]:
+        k = places.get((entry.source, entry.shared_id), -1)
+        kind = 0 if old[k].sensitivity is not None else 2 if entry.origin.averages_over_logs else 1
+        return k < 0, kind, k
 
-def _entries(ratio: Ratio, result: Result, whole: tuple[list[str], Array]) -> list[BudgetEntry]:
-    """Its budget: signed effects of what was stated; errors of single parameters; of the scatter what is left.
-
-    The joint covariance is that of the result, so the scatter's part of a ratio is the rest of its variance.
-    """
-    slopes = ratio.slopes(result.parameters)
-    stated_ones: dict[tuple[str, str | None], list[BudgetEntry]] = {}
-    alone: list[BudgetEntry] = []
-    scattered: list[BudgetEntry] = []
-    for entry in (entry for entry in result.budget if entry.parameter in slopes):
-        if entry.origin.averages_over_logs:
-            scattered.append(entry)
-        elif entry.sensitivity is not None:
-            stated_ones.setdefault((entry.source, entry.shared_id), []).append(entry)
-        else:
-            alone.append(entry)
-    found = []
-    for entries in stated_ones.values():
-        shift = sum(slopes[e.parameter] * math.copysign(e.standard_uncertainty, e.sensitivity or 0.0) for e in entries)
-        std = max((abs(e.standard_uncertainty / e.sensitivity) for e in entries if e.sensitivity), default=0.0)
-        found.append(BudgetEntry(entries[0].origin, ratio.name, abs(shift), shift / std if std else None))
-    found += [BudgetEntry(e.origin, ratio.name, abs(slopes[e.parameter]) * e.standard_uncertainty, None) for e in alone]
-    found += _scatter(ratio, slopes, scattered, found, whole)
-    if ratio.by is not None and ratio.by[1].std:
-        key, quantity = ratio.by
-        slope = ratio.value(result.parameters) / quantity.value
-        found.append(BudgetEntry(stated(key, key), ratio.name, abs(slope) * (quantity.std or 0.0), slope))
-    return found
-
-
-def _scatter(
-    ratio: Ratio,
-    slopes: dict[str, float],
-    scattered: list[BudgetEntry],
-    others: list[BudgetEntry],
-    whole: tuple[list[str], Array],
-) -> list[BudgetEntry]:
-    """The entry of the scatter: what the joint covariance has of the ratio beyond the other entries."""
-    if not scattered:
-        return []
-    names, matrix = whole
-    weights = np.array([slopes.get(name, 0.0) for name in names])
-    rest = float(weights @ matrix @ weights) - sum(entry.standard_uncertainty**2 for entry in others)
-    parts = [abs(slopes[e.parameter]) * e.standard_uncertainty for e in scattered]
-    least = 1e-6 * max(parts)  # what rounding leaves of a difference
-    freedom = effective_freedom(zip(parts, (e.origin.degrees_of_freedom for e in scattered), strict=True))
-    origin = replace(scattered[0].origin, degrees_of_freedom=freedom)
-    return [BudgetEntry(origin, ratio.name, math.sqrt(max(rest, least**2)), None)]
-
-
-def _correlation(ratios: list[Ratio], result: Result, whole: tuple[list[str], Array]) -> dict[str, dict[str, float]]:
-    """Correlation coefficients of the new parameters."""
-    names, matrix = whole
-    rows = []
-    for ratio in ratios:
-        slopes = ratio.slopes(result.parameters)
-        rows.append([slopes.get(name, 0.0) for name in names])
-    jacobian = np.array(rows).reshape(len(ratios), len(names))
-    covariance = jacobian @ matrix @ jacobian.T
-    stated_slopes = np.array(
-        [0.0 if r.by is None else r.value(result.parameters) / r.by[1].value * (r.by[1].std or 0.0) for r in ratios]
-    )
-    return correlation_of([ratio.name for ratio in ratios], covariance + np.outer(stated_slopes, stated_slopes))
+    return sorted(entries, key=place)
 
 
 def converted(details: Details | None, leading: Ratio, old: Mapping[str, Parameter], torque: float) -> Details | None:
@@ -218,7 +148,7 @@ def converted(details: Details | None, leading: Ratio, old: Mapping[str, Paramet
     if details is None:
         return None
     power = leading.powers["inertia"]
-    scale = leading.value({**old, "inertia": Parameter.of(1.0, None, "")})
+    scale = leading.of({name: Uncertain(1.0 if name == "inertia" else one.value) for name, one in old.items()}).value
 
     def value(x: Array | float) -> Array:
         return np.asarray(scale * np.asarray(x, dtype=np.float64) ** power)

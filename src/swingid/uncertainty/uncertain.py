@@ -109,8 +109,9 @@ def first_order(value: float, values: Sequence[Uncertain], slopes: Iterable[floa
     for one, slope in zip(values, slopes, strict=True):
         for key, shift in one.shifts.items():
             shifts[key] = shifts.get(key, 0.0) + slope * shift
-            if key not in sources or one.sources[key].std is not None:
-                sources[key] = one.sources[key]
+            source = one.sources[key]
+            if source.std is not None or key not in sources or sources[key].std is None:
+                sources[key] = source
         correlations.update(one.correlations)
     return Uncertain(value, shifts, sources, correlations)
 

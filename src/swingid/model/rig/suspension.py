@@ -128,4 +128,4 @@ class Trifilar(_Strings):
 
 
 def _half(distance: Quantity) -> Quantity:
-    return Quantity(distance.value / 2, None if distance.std is None else distance.std / 2)
+    return Quantity.of(distance.uncertain("distance") / 2)

@@ -125,6 +125,14 @@ class Reduced:
     right_own: Array
     grams: Array
 
+    @cached_property
+    def inverse(self) -> Array:
+        """Pseudo-inverse (m, m) of the matrix, unknowns scaled alike."""
+        scale = 1 / np.sqrt(np.maximum(np.diag(self.matrix), 1e-300))
+        inverse = np.linalg.pinv(self.matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
+        result: Array = inverse * np.outer(scale, scale)
+        return result
+
     def states(self, step: Array) -> Array:
         """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""
         right = self.right_own - self.cross @ step
@@ -150,14 +158,10 @@ class Fit:
     reduced: Reduced
     converged: bool = False
 
-    @cached_property
+    @property
     def inverse(self) -> Array:
-        """Pseudo-inverse (m, m) of the normal equations' matrix, unknowns scaled alike."""
-        matrix = self.reduced.matrix
-        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        inverse = np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
-        result: Array = inverse * np.outer(scale, scale)
-        return result
+        """Pseudo-inverse (m, m) of the normal equations' matrix."""
+        return self.reduced.inverse
 
     @cached_property
     def influence(self) -> Array:

@@ -99,37 +99,48 @@ class Shooting:
         damping: of the step of the initial values, relative.
         """
         s, m = self.states, grams.shape[1] - self.states - 1
-        own, cross, right_own = grams[:, :s, :s], grams[:, :s, s:-1], grams[:, :s, -1]
+        own = grams[:, :s, :s]
         # where a speed is 0 throughout, a combination of its initial values has no effect, and the block is singular
         sizes = np.diagonal(own, axis1=1, axis2=2)
         own = own + np.eye(s) * (damping * np.maximum(sizes, SINGULAR * sizes.max(axis=1, keepdims=True)))[:, None]
         held = np.linalg.solve(own, grams[:, :s, s:])
-        left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(cross, held, axes=((0, 1), (0, 1)))
+        left = grams[:, s:-1, s:].sum(axis=0) - np.tensordot(grams[:, :s, s:-1], held, axes=((0, 1), (0, 1)))
         matrix, right = left[:, :m], left[:, m]
         if values is not None:
             matrix, right = matrix + np.diag(self.power), right - self.power * values
-        return Reduced(matrix, right, own, cross, right_own, grams)
+        return Reduced(matrix, right, held, grams)
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """Normal equations without the initial values: matrix (m, m), right side (m,), and the blocks that restore those.
+    """Normal equations without the initial values: matrix (m, m) and right side (m,), of the products `grams`.
 
-    own, cross (k, s, s), (k, s, m), right_own (k, s): blocks of every segment, from its products `grams`.
+    held (k, s, m + 1): what the initial values of each segment take over, of every unknown's column and of the
+    residuals.
     """
 
     matrix: Array
     right: Array
-    own: Array
-    cross: Array
-    right_own: Array
+    held: Array
     grams: Array
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Pseudo-inverse (m, m) of the matrix, unknowns scaled alike."""
+        scale = 1 / np.sqrt(np.maximum(np.diag(self.matrix), 1e-300))
+        inverse = np.linalg.pinv(self.matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
+        result: Array = inverse * np.outer(scale, scale)
+        return result
 
     def states(self, step: Array) -> Array:
         """Step of the initial values (k, s) that belongs to a step (m,) of the unknowns."""
-        right = self.right_own - self.cross @ step
-        solved: Array = np.asarray(np.linalg.solve(self.own, right[..., None])[..., 0], dtype=np.float64)
-        return solved
+        taken: Array = self.held[..., -1] - self.held[..., :-1] @ step
+        return taken
+
+    @property
+    def gained(self) -> float:
+        """Decrease of the sum of squares by a step of the initial values alone."""
+        return float(np.sum(self.held[..., -1] * self.grams[:, : self.held.shape[1], -1]))
 
 
 @dataclass(frozen=True)
@@ -150,14 +161,10 @@ class Fit:
     reduced: Reduced
     converged: bool = False
 
-    @cached_property
+    @property
     def inverse(self) -> Array:
-        """Pseudo-inverse (m, m) of the normal equations' matrix, unknowns scaled alike."""
-        matrix = self.reduced.matrix
-        scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-        inverse = np.linalg.pinv(matrix * np.outer(scale, scale), rcond=1e-13, hermitian=True)
-        result: Array = inverse * np.outer(scale, scale)
-        return result
+        """Pseudo-inverse (m, m) of the normal equations' matrix."""
+        return self.reduced.inverse
 
     @cached_property
     def influence(self) -> Array:
@@ -166,8 +173,8 @@ class Fit:
 
     def influence_on(self, wanted: Array) -> Array:
         """Influence (q, r) of the residuals on combinations `wanted` (q, m) of the unknowns."""
-        reduced, of_slopes = self.reduced, wanted @ self.inverse
-        of_states = of_slopes @ np.linalg.solve(reduced.own, reduced.cross).transpose(0, 2, 1)
+        of_slopes = wanted @ self.inverse
+        of_states = of_slopes @ self.reduced.held[..., :-1].transpose(0, 2, 1)
         result = np.empty((len(of_slopes), len(self.residuals)))
         for k, (first, last) in enumerate(pairwise(self.shooting.rows)):
             # less what the segment's initial values explain

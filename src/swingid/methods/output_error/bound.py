@@ -17,7 +17,6 @@ from swingid.methods.output_error.segments import problem_of
 from swingid.methods.output_error.unknowns import unknowns_of
 from swingid.model.parameters import rig_vector
 from swingid.model.rig import Rig
-from swingid.numerics.arrays import Array
 from swingid.preparation.encoders import Encoders
 from swingid.preparation.noise import Noise
 from swingid.preparation.scale import equation_of
@@ -58,13 +57,11 @@ def cramer_rao(
             "the simulated motion under the log's voltage diverges; check the rig's constants.", code="not-finite"
         )
     shooting, count = problem.shooting(unknowns), len(problem.measured)
-    information = shooting.reduced(shooting.grams(prediction.slopes, np.zeros(count), np.ones(count))).matrix
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    scaled = information / np.outer(size, size)
-    if np.linalg.eigvalsh(scaled)[0] < SINGULAR:
+    reduced = shooting.reduced(shooting.grams(prediction.slopes, np.zeros(count), np.ones(count)))
+    size = np.sqrt(np.maximum(np.diag(reduced.matrix), 1e-300))
+    if np.linalg.eigvalsh(reduced.matrix / np.outer(size, size))[0] < SINGULAR:
         raise UnanswerableError(
             f"{', '.join(unknowns.names)} are not identifiable from this log together; leave fewer free.",
             code="not-identifiable",
         )
-    deviations: Array = np.sqrt(np.diag(np.linalg.inv(scaled))) / size
-    return dict(zip(unknowns.names, deviations.tolist(), strict=True))
+    return dict(zip(unknowns.names, np.sqrt(np.diag(reduced.inverse)).tolist(), strict=True))

@@ -17,6 +17,7 @@ from swingid.methods.output_error.constants import constant_value, free_key
 from swingid.methods.output_error.problem import Problem, as_read
 from swingid.methods.output_error.setup import Setup
 from swingid.methods.output_error.unknowns import FRICTION, Unknowns, entries_of, friction_unknowns
+from swingid.model.terms import power_of
 from swingid.numerics.arrays import Array
 from swingid.numerics.gauss_newton import SAME, fit_at, solve, solve_near
 from swingid.numerics.shooting import Fit, Reduced
@@ -81,35 +82,27 @@ class Searched:
 def first_values(setup: Setup, unknowns: Unknowns) -> Array:
     """Initial values: of the linear fit, of the rig for free constants; friction is at least a little above 0."""
     windows, equation, fastest = setup.windows, setup.equation, setup.fastest
-    torque = max(abs(windows.value("coulomb")) + abs(windows.value("viscous")) * fastest, 1e-6 * windows.a11 * fastest)
-    even = windows.value("offset"), windows.value("viscous_even")
-    known = {
-        "inertia": windows.a11 - equation.carried,
-        "coulomb": windows.value("coulomb"),
-        "coulomb_positive": windows.value("coulomb") + even[0],
-        "coulomb_negative": windows.value("coulomb") - even[0],
-        "viscous": windows.value("viscous"),
-        "viscous_positive": windows.value("viscous") + even[1],
-        "viscous_negative": windows.value("viscous") - even[1],
-        "quadratic": windows.value("quadratic"),
-    }
-    least = {"viscous": torque / fastest, "quadratic": torque / fastest**2, "cubic": torque / fastest**3}
+    known = {name: windows.value(name) for name in ("coulomb", "viscous", "quadratic")}
+    torque = max(abs(known["coulomb"]) + abs(known["viscous"]) * fastest, 1e-6 * windows.a11 * fastest)
+    for name, even in (("coulomb", "offset"), ("viscous", "viscous_even")):
+        known[f"{name}_positive"] = known[name] + windows.value(even)
+        known[f"{name}_negative"] = known[name] - windows.value(even)
     values = []
     for item in unknowns.items:
         if item.name == "gravity_torque" and equation.seeks("gravity_torque"):
             value = max(windows.value("gravity_torque"), 1e-3 * windows.a11)
         elif item.name == "inertia":
-            value = known["inertia"] if known["inertia"] > 0 else 0.1 * abs(windows.a11)
+            value = windows.a11 - equation.carried if windows.a11 > equation.carried else 0.1 * abs(windows.a11)
         elif item.name == "stribeck_speed":
             value = PEAKS[2] * fastest
         elif item.name == "offset":
-            value = even[0]
+            value = windows.value("offset")
         elif not item.is_sought:
             value = 0.0
         elif item.name in equation.sought:
             value = windows.value(item.name) if np.isinf(item.low) else max(windows.value(item.name), 0.0)
         elif item.name in FRICTION:
-            value = max(known.get(item.name, 0.0), 0.03 * least.get(item.name.partition("_")[0], torque))
+            value = max(known.get(item.name, 0.0), 0.03 * torque / fastest ** power_of(item.name))
         else:
             value = constant_value(setup.rig, free_key(item.name))[0]
         values.append(value)

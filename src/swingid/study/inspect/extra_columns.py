@@ -30,7 +30,7 @@ import numpy as np
 from swingid.balance import wheel_equation as at
 from swingid.balance.fits import LAG, WindowFit, fit_with_prior
 from swingid.balance.imperfections import angle_error, late_channel
-from swingid.balance.rows import Rows, Signals, Windows
+from swingid.balance.rows import Signals, Windows
 from swingid.balance.wheel_equation import WheelRows
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
@@ -78,13 +78,6 @@ class Extra:
         return self.uncertainty < 0.3 * self.prior
 
 
-@dataclass(frozen=True)
-class _Column:
-    name: str
-    prior: float
-    values: Array
-
-
 def extras(fits: list[WindowFit], signals: Signals, scale: Scale, turn: float) -> dict[str, Extra]:
     """Every small quantity of this rig by name, from fits on windows of several lengths.
 
@@ -112,32 +105,37 @@ def amplitude(found: dict[str, Extra], which: str) -> tuple[float, float, bool]:
 
 def _fitted(fit: WindowFit, signals: Signals, scale: Scale, turn: float) -> Iterator[Extra]:
     """One joint fit of friction, inertia and all extra columns on the windows of `fit`."""
-    more = list(_columns(fit.rows, signals, scale, fit.a11, fit.b, turn))
-    solved, error = fit_with_prior(fit, [each.values * each.prior for each in more], ROUNDS)
+    more = _columns(fit, signals, scale, turn)
+    solved, error = fit_with_prior(fit, [prior * column for prior, column in more.values()], ROUNDS)
     count = len(fit.rows.windows)
     residuals = solved.residuals[:count]
     data = LinearFit(solved.values, residuals, solved.influence[:, :count], solved.condition)
     from_prior = solved.influence[:, count:] * error
     variances = np.diag(data.covariance(LAG) + from_prior @ from_prior.T)
-    for k, column in enumerate(more, start=len(fit.unknowns)):
-        spread = float(np.sqrt(max(variances[k], 0.0))) * column.prior
-        yield Extra(column.name, float(solved.values[k]) * column.prior, spread, column.prior)
+    for k, (name, (prior, _)) in enumerate(more.items(), start=len(fit.unknowns)):
+        yield Extra(name, float(solved.values[k]) * prior, float(np.sqrt(max(variances[k], 0.0))) * prior, prior)
 
 
-def _columns(rows: Rows, signals: Signals, scale: Scale, a11: float, b: float, turn: float) -> Iterator[_Column]:
+def _columns(fit: WindowFit, signals: Signals, scale: Scale, turn: float) -> dict[str, tuple[float, Array]]:
+    """Prior standard deviation and column of every small quantity of this rig, by name."""
+    found, windows = {}, fit.rows.windows
     if signals.wheel is not None or signals.torque is not None:
-        yield _Column("latency", PRIOR_LATENCY, late_channel(signals, rows, scale.a12))
+        found["latency"] = PRIOR_LATENCY, late_channel(signals, fit.rows, scale.a12)
     if signals.wheel is not None:
         waves = _waves("wheel", signals.wheel / turn)
-        part = project(signals.nodes, [(x, 2) for x in waves.values()], rows.windows.centres, rows.windows.half)
-        for name, column in zip(waves, part.T, strict=True):
-            yield _Column(name, PRIOR_ENCODER, -scale.a12 * column)
+        part = project(signals.nodes, [(wave, 2) for wave in waves.values()], windows.centres, windows.half)
+        found |= {name: (PRIOR_ENCODER, -scale.a12 * column) for name, column in zip(waves, part.T, strict=True)}
     if signals.linear:
-        return
-    if b:
-        yield _Column("zero", PRIOR_ZERO, -angle_error(signals, rows, np.ones_like(signals.angle), a11, b))
+        return found
+    if fit.b:
+        found["zero"] = PRIOR_ZERO, _zero_column(fit, signals)
     for name, wave in _waves("angle", signals.angle).items():
-        yield _Column(name, PRIOR_ENCODER, -angle_error(signals, rows, wave, a11, b))
+        found[name] = PRIOR_ENCODER, -angle_error(signals, fit.rows, wave, fit.a11, fit.b)
+    return found
+
+
+def _zero_column(fit: WindowFit, signals: Signals) -> Array:
+    return -angle_error(signals, fit.rows, np.ones_like(signals.angle), fit.a11, fit.b)
 
 
 def _waves(which: str, angle: Array) -> dict[str, Array]:
@@ -155,8 +153,7 @@ def zero_of(fits: list[WindowFit], signals: Signals, scale: Scale) -> Extra | No
         return None
     found = []
     for fit in fits:
-        zero = -angle_error(signals, fit.rows, np.ones_like(signals.angle), fit.a11, scale.b)
-        solved = fit_linear(np.column_stack([fit.columns, zero]), fit.known)
+        solved = fit_linear(np.column_stack([fit.columns, _zero_column(fit, signals)]), fit.known)
         found.append((float(np.sqrt(solved.covariance(LAG)[-1, -1])), float(solved.values[-1])))
     found.sort()
     return pooled("zero", found, PRIOR_ZERO)

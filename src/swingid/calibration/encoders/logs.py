@@ -7,15 +7,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from swingid.balance.choice import choose
-from swingid.balance.fits import WindowFit, columns_of, known_side, sensor_variance
-from swingid.balance.imperfections import axis_bends, constants, late_channel, wheel_bends
-from swingid.balance.rows import Rows, Signals, rows_of
+from swingid.balance.fits import WindowFit, fit_rows, sensor_variance
+from swingid.balance.imperfections import angle_error, imperfections
+from swingid.balance.rows import Signals, rows_of
 from swingid.balance.windows import law_windows
-from swingid.calibration.encoders.parts import ANGLE, WHEEL, bounded, latency_key
+from swingid.calibration.encoders.parts import ZERO, bounded, part_key
 from swingid.checks.answer import check_sign
 from swingid.model.rig import Rig
 from swingid.numerics.arrays import Array
-from swingid.numerics.test_functions import project
 from swingid.preparation.encoders import Encoders, straightened
 from swingid.preparation.motion import find_motion
 from swingid.preparation.noise import Noise
@@ -28,33 +27,31 @@ from swingid.recording.recording import Recording
 class LogRows:
     """The regression of one log, linear about the encoders as corrected so far.
 
-    own: names of the unknowns of this log alone (friction); common: inertia and, where unknown, the gravity torque.
-    columns (rows, common + own); parts: regressors of the encoders' parts by key; constants: those of uncertain
-    constants of the rig, per standard deviation. grid (8, rows): errors of the rows for eight phases of the encoder's
-    grid, the same in every log, because the grid is fixed to the encoder. balance, scale, noise, a11, b: those from
-    which the rows were computed.
+    fit: the rows, and the log's own fit of inertia, gravity where unknown, and friction. declared: effects on the rows
+    of the encoders' parts and of all else that the rig declares, by key, each of one (prior) standard deviation. grid
+    (8, rows): errors of the rows for eight phases of the encoder's grid, the same in every log, because the grid is
+    fixed to the encoder. a11, b: those from which the effects were computed.
     """
 
-    common: tuple[str, ...]
-    own: tuple[str, ...]
-    columns: Array
-    target: Array
-    parts: dict[str, Array]
-    constants: dict[str, Array]
+    fit: WindowFit
+    declared: dict[str, Array]
     grid: Array
-    balance: Rows
-    scale: Scale
-    noise: Noise
     a11: float
     b: float
 
-    def sensor_noise(self, influence: Array, *, grid: bool = False) -> tuple[float, float]:
-        """Variance of an unknown by white noise of the sensors, and what Newey and West's sum makes of that noise.
+    @property
+    def own(self) -> int:
+        """Number of the unknowns of this log alone, the last ones: its friction."""
+        return len(self.fit.friction)
 
-        grid: of the rounding errors of the angle's encoder instead, if they were white.
+    def sensor_noise(self, influence: Array, *, grid: bool = False) -> tuple[Array, Array]:
+        """Variances of unknowns (p,) by white noise of the sensors, and what Newey and West's sum makes of that noise.
+
+        influence (p, rows); grid: of the rounding errors of the angle's encoder instead, if they were white.
         """
-        noise = replace(self.noise, angle=self.noise.resolution / np.sqrt(12), wheel=0.0) if grid else self.noise
-        return sensor_variance(self.balance, influence, self.a11, self.b, self.scale, noise)
+        fit, noise = self.fit, self.fit.noise
+        noise = replace(noise, angle=noise.resolution / np.sqrt(12), wheel=0.0) if grid else noise
+        return sensor_variance(fit.rows, influence, self.a11, self.b, fit.scale, noise)
 
 
 @dataclass(frozen=True)
@@ -96,56 +93,23 @@ class CalibrationLog:
         same = len(self.late) == len(motion.turning_times)
         return signals.earlier(self.late) if same else signals
 
-    def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows:
-        """The regression on windows of `stretch` times the chosen length; a11, b as estimated so far."""
-        scale, signals = Scale.of(rig), signals.suited(stretch * self.first.half)
+    def rows(self, signals: Signals, rig: Rig, a11: float, b: float, stretch: float = 1.0) -> LogRows | None:
+        """The regression on windows of `stretch` times the chosen length; a11, b as estimated so far.
+
+        None where there are too few of them.
+        """
+        signals = signals.suited(stretch * self.first.half)
         rows = rows_of(signals, law_windows(signals, stretch * self.first.half))
-        friction = tuple(name for name in self.first.unknowns if name in rows.friction)
-        names, columns = columns_of(rows, scale, friction)
-        common = names[: len(names) - len(friction)]
-        return LogRows(
-            common=common,
-            own=friction,
-            columns=columns,
-            target=known_side(rows, scale),
-            parts=_parts(rows, signals, rig, a11, b),
-            constants={one.source: one.rows * one.std for one in constants(rig, rows) if one.std > 0},
-            grid=self._grid(signals, rows, a11, b),
-            balance=rows,
-            scale=scale,
-            noise=self.noise,
-            a11=a11,
-            b=b,
-        )
-
-    def _grid(self, signals: Signals, rows: Rows, a11: float, b: float) -> Array:
-        """Errors of the rows by the encoder's grid, for eight phases of it; none without a grid."""
-        if self.noise.resolution == 0.0:
-            return np.zeros((0, len(rows.windows)))
-        nodes, windows = signals.nodes, rows.windows
-        shape = signals.angle.shape
-        errors = signals.grid_errors(self.noise.resolution) / nodes.flat[1]
-        cosine = signals.cosine
-        at_nodes = [error.reshape(shape) for error in errors]
-        first = project(nodes, [(error, 2) for error in at_nodes], windows.centres, windows.half)
-        second = project(nodes, [(error * cosine, 0) for error in at_nodes], windows.centres, windows.half)
-        result: Array = -(a11 * first + b * second).T
-        return result
-
-
-def _parts(rows: Rows, signals: Signals, rig: Rig, a11: float, b: float) -> dict[str, Array]:
-    """Regressor of every part, by its key (and "zero"), about the channels as read (THEORY 4, self-calibration).
-
-    δ of the wheel against the angle     −a12 ∫φ'' q2'          (direct drive: of the angle against the torque, ∫φ' τ)
-    α of the wheel's encoder             −a12 ∫φ'' cos q2
-    α of the axis' encoder               −a11 ∫φ'' cos q1 − b ∫φ cos² q1
-    δ of the angle's zero                −b ∫φ cos q1
-    """
-    windows, a12 = rows.windows, Scale.of(rig).a12
-    bends = {ANGLE: axis_bends(signals, rows, a11, b), WHEEL: wheel_bends(signals, rows, a12)}
-    result = {f"{table}.nonlinearity_{name}": effect for table, own in bends.items() for name, effect in own.items()}
-    if not signals.linear:
-        result["zero"] = -b * project(signals.nodes, [(signals.cosine, 0)], windows.centres, windows.half)[:, 0]
-    if signals.wheel_rate is not None or signals.torque is not None:
-        result[latency_key(rig)] = late_channel(signals, rows, a12)
-    return result
+        friction = tuple(name for name in self.first.friction if name in rows.friction)
+        fit = fit_rows(rows, Scale.of(rig), self.noise, friction)
+        if fit is None:
+            return None
+        declared = {part_key(one): one.rows * one.std for one in imperfections(rig, signals, rows, a11, b)}
+        if not signals.linear:
+            declared["zero"] = -angle_error(signals, rows, np.ones_like(signals.angle), a11, b) * ZERO
+        grid = np.zeros((0, len(rows.windows)))
+        if self.noise.resolution:
+            errors = signals.grid_errors(self.noise.resolution) / signals.nodes.flat[1]
+            shapes = errors.reshape(-1, *signals.angle.shape)
+            grid = -np.array([angle_error(signals, rows, shape, a11, b) for shape in shapes])
+        return LogRows(fit, declared, grid, a11, b)
